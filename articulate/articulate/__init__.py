@@ -1,0 +1,1 @@
+"""What an object is: make it, read it, prove it."""

@@ -1,0 +1,7 @@
+"""``python -m articulate``."""
+
+import sys
+
+from articulate.commands import main
+
+sys.exit(main())

@@ -1,0 +1,121 @@
+"""The arm: limit tables with their sources, gains, home, hand.
+
+All tables are in joint order 1 to 7. Sources:
+
+* joint positions, velocities, accelerations, jerks, torques: Franka Control Interface
+  documentation, "Robot limits for Panda"; equal to ``rate_limiting.h`` and
+  ``joint_limits.yaml`` of libfranka 0.9.2 and franka_ros.
+* hand: ``franka_description`` (``hand.xacro``) for stroke, speed and mass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.errors import ConfigError, nearest
+from articulate.transforms import Array
+
+Seven = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """A two-finger hand that takes its time (Franka Hand)."""
+
+    max_width_m: float = 0.08
+    """Opening between the fingers when open [m]."""
+    finger_speed_m_s: float = 0.05
+    """Speed of one finger when told to open or close [m/s]; the URDF's limit is 0.2."""
+    force_n: float = 30.0
+    """Force of one finger when closed on something [N]."""
+    tcp_z_m: float = 0.0934
+    """Middle of the finger pads above the hand's frame, along the approach axis [m]."""
+    on_threshold: float = 0.25
+    """The smoothed command closes the hand above +threshold and opens it below -threshold."""
+    smoothing: float = 0.85
+    """Share of the old value in the smoothed command, per tick of 50 ms."""
+    dwell_s: float = 1.0
+    """Shortest time between two commands sent to the hand [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm:
+    """Constants of an arm: what it can do and how it is held."""
+
+    name: str
+    """Kind of robot; the manifest of a bundle names it."""
+    joint_names: tuple[str, ...]
+    """Names of the joints, in order."""
+    q_min: Seven
+    """Lower joint limits [rad]."""
+    q_max: Seven
+    """Upper joint limits [rad]."""
+    dq_max: Seven
+    """Joint speed limits [rad/s]."""
+    ddq_max: Seven
+    """Joint acceleration limits [rad/s^2]."""
+    dddq_max: Seven
+    """Joint jerk limits [rad/s^3]."""
+    tau_max: Seven
+    """Joint torque limits, gravity included [Nm]."""
+    dtau_max: float
+    """Torque rate at which the controller saturates [Nm/s]."""
+    stiffness: Seven
+    """Joint stiffness passed to the impedance controller [Nm/rad]."""
+    damping: Seven
+    """Joint damping passed to the impedance controller [Nm s/rad]."""
+    armature: Seven
+    """Reflected inertia of motors and gears used in simulation [kg m^2]."""
+    friction: Seven
+    """Dry friction left after the arm's own compensation, used in simulation [Nm]."""
+    home: Seven
+    """Start pose with the hand pointing forward [rad]."""
+    hand: Hand
+    """The hand on its flange."""
+
+    def bounds(self, margin_rad: float = 0.0) -> tuple[Array, Array]:
+        """Joint limits (7,), (7,) drawn in by ``margin_rad``."""
+        return np.asarray(self.q_min) + margin_rad, np.asarray(self.q_max) - margin_rad
+
+
+def _scaled(factor: float, values: Seven) -> Seven:
+    a, b, c, d, e, f, g = (round(factor * v, 6) for v in values)
+    return (a, b, c, d, e, f, g)
+
+
+LIBFRANKA_STIFFNESS: Seven = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
+"""Stiffness of libfranka's ``joint_impedance_control`` example [Nm/rad]."""
+LIBFRANKA_DAMPING: Seven = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
+"""Damping of the same example [Nm s/rad]."""
+STIFFNESS_SHARE = 0.12
+"""Share of the example's stiffness that we ask for; chosen by ``benchmarks/gains.py``."""
+
+PANDA = Arm(
+    name="panda",
+    joint_names=tuple(f"joint_{i}" for i in range(1, 8)),
+    q_min=(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
+    q_max=(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973),
+    dq_max=(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
+    ddq_max=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
+    dddq_max=(7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
+    tau_max=(87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0),
+    dtau_max=1000.0,
+    stiffness=_scaled(STIFFNESS_SHARE, LIBFRANKA_STIFFNESS),
+    damping=_scaled(STIFFNESS_SHARE**0.5, LIBFRANKA_DAMPING),
+    armature=(0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
+    friction=(0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
+    home=(0.0, -0.75, 0.0, -2.35, 0.0, 3.17, 0.7853981633974483),
+    hand=Hand(),
+)
+"""Franka Emika Panda with the Franka Hand."""
+
+ARMS = {"panda": PANDA}
+
+
+def arm_named(name: str) -> Arm:
+    """The arm called ``name``; ConfigError lists those that exist."""
+    if name not in ARMS:
+        raise ConfigError(f"unknown arm {name!r}{nearest(name, ARMS)}")
+    return ARMS[name]

@@ -1,0 +1,279 @@
+"""The nouns of an object: Asset, Link, Joint, Handle.
+
+An asset is a folder that anyone can open::
+
+    asset.json     what stands below, in the object frame and SI units
+    object.xml     MJCF: one fixed root body, links as bodies, joints, excludes
+    object.urdf    the same object as canonical URDF
+    meshes/        what the two refer to
+
+The object frame ``o`` is the frame of the root body: z up, the object stands on z = 0 when
+every joint is closed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from articulate.errors import AssetError, nearest
+from articulate.files import write_text
+from articulate.transforms import Array, axis_angle_to_matrix, pose, quat_to_matrix
+
+SCHEMA = "articulate.asset"
+SCHEMA_VERSION = 1
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """One rigid part."""
+
+    name: str
+    """Name of the link and of its MuJoCo body."""
+    parent: str | None
+    """Name of the parent link; None for the root."""
+    pos_o: Vec3
+    """Origin of the link's frame in the object frame, every joint at 0 [m]."""
+    quat_o: Quat
+    """Rotation of the link's frame in the object frame, every joint at 0, wxyz."""
+    mass_kg: float
+    """Mass [kg]."""
+    bounds_l: tuple[Vec3, Vec3]
+    """Lowest and highest corner of its visual geometry in the link's frame [m]."""
+    visuals: int = 0
+    """Number of visual geoms."""
+    collisions: int = 0
+    """Number of collision geoms."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """One moving connection between a link and its parent."""
+
+    name: str
+    """Name of the joint, in URDF and MJCF alike."""
+    kind: Literal["slide", "hinge"]
+    """``slide`` measures metres, ``hinge`` radians."""
+    link: str
+    """Name of the link that it moves."""
+    parent: str
+    """Name of the link that it moves against."""
+    axis_o: Vec3
+    """Unit axis in the object frame, every joint at 0."""
+    pivot_o: Vec3
+    """A point on the axis in the object frame, every joint at 0 [m]."""
+    lower: float | None
+    """Lower limit [m or rad]; None if it turns without end."""
+    upper: float | None
+    """Upper limit [m or rad]; None if it turns without end."""
+    closed: float
+    """Position in which the part is closed [m or rad]."""
+    open: float
+    """Far end of opening [m or rad]; a quarter turn from closed where there are no limits."""
+    closed_rule: str
+    """How ``closed`` and ``open`` were found, in words."""
+    damping: float = 0.0
+    """Viscous damping [N s/m or Nm s/rad]."""
+    frictionloss: float = 0.0
+    """Dry friction [N or Nm]."""
+
+    @property
+    def span(self) -> float:
+        """Signed way from closed to open [m or rad]."""
+        return self.open - self.closed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Handle:
+    """Where fingers hold a moving part. Axes and position are in the frame of its link."""
+
+    name: str
+    """Name, unique in the asset."""
+    link: str
+    """Link that carries it."""
+    joint: str
+    """Joint that moves it."""
+    pos_l: Vec3
+    """Middle between the finger tips when they hold it [m]."""
+    normal_l: Vec3
+    """Unit vector from the handle towards the place of the hand; the hand approaches along -normal."""
+    along_l: Vec3
+    """Unit long axis, perpendicular to ``normal_l``; fingers close along normal x along."""
+    extent: Vec3
+    """Size along ``along_l``, along the closing axis, and along ``normal_l`` [m]."""
+    kind: Literal["bar", "knob", "edge"]
+    """``bar`` is long and free behind, ``knob`` is compact, ``edge`` is the rim of a panel."""
+    source: Literal["name", "geometry", "edge", "given"]
+    """What it was found by."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asset:
+    """An articulated object in a folder, in metres."""
+
+    name: str
+    """Short name, used for folders and reports."""
+    category: str
+    """PartNet-Mobility's name of the category where one fits, else ``"unknown"``."""
+    links: tuple[Link, ...]
+    """Parents come before children; the first is the root."""
+    joints: tuple[Joint, ...]
+    """Movable joints, in the order of their links."""
+    handles: tuple[Handle, ...]
+    """At most one for each joint in this version."""
+    bounds_o: tuple[Vec3, Vec3]
+    """Lowest and highest corner in the object frame, every joint closed [m]."""
+    source: str = "unknown"
+    """Where the object came from."""
+    licence: str = "unknown"
+    """Licence of the object; what is made from it inherits it."""
+    repairs: tuple[str, ...] = ()
+    """Everything that was changed on the way from the input, one sentence each."""
+    size_rule: str = ""
+    """How the metric size was found, in words."""
+    folder: Path = Path()
+    """Where it lies; not part of the content."""
+
+    @property
+    def mjcf_path(self) -> Path:
+        """Path of the object's MJCF file."""
+        return self.folder / "object.xml"
+
+    def joint(self, name: str) -> Joint:
+        """The joint called ``name``.
+
+        Raises:
+            AssetError: There is none; the message lists the joints.
+        """
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        known = [joint.name for joint in self.joints]
+        raise AssetError(f"{self.name}: no joint {name!r}{nearest(name, known)}")
+
+    def link(self, name: str) -> Link:
+        """The link called ``name``; AssetError if there is none."""
+        for link in self.links:
+            if link.name == name:
+                return link
+        raise AssetError(
+            f"{self.name}: no link {name!r}{nearest(name, [x.name for x in self.links])}"
+        )
+
+    def handle_of(self, joint_name: str) -> Handle | None:
+        """The handle that ``joint_name`` moves, or None."""
+        return next((h for h in self.handles if h.joint == joint_name), None)
+
+    def T_ol(self, joint_name: str, q: Array | float) -> Array:
+        """Pose of the link that ``joint_name`` moves, shape (..., 4, 4), all others at 0.
+
+        Args:
+            joint_name: Joint that is moved.
+            q: Its position [m or rad], shape (...).
+        """
+        joint = self.joint(joint_name)
+        link = self.link(joint.link)
+        T_ol = pose(link.pos_o, quat_to_matrix(link.quat_o))
+        return joint_motion(joint, q) @ T_ol
+
+    def T_oh(self, joint_name: str, q: Array | float) -> Array:
+        """Pose of the handle of ``joint_name``, shape (..., 4, 4).
+
+        Its z axis is the way in which a hand approaches (-normal), its y axis the one along
+        which fingers close, so that the frame of a hand that holds it coincides with it.
+
+        Raises:
+            AssetError: The joint has no handle.
+        """
+        handle = self.handle_of(joint_name)
+        if handle is None:
+            raise AssetError(
+                f"{self.name}: joint {joint_name} has no handle; name one with --handle"
+            )
+        return self.T_ol(joint_name, q) @ handle_frame(handle)
+
+    def content_id(self) -> str:
+        """SHA-256 over every file of the folder, names included."""
+        digest = hashlib.sha256()
+        for path in sorted(p for p in self.folder.rglob("*") if p.is_file()):
+            digest.update(path.relative_to(self.folder).as_posix().encode() + b"\0")
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+        return digest.hexdigest()
+
+
+def joint_motion(joint: Joint, q: Array | float) -> Array:
+    """What moving ``joint`` from 0 to ``q`` does to its link, in the object frame (..., 4, 4)."""
+    q = np.asarray(q, dtype=np.float64)
+    axis = np.asarray(joint.axis_o)
+    if joint.kind == "slide":
+        return pose(q[..., None] * axis)
+    rot = axis_angle_to_matrix(np.broadcast_to(axis, (*q.shape, 3)), q)
+    pivot = np.asarray(joint.pivot_o)
+    return pose(pivot - np.einsum("...ij,j->...i", rot, pivot), rot)
+
+
+def handle_frame(handle: Handle) -> Array:
+    """Pose ``T_lh`` (4, 4) of the handle in its link: z = -normal, x = along, y = closing axis."""
+    z = -np.asarray(handle.normal_l)
+    x = np.asarray(handle.along_l)
+    return pose(handle.pos_l, np.stack([x, np.cross(z, x), z], axis=-1))
+
+
+def save_asset(asset: Asset) -> Path:
+    """Write ``asset.json`` into the asset's folder and return its path."""
+    content = dataclasses.asdict(asset)
+    del content["folder"]
+    content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **content}
+    path = asset.folder / "asset.json"
+    write_text(path, json.dumps(content, indent=1) + "\n")
+    return path
+
+
+def load_asset(folder: Path) -> Asset:
+    """Read the asset that lies in ``folder``.
+
+    Raises:
+        AssetError: There is none, or it is of another schema.
+    """
+    path = folder / "asset.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise AssetError(
+            f"{folder}: not an asset folder ({error}); make one with check-asset"
+        ) from None
+    if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
+        raise AssetError(f"{path}: not an asset of schema {SCHEMA} {SCHEMA_VERSION}")
+    return _decode(content, folder, path)
+
+
+def _decode(content: dict[str, Any], folder: Path, path: Path) -> Asset:
+    def tuples(value: Any) -> Any:  # JSON knows lists only
+        return tuple(tuples(v) for v in value) if isinstance(value, list) else value
+
+    def parts(cls: type[Any], key: str) -> tuple[Any, ...]:
+        return tuple(cls(**{k: tuples(v) for k, v in item.items()}) for item in content[key])
+
+    try:
+        plain = {
+            f.name: tuples(content[f.name])
+            for f in dataclasses.fields(Asset)
+            if f.name not in {"links", "joints", "handles", "folder"}
+        }
+        return Asset(
+            links=parts(Link, "links"),
+            joints=parts(Joint, "joints"),
+            handles=parts(Handle, "handles"),
+            folder=folder,
+            **plain,
+        )
+    except (KeyError, TypeError) as error:
+        raise AssetError(f"{path}: field missing or not known: {error}") from None

@@ -1,0 +1,163 @@
+"""Commands: ``articulate VERB ...`` and the short names of its verbs.
+
+Verbs are entry points of the group ``articulate.commands``, imported when they are asked for.
+A verb is a function ``main(argv) -> int`` that lets errors through; what is said about them,
+and the exit code, is decided here.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from pathlib import Path
+
+from articulate.errors import UsageError, nearest
+
+GROUP = "articulate.commands"
+DISTRIBUTION = "articulate-robots"
+USAGE_EXIT = 2
+BUG_EXIT = 1
+INTERRUPT_EXIT = 130
+"""128 + SIGINT, as shells count."""
+
+Main = Callable[[Sequence[str]], int]
+
+SUMMARIES = {
+    "check": "prove that an object works, or say why it does not",
+    "train": "train a policy on an object",
+    "evaluate": "evaluate a run again",
+    "export": "write a run's policy as a bundle for robots",
+    "deploy": "run a bundle on a robot or a stand-in",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry of ``articulate``: dispatch to a verb and return the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or arguments[0] in {"-h", "--help"}:
+        print(_help())
+        return 0 if arguments else USAGE_EXIT
+    if arguments[0] in {"-V", "--version"}:
+        print(f"articulate {version()}")
+        return 0
+    return run_command(_verb(arguments[0]), arguments[1:])
+
+
+def run_command(command: Main, argv: Sequence[str]) -> int:
+    """Exit code of ``command(argv)``; every error becomes one line on stderr.
+
+    Bad input and a full disk give 2, an interrupt 130, and a bug 1, with its trace in a file.
+    """
+    try:
+        return command(argv)
+    except UsageError as error:
+        return _complain(str(error), USAGE_EXIT)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPT_EXIT)
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`): nothing is left to say, not even at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BUG_EXIT
+    except Exception as error:  # noqa: BLE001  a bug: its trace goes into a file, one line to the user
+        if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+            where = f" for {error.filename}" if error.filename else ""
+            return _complain(
+                f"no space left on the disk{where}; free some or choose another --out", USAGE_EXIT
+            )
+        kind = type(error).__name__
+        return _complain(f"{kind}: {_one_line(str(error))}; trace in {_write_trace()}", BUG_EXIT)
+
+
+def version() -> str:
+    """Version of the installed distribution."""
+    try:
+        return metadata.version(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
+        return "unknown (not installed)"
+
+
+def check_asset() -> int:
+    """Entry of ``check-asset``, short for ``articulate check``."""
+    return main(["check", *sys.argv[1:]])
+
+
+def train() -> int:
+    """Entry of ``train``, short for ``articulate train``."""
+    return main(["train", *sys.argv[1:]])
+
+
+def evaluate() -> int:
+    """Entry of ``evaluate``, short for ``articulate evaluate``."""
+    return main(["evaluate", *sys.argv[1:]])
+
+
+def export_policy() -> int:
+    """Entry of ``export-policy``, short for ``articulate export``."""
+    return main(["export", *sys.argv[1:]])
+
+
+def deploy() -> int:
+    """Entry of ``deploy``, short for ``articulate deploy``."""
+    return main(["deploy", *sys.argv[1:]])
+
+
+def _verb(name: str) -> Main:
+    """A command that imports the verb ``name`` and runs it, so that failing to is its error."""
+
+    def command(argv: Sequence[str]) -> int:
+        found = [entry for entry in metadata.entry_points(group=GROUP) if entry.name == name]
+        if not found:
+            known = metadata.entry_points(group=GROUP).names
+            raise UsageError(f"{name}: no such command{nearest(name, known)}")
+        try:
+            loaded: Main = found[0].load()
+        except ModuleNotFoundError as error:
+            if (error.name or "").startswith("articulate"):
+                raise
+            raise UsageError(
+                f"{name}: {found[0].value} needs the module {error.name}, which is not installed; "
+                'install the extra that brings it, e.g. pip install "articulate-robots[all]"'
+            ) from None
+        return loaded(argv)
+
+    return command
+
+
+def _help() -> str:
+    """The text of ``--help``: names come from the entry points, none of which is imported."""
+    names = sorted(metadata.entry_points(group=GROUP).names)
+    width = max(map(len, names), default=0)
+    verbs = [f"  {name:<{width}}  {SUMMARIES.get(name, '')}".rstrip() for name in names]
+    lines = [
+        "usage: articulate VERB [options]",
+        "",
+        "From a description of an articulated object to an arm that opens it.",
+        "",
+        "verbs:",
+        *(verbs or ["  none: the distribution is not installed"]),
+        "",
+        "articulate VERB --help lists the options of a verb; --version tells the version.",
+    ]
+    return "\n".join(lines)
+
+
+def _complain(message: str, code: int) -> int:
+    print(_one_line(message), file=sys.stderr)
+    return code
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _write_trace() -> Path:
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="articulate-", suffix=".log", delete=False, encoding="utf-8"
+    ) as stream:
+        stream.write(f"articulate {version()}\n{' '.join(sys.argv)}\n\n{traceback.format_exc()}")
+    return Path(stream.name)

@@ -1,0 +1,290 @@
+"""Collision shapes of a part: hollow where it is hollow, few, and boxes where they fit."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+
+from articulate.convert.config import ConvertConfig
+from articulate.convert.decompose import decompose
+from articulate.convert.fit import fitted, hull, is_near, thick
+from articulate.convert.mesh import PartGeometry, Piece
+from articulate.convert.repairs import Repairs
+from articulate.convert.shapes import Shape, sample_surface
+from articulate.transforms import Array, pose
+
+HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECASE)
+"""What handles are called: sektion's ``door_left_nob``, PartNet's ``handle-12``."""
+SMALL_M = 0.01
+"""Components smaller than this are left out [m]; handles are kept down to 2 mm."""
+MAX_ATOMS = 64
+"""Most facets of a component that are put together by hand instead of decomposing it."""
+TOL_M = (0.003, 0.010)
+"""Least and largest distance of a shape's surface from what it stands for [m]."""
+
+
+def is_handle(name: str) -> bool:
+    """Whether the names of a piece say that it is a handle."""
+    return HANDLE_WORDS.search(name) is not None
+
+
+def collision_shapes(
+    geometry: PartGeometry, part: str, config: ConvertConfig, repairs: Repairs
+) -> tuple[Shape, ...]:
+    """Convex shapes that stand for one part."""
+    seen = geometry.shown
+    if not seen:
+        return ()
+    shapes: list[Shape] = []
+    for link in dict.fromkeys(p.link for p in (*geometry.visuals, *geometry.collisions)):
+        visuals = [p for p in geometry.visuals if p.link == link]
+        given = [p for p in geometry.collisions if p.link == link]
+        chosen = visuals or given
+        if visuals and given and not geometry.collides_as_seen:
+            from_given = _given(given, visuals)
+            if from_given is not None:
+                shapes += from_given
+                continue
+            repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
+        for piece in chosen:
+            shapes += piece_shapes(piece, part, config, repairs)
+    tol = tolerance(_joined(seen))
+    plain = [s for s in shapes if not is_handle(s.piece)]
+    plain = without_hidden(merged(plain, _joined(seen), tol))
+    handles = without_hidden([s for s in shapes if is_handle(s.piece)])
+    return (*within_budget(plain, config.max_geoms - len(handles), part, repairs), *handles)
+
+
+def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
+    """How far a shape may stray from ``mesh`` [m]."""
+    low, high = TOL_M
+    return low if handle else float(np.clip(0.015 * mesh.scale, low, high))
+
+
+def piece_shapes(
+    piece: Piece, part: str, config: ConvertConfig, repairs: Repairs
+) -> list[Shape]:
+    """Convex shapes for one visual or collision element."""
+    if piece.primitive is not None:
+        return [_from_primitive(piece)]
+    handle = is_handle(piece.name)
+    tol = tolerance(piece.mesh, handle=handle)
+    least = 0.2 * SMALL_M if handle else SMALL_M
+    if float(np.ptp(piece.mesh.vertices, axis=0).max()) < least:
+        return []
+    whole = fitted(piece.mesh.vertices, piece.mesh, tol, piece.name)
+    if whole is not None:
+        return [whole]
+    shapes: list[Shape] = []
+    for component in components(piece.mesh):
+        if float(np.ptp(component.vertices, axis=0).max()) < least:
+            continue
+        shape = fitted(component.vertices, component, tol, piece.name)
+        shapes += [shape] if shape is not None else _concave(
+            component, tol, piece, part, config, repairs
+        )
+    return merged(shapes, piece.mesh, tol)
+
+
+def components(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+    """Connected components by shared corners."""
+    labels = trimesh.graph.connected_component_labels(
+        np.vstack([mesh.faces[:, :2], mesh.faces[:, 1:]]), node_count=len(mesh.vertices)
+    )
+    groups = labels[mesh.faces[:, 0]]
+    return [
+        trimesh.Trimesh(*_used(mesh.vertices, mesh.faces[groups == label]), process=False)
+        for label in np.unique(groups)
+    ]
+
+
+def _used(vertices: Array, faces: Array) -> tuple[Array, Array]:
+    index, inverse = np.unique(faces, return_inverse=True)
+    return vertices[index], inverse.reshape(-1, 3)
+
+
+def _concave(
+    mesh: trimesh.Trimesh,
+    tol: float,
+    piece: Piece,
+    part: str,
+    config: ConvertConfig,
+    repairs: Repairs,
+) -> list[Shape]:
+    """Shapes for a concave component: facets put together, else a decomposition."""
+    atoms = _facets(mesh)
+    if len(atoms) <= MAX_ATOMS:
+        shapes = [s for points in atoms for s in _flat_shapes(points, mesh, tol, piece.name)]
+        shapes = merged(shapes, mesh, tol)
+        if 0 < len(shapes) <= config.max_geoms:
+            return shapes
+    if config.decompose:
+        hulls = decompose(mesh, time_s=config.decompose_s, cache_dir=config.cache_dir)
+        if hulls is not None:
+            found = [fitted(points, mesh, tol, piece.name) or hull(thick(points), piece.name)
+                     for points in hulls]
+            return merged([s for s in found if s is not None], mesh, tol)
+    one = hull(thick(mesh.vertices), piece.name)
+    repairs.add(f"part {part}: a concave piece ({piece.name.strip()}) collides as its convex hull")
+    return [] if one is None else [one]
+
+
+def _facets(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+    """Groups of adjacent coplanar triangles, each as a mesh; single triangles included."""
+    grouped = [np.asarray(f) for f in mesh.facets]
+    single = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate(grouped) if grouped else [])
+    groups = [*grouped, *[np.array([i]) for i in single]]
+    enough = 1e-4 if mesh.area > 1e-2 else 0.01 * mesh.area
+    return [
+        trimesh.Trimesh(*_used(mesh.vertices, mesh.faces[g]), process=False)
+        for g in groups
+        if mesh.area_faces[g].sum() > enough
+    ]
+
+
+def _flat_shapes(
+    facet: trimesh.Trimesh, mesh: trimesh.Trimesh, tol: float, piece: str
+) -> list[Shape]:
+    shape = fitted(facet.vertices, facet, tol, piece)
+    if shape is not None:
+        return [shape]
+    triangles = [hull(thick(triangle), piece) for triangle in facet.triangles]
+    return merged([t for t in triangles if t is not None], facet, tol)
+
+
+def merged(shapes: list[Shape], surface: trimesh.Trimesh, tol: float) -> list[Shape]:
+    """Fewer shapes: neighbours are joined as long as the result stays near ``surface``."""
+    shapes = list(shapes)
+    if len(shapes) > 3 * MAX_ATOMS:
+        return shapes
+    refused: set[tuple[Shape, Shape]] = set()
+    while True:
+        joined = _join_one(shapes, surface, tol, refused)
+        if joined is None:
+            return shapes
+        shapes = joined
+
+
+def _join_one(
+    shapes: list[Shape], surface: trimesh.Trimesh, tol: float, refused: set[tuple[Shape, Shape]]
+) -> list[Shape] | None:
+    if len(shapes) < 2:
+        return None
+    low = np.array([s.bounds[0] for s in shapes]) - tol
+    high = np.array([s.bounds[1] for s in shapes]) + tol
+    touch = np.all((low[:, None] <= high[None]) & (low[None] <= high[:, None]), axis=-1)
+    pairs = np.argwhere(np.triu(touch, 1))
+    sizes = [
+        float(np.prod(np.maximum(high[i], high[j]) - np.minimum(low[i], low[j]))) for i, j in pairs
+    ]
+    for index in np.argsort(sizes, kind="stable"):
+        i, j = (int(v) for v in pairs[index])
+        if (shapes[i], shapes[j]) in refused:
+            continue
+        points = np.vstack([shapes[i].mesh.vertices, shapes[j].mesh.vertices])
+        shape = fitted(points, surface, tol, shapes[i].piece)
+        if shape is not None:
+            rest = [s for k, s in enumerate(shapes) if k not in (i, j)]
+            return [*rest, shape]
+        refused.add((shapes[i], shapes[j]))
+    return None
+
+
+def without_hidden(shapes: list[Shape]) -> list[Shape]:
+    """The shapes that do not lie inside a single other one."""
+    kept: list[Shape] = []
+    for shape in sorted(shapes, key=lambda s: -s.volume):
+        corners = shape.mesh.vertices
+        if not any(float(other.outside(corners).max()) < 1e-3 for other in kept):
+            kept.append(shape)
+    return kept
+
+
+def within_budget(
+    shapes: list[Shape], budget: int, part: str, repairs: Repairs
+) -> tuple[Shape, ...]:
+    """At most ``budget`` shapes: pairs whose common hull adds least volume are joined."""
+    shapes = list(shapes)
+    before = len(shapes)
+    while len(shapes) > max(budget, 1):
+        shapes = _cheapest_join(shapes)
+    if len(shapes) < before:
+        repairs.add(f"part {part}: {before} collision shapes joined to {len(shapes)}")
+    return tuple(shapes)
+
+
+def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
+    centres = np.array([s.bounds.mean(axis=0) for s in shapes])
+    best: tuple[float, int, int, Shape] | None = None
+    for i in range(len(shapes)):
+        order = np.argsort(np.linalg.norm(centres - centres[i], axis=1), kind="stable")[1:7]
+        for j in (int(k) for k in order if k > i or i not in order):
+            points = np.vstack([shapes[i].mesh.vertices, shapes[j].mesh.vertices])
+            joint = hull(points, shapes[i].piece)
+            if joint is None:
+                continue
+            added = joint.volume - shapes[i].volume - shapes[j].volume
+            if best is None or added < best[0]:
+                best = (added, i, j, joint)
+    if best is None:
+        return shapes[:-1]
+    return [*[s for k, s in enumerate(shapes) if k not in best[1:3]], best[3]]
+
+
+def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
+    """Shapes of the source's own collision geometry, if they follow what is seen."""
+    seen = _joined(visuals)
+    handle = any(is_handle(p.name) for p in visuals)
+    tol = tolerance(seen, handle=handle)
+    shapes: list[Shape] = []
+    for piece in given:
+        if piece.primitive is not None:
+            shapes.append(_from_primitive(piece))
+            continue
+        for component in components(piece.mesh):
+            shape = fitted(component.vertices, component, tol, piece.name)
+            if shape is None:
+                return None
+            shapes.append(shape)
+    if not shapes:
+        return None
+    if not all(is_near(shape, seen, 2.0 * tol) for shape in shapes):
+        return None
+    points, _ = sample_surface(seen, 400)
+    outside = np.min([shape.outside(points) for shape in shapes], axis=0)
+    names = " ".join(dict.fromkeys(p.name for p in visuals))
+    ok = float(np.mean(outside <= tol)) >= 0.95
+    return [replace(s, piece=names) for s in shapes] if ok else None
+
+
+def _from_primitive(piece: Piece) -> Shape:
+    element = piece.primitive
+    if element is None:
+        raise ValueError("a mesh is no primitive")
+    if element.kind == "box":
+        half = (element.size[0] / 2.0, element.size[1] / 2.0, element.size[2] / 2.0)
+        return Shape(kind="box", T_ps=element.T_lg, half=half, piece=piece.name)
+    if element.kind == "cylinder":
+        radius, length = element.size
+        half = (radius, radius, length / 2.0)
+        return Shape(kind="cylinder", T_ps=element.T_lg, half=half, piece=piece.name)
+    if element.kind == "sphere":
+        radius = element.size[0]
+        half = (radius, radius, radius)
+        return Shape(kind="sphere", T_ps=element.T_lg, half=half, piece=piece.name)
+    shape = hull(np.asarray(piece.mesh.vertices), piece.name)
+    if shape is None:
+        raise ValueError("a capsule has volume")
+    return shape
+
+
+def _joined(pieces: tuple[Piece, ...] | list[Piece]) -> trimesh.Trimesh:
+    offset, vertices, faces = 0, [], []
+    for piece in pieces:
+        vertices.append(piece.mesh.vertices)
+        faces.append(np.asarray(piece.mesh.faces) + offset)
+        offset += len(piece.mesh.vertices)
+    return trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)

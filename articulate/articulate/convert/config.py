@@ -1,0 +1,45 @@
+"""What a conversion may be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from articulate.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConvertConfig:
+    """How an object is read and what is made of it."""
+
+    size_m: float | None = None
+    """Longest side of the closed object [m]; None: the rule of its category, or as it is."""
+    category: str | None = None
+    """Category that decides presets; None: read from the source where it says so."""
+    closed: Literal["auto", "lower", "upper"] = "auto"
+    """Which limit is the closed position; auto: the one nearer to 0."""
+    mesh_dirs: tuple[Path, ...] = ()
+    """Further folders in which meshes are looked for."""
+    allow_missing: bool = True
+    """Go on without an absent mesh where its link keeps other geometry."""
+    max_geoms: int = 24
+    """Largest number of collision geoms of one link."""
+    decompose: bool = True
+    """Decompose concave pieces; False: take their convex hulls."""
+    decompose_s: float = 60.0
+    """Time limit of one decomposition [s]."""
+    cache_dir: Path | None = None
+    """Where decompositions are kept; None: nowhere."""
+    licence: str = "unknown"
+    """Licence of the object."""
+    name: str | None = None
+    """Name of the asset; None: the name in the file."""
+
+    def __post_init__(self) -> None:
+        if self.size_m is not None and not 0.01 <= self.size_m <= 20.0:
+            raise ConfigError(f"size is {self.size_m} m; it must lie in [0.01, 20]")
+        if self.max_geoms < 1:
+            raise ConfigError(f"max_geoms is {self.max_geoms}; it must be at least 1")
+        if self.decompose_s <= 0.0:
+            raise ConfigError(f"decompose_s is {self.decompose_s} s; it must be above 0")

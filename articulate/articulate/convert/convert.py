@@ -1,0 +1,374 @@
+"""From a URDF to an asset folder, whole or absent; and the same from a cache."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from articulate.asset import Asset, Joint, Link, load_asset, save_asset
+from articulate.convert.collision import collision_shapes
+from articulate.convert.config import ConvertConfig
+from articulate.convert.contacts import excludes_of
+from articulate.convert.grasps import handles_of
+from articulate.convert.inertia import inertial_of
+from articulate.convert.joints import Travel, travel_of
+from articulate.convert.mesh import Loader, PartGeometry, bounds
+from articulate.convert.presets import density, joint_preset
+from articulate.convert.read import SourceObject, read_urdf
+from articulate.convert.size import category_of, is_normalised, scale_of
+from articulate.convert.tree import Part, build_parts, poses_at
+from articulate.convert.write import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
+from articulate.errors import AssetError, UsageError
+from articulate.files import write_text
+from articulate.transforms import Array, inverse, matrix_to_quat
+
+VERSION = "1"
+"""Enters every cache key; change it with anything that changes what is written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """A source with its parts, geometry and joints, in its own units."""
+
+    source: SourceObject
+    parts: tuple[Part, ...]
+    geometry: Mapping[str, PartGeometry]
+    travels: Mapping[str, Travel]
+    """By part."""
+    files: Mapping[str, Path]
+    """Mesh files in use, by reference."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """How units of the source become the object frame in metres."""
+
+    scale: float
+    rule: str
+    T_os: Array
+    """Pose of the URDF's root frame, already scaled, in the object frame (4, 4)."""
+
+
+def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Asset:
+    """Make the asset folder ``out`` from the URDF ``source``.
+
+    Args:
+        source: URDF, or a folder that holds exactly one.
+        out: Folder to write; replaced if it is an asset, refused if it is anything else.
+        config: What to do otherwise than by default.
+
+    Raises:
+        AssetError: The source cannot be read or made into an object.
+        UsageError: ``out`` cannot be written.
+    """
+    config = config or ConvertConfig()
+    _check_out(out)
+    asset, bodies, mimics = _built(_read(urdf_in(source), config), config)
+    return _written(asset, bodies, mimics, out)
+
+
+def cached_asset(source: Path, cache_dir: Path, config: ConvertConfig | None = None) -> Asset:
+    """The asset of ``source``, converted once for each content and configuration.
+
+    The key covers the URDF, its meshes, the configuration and the version of the converter. A
+    ``source`` that is an asset folder is loaded as it is.
+
+    Raises:
+        AssetError: The source cannot be read or made into an object.
+        UsageError: The cache cannot be written.
+    """
+    if (source / "asset.json").is_file():
+        return load_asset(source)
+    config = config or ConvertConfig()
+    if config.cache_dir is None:
+        config = replace(config, cache_dir=cache_dir)
+    path = urdf_in(source)
+    reading = _read(path, config)
+    folder = cache_dir / "assets" / f"{reading.source.name[:40]}-{_key(reading, config)[:20]}"
+    if (folder / "asset.json").is_file():
+        return load_asset(folder)
+    asset, bodies, mimics = _built(reading, config)
+    return _written(asset, bodies, mimics, folder)
+
+
+def urdf_in(source: Path) -> Path:
+    """The URDF that ``source`` is or holds.
+
+    Raises:
+        AssetError: There is none, or more than one.
+    """
+    if not source.exists():
+        raise AssetError(f"{source}: does not exist; give a URDF or a folder that holds one")
+    if not source.is_dir():
+        return source
+    found = sorted(source.glob("*.urdf"))
+    if len(found) != 1:
+        names = ", ".join(p.name for p in found[:6]) or "none"
+        raise AssetError(f"{source}: holds {len(found)} URDFs ({names}); name one")
+    return found[0]
+
+
+def _read(path: Path, config: ConvertConfig) -> Reading:
+    source = read_urdf(path)
+    parts = build_parts(source)
+    loader = Loader(source, config.mesh_dirs, config.allow_missing)
+    geometry = {part.name: loader.part(part) for part in parts}
+    parts = _without_empty(parts, geometry, source)
+    if not any(geometry[part.name].shown for part in parts):
+        raise AssetError(f"{path}: no link has geometry; nothing can be made of it")
+    travels = {
+        part.name: travel_of(part.joint, geometry[part.name], config, source.repairs)
+        for part in parts
+        if part.joint is not None
+    }
+    return Reading(
+        source=source, parts=parts, geometry=geometry, travels=travels, files=loader.files
+    )
+
+
+def _without_empty(
+    parts: tuple[Part, ...], geometry: Mapping[str, PartGeometry], source: SourceObject
+) -> tuple[Part, ...]:
+    """The parts without moving leaves that have no geometry."""
+    kept = list(parts)
+    while True:
+        parents = {part.parent for part in kept}
+        empty = [
+            part
+            for part in kept[1:]
+            if not geometry[part.name].shown and part.name not in parents
+        ]
+        if not empty:
+            return tuple(kept)
+        for part in empty:
+            source.repairs.add(f"link {part.name} has no geometry: left out with its joint")
+            kept.remove(part)
+
+
+def _key(reading: Reading, config: ConvertConfig) -> str:
+    digest = hashlib.sha256(f"convert {VERSION}\0".encode())
+    options = dataclasses.asdict(config)
+    del options["cache_dir"], options["decompose_s"]
+    digest.update(json.dumps(options, sort_keys=True, default=str).encode())
+    extra = [reading.source.path.parent / n for n in ("meta.json", "semantics.txt")]
+    files = [("urdf", reading.source.path), *sorted(reading.files.items())]
+    files += [(p.name, p) for p in extra if p.is_file()]
+    digest.update(str(is_normalised(reading.source.path)).encode())
+    for name, path in files:
+        digest.update(name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _placement(reading: Reading, config: ConvertConfig) -> Placement:
+    closed = {
+        part.joint.name: reading.travels[part.name].closed
+        for part in reading.parts
+        if part.joint is not None
+    }
+    poses = poses_at(reading.parts, closed)
+    boxes = [bounds(reading.geometry[p.name], poses[p.name]) for p in reading.parts]
+    found = [box for box in boxes if box is not None]
+    low = np.min([box[0] for box in found], axis=0)
+    high = np.max([box[1] for box in found], axis=0)
+    longest = float((high - low).max())
+    if longest <= 0.0:
+        raise AssetError(f"{reading.source.path}: all geometry lies in one point")
+    scale, rule = scale_of(reading.source.path, config, longest)
+    T_os = np.eye(4)
+    T_os[:3, 3] = -scale * np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    return Placement(scale=scale, rule=rule, T_os=T_os)
+
+
+def _scaled_pose(T: Array, scale: float) -> Array:
+    out = np.array(T)
+    out[:3, 3] *= scale
+    return out
+
+
+def _built(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], list[Mimic]]:
+    source = reading.source
+    place = _placement(reading, config)
+    category = category_of(source.path, config)
+    bodies, T_ob = _bodies(reading, place, category, config)
+    joints = tuple(body.joint for body in bodies if body.joint is not None)
+    links = tuple(_link(body, T_ob[body.name]) for body in bodies)
+    mimics = _mimics(reading, place)
+    asset = Asset(
+        name=config.name or source.name,
+        category=category,
+        links=links,
+        joints=joints,
+        handles=(),
+        bounds_o=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        source=source.path.name,
+        licence=config.licence,
+        size_rule=place.rule,
+    )
+    handles, closed_box = handles_of(asset, bodies, source.repairs)
+    asset = replace(
+        asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.sentences
+    )
+    return asset, bodies, mimics
+
+
+def _bodies(
+    reading: Reading, place: Placement, category: str, config: ConvertConfig
+) -> tuple[list[Body], dict[str, Array]]:
+    """Bodies in metres and their poses in the object frame with every joint at 0."""
+    repairs = reading.source.repairs
+    bodies: list[Body] = []
+    T_ob: dict[str, Array] = {}
+    names: dict[str, str] = {}
+    for part in reading.parts:
+        geometry = reading.geometry[part.name].scaled(place.scale)
+        T_op = place.T_os @ _scaled_pose(part.T_sp, place.scale)
+        if part.joint is None:  # the fixed body has the object frame for its own
+            geometry = geometry.moved(T_op)
+            T_op = np.eye(4)
+        name = names[part.name] = f"{part.name}_link" if part.name == "world" else part.name
+        shapes = collision_shapes(geometry, name, config, repairs)
+        inertial = inertial_of(
+            part.members,
+            shapes,
+            density(category),
+            rescaled=abs(place.scale - 1.0) > 1e-9 or part.joint is None,
+            fixed=part.joint is None,
+            repairs=repairs,
+        )
+        parent = None if part.parent is None else names[part.parent]
+        T_pc = np.eye(4) if parent is None else inverse(T_ob[parent]) @ T_op
+        T_ob[name] = T_op
+        joint = None
+        travel = reading.travels.get(part.name)
+        armature = 0.0
+        if travel is not None and parent is not None and part.joint is not None:
+            preset = joint_preset(travel.kind, inertial.mass_kg)
+            armature = preset.armature
+            joint = _joint(part.joint.name, name, parent, travel, place.scale, T_op)
+            joint = replace(joint, damping=preset.damping, frictionloss=preset.frictionloss)
+        bodies.append(
+            Body(
+                name=name,
+                parent=parent,
+                T_pc=T_pc,
+                visuals=geometry.shown,
+                shapes=shapes,
+                inertial=inertial,
+                joint=joint,
+                axis_l=None if travel is None else travel.axis,
+                armature=armature,
+            )
+        )
+    return bodies, T_ob
+
+
+def _joint(
+    name: str, link: str, parent: str, travel: Travel, scale: float, T_ol: Array
+) -> Joint:
+    unit = scale if travel.kind == "slide" else 1.0
+    axis = T_ol[:3, :3] @ travel.axis
+    return Joint(
+        name=name,
+        kind=travel.kind,
+        link=link,
+        parent=parent,
+        axis_o=(float(axis[0]), float(axis[1]), float(axis[2])),
+        pivot_o=(float(T_ol[0, 3]), float(T_ol[1, 3]), float(T_ol[2, 3])),
+        lower=None if travel.lower is None else travel.lower * unit,
+        upper=None if travel.upper is None else travel.upper * unit,
+        closed=travel.closed * unit,
+        open=travel.open * unit,
+        closed_rule=travel.closed_rule,
+    )
+
+
+def _link(body: Body, T_ol: Array) -> Link:
+    points = [piece.mesh.bounds for piece in body.visuals]
+    low = np.min([p[0] for p in points], axis=0) if points else np.zeros(3)
+    high = np.max([p[1] for p in points], axis=0) if points else np.zeros(3)
+    quat = matrix_to_quat(T_ol[:3, :3])
+    return Link(
+        name=body.name,
+        parent=body.parent,
+        pos_o=(float(T_ol[0, 3]), float(T_ol[1, 3]), float(T_ol[2, 3])),
+        quat_o=(float(quat[0]), float(quat[1]), float(quat[2]), float(quat[3])),
+        mass_kg=body.inertial.mass_kg,
+        bounds_l=(
+            (float(low[0]), float(low[1]), float(low[2])),
+            (float(high[0]), float(high[1]), float(high[2])),
+        ),
+        visuals=len(body.visuals),
+        collisions=len(body.shapes),
+    )
+
+
+def _mimics(reading: Reading, place: Placement) -> list[Mimic]:
+    kinds = {p.joint.name: reading.travels[p.name].kind for p in reading.parts if p.joint}
+    out = []
+    for part in reading.parts:
+        if part.joint is None or part.joint.mimic is None:
+            continue
+        leader, multiplier, offset = part.joint.mimic
+        if leader not in kinds:
+            reading.source.repairs.add(
+                f"joint {part.joint.name} mimics {leader}, which does not move: made independent"
+            )
+            continue
+        own, other = kinds[part.joint.name], kinds[leader]
+        unit = place.scale if own == "slide" else 1.0
+        ratio = unit / (place.scale if other == "slide" else 1.0)
+        out.append(
+            Mimic(
+                joint=part.joint.name,
+                leader=leader,
+                multiplier=multiplier * ratio,
+                offset=offset * unit,
+            )
+        )
+    return out
+
+
+def _check_out(out: Path) -> None:
+    if out.exists() and not (out / "asset.json").is_file():
+        empty = out.is_dir() and not any(out.iterdir())
+        if not empty:
+            raise UsageError(f"{out}: exists and is not an asset; choose another --out")
+
+
+def _written(
+    asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path
+) -> Asset:
+    """Write everything beside ``out`` and move it there in one step."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
+    try:
+        folder.chmod(0o755)
+        write_meshes(folder / "meshes", mesh_files(bodies))
+        write_text(folder / "object.urdf", urdf(asset.name, bodies, mimics))
+        excludes = excludes_of(asset, bodies, mimics, folder)
+        text = mjcf(asset.name, bodies, asset.handles, excludes, mimics)
+        write_text(folder / "object.xml", text)
+        save_asset(replace(asset, folder=folder))
+        if (out / "asset.json").is_file():
+            shutil.rmtree(out)
+        elif out.is_dir():
+            out.rmdir()
+        folder.rename(out)
+    except OSError as error:
+        if not (out / "asset.json").is_file():  # another process may have been first
+            raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return load_asset(out)
+

@@ -1,0 +1,92 @@
+"""Convex decomposition in a process of its own, with a time limit and a cache.
+
+Run as a module it reads vertices and faces and writes the corners of the parts::
+
+    python -m articulate.convert.decompose IN.npz OUT.npz
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from articulate.files import whole_file
+from articulate.transforms import Array
+
+VERSION = "coacd-1"
+"""Enters the cache key; change it with the options below."""
+THRESHOLD = 0.08
+MAX_HULLS = 16
+MAX_FACES = 60_000
+
+
+def decompose(
+    mesh: trimesh.Trimesh, *, time_s: float, cache_dir: Path | None = None
+) -> list[Array] | None:
+    """Corners (N, 3) of convex parts, or None where it failed or took too long."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    faces = np.asarray(mesh.faces, dtype=np.int32)
+    if len(faces) > MAX_FACES:
+        return None
+    key = hashlib.sha256(
+        VERSION.encode() + vertices.round(7).tobytes() + faces.tobytes()
+    ).hexdigest()
+    kept = None if cache_dir is None else cache_dir / "decompositions" / f"{key}.npz"
+    if kept is not None and kept.is_file():
+        return _load(kept)
+    with tempfile.TemporaryDirectory(prefix="articulate-") as folder:
+        source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"
+        np.savez(source, vertices=vertices, faces=faces)
+        command = [sys.executable, "-m", "articulate.convert.decompose", str(source), str(target)]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+        try:
+            done = subprocess.run(  # noqa: S603  # our own module, a list of arguments
+                command, timeout=time_s, capture_output=True, env=environment, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return None
+        if done.returncode != 0 or not target.is_file():
+            return None
+        if kept is not None:
+            with whole_file(kept) as temporary:
+                temporary.write_bytes(target.read_bytes())
+        return _load(target)
+
+
+def _load(path: Path) -> list[Array] | None:
+    with np.load(path, allow_pickle=False) as content:
+        parts = [content[name] for name in sorted(content.files)]
+    return parts or None
+
+
+def _run(source: Path, target: Path) -> None:
+    import coacd  # heavy and native: only in the child process
+
+    with np.load(source, allow_pickle=False) as content:
+        mesh = coacd.Mesh(content["vertices"], content["faces"])
+    coacd.set_log_level("error")
+    parts = coacd.run_coacd(
+        mesh,
+        threshold=THRESHOLD,
+        max_convex_hull=MAX_HULLS,
+        preprocess_resolution=60,
+        mcts_nodes=10,
+        mcts_iterations=60,
+        mcts_max_depth=2,
+        max_ch_vertex=32,
+        seed=0,
+    )
+    named = {f"part_{i:03d}": np.asarray(vertices) for i, (vertices, _) in enumerate(parts)}
+    np.savez(target, **named)  # type: ignore[arg-type]  # keywords are arrays
+
+
+if __name__ == "__main__":
+    _run(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,117 @@
+"""The convex shape that fits a set of points, judged against the surface it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+from articulate.convert.shapes import Shape, sample_surface
+from articulate.transforms import Array, pose
+
+THIN_M = 0.002
+"""Least thickness of a collision shape [m]."""
+NEAR_SHARE = 0.94
+"""Share of a shape's surface that must lie near the surface it stands for."""
+MAX_CORNERS = 32
+"""Most corners of a hull."""
+SAMPLES = 240
+
+
+def fitted(points: Array, surface: trimesh.Trimesh, tol: float, piece: str) -> Shape | None:
+    """A box, else a hull round ``points`` (N, 3) that is nowhere far from ``surface``.
+
+    Args:
+        points: What must lie inside [m].
+        surface: Triangles that the shape may not stray from.
+        tol: How far its own surface may lie above them [m].
+        piece: Names for the shape.
+    """
+    points = thick(points)
+    for make in (aligned_box, turned_box, hull):
+        shape = make(points, piece)
+        if shape is not None and is_near(shape, surface, tol):
+            return shape
+    return None
+
+
+def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
+    """Whether nearly all of the shape's surface has triangles at most ``tol`` below it.
+
+    Rays go inwards from points on the shape. The mouth of a drawer, the gap behind a handle or
+    the hole of a frame leave their rays without a hit.
+    """
+    points, normals = sample_surface(shape.mesh, SAMPLES)
+    lift = 1e-3
+    origins = points + lift * normals
+    hits, rays, _ = surface.ray.intersects_location(origins, -normals, multiple_hits=False)
+    depth = np.full(len(points), np.inf)
+    depth[rays] = np.linalg.norm(hits - origins[rays], axis=1)
+    return bool(np.mean(depth <= tol + lift) >= NEAR_SHARE)
+
+
+def thick(points: Array) -> Array:
+    """``points`` with flat directions padded to the least thickness."""
+    points = np.asarray(points, dtype=np.float64)
+    centred = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=len(points) < 3)
+    spans = np.ptp(centred @ axes.T, axis=0)
+    for axis, span in zip(axes, spans, strict=True):
+        if span < THIN_M:
+            pad = (THIN_M - span) / 2.0 * axis
+            points = np.concatenate([points + pad, points - pad])
+    return points
+
+
+def aligned_box(points: Array, piece: str) -> Shape | None:
+    """The box along the axes of the part."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = np.maximum((high - low) / 2.0, THIN_M / 2.0)
+    return Shape(
+        kind="box", T_ps=pose((low + high) / 2.0), half=(half[0], half[1], half[2]), piece=piece
+    )
+
+
+def turned_box(points: Array, piece: str) -> Shape | None:
+    """The smallest box in any direction."""
+    try:
+        T_bp, extents = trimesh.bounds.oriented_bounds(points)
+    except (QhullError, ValueError):
+        return None
+    half = np.maximum(np.asarray(extents) / 2.0, THIN_M / 2.0)
+    T_ps = np.linalg.inv(T_bp)
+    return Shape(kind="box", T_ps=T_ps, half=(half[0], half[1], half[2]), piece=piece)
+
+
+def hull(points: Array, piece: str) -> Shape | None:
+    """The convex hull, of at most ``MAX_CORNERS`` corners."""
+    try:
+        corners = points[ConvexHull(points).vertices]
+        while len(corners) > MAX_CORNERS:
+            corners = _fewer(corners)
+    except QhullError:
+        return None
+    return Shape(kind="hull", T_ps=np.eye(4), half=(0.0, 0.0, 0.0), vertices=corners, piece=piece)
+
+
+def _fewer(corners: Array) -> Array:
+    """Grow a hull from extreme corners, always adding the one that sticks out most."""
+    chosen = sorted({int(i) for axis in range(3) for i in _extremes(corners, axis)})
+    rest = corners.mean(axis=0)
+    while len(chosen) < 5:
+        distance = np.min(
+            np.linalg.norm(corners[:, None] - corners[chosen][None], axis=-1), axis=1
+        )
+        chosen.append(int(np.argmax(distance)))
+    while len(chosen) < MAX_CORNERS:
+        planes = ConvexHull(np.vstack([corners[chosen], rest])).equations
+        out = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        out[chosen] = -np.inf
+        if out.max() < 1e-5:
+            break
+        chosen.append(int(np.argmax(out)))
+    return corners[chosen]
+
+
+def _extremes(corners: Array, axis: int) -> tuple[int, int]:
+    return int(np.argmin(corners[:, axis])), int(np.argmax(corners[:, axis]))

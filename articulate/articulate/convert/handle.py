@@ -1,0 +1,353 @@
+"""Where a hand can hold a moving part.
+
+The whole closed object is looked at from outside along a direction of approach, as a map of
+heights. A place can be held where two fingers fit beside something of at most the hand's
+opening that stands out far enough between them. The opening direction is tried first, pieces
+whose names say handle before all others; then the rims seen from the sides and from above.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import trimesh
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from articulate.transforms import Array, normalised
+
+OPENING_M = 0.07
+"""Widest thing held; the Panda hand opens to 0.08 m."""
+FINGER_M = (0.020, 0.016)
+"""Width of a finger along the handle and its thickness beside it [m]."""
+BITE_M = 0.012
+"""Least depth of a finger tip behind the front of what is held [m]."""
+REACH_M = 0.010
+"""How far the finger tips go beyond the middle of the pads [m]."""
+CELL_M = 0.004
+"""Resolution of the map."""
+PALM_M = (0.10, 0.035, 0.040)
+"""Half length and half width of the palm, and how far behind the pads it stands [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasp:
+    """A place to hold, in the object frame."""
+
+    pos_o: Array
+    normal_o: Array
+    along_o: Array
+    extent: tuple[float, float, float]
+    kind: Literal["bar", "knob", "edge"]
+    named: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Heights seen along ``-normal``; rows run along ``u``, columns along ``v``."""
+
+    normal: Array
+    u: Array
+    v: Array
+    low: Array
+    """Coordinates of cell (0, 0) along u and v (2,) [m]."""
+    height: Array
+    """Along the normal (U, V) [m]; -inf where nothing is hit."""
+    mine: Array
+    """The part that is to be held is what is seen (U, V)."""
+    named: Array
+    """It is a piece whose name says handle (U, V)."""
+
+    def point(self, i: int, j: int, height: float) -> Array:
+        """The point of cell (i, j) at ``height``."""
+        u, v = self.low + CELL_M * np.array([i, j])
+        return u * self.u + v * self.v + height * self.normal
+
+
+def look(
+    surface: trimesh.Trimesh, owner: Array, normal: Array, u: Array, margin: float = 0.12
+) -> View:
+    """Height map of the object over the part that is to be held.
+
+    Args:
+        surface: All triangles of the closed object.
+        owner: For each of them 0: another part, 1: the part, 2: its handle (F,).
+        normal: Towards the viewer (3,).
+        u: First axis of the map, perpendicular to it (3,).
+        margin: How far the map goes beyond the part [m].
+    """
+    v = np.cross(normal, u)
+    mine = surface.vertices[np.unique(surface.faces[owner > 0])]
+    flat = np.stack([mine @ u, mine @ v], axis=-1)
+    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
+    count = np.ceil((high - low) / CELL_M).astype(int) + 1
+    gu, gv = np.meshgrid(np.arange(count[0]), np.arange(count[1]), indexing="ij")
+    top = float((surface.vertices @ normal).max()) + 0.05
+    origins = (
+        (low[0] + CELL_M * gu.ravel())[:, None] * u
+        + (low[1] + CELL_M * gv.ravel())[:, None] * v
+        + top * normal
+    )
+    hits, rays, faces = surface.ray.intersects_location(
+        origins, np.broadcast_to(-normal, origins.shape), multiple_hits=False
+    )
+    height = np.full(gu.size, -np.inf)
+    who = np.zeros(gu.size, dtype=int)
+    height[rays] = hits @ normal
+    who[rays] = owner[faces]
+    shape = (int(count[0]), int(count[1]))
+    return View(
+        normal=normal,
+        u=u,
+        v=v,
+        low=low,
+        height=height.reshape(shape),
+        mine=(who > 0).reshape(shape),
+        named=(who == 2).reshape(shape),
+    )
+
+
+def places(view: View, *, closing: Literal["u", "v"], named: bool) -> list[tuple[int, int, int]]:
+    """Cells that can be held between fingers closing along an axis, with the width in cells.
+
+    A cell is the middle of what is held; of each run of cells the narrowest width counts.
+    """
+    height = np.where(np.isfinite(view.height), view.height, -10.0)
+    wanted = view.named if named else view.mine
+    if closing == "v":
+        height, wanted = height, wanted
+    else:
+        height, wanted = height.T, wanted.T
+    across = max(1, round(FINGER_M[0] / 2.0 / CELL_M))
+    thick = max(2, round(FINGER_M[1] / CELL_M))
+    palm = (2 * round(PALM_M[1] / CELL_M) + 1, 2 * round(PALM_M[0] / CELL_M) + 1)
+    around = maximum_filter(height, size=palm, mode="nearest")
+    rows = 2 * across + 1
+    ridge = minimum_filter(height, size=(rows, 1), mode="nearest")
+    level = maximum_filter(height, size=(rows, 1), mode="nearest")
+    found: dict[tuple[int, int], int] = {}
+    for width in range(1, int(OPENING_M / CELL_M) + 1):
+        half = width // 2
+        odd = width % 2
+        span = 2 * half + odd
+        offset = half + 1
+        left = _shifted(maximum_filter(level, size=(1, thick), mode="nearest"), -(offset + thick // 2))
+        right = _shifted(
+            maximum_filter(level, size=(1, thick), mode="nearest"), offset + thick // 2 - (1 - odd)
+        )
+        held = minimum_filter(ridge, size=(1, span), mode="nearest", origin=(0, 0 if odd else 0))
+        whole = minimum_filter(wanted.astype(np.int8), size=(rows, span), mode="constant") > 0
+        deep = held - np.maximum(left, right) >= BITE_M
+        clear = around - held <= PALM_M[2] - BITE_M
+        flat = level_within(height, held, rows, span)
+        for i, j in np.argwhere(deep & clear & whole & flat):
+            found.setdefault((int(i), int(j)), span)
+    if closing == "u":
+        return [(j, i, width) for (i, j), width in found.items()]
+    return [(i, j, width) for (i, j), width in found.items()]
+
+
+def level_within(height: Array, held: Array, rows: int, span: int) -> Array:
+    """Whether what is held is level: its front rises by less than 3 cm (U, V)."""
+    top = maximum_filter(height, size=(rows, span), mode="nearest")
+    return np.asarray(top - held < 0.03)
+
+
+def _shifted(field: Array, by: int) -> Array:
+    """``out[i, j] = field[i, j + by]``, edges repeated."""
+    index = np.clip(np.arange(field.shape[1]) + by, 0, field.shape[1] - 1)
+    return field[:, index]
+
+
+def refined(
+    surface: trimesh.Trimesh, pos: Array, normal: Array, closing: Array
+) -> tuple[float, float, float, float] | None:
+    """Exact bounds of what is held in the plane through ``pos`` across the handle.
+
+    Args:
+        surface: Triangles of the part.
+        pos: Somewhere in the front of what is held (3,).
+        normal: Towards the hand (3,).
+        closing: Axis along which fingers close (3,).
+
+    Returns:
+        Lowest and highest coordinate along ``closing`` and along ``normal``, or None.
+    """
+    along = np.cross(normal, closing)
+    segments = trimesh.intersections.mesh_plane(surface, along, pos)
+    if len(segments) == 0:
+        return None
+    points = segments.reshape(-1, 3)
+    groups = _linked(segments)
+    best: tuple[float, Array] | None = None
+    for label in np.unique(groups):
+        own = points.reshape(-1, 2, 3)[groups == label].reshape(-1, 3)
+        c, n = (own - pos) @ closing, (own - pos) @ normal
+        gap = float(max(c.min(), -c.max(), 0.0) + max(n.min(), -n.max(), 0.0))
+        if best is None or gap < best[0] - 1e-6:
+            best = (gap, own)
+    if best is None or best[0] > 0.02:
+        return None
+    own = best[1]
+    c, n = own @ closing, own @ normal
+    return float(c.min()), float(c.max()), float(n.min()), float(n.max())
+
+
+def _linked(segments: Array) -> Array:
+    """Label of the connected outline of each segment (S,)."""
+    keys = np.unique(segments.reshape(-1, 3).round(5), axis=0, return_inverse=True)[1]
+    edges = np.asarray(keys).reshape(-1, 2)
+    labels = trimesh.graph.connected_component_labels(edges, node_count=int(edges.max()) + 1)
+    return np.asarray(labels[edges[:, 0]])
+
+
+def best_grasp(
+    surface: trimesh.Trimesh,
+    owner: Array,
+    *,
+    opening: Array,
+    far_from: Array | None,
+) -> Grasp | None:
+    """The best place to hold a part, or None if there is none.
+
+    Args:
+        surface: All triangles of the closed object, in the object frame.
+        owner: For each of them 0: another part, 1: the part, 2: its handle (F,).
+        opening: Direction in which the part begins to open (3,).
+        far_from: A point and an axis (2, 3) that the place should be far from: a hinge's.
+    """
+    up = np.array([0.0, 0.0, 1.0])
+    if abs(opening @ up) > 0.9:
+        up = np.array([1.0, 0.0, 0.0])
+    up = normalised(up - (up @ opening) * opening)
+    side = np.cross(opening, up)
+    found: list[tuple[float, Grasp]] = []
+    for named in (True, False) if (owner == 2).any() else (False,):
+        for normal in (opening, up, side, -side):
+            u = up if abs(normal @ up) < 0.5 else side
+            view = look(surface, owner, normal, u)
+            found += _rated(view, surface, owner, opening, far_from, named=named)
+            if found and normal is opening:
+                break
+        if found:
+            break
+    return max(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _rated(
+    view: View,
+    surface: trimesh.Trimesh,
+    owner: Array,
+    opening: Array,
+    far_from: Array | None,
+    *,
+    named: bool,
+) -> list[tuple[float, Grasp]]:
+    """Places in one view with a figure of merit, larger is better."""
+    part = surface.submesh([owner > 0], append=True, repair=False)
+    handle = surface.submesh([owner == 2], append=True, repair=False) if named else part
+    centre = part.bounds.mean(axis=0)
+    size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
+    out: list[tuple[float, Grasp]] = []
+    edge = bool(abs(view.normal @ opening) < 0.5)
+    closings: tuple[Literal["u", "v"], ...] = ("u", "v")
+    for axis in closings:
+        closing = view.u if axis == "u" else view.v
+        if edge and abs(closing @ opening) < 0.5:
+            continue  # a rim is held across its thickness
+        cells = places(view, closing=axis, named=named)
+        if not cells:
+            continue
+        index = np.array(cells)
+        heights = view.height[index[:, 0], index[:, 1]]
+        points = (
+            (view.low[0] + CELL_M * index[:, 0])[:, None] * view.u
+            + (view.low[1] + CELL_M * index[:, 1])[:, None] * view.v
+            + heights[:, None] * view.normal
+        )
+        middle = _middle_of_runs(index, axis)
+        merit = -np.linalg.norm(points - centre, axis=1) / size - 0.02 * index[:, 2] - middle
+        if far_from is not None:
+            offset = points - far_from[0]
+            radius = np.linalg.norm(np.cross(offset, far_from[1]), axis=1)
+            merit = radius / size - 0.02 * index[:, 2] - middle
+        k = int(np.argmax(merit))
+        length = _run_length(index, k, axis)
+        bonus = 0.2 * min(length / 0.1, 1.0)
+        grasp = _measured(handle, points[k], view.normal, closing, length, edge=edge, named=named)
+        if grasp is not None:
+            out.append((float(merit[k]) + bonus, grasp))
+    return out
+
+
+def _middle_of_runs(index: Array, axis: str) -> Array:
+    """Distance [m, weighted] of each cell from the middle of its run along the handle (N,)."""
+    row, column = (1, 0) if axis == "u" else (0, 1)
+    out = np.zeros(len(index))
+    for value in np.unique(index[:, column]):
+        own = np.flatnonzero(index[:, column] == value)
+        order = own[np.argsort(index[own, row])]
+        for run in np.split(order, np.flatnonzero(np.diff(index[order, row]) > 1) + 1):
+            middle = index[run, row].mean()
+            out[run] = np.abs(index[run, row] - middle) * CELL_M * 5.0
+    return out
+
+
+def _run_length(index: Array, k: int, axis: str) -> float:
+    row, column = (1, 0) if axis == "u" else (0, 1)
+    rows = set(index[index[:, column] == index[k, column], row].tolist())
+    low = high = int(index[k, row])
+    while low - 1 in rows:
+        low -= 1
+    while high + 1 in rows:
+        high += 1
+    return (high - low + 1) * CELL_M + FINGER_M[0]
+
+
+def _measured(
+    surface: trimesh.Trimesh,
+    point: Array,
+    normal: Array,
+    closing: Array,
+    length: float,
+    *,
+    edge: bool,
+    named: bool,
+) -> Grasp | None:
+    """The grasp at ``point`` with exact position and extent from a cut through the part."""
+    along = normalised(np.cross(closing, normal))
+    cut = refined(surface, point - 0.002 * normal, normal, closing)
+    front = float(point @ normal)
+    if cut is None:
+        low, high, back = float(point @ closing) - 0.005, float(point @ closing) + 0.005, front - 0.02
+    else:
+        low, high, back = cut[0], cut[1], cut[2]
+        front = cut[3]
+        if high - low > OPENING_M:  # the cut runs on into the panel: keep to the map
+            low, high = _width_at(surface, point, normal, closing)
+    depth = front - back
+    hold = front - min(max(depth / 2.0, BITE_M / 2.0), REACH_M)
+    pos = (
+        (point @ along) * along + (low + high) / 2.0 * closing + hold * normal
+    )
+    kind: Literal["bar", "knob", "edge"] = "edge" if edge else "bar" if length >= 0.045 else "knob"
+    extent = (length, high - low, min(depth, 0.05))
+    return Grasp(
+        pos_o=pos, normal_o=normal, along_o=along, extent=extent, kind=kind, named=named
+    )
+
+
+def _width_at(
+    surface: trimesh.Trimesh, point: Array, normal: Array, closing: Array
+) -> tuple[float, float]:
+    """Both sides of what stands out at ``point``, found by rays from beside it."""
+    inside = point - 0.006 * normal
+    out = []
+    for sign in (-1.0, 1.0):
+        origin = inside + sign * (OPENING_M / 2.0 + 0.005) * closing
+        hits, _, _ = surface.ray.intersects_location(
+            origin[None], -sign * closing[None], multiple_hits=False
+        )
+        out.append(float(hits[0] @ closing) if len(hits) else float(point @ closing))
+    return min(out), max(out)

@@ -1,0 +1,100 @@
+"""Finding the mesh that a URDF means."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
+
+from articulate.errors import AssetError
+
+PARENTS = 4
+"""How many folders above the URDF are tried for ``package://`` names."""
+
+
+def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Path:
+    """The file that ``reference`` names.
+
+    ``package://``, ``model://``, ``file://``, relative, absolute and Windows paths are
+    understood; case is ignored where no file matches exactly.
+
+    Args:
+        reference: What stands in ``filename``.
+        urdf: File in which it stands.
+        mesh_dirs: Further folders to look in.
+
+    Raises:
+        AssetError: Nothing matches; the message lists the folders tried.
+    """
+    tried: list[Path] = []
+    for candidate in _candidates(reference, urdf, mesh_dirs):
+        found = _existing(candidate)
+        if found is not None:
+            return found
+        if candidate.parent not in tried:
+            tried.append(candidate.parent)
+    where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
+    ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
+    raise AssetError(
+        f"mesh {reference!r} not found; looked in {where}{ros}. Put it there or pass --mesh-dir"
+    )
+
+
+def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iterator[Path]:
+    text = unquote(reference.strip()).replace("\\", "/")
+    base = urdf.parent
+    packaged = False
+    for scheme in ("package://", "model://"):
+        if text.startswith(scheme):
+            text, packaged = text[len(scheme) :], True
+    if text.startswith("file://"):
+        text = text[len("file://") :]
+    if len(text) > 1 and text[1] == ":":  # a drive letter
+        text = text[2:]
+    path = PurePosixPath(text)
+    if path.is_absolute() and not packaged:
+        yield Path(path)
+        path = path.relative_to("/")
+    inside = PurePosixPath(*path.parts[1:]) if len(path.parts) > 1 else path
+    roots = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+    if packaged:
+        for folder in (base, *list(base.resolve().parents)[:PARENTS]):
+            yield folder / path
+            if folder.name.lower() == path.parts[0].lower():
+                yield folder / inside
+        for root in roots:
+            yield root / path
+    else:
+        yield base / path
+    for folder in (*mesh_dirs, base, base.parent):
+        yield folder / path
+        yield folder / inside
+        yield folder / path.name
+        yield folder / "meshes" / path.name
+
+
+def _existing(path: Path) -> Path | None:
+    """``path`` itself, or the only one that differs in case."""
+    if path.is_file():
+        return path
+    current = Path(path.anchor) if path.is_absolute() else Path()
+    for part in path.parts[1:] if path.is_absolute() else path.parts:
+        step = current / part
+        if part != ".." and not step.exists():
+            try:
+                same = sorted(p for p in current.iterdir() if p.name.lower() == part.lower())
+            except OSError:
+                return None
+            if not same:
+                return None
+            step = same[0]
+        current = step
+    return current if current.is_file() else None
+
+
+def _short(folder: Path, base: Path) -> str:
+    try:
+        return f"{folder.relative_to(base)}/"
+    except ValueError:
+        return f"{folder}/"

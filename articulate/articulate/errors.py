@@ -1,0 +1,72 @@
+"""Errors of the project.
+
+::
+
+    ArticulateError
+    ├── UsageError          bad input: one line on stderr, exit 2
+    │   ├── ConfigError     a value in a configuration or on the command line
+    │   ├── AssetError      an object that cannot be read or refused with a reason
+    │   ├── ReachError      a part that the arm cannot reach
+    │   ├── RunError        a run folder that is absent, foreign or in the way
+    │   ├── BundleError     a bundle that was changed or cannot be read
+    │   └── MissingError    an optional package that is not installed
+    └── DivergedError       training produced values that are not finite
+
+Every message is one line: what was wrong with which value, where it came from, what would
+be accepted, what to do next.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class ArticulateError(Exception):
+    """Root of all errors raised on purpose by the four packages."""
+
+
+class UsageError(ArticulateError):
+    """Bad input. Commands print it as one line and exit with 2."""
+
+
+class ConfigError(UsageError):
+    """A configuration value that is not accepted."""
+
+
+class AssetError(UsageError):
+    """An object that cannot be read, or that was refused."""
+
+
+class ReachError(UsageError):
+    """A part whose handle the arm cannot reach."""
+
+
+class RunError(UsageError):
+    """A run folder that is absent, foreign or in the way."""
+
+
+class BundleError(UsageError):
+    """A policy bundle that was changed or cannot be read."""
+
+
+class MissingError(UsageError):
+    """An optional package is not installed."""
+
+
+class DivergedError(ArticulateError):
+    """Training produced values that are not finite."""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The sentence part ``"; did you mean X?"``, or the list of what exists.
+
+    Args:
+        word: What was given.
+        known: What would have been accepted.
+    """
+    options = sorted(known)
+    close = difflib.get_close_matches(word, options, n=1, cutoff=0.6)
+    if close:
+        return f"; did you mean {close[0]}?"
+    return f"; known: {', '.join(options)}" if options else ""

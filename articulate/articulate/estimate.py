@@ -1,0 +1,69 @@
+"""A simulated estimator: the object's true state with the noise and age that were drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from articulate.draw import Draw, DrawConfig
+from articulate.observe import Estimate
+from articulate.transforms import Array, axis_angle_to_matrix
+
+MAX_AGE = 6
+"""Oldest state that can be drawn [ticks]."""
+PART_LENGTH = 0.3
+"""What ``part_noise`` is a share of: 0.3 m of a slide, 1 rad of a hinge, over the span."""
+
+
+class NoisyEstimator:
+    """Holds the last states of N objects and gives them late and with errors."""
+
+    def __init__(self, n: int, span: float, kind: str, config: DrawConfig) -> None:
+        """For N objects whose joint goes ``span`` [m or rad] from closed to open."""
+        self._config = config
+        length = PART_LENGTH if kind == "slide" else 1.0
+        self._part_noise = config.part_noise * length / abs(span)
+        self.poses = np.tile(np.eye(4), (MAX_AGE, n, 1, 1))
+        self.opened = np.zeros((MAX_AGE, n))
+        self.speed = np.zeros((MAX_AGE, n))
+
+    def reset(self, rows: Array, T_wh: Array, opened: Array) -> None:
+        """Fill the past of ``rows`` with the state at their start."""
+        self.poses[:, rows] = T_wh
+        self.opened[:, rows] = opened
+        self.speed[:, rows] = 0.0
+
+    def push(self, T_wh: Array, opened: Array, speed: Array) -> None:
+        """Take the true state of this tick: poses (N, 4, 4), fractions (N,), speeds (N,)."""
+        for past, now in ((self.poses, T_wh), (self.opened, opened), (self.speed, speed)):
+            past[1:] = past[:-1]
+            past[0] = now
+
+    def estimate(self, drawn: Draw, rng: np.random.Generator) -> Estimate:
+        """What is known at this tick under the draws (N rows); noise comes from ``rng``."""
+        n = len(drawn.values)
+        age = drawn["estimate_delay_ticks"].astype(np.int64)
+        rows = np.arange(n)
+        T_wh = self.poses[age, rows].copy()
+        turn = axis_angle_to_matrix(np.array([[0.0, 0.0, 1.0]]), drawn["bias_yaw_rad"])
+        T_wh[:, :3, :3] = turn @ T_wh[:, :3, :3]
+        noise = rng.normal(size=(n, 4))
+        T_wh[:, :3, 3] += drawn["bias"] + self._config.estimate_noise_m * noise[:, :3]
+        return Estimate(
+            T_wh=T_wh,
+            opened=self.opened[age, rows] + self._part_noise * noise[:, 3],
+            speed=self.speed[age, rows].copy(),
+        )
+
+    def snapshot(self) -> dict[str, Array]:
+        """The states held."""
+        return {
+            "estimate_poses": self.poses.copy(),
+            "estimate_opened": self.opened.copy(),
+            "estimate_speed": self.speed.copy(),
+        }
+
+    def restore(self, snapshot: dict[str, Array]) -> None:
+        """Continue from :meth:`snapshot`."""
+        self.poses[:] = snapshot["estimate_poses"]
+        self.opened[:] = snapshot["estimate_opened"]
+        self.speed[:] = snapshot["estimate_speed"]

@@ -1,0 +1,185 @@
+"""The plant between a policy's tick and the joints: target, follower, hand.
+
+Once a tick (20 Hz) the policy's joint deltas move a target. Between ticks a linear follower
+of third order, three equal poles at ``-omega``, runs open loop towards it::
+
+    x''' = omega^3 (u - x) - 3 omega^2 x' - 3 omega x''
+
+It is discretised exactly for a held target, so that its values at common instants are the
+same at 1 ms and at the simulator's step. Its output is the set point of a joint impedance
+controller with target velocity 0. Because the target moves by at most ``step_rad`` per tick,
+speed, acceleration and jerk of the output are bounded for every sequence of targets
+(:func:`worst_case`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.arm import Arm, Hand
+from articulate.errors import ConfigError
+from articulate.transforms import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowConfig:
+    """How a policy's actions become set points."""
+
+    rate_hz: float = 20.0
+    """Ticks of the policy per second [Hz]."""
+    omega_rad_s: float = 20.0
+    """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
+    step_rad: float = 0.03
+    """Largest change of a target in one tick [rad]; an action of 1 asks for it."""
+    lead_rad: float = 0.15
+    """Largest distance of a target from its measured joint [rad]."""
+    margin_rad: float = 0.05
+    """Distance that targets keep from the joint limits [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"follow.{name} is {getattr(self, name)}; it must be above 0")
+
+    @property
+    def tick_s(self) -> float:
+        """Length of a tick [s]."""
+        return 1.0 / self.rate_hz
+
+
+def response(omega_rad_s: float, t: Array) -> Array:
+    """Position, velocity, acceleration, jerk (..., 4) at ``t`` >= 0 after a unit step of the target.
+
+    Closed form of the triple pole: x = 1 - e^-a (1 + a + a^2/2) with a = omega t.
+    """
+    w = omega_rad_s
+    a = w * np.asarray(t, dtype=np.float64)
+    decay = np.exp(-a)
+    x = 1.0 - decay * (1.0 + a + a * a / 2.0)
+    v = w * decay * a * a / 2.0
+    acc = w**2 * decay * (a - a * a / 2.0)
+    jerk = w**3 * decay * (1.0 - 2.0 * a + a * a / 2.0)
+    return np.stack([x, v, acc, jerk], axis=-1)
+
+
+def discrete(omega_rad_s: float, dt: float) -> tuple[Array, Array]:
+    """Exact step of the follower: ``state' = A state + B target``.
+
+    The state is (position, velocity, acceleration). ``A`` is the matrix exponential of the
+    companion matrix, in closed form from the triple eigenvalue.
+
+    Args:
+        omega_rad_s: Bandwidth [rad/s].
+        dt: Length of the step [s].
+
+    Returns:
+        A (3, 3) and B (3,).
+    """
+    w = omega_rad_s
+    companion = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(w**3), -3 * w**2, -3 * w]])
+    nilpotent = companion + w * np.eye(3)
+    A = np.exp(-w * dt) * (np.eye(3) + dt * nilpotent + 0.5 * dt**2 * nilpotent @ nilpotent)
+    return A, np.array([1.0, 0.0, 0.0]) - A[:, 0]
+
+
+def follow(state: Array, target: Array, A: Array, B: Array) -> Array:
+    """The follower's state (N, 7, 3) one step later, towards targets (N, 7) [rad]."""
+    return np.einsum("ij,nkj->nki", A, state) + target[..., None] * B
+
+
+def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> Array:
+    """Largest speed, acceleration and jerk (3,) over every admissible sequence of targets.
+
+    The output is a sum of step responses, one per tick, each scaled by a change of at most
+    ``step_rad``; the worst sequence gives every term the same sign, so that the bound is the
+    sum of absolute values, taken at the worst phase within the tick, just before and after
+    each change.
+    """
+    phase = np.linspace(0.0, config.tick_s, phases)[:, None]
+    t = phase + config.tick_s * np.arange(ticks)
+    terms = np.abs(response(config.omega_rad_s, t)[..., 1:])
+    return np.asarray(config.step_rad * terms.sum(axis=1).max(axis=0))
+
+
+def next_target(target: Array, delta: Array, q: Array, config: FollowConfig, arm: Arm) -> Array:
+    """Targets (N, 7) of the next tick [rad].
+
+    The delta is added, the lead over the measured joint and the joint limits are clipped, and
+    last the change itself, so that it never exceeds ``step_rad`` whatever the joints do.
+
+    Args:
+        target: Targets of this tick (N, 7) [rad].
+        delta: Change asked for, in [-1, 1] of ``step_rad`` (N, 7).
+        q: Measured joints (N, 7) [rad].
+        config: Step, lead and margin.
+        arm: Joint limits.
+    """
+    low, high = arm.bounds(config.margin_rad)
+    wish = target + config.step_rad * np.clip(delta, -1.0, 1.0)
+    wish = np.clip(wish, q - config.lead_rad, q + config.lead_rad)
+    wish = np.clip(wish, low, high)
+    return target + np.clip(wish - target, -config.step_rad, config.step_rad)
+
+
+def follow_start(q: Array) -> Array:
+    """State (N, 7, 3) of a follower at rest at ``q`` (N, 7) [rad]."""
+    state = np.zeros((*q.shape, 3))
+    state[..., 0] = q
+    return state
+
+
+@dataclass(frozen=True)
+class HandState:
+    """What the hand was told and does, for N hands."""
+
+    smooth: Array
+    """Smoothed command in [-1, 1] (N,)."""
+    wish: Array
+    """Command of the thresholds, +1 close, -1 open (N,)."""
+    since_s: Array
+    """Time since the last command was sent (N,) [s]."""
+    wait_s: Array
+    """Time until the command sent begins to act (N,) [s]."""
+    closing: Array
+    """What the fingers do now, +1 close, -1 open (N,)."""
+
+
+def hand_start(n: int) -> HandState:
+    """N open hands that were told nothing yet."""
+    minus = -np.ones(n)
+    return HandState(np.zeros(n), minus, np.full(n, 10.0), np.zeros(n), minus.copy())
+
+
+def hand_tick(
+    state: HandState, command: Array, latency_s: Array, hand: Hand, tick_s: float
+) -> HandState:
+    """The hand one tick later.
+
+    A real hand takes about a second for each command and must not be told a new one meanwhile
+    (libfranka issues 177, 226): the policy's number is smoothed, thresholded with hysteresis,
+    sent after a minimum dwell, and acts after a latency.
+
+    Args:
+        state: State of N hands.
+        command: The policy's number in [-1, 1] (N,): positive closes.
+        latency_s: From sending to moving (N,) [s].
+        hand: Threshold, smoothing, dwell.
+        tick_s: Length of a tick [s].
+    """
+    keep = hand.smoothing ** (tick_s / 0.05)
+    smooth = keep * state.smooth + (1.0 - keep) * np.clip(command, -1.0, 1.0)
+    asked = np.where(
+        smooth > hand.on_threshold, 1.0, np.where(smooth < -hand.on_threshold, -1.0, state.wish)
+    )
+    send = (asked != state.wish) & (state.since_s >= hand.dwell_s)
+    wait = np.where(send, latency_s, np.maximum(state.wait_s - tick_s, 0.0))
+    wish = np.where(send, asked, state.wish)
+    return HandState(
+        smooth=smooth,
+        wish=wish,
+        since_s=np.where(send, 0.0, state.since_s + tick_s),
+        wait_s=wait,
+        closing=np.where(wait <= 0.0, wish, state.closing),
+    )

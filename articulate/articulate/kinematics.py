@@ -1,0 +1,156 @@
+"""Forward and inverse kinematics of the Panda, over batches.
+
+The world frame ``w`` is the frame of the robot's base. The tool frame ``t`` lies between the
+finger pads: z is the way in which the hand approaches, y the one along which fingers close.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from articulate.arm import Arm
+from articulate.transforms import Array, inverse, pose, rotation_angle
+
+# Craig's modified Denavit-Hartenberg parameters (a, d, alpha) of joints 1 to 7;
+# Franka Control Interface documentation, "Denavit-Hartenberg parameters".
+DH = (
+    (0.0, 0.333, 0.0),
+    (0.0, 0.0, -np.pi / 2),
+    (0.0, 0.316, np.pi / 2),
+    (0.0825, 0.0, np.pi / 2),
+    (-0.0825, 0.384, -np.pi / 2),
+    (0.0, 0.0, np.pi / 2),
+    (0.088, 0.0, np.pi / 2),
+)
+FLANGE_Z_M = 0.107
+"""Flange above joint 7 [m]; same source."""
+HAND_TURN_RAD = -np.pi / 4
+"""The hand is mounted turned by -45 degrees about the flange; franka_description."""
+
+
+def joint_poses(q: ArrayLike) -> Array:
+    """Poses (..., 7, 4, 4) of the joint frames in the world frame for angles (..., 7) [rad]."""
+    q = np.asarray(q, dtype=np.float64)
+    out = np.empty((*q.shape, 4, 4))
+    T = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
+    for i, (a, d, alpha) in enumerate(DH):
+        c, s = np.cos(q[..., i]), np.sin(q[..., i])
+        ca, sa = np.cos(alpha), np.sin(alpha)
+        step = np.zeros((*q.shape[:-1], 4, 4))
+        step[..., 0, 0], step[..., 0, 1], step[..., 0, 3] = c, -s, a
+        step[..., 1, 0], step[..., 1, 1] = s * ca, c * ca
+        step[..., 1, 2], step[..., 1, 3] = -sa, -d * sa
+        step[..., 2, 0], step[..., 2, 1] = s * sa, c * sa
+        step[..., 2, 2], step[..., 2, 3] = ca, d * ca
+        step[..., 3, 3] = 1.0
+        T = T @ step
+        out[..., i, :, :] = T
+    return out
+
+
+def flange_to_tool(arm: Arm) -> Array:
+    """Pose ``T_7t`` (4, 4) of the tool frame in the frame of joint 7."""
+    c, s = np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return pose((0.0, 0.0, FLANGE_Z_M + arm.hand.tcp_z_m), turn)
+
+
+def tool_pose(arm: Arm, q: ArrayLike) -> Array:
+    """Pose ``T_wt`` (..., 4, 4) of the tool frame for angles (..., 7) [rad]."""
+    return np.asarray(joint_poses(q)[..., 6, :, :] @ flange_to_tool(arm))
+
+
+def tool_jacobian(arm: Arm, q: ArrayLike) -> Array:
+    """Geometric Jacobian (..., 6, 7) of the tool frame in the world: linear rows, then angular."""
+    frames = joint_poses(q)
+    tip = (frames[..., 6, :, :] @ flange_to_tool(arm))[..., :3, 3]
+    axes = frames[..., :, :3, 2]
+    linear = np.cross(axes, tip[..., None, :] - frames[..., :, :3, 3])
+    return np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2)
+
+
+@dataclass(frozen=True)
+class IkResult:
+    """What inverse kinematics found for a batch of N poses."""
+
+    q: Array
+    """Angles (N, 7) [rad], always within the limits."""
+    pos_error: Array
+    """Distance of the tool from its goal (N,) [m]."""
+    rot_error: Array
+    """Angle between tool and goal (N,) [rad]."""
+
+    @property
+    def reached(self) -> Array:
+        """Which goals were reached to 2 mm and 0.02 rad (N,)."""
+        return np.asarray((self.pos_error < 2e-3) & (self.rot_error < 0.02))
+
+
+def solve_ik(
+    arm: Arm,
+    T_wt: Array,
+    q_start: ArrayLike,
+    *,
+    iterations: int = 60,
+    margin_rad: float = 0.05,
+    rest_gain: float = 0.02,
+) -> IkResult:
+    """Angles that bring the tool frame to ``T_wt``, by damped least squares with a rest pose.
+
+    The method of C. W. Wampler, "Manipulator inverse kinematic solutions based on vector
+    formulations and damped least-squares methods", IEEE Trans. SMC 16(1), 1986; what is left
+    of freedom is drawn towards ``q_start``.
+
+    Args:
+        arm: Arm whose limits are kept.
+        T_wt: Goals (N, 4, 4).
+        q_start: Start and rest angles (7,) or (N, 7) [rad].
+        iterations: Newton steps.
+        margin_rad: Distance kept from the joint limits [rad].
+        rest_gain: Pull towards the rest pose in the null space, per step.
+    """
+    n = len(T_wt)
+    rest = np.broadcast_to(np.asarray(q_start, dtype=np.float64), (n, 7))
+    q = rest.copy()
+    low, high = arm.bounds(margin_rad)
+    for _ in range(iterations):
+        error = _pose_error(T_wt, tool_pose(arm, q))
+        jac = tool_jacobian(arm, q)
+        gram = jac @ np.swapaxes(jac, -1, -2) + 1e-4 * np.eye(6)
+        pinv = np.swapaxes(jac, -1, -2) @ np.linalg.inv(gram)
+        null = np.eye(7) - pinv @ jac
+        step = np.einsum("nij,nj->ni", pinv, np.clip(error, -0.3, 0.3))
+        step += rest_gain * np.einsum("nij,nj->ni", null, rest - q)
+        q = np.clip(q + step, low, high)
+    error = _pose_error(T_wt, tool_pose(arm, q))
+    return IkResult(q, np.linalg.norm(error[:, :3], axis=-1), np.linalg.norm(error[:, 3:], axis=-1))
+
+
+def manipulability(arm: Arm, q: ArrayLike) -> Array:
+    """Smallest singular value (...) of the tool's Jacobian: near 0 at a singular pose."""
+    return np.asarray(np.linalg.svd(tool_jacobian(arm, q), compute_uv=False)[..., -1])
+
+
+def _pose_error(goal: Array, now: Array) -> Array:
+    """Twist (N, 6) that carries ``now`` to ``goal``: metres, then a rotation vector."""
+    rot = goal[..., :3, :3] @ np.swapaxes(now[..., :3, :3], -1, -2)
+    skew = np.stack(
+        [
+            rot[..., 2, 1] - rot[..., 1, 2],
+            rot[..., 0, 2] - rot[..., 2, 0],
+            rot[..., 1, 0] - rot[..., 0, 1],
+        ],
+        axis=-1,
+    )
+    length = np.linalg.norm(skew, axis=-1, keepdims=True)
+    angle = rotation_angle(rot)[..., None]
+    turn = np.where(length > 1e-9, skew / np.where(length > 1e-9, length, 1.0) * angle, 0.5 * skew)
+    return np.concatenate([goal[..., :3, 3] - now[..., :3, 3], turn], axis=-1)
+
+
+def relative(T_wa: Array, T_wb: Array) -> Array:
+    """Pose ``T_ab`` (..., 4, 4) of frame b in frame a."""
+    return np.asarray(inverse(T_wa) @ T_wb)

@@ -1,0 +1,106 @@
+"""Layouts: what each number of an observation or an action means."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from articulate.errors import ConfigError, nearest
+from articulate.transforms import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """One named piece of a vector."""
+
+    name: str
+    """Name, unique in the layout."""
+    size: int
+    """How many numbers."""
+    unit: str
+    """Unit of the numbers as they stand in the vector; ``"1"`` for none."""
+    frame: str
+    """Frame they are given in; ``"-"`` where there is none."""
+    source: Literal["robot", "estimator", "plant", "clock", "policy"]
+    """Where they come from."""
+    low: float = -10.0
+    """Values are clipped from below to this."""
+    high: float = 10.0
+    """Values are clipped from above to this."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The named fields of a vector, in order."""
+
+    fields: tuple[Field, ...]
+
+    def __post_init__(self) -> None:
+        names = [f.name for f in self.fields]
+        if len(set(names)) != len(names):
+            raise ConfigError(f"layout has a field twice: {', '.join(names)}")
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return sum(f.size for f in self.fields)
+
+    def slice(self, name: str) -> slice:
+        """Where ``name`` stands; ConfigError if there is no such field."""
+        start = 0
+        for field in self.fields:
+            if field.name == name:
+                return slice(start, start + field.size)
+            start += field.size
+        raise ConfigError(f"no field {name!r}{nearest(name, [f.name for f in self.fields])}")
+
+    @property
+    def low(self) -> Array:
+        """Lower bounds (size,)."""
+        return np.repeat([f.low for f in self.fields], [f.size for f in self.fields])
+
+    @property
+    def high(self) -> Array:
+        """Upper bounds (size,)."""
+        return np.repeat([f.high for f in self.fields], [f.size for f in self.fields])
+
+    def pack(self, values: dict[str, Array]) -> Array:
+        """The vectors (N, size), clipped, from one array (N, size of field) or (N,) per field.
+
+        Raises:
+            ConfigError: A field is missing or of another size.
+        """
+        columns = []
+        for field in self.fields:
+            if field.name not in values:
+                raise ConfigError(f"no value for {field.name}")
+            value = np.asarray(values[field.name], dtype=np.float64)
+            value = value[:, None] if value.ndim == 1 else value
+            if value.shape[1] != field.size:
+                raise ConfigError(f"{field.name} has {value.shape[1]} numbers, not {field.size}")
+            columns.append(np.clip(value, field.low, field.high))
+        return np.concatenate(columns, axis=1)
+
+    def as_list(self) -> list[dict[str, Any]]:
+        """For a manifest: one dictionary per field, with its slice."""
+        out = []
+        for field in self.fields:
+            where = self.slice(field.name)
+            out.append({**asdict(field), "slice": [where.start, where.stop]})
+        return out
+
+
+def layout_from_list(items: list[dict[str, Any]]) -> Layout:
+    """The layout that :meth:`Layout.as_list` wrote; ConfigError if it does not fit."""
+    try:
+        fields = tuple(Field(**{k: v for k, v in item.items() if k != "slice"}) for item in items)
+    except TypeError as error:
+        raise ConfigError(f"layout: {error}") from None
+    layout = Layout(fields)
+    for item in items:
+        where = layout.slice(item["name"])
+        if [where.start, where.stop] != list(item.get("slice", [])):
+            raise ConfigError(f"layout: slice of {item['name']} does not fit its size")
+    return layout

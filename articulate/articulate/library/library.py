@@ -1,0 +1,33 @@
+"""What a source of objects offers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+
+class Library(Protocol):
+    """A source of articulated objects, each known by an id and written out as a URDF."""
+
+    @property
+    def source(self) -> str:
+        """Where the objects come from; goes into ``Asset.source``."""
+        ...
+
+    @property
+    def licence(self) -> str:
+        """Licence of the objects; what is made from them inherits it."""
+        ...
+
+    def ids(self) -> Sequence[str]:
+        """Ids of all objects, in a fixed order."""
+        ...
+
+    def write(self, object_id: str, folder: Path) -> Path:
+        """Write the object into ``folder`` and return the path of its URDF.
+
+        Raises:
+            AssetError: There is no such object.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""Objects made from numbers: the same numbers give the same bytes."""

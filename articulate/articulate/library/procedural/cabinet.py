@@ -1,0 +1,218 @@
+"""Cabinets: drawers and doors in a carcass, from a seed and dimensions.
+
+The object frame has its origin on the floor under the middle of the cabinet, z up. The front
+faces -x: drawers open along -x, doors swing out that way. Drawers are numbered from the top,
+doors from the left of somebody who stands before the cabinet (from +y).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+
+from articulate.errors import AssetError, ConfigError, nearest
+from articulate.library.procedural.cabinet_parts import COLOURS, CabinetSize, cabinet_parts
+from articulate.library.procedural.urdf import write_urdf
+
+Arrangement = Literal["drawers_above", "doors_above", "beside"]
+HandleKind = Literal["bar", "knob"]
+ARRANGEMENTS: tuple[Arrangement, ...] = ("drawers_above", "doors_above", "beside")
+HANDLES: tuple[HandleKind, ...] = ("bar", "knob")
+
+EMBEDDED = CabinetSize(
+    width_m=0.45,
+    depth_m=0.42,
+    height_m=0.60,
+    n_drawers=3,
+    n_doors=0,
+    arrangement="drawers_above",
+    panel_m=0.016,
+    handle="bar",
+    handle_length_m=0.12,
+    handle_thickness_m=0.012,
+    handle_clear_m=0.038,
+    travel_share=0.75,
+    density_kg_m3=650.0,
+)
+"""The cabinet of the examples: an office pedestal of three drawers with bar handles."""
+
+_ACCEPTED = {
+    "width_m": (0.2, 2.0),
+    "depth_m": (0.2, 1.0),
+    "height_m": (0.2, 2.2),
+    "n_drawers": (0, 8),
+    "n_doors": (0, 2),
+    "panel_m": (0.008, 0.03),
+    "handle_length_m": (0.02, 0.6),
+    "handle_thickness_m": (0.006, 0.05),
+    "handle_clear_m": (0.01, 0.08),
+    "travel_share": (0.1, 0.95),
+    "density_kg_m3": (50.0, 3000.0),
+}
+"""Lowest and highest value accepted of each number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CabinetConfig:
+    """What to build. What is None is drawn with the seed from the range in its docstring.
+
+    Seed 0 draws nothing: what is None is taken from ``EMBEDDED``, so that ``CabinetConfig()``
+    is the cabinet of the examples. The draw of a field does not depend on which other fields
+    are given, save where the docstring says that one bounds the other.
+    """
+
+    seed: int = 0
+    """Seed of everything that is not given, at least 0."""
+    width_m: float | None = None
+    """Width along y [m]; drawn from 0.35 to 0.65, 0.30 more where doors stand beside drawers."""
+    depth_m: float | None = None
+    """Depth along x without handles [m]; drawn from 0.36 to 0.55."""
+    height_m: float | None = None
+    """Height [m]; drawn from 0.45 to 0.80, more where the fronts would be under 0.15 high."""
+    n_drawers: int | None = None
+    """Number of drawers; drawn from 1 to 4."""
+    n_doors: int | None = None
+    """Number of doors, at most 2; drawn from 0 to 2, from 1 to 2 if there are no drawers."""
+    arrangement: Arrangement | None = None
+    """Where the drawers are seen from the doors; drawn; ``beside`` puts drawers on the left."""
+    panel_m: float | None = None
+    """Thickness of carcass and fronts [m]; drawn from 0.015 to 0.020."""
+    handle: HandleKind | None = None
+    """Kind of all handles; drawn, three bars to one knob."""
+    handle_length_m: float | None = None
+    """Length of a bar [m]; drawn from 0.10 to 0.18 and at most what the fronts hold."""
+    handle_thickness_m: float | None = None
+    """Side of a bar or of a knob's head [m]; bars 0.010 to 0.016, knobs 0.024 to 0.034."""
+    handle_clear_m: float | None = None
+    """Free space between front and handle [m]; bars 0.034 to 0.042, knobs 0.018 to 0.026."""
+    travel_share: float | None = None
+    """Travel of a drawer over the length of its tray; drawn from 0.65 to 0.80."""
+    density_kg_m3: float | None = None
+    """Density of the board [kg/m^3]; drawn from 550 to 750 (chipboard to MDF)."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ConfigError(f"cabinet.seed is {self.seed}; it must be at least 0")
+        for name, known in (("arrangement", ARRANGEMENTS), ("handle", HANDLES)):
+            value = getattr(self, name)
+            if value is not None and value not in known:
+                raise ConfigError(f"cabinet.{name} is {value!r}{nearest(str(value), known)}")
+        for name, (low, high) in _ACCEPTED.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise ConfigError(f"cabinet.{name} is {value}; it must be in [{low}, {high}]")
+        if self.n_drawers == 0 and self.n_doors == 0:
+            raise ConfigError("cabinet has n_drawers 0 and n_doors 0; give it one or the other")
+
+    def size(self) -> CabinetSize:
+        """Every dimension, drawn where it was not given.
+
+        Raises:
+            ConfigError: The dimensions given leave no room for the fronts or their handles.
+        """
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "seed"}
+        given = {name: value for name, value in given.items() if value is not None}
+        drawn = _embedded() if self.seed == 0 else _drawn(self.seed, given)
+        size = CabinetSize(**(drawn | given))
+        _check_fronts(size)
+        if "handle_length_m" not in given:
+            size = size.with_handle_length(min(size.handle_length_m, size.longest_handle_m))
+        _check_handles(size)
+        return size
+
+
+class CabinetLibrary:
+    """Cabinets ``cabinet_0`` to ``cabinet_<count - 1>``, number = seed."""
+
+    source = "procedural cabinet"
+    licence = "MIT"
+
+    def __init__(self, count: int = 100) -> None:
+        self.count = count
+
+    def ids(self) -> Sequence[str]:
+        """Ids in the order of their seeds."""
+        return [f"cabinet_{seed}" for seed in range(self.count)]
+
+    def write(self, object_id: str, folder: Path) -> Path:
+        """Write the cabinet into ``folder`` and return the path of its URDF."""
+        ids = self.ids()
+        if object_id not in ids:
+            raise AssetError(
+                f"no object {object_id!r} among the procedural cabinets; "
+                f"known: cabinet_0 to cabinet_{self.count - 1}"
+            )
+        return write_cabinet(CabinetConfig(seed=ids.index(object_id)), folder)
+
+
+def write_cabinet(config: CabinetConfig, folder: Path) -> Path:
+    """Write ``cabinet.urdf`` and ``meshes/`` into ``folder``; return the path of the URDF.
+
+    The same configuration gives the same bytes.
+    """
+    return write_urdf("cabinet", cabinet_parts(config.size()), COLOURS, folder)
+
+
+def embedded_cabinet(folder: Path) -> Path:
+    """Write the cabinet of the examples into ``folder``; return the path of its URDF."""
+    return write_cabinet(CabinetConfig(), folder)
+
+
+def _embedded() -> dict[str, float | int | str]:
+    return {f.name: getattr(EMBEDDED, f.name) for f in fields(EMBEDDED)}
+
+
+def _drawn(seed: int, given: dict[str, float | int | str]) -> dict[str, float | int | str]:
+    """A value for every field, whether it was given or not."""
+    share: Iterator[float] = iter(np.random.default_rng(seed).random(len(fields(CabinetSize))))
+
+    def between(low: float, high: float) -> float:
+        return round(low + (high - low) * float(next(share)), 3)
+
+    n_drawers = int(given.get("n_drawers", 1 + int(4 * next(share))))
+    doors_low = 0 if n_drawers else 1
+    n_doors = int(given.get("n_doors", doors_low + int((3 - doors_low) * next(share))))
+    arrangement = given.get("arrangement", ARRANGEMENTS[int(3 * next(share))])
+    beside = arrangement == "beside" and n_drawers > 0 and n_doors > 0
+    stacked = n_drawers > 0 and n_doors > 0 and not beside
+    handle = cast(HandleKind, given.get("handle", HANDLES[int(next(share) > 0.75)]))
+    bar = handle == "bar"
+    height_low = max(0.45, 0.15 * n_drawers + 0.06 + (0.3 if stacked else 0.0))
+    wider = 0.30 if beside else 0.0
+    return {
+        "n_drawers": n_drawers,
+        "n_doors": n_doors,
+        "arrangement": arrangement,
+        "handle": handle,
+        "width_m": between(0.35 + wider, 0.65 + wider),
+        "depth_m": between(0.36, 0.55),
+        "height_m": between(height_low, max(0.80, height_low + 0.1)),
+        "panel_m": between(0.015, 0.020),
+        "handle_length_m": between(0.10, 0.18),
+        "handle_thickness_m": between(0.010, 0.016) if bar else between(0.024, 0.034),
+        "handle_clear_m": between(0.034, 0.042) if bar else between(0.018, 0.026),
+        "travel_share": between(0.65, 0.80),
+        "density_kg_m3": between(550.0, 750.0),
+    }
+
+
+def _check_fronts(size: CabinetSize) -> None:
+    for bay in size.bays():
+        if min(bay.width_m, bay.height_m) < 0.08:
+            raise ConfigError(
+                f"cabinet of {size.width_m} x {size.height_m} m leaves {bay.name} a front of "
+                f"{bay.width_m:.3f} x {bay.height_m:.3f} m; at least 0.08 m each way is needed: "
+                f"make it larger or give it fewer drawers and doors"
+            )
+
+
+def _check_handles(size: CabinetSize) -> None:
+    if size.handle == "bar" and size.handle_length_m > size.longest_handle_m:
+        raise ConfigError(
+            f"cabinet.handle_length_m is {size.handle_length_m}; the fronts of this cabinet hold "
+            f"at most {size.longest_handle_m:.3f}"
+        )

@@ -1,0 +1,99 @@
+"""Observations and actions: the same functions in every engine and on the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.arm import Arm
+from articulate.follow import HandState
+from articulate.kinematics import relative, tool_pose
+from articulate.layout import Field, Layout
+from articulate.transforms import Array
+
+OBSERVATION = Layout(
+    (
+        Field(name="joint_pos", size=7, unit="rad", frame="-", source="robot"),
+        Field(name="joint_vel", size=7, unit="rad/s", frame="-", source="robot"),
+        Field(name="target_lead", size=7, unit="0.1 rad", frame="-", source="plant"),
+        Field(name="handle_pos", size=3, unit="0.2 m", frame="tool", source="estimator"),
+        Field(name="handle_axes", size=6, unit="1", frame="tool", source="estimator"),
+        Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
+        Field(
+            name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator"
+        ),
+        Field(name="hand_width", size=1, unit="0.05 m", frame="-", source="robot"),
+        Field(name="hand_command", size=3, unit="1", frame="-", source="plant"),
+        Field(name="last_action", size=8, unit="1", frame="-", source="policy", low=-1, high=1),
+        Field(name="time_left", size=1, unit="1", frame="-", source="clock", low=0, high=1),
+    )
+)
+"""What a policy sees."""
+
+ACTION = Layout(
+    (
+        Field(
+            name="joint_delta", size=7, unit="step_rad", frame="-", source="policy", low=-1, high=1
+        ),
+        Field(name="hand", size=1, unit="1", frame="-", source="policy", low=-1, high=1),
+    )
+)
+"""What a policy says: changes of the joint targets, and a number whose sign closes the hand."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What is known of N objects: from the simulator's truth plus noise, or from sensors."""
+
+    T_wh: Array
+    """Pose of the handle in the world (N, 4, 4): z towards the object, y the closing axis."""
+    opened: Array
+    """Fraction open (N,)."""
+    speed: Array
+    """Speed of the part, positive opening (N,) [m/s or rad/s]."""
+
+
+def observation(
+    arm: Arm,
+    *,
+    q: Array,
+    dq: Array,
+    target: Array,
+    hand_width: Array,
+    hand: HandState,
+    estimate: Estimate,
+    last_action: Array,
+    time_left: Array,
+) -> Array:
+    """Observations (N, size of :data:`OBSERVATION`).
+
+    Args:
+        arm: For its forward kinematics.
+        q: Joint angles (N, 7) [rad].
+        dq: Joint speeds (N, 7) [rad/s].
+        target: Targets of the tick (N, 7) [rad].
+        hand_width: Opening between the fingers (N,) [m].
+        hand: What the hand was told.
+        estimate: The object.
+        last_action: The policy's last action (N, 8).
+        time_left: Share of the episode that is left (N,).
+    """
+    T_th = relative(tool_pose(arm, q), estimate.T_wh)
+    axes = np.concatenate([T_th[:, :3, 2], T_th[:, :3, 0]], axis=1)
+    busy = np.minimum(hand.since_s, arm.hand.dwell_s) / arm.hand.dwell_s
+    return OBSERVATION.pack(
+        {
+            "joint_pos": q,
+            "joint_vel": dq,
+            "target_lead": 10.0 * (target - q),
+            "handle_pos": 5.0 * T_th[:, :3, 3],
+            "handle_axes": axes,
+            "part_open": estimate.opened,
+            "part_speed": 10.0 * estimate.speed,
+            "hand_width": 20.0 * hand_width,
+            "hand_command": np.stack([hand.smooth, hand.wish, busy], axis=1),
+            "last_action": last_action,
+            "time_left": time_left,
+        }
+    )

@@ -1,0 +1,129 @@
+"""Rotations and poses over arrays, with leading batch axes.
+
+Quaternions are ``wxyz``. A pose is a 4x4 matrix ``T_ab`` that takes coordinates of frame
+``b`` to frame ``a``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def normalised(v: ArrayLike, *, axis: int = -1) -> Array:
+    """Unit vectors along ``v``; a zero vector stays zero."""
+    v = np.asarray(v, dtype=np.float64)
+    length = np.linalg.norm(v, axis=axis, keepdims=True)
+    return v / np.where(length > 0.0, length, 1.0)
+
+
+def quat_to_matrix(quat: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions ``wxyz`` (..., 4); they are normalised first."""
+    w, x, y, z = np.moveaxis(normalised(quat), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quat(matrix: ArrayLike) -> Array:
+    """Quaternions ``wxyz`` (..., 4) with w >= 0 of rotation matrices (..., 3, 3).
+
+    The eigenvector form of I. Bar-Itzhack, "New method for extracting the quaternion from a
+    rotation matrix", J. Guidance 23(6), 2000: stable for every angle.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    k = np.zeros((*m.shape[:-2], 4, 4))
+    k[..., 0, 0] = m[..., 0, 0] - m[..., 1, 1] - m[..., 2, 2]
+    k[..., 1, 0] = m[..., 1, 0] + m[..., 0, 1]
+    k[..., 1, 1] = m[..., 1, 1] - m[..., 0, 0] - m[..., 2, 2]
+    k[..., 2, 0] = m[..., 2, 0] + m[..., 0, 2]
+    k[..., 2, 1] = m[..., 2, 1] + m[..., 1, 2]
+    k[..., 2, 2] = m[..., 2, 2] - m[..., 0, 0] - m[..., 1, 1]
+    k[..., 3, 0] = m[..., 2, 1] - m[..., 1, 2]
+    k[..., 3, 1] = m[..., 0, 2] - m[..., 2, 0]
+    k[..., 3, 2] = m[..., 1, 0] - m[..., 0, 1]
+    k[..., 3, 3] = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    _, vectors = np.linalg.eigh(k / 3.0)
+    quat = vectors[..., [3, 0, 1, 2], -1]
+    return np.where(quat[..., :1] < 0.0, -quat, quat)
+
+
+def axis_angle_to_matrix(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Rotations (..., 3, 3) by ``angle`` [rad] (...) about unit ``axis`` (..., 3) (Rodrigues)."""
+    axis = np.asarray(axis, dtype=np.float64)
+    half = np.asarray(angle, dtype=np.float64)[..., None] / 2.0
+    quat = np.concatenate([np.cos(half) * np.ones_like(axis[..., :1]), np.sin(half) * axis], -1)
+    return quat_to_matrix(quat)
+
+
+def rpy_to_matrix(rpy: ArrayLike) -> Array:
+    """Rotations (..., 3, 3) of URDF's fixed-axis roll, pitch, yaw [rad] (..., 3)."""
+    rpy = np.asarray(rpy, dtype=np.float64)
+    eye = np.eye(3)
+    x, y, z = (axis_angle_to_matrix(eye[i], rpy[..., i]) for i in range(3))
+    return z @ y @ x
+
+
+def matrix_to_rpy(matrix: ArrayLike) -> Array:
+    """URDF's roll, pitch, yaw [rad] (..., 3) of rotations (..., 3, 3); yaw 0 at gimbal lock."""
+    m = np.asarray(matrix, dtype=np.float64)
+    cos_pitch = np.hypot(m[..., 0, 0], m[..., 1, 0])
+    pitch = np.arctan2(-m[..., 2, 0], cos_pitch)
+    yaw = np.where(cos_pitch < 1e-12, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
+    # Roll of what is left when yaw is taken off. Near gimbal lock yaw is mostly rounding; this
+    # roll makes up for it, so that the three together are the given rotation all the same.
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(
+        sin * m[..., 0, 2] - cos * m[..., 1, 2], cos * m[..., 1, 1] - sin * m[..., 0, 1]
+    )
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def pose(pos: ArrayLike, rotation: ArrayLike | None = None) -> Array:
+    """Poses (..., 4, 4) of positions (..., 3) and rotations (..., 3, 3), identity by default."""
+    pos = np.asarray(pos, dtype=np.float64)
+    rot = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
+    batch = np.broadcast_shapes(pos.shape[:-1], rot.shape[:-2])
+    out = np.zeros((*batch, 4, 4))
+    out[..., :3, :3] = rot
+    out[..., :3, 3] = pos
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def inverse(T: ArrayLike) -> Array:
+    """Inverse poses (..., 4, 4) of rigid transforms."""
+    T = np.asarray(T, dtype=np.float64)
+    rot = np.swapaxes(T[..., :3, :3], -1, -2)
+    return pose(-np.einsum("...ij,...j->...i", rot, T[..., :3, 3]), rot)
+
+
+def apply(T: ArrayLike, points: ArrayLike) -> Array:
+    """``points`` (..., 3) moved by rigid transforms ``T`` (..., 4, 4)."""
+    T = np.asarray(T, dtype=np.float64)
+    points = np.asarray(points, dtype=np.float64)
+    moved: Array = np.einsum("...ij,...j->...i", T[..., :3, :3], points) + T[..., :3, 3]
+    return moved
+
+
+def angle_between(a: ArrayLike, b: ArrayLike) -> Array:
+    """Angle [rad] in [0, pi] between vectors (..., 3), exact near 0 and pi.
+
+    W. Kahan, "How futile are mindless assessments of roundoff", 2006: twice the arctangent of
+    the half-difference over the half-sum of the unit vectors.
+    """
+    a, b = normalised(a), normalised(b)
+    return np.asarray(
+        2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+    )
+
+
+def rotation_angle(matrix: ArrayLike) -> Array:
+    """Angle [rad] in [0, pi] of rotations (..., 3, 3), exact near 0 and pi."""
+    quat = matrix_to_quat(matrix)
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(quat[..., 1:], axis=-1), quat[..., 0]))

@@ -1,0 +1,1 @@
+"""A policy bundle on a robot."""

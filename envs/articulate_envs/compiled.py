@@ -1,0 +1,262 @@
+"""The inner loop of the batched engine: follower, physics and judgement, compiled, without the GIL.
+
+``advance`` steps a slice of environments through one tick. It calls ``mj_step`` of MuJoCo's own
+library through its address and reads MuJoCo's arrays in place, so that several Python threads
+run it side by side. It repeats :func:`articulate.follow.follow` and
+:func:`articulate.judgement.judge_sample` number by number; tests hold them together.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from numba import carray, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from articulate.errors import MissingError
+from articulate.judgement import COLUMN
+from articulate.transforms import Array
+
+Ints = np.ndarray[Any, np.dtype[np.int64]]
+_FORCE, _SHORT, _RAW = COLUMN["force"], COLUMN["force_short"], COLUMN["force_raw"]
+_MOMENT, _SPEED, _SHARE = COLUMN["moment"], COLUMN["speed_share"], COLUMN["torque_share"]
+_RATE, _CODE = COLUMN["torque_rate"], COLUMN["code"]
+_TIME, _WHEN = COLUMN["time"], COLUMN["violation_time"]
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """MuJoCo's shared library as it is loaded; MissingError if it is not where the wheel puts it."""
+    folder = Path(mujoco.__file__).parent
+    names = sorted([*folder.glob("libmujoco*.so*"), *folder.glob("libmujoco*.dylib"), *folder.glob("mujoco.dll")])
+    if not names:
+        raise MissingError(f"no MuJoCo library in {folder}; reinstall mujoco from its wheel")
+    lib = ctypes.CDLL(str(names[0]))
+    lib.mj_copyModel.restype = ctypes.c_void_p
+    lib.mj_copyModel.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    return lib
+
+
+def step_address() -> int:
+    """Address of ``mj_step``."""
+    address = ctypes.cast(library().mj_step, ctypes.c_void_p).value
+    assert address is not None
+    return address
+
+
+class Pointers(NamedTuple):
+    """Addresses of MuJoCo's structures and arrays, one per environment (N,)."""
+
+    model: Ints
+    data: Ints
+    ctrl: Ints
+    qpos: Ints
+    qvel: Ints
+    torque: Ints
+    sensors: Ints
+    site: Ints
+    xfrc: Ints
+
+
+class Where(NamedTuple):
+    """Indices into those arrays, the same for all environments."""
+
+    arm_q: int
+    finger_q: int
+    arm_ctrl: int
+    finger_ctrl: int
+    part_q: int
+    part_v: int
+    push_row: int
+    tool_site: int
+    hand_sensor: int
+    floor_sensor: int
+    robot_sensor: int
+
+
+class Constants(NamedTuple):
+    """Numbers that do not change within a run."""
+
+    substeps: int
+    dt: float
+    A: Array
+    B: Array
+    dq_max: Array
+    tau_max: Array
+    dtau_max: float
+    speed_share: float
+    torque_share: float
+    force: float
+    moment: float
+    gain: float
+    short_gain: float
+    finger_step: float
+    finger_open: float
+
+
+class Buffers(NamedTuple):
+    """Arrays that a tick reads and writes, first axis N.
+
+    ``follow`` (N, 7, 3), ``target`` (N, 7), ``closing`` and ``finger`` (N,), ``push`` (N, 3),
+    ``samples`` (N, WIDTH), ``torque`` (N, 7), ``q`` and ``dq`` (N, 7), ``rest`` (N, 4): finger
+    width, part position, part speed, one if the state is finite.
+    """
+
+    follow: Array
+    target: Array
+    closing: Array
+    finger: Array
+    push: Array
+    samples: Array
+    torque: Array
+    q: Array
+    dq: Array
+    rest: Array
+
+
+@intrinsic
+def _doubles(typingctx: Any, address: Any) -> Any:
+    """The address as a pointer to float64."""
+    sig = types.CPointer(types.float64)(types.int64)
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+    return sig, codegen
+
+
+@intrinsic
+def _call(typingctx: Any, function: Any, first: Any, second: Any) -> Any:
+    """Call the C function ``void f(void*, void*)`` at an address."""
+    sig = types.void(types.int64, types.int64, types.int64)
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        from llvmlite import ir  # numba's own dependency, met only while compiling
+
+        pointer = cgutils.voidptr_t
+        kind = ir.FunctionType(ir.VoidType(), [pointer, pointer])
+        target = builder.inttoptr(args[0], kind.as_pointer())
+        builder.call(target, [builder.inttoptr(a, pointer) for a in args[1:]])
+        return context.get_dummy_value()
+
+    return sig, codegen
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the tuples above
+    first, last, mj_step, pointers, where, constants, buffers
+):
+    """Step environments ``first`` to ``last`` - 1 through one tick."""
+    for i in range(first, last):
+        _advance_one(i, mj_step, pointers, where, constants, buffers)
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def _advance_one(i, mj_step, pointers, where, constants, buffers):  # type: ignore[no-untyped-def]
+    ctrl = carray(_doubles(pointers.ctrl[i]), where.finger_ctrl + 2)
+    qpos = carray(_doubles(pointers.qpos[i]), max(where.part_q, where.finger_q + 1) + 1)
+    qvel = carray(_doubles(pointers.qvel[i]), max(where.part_v, where.finger_q + 1) + 1)
+    torque = carray(_doubles(pointers.torque[i]), where.arm_q + 7)
+    sensors = carray(_doubles(pointers.sensors[i]), where.robot_sensor + 1)
+    tool = carray(_doubles(pointers.site[i] + 24 * where.tool_site), 3)
+    xfrc = carray(_doubles(pointers.xfrc[i] + 48 * where.push_row), 6)
+    for k in range(3):
+        xfrc[k] = buffers.push[i, k]
+    for _ in range(constants.substeps):
+        _follow(i, ctrl, where, constants, buffers)
+        _call(mj_step, pointers.model[i], pointers.data[i])
+        _judge(i, qvel, torque, sensors, tool, where, constants, buffers)
+    finite = 1.0
+    for k in range(7):
+        buffers.q[i, k] = qpos[where.arm_q + k]
+        buffers.dq[i, k] = qvel[where.arm_q + k]
+        if not (np.isfinite(buffers.q[i, k]) and np.isfinite(buffers.dq[i, k])):
+            finite = 0.0
+    rest = buffers.rest[i]
+    rest[0] = qpos[where.finger_q] - qpos[where.finger_q + 1]
+    rest[1] = qpos[where.part_q]
+    rest[2] = qvel[where.part_v]
+    rest[3] = finite
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def _follow(i, ctrl, where, constants, buffers):  # type: ignore[no-untyped-def]
+    A, B = constants.A, constants.B
+    for k in range(7):
+        x, v, a = buffers.follow[i, k, 0], buffers.follow[i, k, 1], buffers.follow[i, k, 2]
+        u = buffers.target[i, k]
+        for r in range(3):
+            buffers.follow[i, k, r] = A[r, 0] * x + A[r, 1] * v + A[r, 2] * a + B[r] * u
+        ctrl[where.arm_ctrl + k] = buffers.follow[i, k, 0]
+    step = -constants.finger_step if buffers.closing[i] > 0.0 else constants.finger_step
+    wide = min(max(buffers.finger[i] + step, 0.0), constants.finger_open)
+    buffers.finger[i] = wide
+    ctrl[where.finger_ctrl] = wide
+    ctrl[where.finger_ctrl + 1] = -wide
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def _judge(i, qvel, torque, sensors, tool, where, constants, buffers):  # type: ignore[no-untyped-def]
+    row = buffers.samples[i]
+    fx = fy = fz = mx = my = mz = 0.0
+    for start in (where.hand_sensor, where.floor_sensor):
+        ax, ay, az = sensors[start + 1], sensors[start + 2], sensors[start + 3]
+        dx = sensors[start + 7] - tool[0]
+        dy = sensors[start + 8] - tool[1]
+        dz = sensors[start + 9] - tool[2]
+        fx, fy, fz = fx + ax, fy + ay, fz + az
+        mx += sensors[start + 4] + dy * az - dz * ay
+        my += sensors[start + 5] + dz * ax - dx * az
+        mz += sensors[start + 6] + dx * ay - dy * ax
+    gain, short = constants.gain, constants.short_gain
+    row[0] += gain * (fx - row[0])
+    row[1] += gain * (fy - row[1])
+    row[2] += gain * (fz - row[2])
+    row[3] += gain * (mx - row[3])
+    row[4] += gain * (my - row[4])
+    row[5] += gain * (mz - row[5])
+    row[6] += short * (fx - row[6])
+    row[7] += short * (fy - row[7])
+    row[8] += short * (fz - row[8])
+    force = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+    moment = np.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2)
+    speed = share = rate = 0.0
+    for k in range(7):
+        t = torque[where.arm_q + k]
+        speed = max(speed, abs(qvel[where.arm_q + k]) / constants.dq_max[k])
+        share = max(share, abs(t) / constants.tau_max[k])
+        rate = max(rate, abs(t - buffers.torque[i, k]) / constants.dt)
+        buffers.torque[i, k] = t
+    if row[_TIME] == 0.0:
+        rate = 0.0
+    row[_FORCE] = max(row[_FORCE], force)
+    row[_SHORT] = max(row[_SHORT], np.sqrt(row[6] ** 2 + row[7] ** 2 + row[8] ** 2))
+    row[_RAW] = max(row[_RAW], np.sqrt(fx * fx + fy * fy + fz * fz))
+    row[_MOMENT] = max(row[_MOMENT], moment)
+    row[_SPEED] = max(row[_SPEED], speed)
+    row[_SHARE] = max(row[_SHARE], share)
+    row[_RATE] = max(row[_RATE], rate)
+    row[_TIME] += constants.dt
+    if row[_CODE] == 0.0:
+        code = 0.0
+        if sensors[where.robot_sensor] > sensors[where.hand_sensor] + 0.5:
+            code = 1.0
+        elif speed > constants.speed_share:
+            code = 2.0
+        elif share > constants.torque_share:
+            code = 3.0
+        elif rate > constants.dtau_max:
+            code = 4.0
+        elif force > constants.force:
+            code = 5.0
+        elif moment > constants.moment:
+            code = 6.0
+        if code > 0.0:
+            row[_CODE] = code
+            row[_WHEN] = row[_TIME]

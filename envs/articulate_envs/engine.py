@@ -1,0 +1,79 @@
+"""The protocol of engines: N environments stepped by whole ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from articulate.draw import Draw
+from articulate.follow import HandState
+from articulate.transforms import Array
+from articulate_envs.scene import Scene
+
+
+@dataclass(frozen=True)
+class State:
+    """What is true of N environments at a tick."""
+
+    q: Array
+    """Joint angles (N, 7) [rad]."""
+    dq: Array
+    """Joint speeds (N, 7) [rad/s]."""
+    target: Array
+    """Targets that the follower runs to (N, 7) [rad]."""
+    hand: HandState
+    """What the hand was told and does."""
+    hand_width: Array
+    """Opening between the fingers (N,) [m]."""
+    T_wh: Array
+    """Pose of the handle in the world (N, 4, 4)."""
+    opened: Array
+    """Fraction open (N,)."""
+    speed: Array
+    """Speed of the part, positive opening (N,) [m/s or rad/s]."""
+    samples: Array
+    """Rows of the judgement (N, WIDTH)."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """How episodes begin, one row per environment of a reset."""
+
+    draw: Draw
+    """What was drawn (M rows)."""
+    q: Array
+    """Angles of the arm (M, 7) [rad]."""
+    opened: Array
+    """Fraction open of the task's part (M,)."""
+    width: Array
+    """Opening between the fingers (M,) [m]."""
+    closing: Array
+    """+1 where the hand is closed on the handle, -1 where it is open (M,)."""
+
+
+class Engine(Protocol):
+    """N environments; results do not depend on the number of threads."""
+
+    scene: Scene
+    n_envs: int
+
+    def reset(self, rows: Array, start: Start) -> None:
+        """Begin new episodes in environments ``rows`` (M,) of int."""
+
+    def step(self, action: Array) -> State:
+        """Run one tick with actions (N, 8) and return what is then true.
+
+        The state's arrays are new; they stay as they are when the engine goes on.
+        """
+
+    def state(self) -> State:
+        """What is true now."""
+
+    def snapshot(self) -> dict[str, Array]:
+        """All that resuming bit-identically needs."""
+
+    def restore(self, snapshot: dict[str, Array]) -> None:
+        """Continue from :meth:`snapshot`."""
+
+    def close(self) -> None:
+        """Give back threads and memory."""

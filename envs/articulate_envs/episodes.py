@@ -1,0 +1,251 @@
+"""Episodes over an engine: starts, observations, judgement, reward, automatic reset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from articulate.draw import Draw, DrawConfig, draw
+from articulate.estimate import NoisyEstimator
+from articulate.judgement import (
+    Judgement,
+    judge_tick,
+    judgement_start,
+    opened_at_end,
+    verdict,
+)
+from articulate.observe import ACTION, observation
+from articulate.transforms import Array
+from articulate_envs.engine import Engine, Start, State
+from articulate_envs.rewards import TERMS, RewardConfig, reward_terms
+from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Episodes that ended at a tick, M rows."""
+
+    rows: Array
+    """Environments (M,) of int."""
+    code: Array
+    """Codes of :data:`articulate.judgement.REASONS` (M,)."""
+    opened: Array
+    """Whether the part was held open at the end, limits aside (M,)."""
+    from_home: Array
+    """Whether the episode began at home and ran its full length (M,)."""
+    terms: Array
+    """Sums of the reward's terms (M, len(TERMS))."""
+    peaks: Array
+    """Rows of the judgement's samples (M, WIDTH)."""
+    observation: Array
+    """Last observations (M, size)."""
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What one tick of N environments gives."""
+
+    observation: Array
+    """Observations, of the new episode where one ended (N, size)."""
+    reward: Array
+    """Rewards (N,)."""
+    done: Array
+    """Whether the episode ended (N,)."""
+    ended: Ended | None
+    """The episodes that ended, if any."""
+
+
+class Episodes:
+    """N environments that run episodes of the task's fixed length, one after another."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        *,
+        draws: DrawConfig,
+        reward: RewardConfig,
+        starts: StartConfig | None,
+        seed: int | np.random.SeedSequence,
+    ) -> None:
+        """Prepare; call :meth:`reset`.
+
+        Args:
+            engine: What is stepped.
+            draws: Ranges of the randomisation.
+            reward: Weights.
+            starts: Starts along the task; None begins every episode at home.
+            seed: Decides all that is random here.
+        """
+        self.engine = engine
+        self.draws = draws
+        self.reward = reward
+        self.starts = starts
+        self.progress = 0.0
+        scene, n = engine.scene, engine.n_envs
+        self._rng = np.random.default_rng(seed)
+        self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
+        self._drawn = draw(draws, self._rng, n)
+        self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
+        self._judgement = judgement_start(n)
+        self._tick = np.zeros(n, dtype=np.int64)
+        self._home = np.zeros(n, dtype=bool)
+        self._last = np.zeros((n, ACTION.size))
+        self._terms = np.zeros((n, len(TERMS)))
+        self._state: State | None = None
+
+    @property
+    def drawn(self) -> Draw:
+        """What was drawn for the episodes that run now."""
+        return Draw(self._drawn.values.copy())
+
+    @property
+    def judgement(self) -> Judgement:
+        """What the episodes that run now have shown."""
+        return self._judgement
+
+    def reset(self, *, stagger: bool = False, start: Start | None = None) -> Array:
+        """Begin all episodes and return the observations (N, size).
+
+        Args:
+            stagger: Let the first episodes end one after another; they are not counted as
+                begun at home.
+            start: How they begin, instead of drawing it.
+        """
+        n = self.engine.n_envs
+        rows = np.arange(n)
+        self._begin(rows, start)
+        if stagger:
+            self._tick[:] = (rows * self.engine.scene.ticks) // n
+            self._home &= self._tick == 0
+        self._state = self.engine.state()
+        self._estimator.push(self._state.T_wh, self._state.opened, self._state.speed)
+        return self._observe()
+
+    def _begin(self, rows: Array, start: Start | None = None) -> None:
+        scene = self.engine.scene
+        if start is None:
+            drawn = draw(self.draws, self._rng, len(rows))
+            if self.starts is None or self._bank is None:
+                start = home_start(scene, drawn)
+            else:
+                share = self.starts.share(self.progress)
+                start = mixed_start(scene, self._bank, drawn, share, self._rng)
+        self.engine.reset(rows, start)
+        self._drawn.values[rows] = start.draw.values
+        self._home[rows] = (start.opened == 0.0) & (
+            np.abs(start.q - np.asarray(scene.place.start_q)).max(axis=1)
+            <= self.draws.start_rad + 1e-9
+        )
+        fresh = judgement_start(len(rows))
+        self._judgement.rest_s[rows] = 0.0
+        self._judgement.opened[rows] = False
+        self._judgement.diverged[rows] = False
+        self._judgement.samples[rows] = fresh.samples
+        self._tick[rows] = 0
+        self._last[rows] = 0.0
+        self._terms[rows] = 0.0
+        state = self.engine.state()
+        self._estimator.reset(rows, state.T_wh[rows], state.opened[rows])
+
+    def _observe(self) -> Array:
+        state, scene = self._state, self.engine.scene
+        assert state is not None
+        return observation(
+            scene.arm,
+            q=state.q,
+            dq=state.dq,
+            target=state.target,
+            hand_width=state.hand_width,
+            hand=state.hand,
+            estimate=self._estimator.estimate(self._drawn, self._rng),
+            last_action=self._last,
+            time_left=1.0 - self._tick / scene.ticks,
+        )
+
+    def step(self, action: Array) -> Tick:
+        """Run one tick with actions (N, 8), clipped to [-1, 1]."""
+        scene, before = self.engine.scene, self._state
+        assert before is not None
+        action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        state = self.engine.step(action)
+        terms = reward_terms(self.reward, scene.task, scene.arm, before, state, action)
+        self._judgement = judge_tick(
+            self._judgement,
+            state.samples,
+            scene.task,
+            opened=state.opened,
+            speed=state.speed,
+            tick_s=scene.follow.tick_s,
+        )
+        bad = self._judgement.diverged
+        terms = np.where(bad[:, None] | ~np.isfinite(terms), 0.0, terms)
+        self._state = state
+        self._last = action
+        self._terms += terms
+        self._tick += 1
+        self._estimator.push(state.T_wh, state.opened, state.speed)
+        done = (self._tick >= scene.ticks) | bad
+        seen = np.nan_to_num(self._observe())
+        ended = None
+        if done.any():
+            ended = self._end(np.flatnonzero(done), seen)
+            self._begin(ended.rows)
+            self._state = self.engine.state()
+            seen = seen.copy()
+            seen[ended.rows] = self._observe()[ended.rows]
+        return Tick(seen, terms.sum(axis=1), done, ended)
+
+    def _end(self, rows: Array, seen: Array) -> Ended:
+        task = self.engine.scene.task
+        return Ended(
+            rows=rows,
+            code=verdict(self._judgement, task)[rows],
+            opened=opened_at_end(self._judgement, task)[rows],
+            from_home=self._home[rows].copy(),
+            terms=self._terms[rows].copy(),
+            peaks=self._judgement.samples[rows].copy(),
+            observation=seen[rows],
+        )
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that resuming bit-identically needs: arrays, and the generator's state."""
+        out: dict[str, Any] = {f"engine_{k}": v for k, v in self.engine.snapshot().items()}
+        out |= self._estimator.snapshot()
+        j = self._judgement
+        return out | {
+            "judgement_samples": j.samples.copy(),
+            "judgement_rest_s": j.rest_s.copy(),
+            "judgement_opened": j.opened.copy(),
+            "judgement_diverged": j.diverged.copy(),
+            "episode_tick": self._tick.copy(),
+            "episode_home": self._home.copy(),
+            "episode_last": self._last.copy(),
+            "episode_terms": self._terms.copy(),
+            "episode_drawn": self._drawn.values.copy(),
+            "progress": np.array(self.progress),
+            "generator": self._rng.bit_generator.state,
+        }
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Continue from :meth:`snapshot`; the next step is the one that would have come."""
+        prefix = "engine_"
+        self.engine.restore(
+            {k[len(prefix) :]: v for k, v in snapshot.items() if k.startswith(prefix)}
+        )
+        self._estimator.restore(snapshot)
+        self._judgement = Judgement(
+            snapshot["judgement_samples"].copy(),
+            snapshot["judgement_rest_s"].copy(),
+            snapshot["judgement_opened"].copy(),
+            snapshot["judgement_diverged"].copy(),
+        )
+        self._tick[:] = snapshot["episode_tick"]
+        self._home[:] = snapshot["episode_home"]
+        self._last = snapshot["episode_last"].copy()
+        self._terms[:] = snapshot["episode_terms"]
+        self._drawn.values[:] = snapshot["episode_drawn"]
+        self.progress = float(snapshot["progress"])
+        self._rng.bit_generator.state = snapshot["generator"]
+        self._state = self.engine.state()

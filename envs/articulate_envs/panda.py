@@ -1,0 +1,163 @@
+"""The Panda of robosuite as an editable MuJoCo model with our plant on its joints."""
+
+from __future__ import annotations
+
+import importlib.util
+from functools import lru_cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import trimesh
+
+from articulate.arm import Arm
+from articulate.errors import MissingError
+from articulate.kinematics import FLANGE_Z_M, HAND_TURN_RAD
+from articulate.transforms import Array
+
+HAND_BODY = "right_hand"
+"""Body of the hand; fingers hang below it."""
+BASE_BODY = "link0"
+"""First body of the arm."""
+COARSE_MESHES = tuple(f"link{i}" for i in range(8))
+"""Collision meshes of the arm that are reduced; hand and fingers stay as they are."""
+COARSE_POINTS = 48
+"""Points kept of each."""
+ARM_BIT, OBJECT_BIT = 1, 2
+"""Contact bits: the arm meets the object and the floor, never itself."""
+
+
+def robosuite_folder() -> Path:
+    """Where robosuite's files lie; nothing of it is imported.
+
+    Raises:
+        MissingError: It is not installed.
+    """
+    found = importlib.util.find_spec("robosuite")
+    if found is None or found.origin is None:
+        raise MissingError(
+            "robosuite is not installed (its Panda is our arm); "
+            "run: pip install --no-deps robosuite==1.5.2"
+        )
+    return Path(found.origin).parent
+
+
+def panda_spec(arm: Arm, *, visuals: bool) -> mujoco.MjSpec:
+    """Arm and hand with joint impedance actuators ``joint1`` ... ``joint7`` and two finger actuators.
+
+    Stiffness and damping act as native position actuators with target velocity 0; gravity is
+    compensated within the actuators' torque limits, as the arm's controller does it.
+
+    Args:
+        arm: Gains, limits, armature, hand.
+        visuals: Keep the visual meshes; without them a model is small and quick to copy.
+    """
+    assets = robosuite_folder() / "models" / "assets"
+    spec = mujoco.MjSpec.from_file(str(assets / "robots" / "panda" / "robot.xml"))
+    hand = mujoco.MjSpec.from_file(str(assets / "grippers" / "panda_gripper.xml"))
+    for part in (spec, hand):
+        _strip(part, visuals=visuals)
+    wrist = spec.body(HAND_BODY)  # robosuite rounds its place: 0.1065 m and quat 0.924, -0.383
+    wrist.pos = [0.0, 0.0, FLANGE_Z_M]
+    wrist.quat = [np.cos(HAND_TURN_RAD / 2), 0.0, 0.0, np.sin(HAND_TURN_RAD / 2)]
+    frame = wrist.add_frame()
+    spec.attach(hand, prefix="", frame=frame)
+    _set_joints(spec, arm)
+    _set_fingers(spec, arm)
+    tool = spec.body(HAND_BODY).add_site()
+    tool.name = "tool"
+    tool.pos = [0.0, 0.0, arm.hand.tcp_z_m]
+    return spec
+
+
+def _strip(spec: mujoco.MjSpec, *, visuals: bool) -> None:
+    for element in [*spec.actuators, *spec.sensors, *spec.cameras]:
+        spec.delete(element)
+    for site in list(spec.sites):
+        spec.delete(site)
+    used = set()
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0:
+            if not visuals:
+                spec.delete(geom)
+                continue
+            geom.group = 2
+        else:
+            geom.group = 3
+            geom.contype, geom.conaffinity = ARM_BIT, OBJECT_BIT
+            geom.rgba = [0.5, 0.5, 0.5, 1.0]
+            geom.material = ""
+        if geom.meshname:
+            used.add(geom.meshname)
+    for mesh in list(spec.meshes):
+        if mesh.name not in used:
+            spec.delete(mesh)
+        elif mesh.name in COARSE_MESHES:
+            _make_coarse(spec, mesh)
+    if not visuals:
+        for material in list(spec.materials):
+            spec.delete(material)
+
+
+def _make_coarse(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> None:
+    """Replace a collision mesh by few points of its convex hull, chosen farthest first.
+
+    MuJoCo collides with the hull of a mesh in any case; fewer points make models small.
+    """
+    folder = Path(spec.modelfiledir) / spec.meshdir
+    points = _hull_points(folder / mesh.file, COARSE_POINTS)
+    mesh.file = ""
+    mesh.uservert = points.ravel()
+
+
+@lru_cache(maxsize=32)
+def _hull_points(path: Path, count: int) -> Array:
+    loaded = trimesh.load(path, force="mesh")
+    points = np.asarray(loaded.convex_hull.vertices, dtype=np.float64)
+    chosen = [int(np.argmin(points[:, 0]))]
+    distance = np.full(len(points), np.inf)
+    for _ in range(min(count, len(points)) - 1):
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(np.argmax(distance)))
+    return np.asarray(points[chosen])
+
+
+def _set_joints(spec: mujoco.MjSpec, arm: Arm) -> None:
+    for body in spec.bodies:
+        body.gravcomp = 1.0 if body.name not in ("world", "base") else 0.0
+    for i in range(7):
+        joint = spec.joint(f"joint{i + 1}")
+        joint.armature = arm.armature[i]
+        joint.frictionloss = arm.friction[i]
+        joint.damping = np.zeros(3)
+        joint.range = [arm.q_min[i], arm.q_max[i]]
+        joint.actgravcomp = 1
+        joint.actfrclimited = 1
+        joint.actfrcrange = [-arm.tau_max[i], arm.tau_max[i]]
+        actuator = spec.add_actuator(name=joint.name, target=joint.name)
+        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        actuator.set_to_position(kp=arm.stiffness[i], kv=arm.damping[i])
+
+
+def _set_fingers(spec: mujoco.MjSpec, arm: Arm) -> None:
+    half = arm.hand.max_width_m / 2.0
+    for i, sign in ((1, 1.0), (2, -1.0)):
+        joint = spec.joint(f"finger_joint{i}")
+        joint.armature, joint.frictionloss = 0.2, 0.5
+        joint.damping = np.array([20.0, 0.0, 0.0])
+        joint.range = [0.0, half] if sign > 0 else [-half, 0.0]
+        actuator = spec.add_actuator(name=joint.name, target=joint.name)
+        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        actuator.set_to_position(kp=2000.0, kv=40.0)
+        actuator.forcelimited = 1
+        actuator.forcerange = [-arm.hand.force_n, arm.hand.force_n]
+    couple = spec.add_equality(name="fingers", name1="finger_joint2", name2="finger_joint1")
+    couple.type = mujoco.mjtEq.mjEQ_JOINT
+    couple.objtype = mujoco.mjtObj.mjOBJ_JOINT
+    couple.data = np.array([0.0, -1.0, *([0.0] * 9)])
+    for geom in spec.geoms:
+        if geom.name.startswith("finger") and geom.contype:
+            geom.condim = 4
+            geom.priority = 1
+            geom.friction = [1.0, 0.02, 0.0001]
+            geom.solref = [0.01, 1.0]

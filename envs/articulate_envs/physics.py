@@ -1,0 +1,51 @@
+"""Physics settings that are shipped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+
+from articulate.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicsConfig:
+    """MuJoCo's settings for scenes."""
+
+    timestep_s: float = 0.005
+    """Length of a physics step [s]; a tick must hold a whole number of them."""
+    cone: Literal["elliptic", "pyramidal"] = "elliptic"
+    """Friction cone."""
+    impratio: float = 10.0
+    """Ratio of frictional to normal impedance; above 1 against slip of held parts."""
+    iterations: int = 30
+    """Largest number of solver iterations."""
+    tolerance: float = 1e-8
+    """The solver stops below this."""
+
+    def substeps(self, tick_s: float) -> int:
+        """Physics steps in a tick of ``tick_s`` [s]; ConfigError if it is not a whole number."""
+        count = round(tick_s / self.timestep_s)
+        if count < 1 or abs(count * self.timestep_s - tick_s) > 1e-9:
+            raise ConfigError(
+                f"physics.timestep_s is {self.timestep_s}; a tick of {tick_s} s must be a "
+                "whole number of steps"
+            )
+        return count
+
+    def apply(self, spec: mujoco.MjSpec) -> None:
+        """Write the settings into ``spec``."""
+        spec.option.timestep = self.timestep_s
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        spec.option.cone = (
+            mujoco.mjtCone.mjCONE_ELLIPTIC
+            if self.cone == "elliptic"
+            else mujoco.mjtCone.mjCONE_PYRAMIDAL
+        )
+        spec.option.impratio = self.impratio
+        spec.option.iterations = self.iterations
+        spec.option.tolerance = self.tolerance
+        spec.memory = 4 << 20

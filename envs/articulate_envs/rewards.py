@@ -1,0 +1,94 @@
+"""Reward: one function per term over a batch of states; the same for every asset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.arm import Arm
+from articulate.judgement import COLUMN
+from articulate.kinematics import tool_pose
+from articulate.task import Task, at_target
+from articulate.transforms import Array, rotation_angle
+from articulate_envs.engine import State
+
+TERMS = (
+    "reach", "align", "grip", "open", "progress", "rest", "force", "speed", "action", "violation",
+)  # fmt: skip
+"""Names of the terms, in the order of :func:`reward_terms`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardConfig:
+    """Weights. A tick's reward is the sum of the terms."""
+
+    reach: float = 0.5
+    """For the tool being at the handle, 1 / (1 + (d / reach_m)^2)."""
+    reach_m: float = 0.08
+    """Distance at which that is one half [m]."""
+    align: float = 0.25
+    """For the hand being turned like the handle, cos of the angle, weighted by closeness."""
+    grip: float = 0.25
+    """For a hand that is told to close at the handle."""
+    grip_m: float = 0.025
+    """Distance within which closing is right [m]."""
+    open: float = 2.0
+    """For the fraction of the way to the target."""
+    progress: float = 40.0
+    """For each change of that fraction."""
+    rest: float = 1.5
+    """For resting at or beyond the target."""
+    force: float = -0.05
+    """For each newton of filtered force beyond ``force_free_n``."""
+    force_free_n: float = 15.0
+    """Force that costs nothing [N]."""
+    speed: float = -2.0
+    """For the part's speed beyond ``speed_free``, per m/s or 0.2 rad/s."""
+    speed_free: float = 0.15
+    """Speed of the part that costs nothing [m/s]."""
+    action: float = -0.01
+    """For the mean square of the joint deltas."""
+    violation: float = -10.0
+    """Once, when a limit of the task is broken."""
+
+
+def reward_terms(
+    config: RewardConfig, task: Task, arm: Arm, before: State, after: State, action: Array
+) -> Array:
+    """Weighted terms (N, len(TERMS)) of one tick.
+
+    Args:
+        config: Weights.
+        task: Target and speeds.
+        arm: For its forward kinematics.
+        before: State before the tick.
+        after: State after it.
+        action: What the policy said (N, 8).
+    """
+    T_wt = tool_pose(arm, after.q)
+    distance = np.linalg.norm(T_wt[:, :3, 3] - after.T_wh[:, :3, 3], axis=1)
+    near = 1.0 / (1.0 + (distance / config.reach_m) ** 2)
+    turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
+    aligned = np.maximum(np.cos(rotation_angle(turn)), -1.0)
+    way = np.clip(after.opened / task.target, 0.0, 1.0)
+    change = way - np.clip(before.opened / task.target, 0.0, 1.0)
+    held = (distance < config.grip_m) * (0.5 + 0.5 * after.hand.smooth)
+    length = 1.0 if task.kind == "slide" else 0.2
+    part_speed = np.abs(after.speed) * length
+    force = np.linalg.norm(after.samples[:, 0:3], axis=1)
+    code = COLUMN["code"]
+    broken = (after.samples[:, code] > 0.0) & (before.samples[:, code] == 0.0)
+    terms = (
+        config.reach * near,
+        config.align * near * aligned,
+        config.grip * held,
+        config.open * way,
+        config.progress * change,
+        config.rest * at_target(task, after.opened, after.speed),
+        config.force * np.maximum(force - config.force_free_n, 0.0),
+        config.speed * np.maximum(part_speed - config.speed_free, 0.0),
+        config.action * np.mean(action[:, :7] ** 2, axis=1),
+        config.violation * broken,
+    )
+    return np.stack(terms, axis=1)

@@ -1,0 +1,283 @@
+"""Scene: asset, task, arm and physics as one MuJoCo model, with addresses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from articulate.arm import Arm
+from articulate.asset import Asset
+from articulate.follow import FollowConfig
+from articulate.task import Task
+from articulate.transforms import Array, matrix_to_quat
+from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
+from articulate_envs.physics import PhysicsConfig
+from articulate_envs.place import Place
+
+PREFIX = "object/"
+"""Prefix of every name of the object in a scene."""
+HAND_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR = "hand_object", "hand_floor", "robot_object"
+"""Contact sensors: net wrench of object and floor on the hand; contacts of all of the robot."""
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """Where things stand in the model's arrays; the same for every size of the object."""
+
+    arm_q: int
+    """First of the arm's seven positions and speeds."""
+    finger_q: int
+    """First of the two fingers."""
+    arm_ctrl: int
+    """First of the arm's seven actuators."""
+    finger_ctrl: int
+    """First of the two finger actuators."""
+    part_q: int
+    """Position of the task's joint."""
+    part_v: int
+    """Speed of the task's joint."""
+    object_v: tuple[int, ...]
+    """Degrees of freedom of the object."""
+    root_body: int
+    """The object's root body."""
+    part_body: int
+    """The body that the task's joint moves."""
+    moving_bodies: tuple[int, ...]
+    """Bodies of the object below a joint."""
+    finger_geoms: tuple[int, ...]
+    """Geoms whose friction rules contacts of the fingers."""
+    tool_site: int
+    """Site of the tool frame."""
+    sensors: tuple[int, int, int]
+    """First number of the hand, floor and robot sensors."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is simulated. Model ``k`` shows the object at size ``scales[k]``."""
+
+    asset: Asset
+    task: Task
+    arm: Arm
+    follow: FollowConfig
+    physics: PhysicsConfig
+    place: Place
+    scales: tuple[float, ...]
+    models: tuple[mujoco.MjModel, ...]
+    at: Addresses
+
+    @property
+    def nominal(self) -> mujoco.MjModel:
+        """The model whose size is nearest 1."""
+        return self.models[int(np.argmin(np.abs(np.asarray(self.scales) - 1.0)))]
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in a tick."""
+        return self.physics.substeps(self.follow.tick_s)
+
+    @property
+    def ticks(self) -> int:
+        """Ticks in an episode."""
+        return round(self.task.episode_s * self.follow.rate_hz)
+
+
+def build_scene(
+    asset: Asset,
+    task: Task,
+    *,
+    arm: Arm,
+    follow: FollowConfig,
+    physics: PhysicsConfig,
+    place: Place,
+    scales: tuple[float, ...] = (1.0,),
+) -> Scene:
+    """Compile the scene once for each of ``scales``.
+
+    Raises:
+        MissingError: robosuite, whose Panda is used, is not installed.
+    """
+    models = tuple(
+        scene_spec(
+            asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False
+        ).compile()
+        for scale in scales
+    )
+    return Scene(
+        asset=asset,
+        task=task,
+        arm=arm,
+        follow=follow,
+        physics=physics,
+        place=place,
+        scales=scales,
+        models=models,
+        at=_addresses(models[0], task),
+    )
+
+
+def scene_spec(
+    asset: Asset,
+    *,
+    arm: Arm,
+    physics: PhysicsConfig,
+    place: Place,
+    scale: float,
+    visuals: bool,
+) -> mujoco.MjSpec:
+    """Arm, floor and object as an editable model; with ``visuals`` as people see it."""
+    spec = panda_spec(arm, visuals=visuals)
+    spec.modelname = asset.name
+    physics.apply(spec)
+    child = mujoco.MjSpec.from_file(str(asset.mjcf_path))
+    _prepare_object(child, scale=scale, visuals=visuals)
+    frame = spec.worldbody.add_frame()
+    T_wo = place.T_wo()
+    root = child.worldbody.first_body()
+    root_name = PREFIX + root.name
+    root.pos = T_wo[:3, 3]
+    root.quat = matrix_to_quat(T_wo[:3, :3])
+    spec.attach(child, prefix=PREFIX, frame=frame)
+    _add_arena(spec, asset, place, visuals=visuals)
+    _add_sensors(spec, root_name)
+    return spec
+
+
+def _prepare_object(spec: mujoco.MjSpec, *, scale: float, visuals: bool) -> None:
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0:
+            if not visuals:
+                spec.delete(geom)
+                continue
+        else:
+            geom.contype, geom.conaffinity = OBJECT_BIT, ARM_BIT | OBJECT_BIT
+        geom.pos = scale * np.asarray(geom.pos)
+        geom.size = scale * np.asarray(geom.size)
+    used = {g.meshname for g in spec.geoms if g.meshname}
+    for mesh in list(spec.meshes):
+        if mesh.name not in used:
+            spec.delete(mesh)
+        else:
+            mesh.scale = scale * np.asarray(mesh.scale)
+    for site in spec.sites:
+        site.pos = scale * np.asarray(site.pos)
+    for body in spec.bodies:
+        body.pos = scale * np.asarray(body.pos)
+        body.ipos = scale * np.asarray(body.ipos)
+        body.mass = scale**3 * body.mass
+        body.inertia = scale**5 * np.asarray(body.inertia)
+        body.fullinertia = scale**5 * np.asarray(body.fullinertia)
+    for joint in spec.joints:
+        joint.pos = scale * np.asarray(joint.pos)
+        if int(joint.type) == int(mujoco.mjtJoint.mjJNT_SLIDE):
+            joint.range = scale * np.asarray(joint.range)
+
+
+def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: Place, *, visuals: bool) -> None:
+    floor_z = min(0.0, place.pos_w[2])
+    floor = spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE)
+    floor.size = [3.0, 3.0, 0.1]
+    floor.pos = [0.0, 0.0, floor_z]
+    floor.rgba = [0.86, 0.87, 0.88, 1.0]
+    floor.contype, floor.conaffinity, floor.group = 0, ARM_BIT, 2
+    if not visuals:
+        return
+    for name, top, x, half in (
+        ("robot_stand", 0.0, 0.0, (0.12, 0.12)),
+        ("object_stand", place.pos_w[2], place.pos_w[0], _footprint(asset, place)),
+    ):
+        if top - floor_z > 0.01:
+            height = (top - floor_z) / 2.0
+            box = spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX)
+            box.size = [half[0], half[1], height - 0.001]
+            box.pos = [x, 0.0 if name == "robot_stand" else place.pos_w[1], floor_z + height]
+            box.contype, box.conaffinity, box.group = 0, 0, 2
+            box.rgba = [0.55, 0.57, 0.6, 1.0]
+    light = spec.worldbody.add_light()
+    light.pos, light.dir = [0.0, -1.0, 3.0], [0.2, 0.4, -1.0]
+    light.diffuse = [0.6, 0.6, 0.6]
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+
+
+def _footprint(asset: Asset, place: Place) -> tuple[float, float]:
+    low, high = (np.asarray(b) for b in asset.bounds_o)
+    half = (high - low)[:2] / 2.0
+    c, s = abs(np.cos(place.yaw_rad)), abs(np.sin(place.yaw_rad))
+    return float(c * half[0] + s * half[1]), float(s * half[0] + c * half[1])
+
+
+def _add_sensors(spec: mujoco.MjSpec, root_name: str) -> None:
+    xbody, body = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_BODY
+    data = mujoco.mjtConDataField
+    net = [int(data.mjCONDATA_FOUND), int(data.mjCONDATA_FORCE)]
+    net += [int(data.mjCONDATA_TORQUE), int(data.mjCONDATA_POS)]
+    for name, first, second, kind, fields, reduce in (
+        (HAND_SENSOR, HAND_BODY, root_name, xbody, net, 3),
+        (FLOOR_SENSOR, HAND_BODY, "world", body, net, 3),
+        (ROBOT_SENSOR, BASE_BODY, root_name, xbody, net[:1], 0),
+    ):
+        sensor = spec.add_sensor(name=name)
+        sensor.type = mujoco.mjtSensor.mjSENS_CONTACT
+        sensor.objtype, sensor.objname = xbody, first
+        sensor.reftype, sensor.refname = kind, second
+        sensor.intprm = [sum(1 << f for f in fields), reduce, 1]
+
+
+def _addresses(model: mujoco.MjModel, task: Task) -> Addresses:
+    part = model.joint(PREFIX + task.joint)
+    arm = model.joint("joint1")
+    finger = model.joint("finger_joint1")
+    moving = [
+        i
+        for i in range(model.nbody)
+        if model.body(i).name.startswith(PREFIX) and model.body_weldid[i] != 0
+    ]
+    object_v = [i for i in range(model.nv) if int(model.dof_bodyid[i]) in moving]
+    root = next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
+    fingers = [
+        i
+        for i in range(model.ngeom)
+        if model.geom(i).name.startswith("finger") and model.geom_contype[i]
+    ]
+    return Addresses(
+        arm_q=int(arm.qposadr[0]),
+        finger_q=int(finger.qposadr[0]),
+        arm_ctrl=int(model.actuator("joint1").id),
+        finger_ctrl=int(model.actuator("finger_joint1").id),
+        part_q=int(part.qposadr[0]),
+        part_v=int(part.dofadr[0]),
+        object_v=tuple(object_v),
+        root_body=root,
+        part_body=int(part.bodyid[0]),
+        moving_bodies=tuple(moving),
+        finger_geoms=tuple(fingers),
+        tool_site=int(model.site("tool").id),
+        sensors=(
+            int(model.sensor(HAND_SENSOR).adr[0]),
+            int(model.sensor(FLOOR_SENSOR).adr[0]),
+            int(model.sensor(ROBOT_SENSOR).adr[0]),
+        ),
+    )
+
+
+def wrench_of(sensors: Array, at: Addresses, tool_w: Array) -> tuple[Array, Array]:
+    """Net wrench on the hand about the tool (N, 6), and whether the arm touches the object (N,).
+
+    The contact sensors give the net force on the hand of what it is paired with, in the world
+    frame, with the moment about the point that they name.
+
+    Args:
+        sensors: Sensor data (N, nsensordata).
+        at: Addresses.
+        tool_w: Place of the tool (N, 3) [m].
+    """
+    wrench = np.zeros((len(sensors), 6))
+    for start in at.sensors[:2]:
+        block = sensors[:, start : start + 10]
+        force = block[:, 1:4]
+        wrench[:, :3] += force
+        wrench[:, 3:] += block[:, 4:7] + np.cross(block[:, 7:10] - tool_w, force)
+    touch = sensors[:, at.sensors[2]] > sensors[:, at.sensors[0]] + 0.5
+    return wrench, np.asarray(touch)

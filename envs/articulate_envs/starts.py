@@ -1,0 +1,121 @@
+"""How episodes begin: from home, or along the task while learning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.draw import COLUMNS, Draw, DrawConfig, draw
+from articulate.kinematics import solve_ik
+from articulate.transforms import Array, pose
+from articulate_envs.engine import Start
+from articulate_envs.place import handle_in_world, object_pose
+from articulate_envs.scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartConfig:
+    """Share of training episodes that begin along the task, and how."""
+
+    share_first: float = 0.7
+    """Share of starts along the task at the beginning of training, in [0, 1]."""
+    share_last: float = 0.2
+    """Share at the end of the curriculum, in [0, 1]."""
+    until: float = 0.6
+    """Share of the training after which the second holds; linear between."""
+    grip_share: float = 0.6
+    """Of those starts, the share with the hand closed on the handle of a part that is open."""
+    standoff_m: float = 0.12
+    """The others begin before the handle of a closed part, up to this far [m]."""
+    bank: int = 512
+    """How many such starts are prepared."""
+
+    def share(self, progress: float) -> float:
+        """Share of starts along the task when ``progress`` in [0, 1] of the training is done."""
+        t = min(max(progress / self.until, 0.0), 1.0)
+        return self.share_first + t * (self.share_last - self.share_first)
+
+
+def home_start(scene: Scene, drawn: Draw) -> Start:
+    """Starts from home plus the drawn offsets, hand open and empty, part closed."""
+    n = len(drawn.values)
+    low, high = scene.arm.bounds(scene.follow.margin_rad)
+    return Start(
+        draw=drawn,
+        q=np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high),
+        opened=np.zeros(n),
+        width=np.full(n, scene.arm.hand.max_width_m),
+        closing=-np.ones(n),
+    )
+
+
+def bank_of_starts(
+    scene: Scene, config: StartConfig, draws: DrawConfig, rng: np.random.Generator
+) -> Start:
+    """Starts along the task whose arm poses were found by inverse kinematics."""
+    n = config.bank
+    drawn = draw(draws, rng, n)
+    grip = rng.random(n) < config.grip_share
+    opened = np.where(grip, scene.task.target * rng.random(n), 0.0)
+    T_wo = object_pose(
+        scene.asset,
+        scene.task.joint,
+        scene.place,
+        scale=drawn["scale"],
+        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
+        yaw=drawn["yaw_rad"],
+    )
+    goals = handle_in_world(
+        scene.asset,
+        scene.task.joint,
+        T_wo=T_wo,
+        scale=drawn["scale"],
+        opened=opened,
+        flip=scene.place.flip,
+    )
+    back = np.where(grip, 0.0, config.standoff_m * rng.random(n))
+    goals = goals @ pose(np.stack([0 * back, 0 * back, -back], axis=1))
+    found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
+    handle = scene.asset.handle_of(scene.task.joint)
+    thick = handle.extent[1] if handle is not None else 0.02
+    held = np.clip(thick * drawn["scale"], 0.0, scene.arm.hand.max_width_m)
+    ok = found.reached
+    if not ok.any():
+        ok[:] = True
+    return Start(
+        draw=Draw(drawn.values[ok]),
+        q=found.q[ok],
+        opened=opened[ok],
+        width=np.where(grip, held, scene.arm.hand.max_width_m)[ok],
+        closing=np.where(grip, 1.0, -1.0)[ok],
+    )
+
+
+PLACED = ("scale", "x_m", "y_m", "yaw_rad")
+"""Drawn numbers on which a prepared arm pose depends."""
+
+
+def mixed_start(
+    scene: Scene, bank: Start, drawn: Draw, share: float, rng: np.random.Generator
+) -> Start:
+    """Home starts, of which ``share`` are replaced by rows of ``bank``."""
+    home = home_start(scene, drawn)
+    n = len(drawn.values)
+    along = rng.random(n) < share
+    pick = rng.integers(len(bank.q), size=n)
+    values = drawn.values.copy()
+    columns = [COLUMNS.index(name) for name in PLACED]
+    values[np.ix_(along, columns)] = bank.draw.values[pick[along]][:, columns]
+
+    def choose(a: Array, b: Array) -> Array:
+        mask = along if a.ndim == 1 else along[:, None]
+        return np.where(mask, b[pick], a)
+
+    return Start(
+        draw=Draw(values),
+        q=choose(home.q, bank.q),
+        opened=choose(home.opened, bank.opened),
+        width=choose(home.width, bank.width),
+        closing=choose(home.closing, bank.closing),
+    )

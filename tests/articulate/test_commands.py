@@ -1,0 +1,265 @@
+import errno
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+import tyro
+
+from articulate import commands
+from articulate.commands.flags import parse
+from articulate.errors import ConfigError, UsageError
+
+HEAVY = {
+    "mujoco",
+    "torch",
+    "scipy",
+    "trimesh",
+    "matplotlib",
+    "gymnasium",
+    "onnxruntime",
+    "numpy",
+    "tyro",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ppo:
+    """How to learn."""
+
+    learning_rate: float = 1e-3
+    """Step of the optimiser."""
+    horizon: int = 100
+    """Length of a rollout [steps]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train:
+    """Train a policy."""
+
+    run: Annotated[Path, tyro.conf.Positional]
+    """Folder of the run."""
+    asset: Path
+    """The object."""
+    task: Literal["open_drawer", "open_joint"] = "open_drawer"
+    """What to do with it."""
+    ppo: Ppo = Ppo()
+    seeds: tuple[int, ...] = (0,)
+    """Seeds."""
+    json: bool = False
+    """Print JSON."""
+
+
+def raising(error):
+    def command(argv):
+        raise error
+
+    return command
+
+
+def fresh(code, **env):
+    """Output of ``code`` in a fresh interpreter."""
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=env or None, timeout=60
+    )
+
+
+def test_flags_lie_over_defaults():
+    flags = parse(
+        Train, ["R", "--asset", "a.urdf", "--ppo.horizon", "7", "--seeds", "1", "2", "--json"]
+    )
+    assert flags == Train(
+        run=Path("R"), asset=Path("a.urdf"), ppo=Ppo(horizon=7), seeds=(1, 2), json=True
+    )
+
+
+def test_flags_lie_over_presets_and_later_presets_over_earlier(tmp_path):
+    low, high = tmp_path / "low.yaml", tmp_path / "high.yaml"
+    low.write_text("asset: low.urdf\nppo: {horizon: 1, learning_rate: 1e-5}\n")
+    high.write_text("ppo: {horizon: 2}\nseeds: [5]\n")
+    argv = ["R", "--config", str(low), f"--config={high}", "--seeds", "6"]
+    expected = Ppo(horizon=2, learning_rate=1e-5)
+    assert parse(Train, argv) == Train(
+        run=Path("R"), asset=Path("low.urdf"), ppo=expected, seeds=(6,)
+    )
+
+
+def test_presets_lie_over_a_given_default(tmp_path):
+    (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
+    default = Train(run=Path("D"), asset=Path("d.urdf"), ppo=Ppo(learning_rate=0.5), json=True)
+    flags = parse(Train, ["R", "--config", str(tmp_path / "x.yaml")], default)
+    assert flags.ppo.horizon == 2
+    assert flags.asset == Path("d.urdf")
+    assert flags.json
+
+
+def test_values_in_dashes_or_underscores_are_the_same_flag():
+    argv = ["R", "--asset", "a"]
+    assert parse(Train, [*argv, "--ppo.learning_rate", "1"]) == parse(
+        Train, [*argv, "--ppo.learning-rate", "1"]
+    )
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        "R --asset a --ppo.lerning-rate 3",
+        "R --aset a",
+        "R --asset a --xyz",
+        "R --asset a --ppo.learning-rate fast",
+        "R --asset a --task open_door",
+        "R --asset a --seeds 1 b",
+        "R S --asset a",
+        "R --asset",
+        "R",
+        "--asset a",
+        "R --asset a --config",
+    ],
+)
+def test_wrong_flags_are_one_line(argv, error_line):
+    line = error_line(
+        f"parse(Train, {argv.split()})", lambda: parse(Train, argv.split(), prog="train")
+    )
+    assert not set(line) & set("│╭─")
+
+
+def test_unknown_key_of_a_preset_names_the_file(tmp_path, error_line):
+    path = tmp_path / "fast.yaml"
+    path.write_text("ppo: {lerning_rate: 1}")
+    argv = ["R", "--asset", "a", "--config", str(path)]
+    error_line(
+        "parse(Train, ['R', '--asset', 'a', '--config', 'fast.yaml'])", lambda: parse(Train, argv)
+    )
+
+
+def test_help_of_a_command_shows_flags_units_and_presets(capsys):
+    with pytest.raises(SystemExit) as stop:
+        parse(Train, ["--help"], prog="articulate train")
+    assert stop.value.code == 0
+    text = capsys.readouterr().out
+    for word in [
+        "articulate train",
+        "Train a policy",
+        "--ppo.horizon",
+        "[steps]",
+        "--config FILE|PRESET",
+    ]:
+        assert word in text
+
+
+def test_bad_input_is_one_line_and_exit_2(capsys):
+    assert commands.run_command(raising(ConfigError("no\n  such thing")), []) == 2
+    assert capsys.readouterr().err == "no such thing\n"
+
+
+def test_interrupt_is_exit_130(capsys):
+    assert commands.run_command(raising(KeyboardInterrupt()), []) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_full_disk_is_one_line_and_exit_2(capsys):
+    error = OSError(errno.ENOSPC, "No space left on device", "runs/x")
+    assert commands.run_command(raising(error), []) == 2
+    assert "no space left on the disk for runs/x" in capsys.readouterr().err
+
+
+def test_bug_is_exit_1_and_its_trace_lies_in_the_file_that_is_named(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert commands.run_command(raising(RuntimeError("boom\nboom")), []) == 1
+    line = capsys.readouterr().err
+    assert line.startswith("RuntimeError: boom boom; trace in ")
+    trace = Path(line.split("trace in ")[1].strip())
+    assert trace.parent == tmp_path
+    assert "raise error" in trace.read_text()
+
+
+def test_exit_code_of_a_command_is_passed_on():
+    assert commands.run_command(len, ["a", "b", "c"]) == 3
+
+
+def test_unknown_verb_is_answered_with_the_nearest(capsys):
+    assert commands.main(["trian"]) == 2
+    assert capsys.readouterr().err == "trian: no such command; did you mean train?\n"
+
+
+def test_help_lists_the_verbs_and_version_is_told(capsys):
+    assert commands.main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(verb in text for verb in ["check", "train", "evaluate", "export", "deploy"])
+    assert commands.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"articulate {commands.version()}\n"
+
+
+def test_no_verb_at_all_shows_the_help_and_is_exit_2(capsys):
+    assert commands.main([]) == 2
+    assert "usage: articulate VERB" in capsys.readouterr().out
+
+
+def test_short_names_call_their_verb(monkeypatch):
+    seen: list[list[str]] = []
+    monkeypatch.setattr(commands, "main", seen.append)
+    monkeypatch.setattr(sys, "argv", ["name", "--flag"])
+    for short in ["check_asset", "train", "evaluate", "export_policy", "deploy"]:
+        getattr(commands, short)()
+    assert [argv[0] for argv in seen] == ["check", "train", "evaluate", "export", "deploy"]
+    assert all(argv[1:] == ["--flag"] for argv in seen)
+
+
+@pytest.fixture
+def plug_in(tmp_path):
+    """A folder with a distribution whose verb ``shine`` needs a module that is not there."""
+    info = tmp_path / "shiny-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: shiny\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[articulate.commands]\nshine = shiny:main\n")
+    (tmp_path / "shiny.py").write_text("import module_that_is_not_there\n")
+    return tmp_path
+
+
+def test_broken_plug_in_is_listed_and_does_not_break_help(plug_in):
+    code = "import sys; from articulate.commands import main; sys.exit(main(['--help']))"
+    result = fresh(code, PYTHONPATH=str(plug_in))
+    assert result.returncode == 0
+    assert "shine" in result.stdout
+
+
+def test_broken_plug_in_fails_in_one_line_when_called(plug_in):
+    code = "import sys; from articulate.commands import main; sys.exit(main(['shine']))"
+    result = fresh(code, PYTHONPATH=str(plug_in))
+    assert result.returncode == 2
+    assert result.stderr.startswith("shine: shiny:main needs the module module_that_is_not_there")
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "code", ["import articulate", "from articulate.commands import main; main(['--help'])"]
+)
+def test_import_and_help_touch_no_heavy_module(code):
+    result = fresh(f"{code}; import sys; print(*sys.modules, file=sys.stderr)")
+    assert result.returncode == 0
+    assert not HEAVY & set(result.stderr.split())
+
+
+def test_python_m_articulate_is_the_command():
+    result = subprocess.run(
+        [sys.executable, "-m", "articulate", "--version"], capture_output=True, text=True
+    )
+    assert result.stdout == f"articulate {commands.version()}\n"
+
+
+def test_reader_that_goes_away_is_no_bug():
+    code = (
+        "from articulate.commands import run_command; run_command(lambda _: print('x' * 10**7), [])"
+    )
+    shell = f'{sys.executable} -c "{code}" | head -c 5'
+    result = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)
+    assert result.stdout == "xxxxx"
+    assert result.stderr == ""
+
+
+def test_usage_error_raised_by_a_verb_reaches_the_user_through_main(capsys, monkeypatch):
+    monkeypatch.setattr(commands, "_verb", lambda name: raising(UsageError(f"{name}: refused")))
+    assert commands.main(["check"]) == 2
+    assert capsys.readouterr().err == "check: refused\n"

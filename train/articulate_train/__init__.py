@@ -1,0 +1,1 @@
+"""Policies: train, evaluate, export."""

@@ -1,0 +1,94 @@
+"""Stable-Baselines3's VecEnv over our episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+from articulate.judgement import REASONS
+from articulate.observe import ACTION, OBSERVATION
+from articulate.transforms import Array
+from articulate_envs.episodes import Ended, Episodes
+
+
+class EpisodesVecEnv(VecEnv):
+    """N environments as Stable-Baselines3 wants them.
+
+    Episodes have a fixed length and the observation holds the time left, so that their end is a
+    termination, not a truncation.
+    """
+
+    def __init__(self, episodes: Episodes) -> None:
+        """Wrap ``episodes``, which this then owns."""
+        self.episodes = episodes
+        self.finished: list[Ended] = []
+        """Episodes that ended since the list was last cleared."""
+        self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
+        self._stagger = True
+        super().__init__(
+            episodes.engine.n_envs,
+            gymnasium.spaces.Box(
+                OBSERVATION.low.astype(np.float32), OBSERVATION.high.astype(np.float32)
+            ),
+            gymnasium.spaces.Box(ACTION.low.astype(np.float32), ACTION.high.astype(np.float32)),
+        )
+        self._infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+
+    def reset(self) -> Array:
+        """Begin all episodes, the first ones staggered."""
+        return self.episodes.reset(stagger=self._stagger).astype(np.float32)
+
+    def step_async(self, actions: Array) -> None:
+        """Keep the actions (N, 8)."""
+        self._action = actions
+
+    def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
+        """Run one tick."""
+        tick = self.episodes.step(self._action)
+        infos: list[dict[str, Any]] = self._infos
+        if tick.ended is not None:
+            infos = [{} for _ in range(self.num_envs)]
+            self.finished.append(tick.ended)
+            for k, i in enumerate(tick.ended.rows):
+                infos[i] = {
+                    "terminal_observation": tick.ended.observation[k].astype(np.float32),
+                    "TimeLimit.truncated": False,
+                    "reason": REASONS[int(tick.ended.code[k])],
+                    "is_success": bool(tick.ended.code[k] == 0),
+                }
+        return (
+            tick.observation.astype(np.float32),
+            tick.reward.astype(np.float32),
+            tick.done,
+            infos,
+        )
+
+    def close(self) -> None:
+        """Give back the engine."""
+        self.episodes.engine.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of this object, once per environment."""
+        return [getattr(self, attr_name, None)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of this object."""
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the episodes; they are one object for all environments."""
+        return [getattr(self.episodes, method_name)(*args, **kwargs)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """No environment is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+    def seed(self, seed: int | None = None) -> Sequence[None | int]:
+        """Seeds are decided when the episodes are made; this keeps what they are."""
+        return [None] * self.num_envs
