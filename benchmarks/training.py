@@ -9,14 +9,19 @@ of them goes on. Then blocks alternate, ours, robosuite, ours, robosuite, so tha
 machine does hits both. A block is a whole number of updates, so that physics, observations,
 rewards, resets, transfer, policy and gradient steps all count. Numba and page caches are warmed
 up before the clock starts.
+
+Run it on a machine that does nothing else: workers that wait for each other at every step suffer
+more from other work than threads do. ``load_before`` says whether it was idle, and
+``cpu_ms_per_step`` compares processor time, which other work changes less.
 """
 
+# ruff: noqa: E402 - the environment comes before numpy and torch
 from __future__ import annotations
 
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"  # before numpy and torch are imported, here and in the workers
+    os.environ[_name] = "1"  # here and in the workers
 os.environ.setdefault("MUJOCO_GL", "egl")  # robosuite sets it otherwise; nothing is rendered
 
 import argparse
@@ -31,16 +36,23 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
 import numpy as np
 import torch
-from robosuite_cabinet import Fixture, fixture_of, make_env
+from robosuite_cabinet import CONTROL_HZ, Fixture, fixture_of, make_env
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecNormalize
 
+from articulate.config import find_config, load_config, read_yaml
+from articulate.library.procedural.cabinet import embedded_cabinet
+from articulate_envs.scene import Scene
+from articulate_train.config import TrainConfig
+from articulate_train.ppo import Learner
+from articulate_train.run import create_run
+
 WARM_UP_STEPS = 20
 """Steps of each robosuite environment before the clock starts; numba compiles in the first ones."""
+ENDLESS_STEPS = 1_000_000_000
+"""Steps that our training believes to have ahead, so that it stays at its first curriculum."""
 PACKAGES = ("mujoco", "robosuite", "stable_baselines3", "torch", "numpy", "gymnasium")
 
 
@@ -62,6 +74,12 @@ class Settings:
     """Discount; also that of the reward's normalisation."""
     horizon: int
     """Control steps in an episode."""
+    joint: str
+    """What is to be opened."""
+    our_envs: int
+    """Environments of ours; robosuite has one in each worker."""
+    our_physics_step_s: float
+    """Our physics step [s], the one that is shipped; robosuite's is 0.002."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +87,11 @@ class Block:
     """One timed stretch of training."""
 
     steps: int
+    """Environment steps."""
     seconds: float
+    """Wall time [s]."""
+    cpu_seconds: float
+    """Processor time of this process and the side's workers [s]."""
 
     @property
     def rate(self) -> float:
@@ -84,6 +106,10 @@ class Side(Protocol):
         """Collect a rollout and learn from it; the number of environment steps."""
         ...
 
+    def workers(self) -> list[int]:
+        """Ids of its worker processes."""
+        ...
+
     def close(self) -> None:
         """End its processes or threads."""
         ...
@@ -91,12 +117,77 @@ class Side(Protocol):
 
 def measure(side: Side, seconds: float) -> Block:
     """Updates until ``seconds`` are over, at least one."""
-    steps, start = 0, time.perf_counter()
+    processes = [os.getpid(), *side.workers()]
+    steps, cpu, start = 0, processor_time(processes), time.perf_counter()
     while True:
         steps += side.update()
         elapsed = time.perf_counter() - start
         if elapsed >= seconds:
-            return Block(steps=steps, seconds=elapsed)
+            spent = processor_time(processes) - cpu
+            return Block(steps=steps, seconds=elapsed, cpu_seconds=spent)
+
+
+def processor_time(processes: list[int]) -> float:
+    """User and system time that the processes have used so far [s] (Linux)."""
+    ticks = 0
+    for process in processes:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+class OurSide:
+    """A seed's training as ``train`` runs it, one update at a time."""
+
+    def __init__(self, scene: Scene, config: TrainConfig, threads: int) -> None:
+        self.learner = Learner(scene, config, seed=0, threads=threads)
+        self.steps = config.ppo.n_envs * config.ppo.n_steps
+
+    def update(self) -> int:
+        """Collect a rollout and learn from it; the number of environment steps."""
+        self.learner.run(lambda _: False)
+        self.learner.envs.finished.clear()
+        return self.steps
+
+    def workers(self) -> list[int]:
+        """None: it runs in threads."""
+        return []
+
+    def close(self) -> None:
+        """End the threads of the engine."""
+        self.learner.close()
+
+
+def prepare(folder: Path, preset: str | None, threads: int) -> tuple[OurSide, Fixture, Settings]:
+    """Ours, ready to train on the embedded cabinet, and what robosuite is to have in common.
+
+    This is the only place that knows the training package.
+    """
+    urdf = embedded_cabinet(folder / "urdf")
+    asked = read_yaml(find_config(preset)) if preset else {}
+    asked |= {"asset": str(urdf), "seeds": [0], "steps": ENDLESS_STEPS}
+    config = load_config(TrainConfig, asked)
+    run = create_run(config, folder / "run", folder / "cache")
+    settings = Settings(
+        rollout=config.ppo.n_envs * config.ppo.n_steps,
+        batch=config.ppo.batch_size,
+        epochs=config.ppo.n_epochs,
+        layers=config.ppo.net,
+        activation="ELU",
+        gamma=config.ppo.gamma,
+        horizon=round(run.task.episode_s * CONTROL_HZ),
+        our_physics_step_s=config.physics.timestep_s,
+        our_envs=config.ppo.n_envs,
+        joint=run.task.joint,
+    )
+    fixture = fixture_of(
+        run.asset,
+        run.task.joint,
+        pos_w=run.place.pos_w,
+        yaw_rad=run.place.yaw_rad,
+        start_q=run.place.start_q,
+    )
+    return OurSide(run.scene(), config, threads), fixture, settings
 
 
 class RobosuiteSide:
@@ -107,10 +198,11 @@ class RobosuiteSide:
         envs = SubprocVecEnv(
             [partial(make_env, fixture, settings.horizon)] * workers, start_method="forkserver"
         )
+        self.processes = envs.processes
         self.envs = VecNormalize(envs, gamma=settings.gamma)
         self.envs.seed(0)
         self.envs.reset()
-        idle = np.zeros((workers, *envs.action_space.shape))
+        idle = np.zeros((workers, np.prod(envs.action_space.shape or (1,))))
         for _ in range(WARM_UP_STEPS):
             self.envs.step(idle)
         layers = list(settings.layers)
@@ -133,6 +225,10 @@ class RobosuiteSide:
         """Collect a rollout and learn from it; the number of environment steps."""
         self.model.learn(self.steps, reset_num_timesteps=False)
         return self.steps
+
+    def workers(self) -> list[int]:
+        """Ids of the worker processes."""
+        return [process.pid for process in self.processes]
 
     def close(self) -> None:
         """End the worker processes."""
@@ -157,7 +253,7 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
     torch.set_num_threads(1)
     load_before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
-        ours, fixture, settings = our_side(Path(folder), args.threads)
+        ours, fixture, settings = prepare(Path(folder), args.preset, args.threads)
         workers, search = best_workers(fixture, settings, args.workers)
         theirs = RobosuiteSide(fixture, settings, workers)
         blocks: dict[str, list[Block]] = {"ours": [], "robosuite": []}
@@ -169,10 +265,11 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
                 _tell(f"{name}: {block.rate:.0f} steps/s over {block.seconds:.0f} s")
         ours.close()
         theirs.close()
-    rate = {
-        name: sum(block.steps for block in done) / sum(block.seconds for block in done)
-        for name, done in blocks.items()
-    }
+    rate, cpu_ms = {}, {}
+    for name, done in blocks.items():
+        steps = sum(block.steps for block in done)
+        rate[name] = steps / sum(block.seconds for block in done)
+        cpu_ms[name] = 1e3 * sum(block.cpu_seconds for block in done) / steps
     pairs = zip(blocks["ours"], blocks["robosuite"], strict=True)
     return {
         "robosuite_ratio": rate["ours"] / rate["robosuite"],
@@ -181,11 +278,13 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
         "workers": workers,
         "threads": args.threads,
         "ratios": [a.rate / b.rate for a, b in pairs],
+        "cpu_ms_per_step": cpu_ms,
         "blocks": {name: [asdict(block) for block in done] for name, done in blocks.items()},
         "search_steps_per_s": {str(count): value for count, value in search.items()},
         "settings": asdict(settings),
         "cpus": len(os.sched_getaffinity(0)),
         "load_before": load_before,
+        "load_after": os.getloadavg()[0],
         "python": platform.python_version(),
         "versions": {name: version(name) for name in PACKAGES},
     }
@@ -205,6 +304,7 @@ def main() -> None:
     parser.add_argument(
         "--threads", type=int, default=len(os.sched_getaffinity(0)), help="threads of our engine"
     )
+    parser.add_argument("--preset", help="preset or YAML file of our training")
     args = parser.parse_args()
     result = compare(args)
     if args.json:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from articulate.errors import UsageError
 
@@ -18,9 +19,18 @@ ROOT = Path(__file__).resolve().parents[1]
 LINES_PATH = Path(__file__).with_name("error_lines.txt")
 LINES_HEADER = """\
 # What users read when something is wrong with what they gave: the provoking call, then the line.
-# Every entry is provoked by a test (fixture error_line). Sorted and rewritten, entries that nothing
-# provokes any more aside, by: .venv/bin/python -m pytest --rewrite-error-lines
+# A test provokes each of them (fixture error_line). New and changed ones are written, sorted, by
+# .venv/bin/python -m pytest --rewrite-error-lines; those that nothing provokes are deleted by hand.
 """
+
+# Machines that test may be busy: time decides nothing. In CI the same examples each time.
+settings.register_profile(
+    "project",
+    deadline=None,
+    derandomize="CI" in os.environ,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("project")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -26,7 +26,7 @@ class Hand:
 
     max_width_m: float = 0.08
     """Opening between the fingers when open [m]."""
-    finger_speed_m_s: float = 0.05
+    finger_speed_m_s: float = 0.1
     """Speed of one finger when told to open or close [m/s]; the URDF's limit is 0.2."""
     force_n: float = 30.0
     """Force of one finger when closed on something [N]."""

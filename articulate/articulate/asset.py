@@ -104,7 +104,7 @@ class Handle:
     pos_l: Vec3
     """Middle between the finger tips when they hold it [m]."""
     normal_l: Vec3
-    """Unit vector from the handle towards the place of the hand; the hand approaches along -normal."""
+    """Unit vector from the handle towards the hand, which approaches along -normal."""
     along_l: Vec3
     """Unit long axis, perpendicular to ``normal_l``; fingers close along normal x along."""
     extent: Vec3

@@ -10,6 +10,13 @@ from articulate.errors import ConfigError
 from articulate.transforms import Array
 
 Range = tuple[float, float]
+FACTORS = (
+    "friction", "joint_damping", "joint_friction", "armature", "mass", "stiffness", "damping",
+    "scale",
+)  # fmt: skip
+"""Ranges that multiply a nominal value."""
+MAX_DELAY_TICKS = 5
+"""Longest delay that engines and estimators keep [ticks]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +51,14 @@ class DrawConfig:
     """Delay of the joint deltas, whole ticks, both ends included."""
     hand_latency_s: Range = (0.1, 1.2)
     """From a command of the hand to its motion [s]."""
-    estimate_bias_m: float = 0.003
+    estimate_bias_m: float = 0.004
     """Standard deviation of the handle's constant position error, each axis [m]."""
-    estimate_noise_m: float = 0.002
+    estimate_noise_m: float = 0.003
     """Standard deviation of its error anew each tick, each axis [m]."""
     estimate_yaw_rad: float = 0.01745
     """Standard deviation of the handle's constant yaw error [rad]."""
-    part_noise: float = 0.005
-    """Standard deviation of the measured fraction open, anew each tick, as a share of 0.3 m or 1 rad."""
+    part_noise: float = 0.0167
+    """Standard deviation of the measured opening, anew each tick, as a share of 0.3 m or 1 rad."""
     estimate_delay_ticks: tuple[int, int] = (0, 2)
     """Age of the object's state, whole ticks, both ends included."""
     push_n: Range = (0.0, 5.0)
@@ -62,6 +69,12 @@ class DrawConfig:
             value = getattr(self, f.name)
             if isinstance(value, tuple) and value[0] > value[1]:
                 raise ConfigError(f"draw.{f.name} is {value}; its first number must not be larger")
+            if f.name in FACTORS and not value[0] > 0.0:
+                raise ConfigError(f"draw.{f.name} is {value}; factors must be above 0")
+            if f.name.endswith("delay_ticks") and not 0 <= value[0] <= value[1] <= MAX_DELAY_TICKS:
+                raise ConfigError(
+                    f"draw.{f.name} is {value}; it must lie within 0 to {MAX_DELAY_TICKS} ticks"
+                )
 
     @property
     def scale_values(self) -> tuple[float, ...]:

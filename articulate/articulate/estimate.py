@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.draw import Draw, DrawConfig
+from articulate.draw import MAX_DELAY_TICKS, Draw, DrawConfig
 from articulate.observe import Estimate
-from articulate.transforms import Array, axis_angle_to_matrix
+from articulate.transforms import Array, Ints, axis_angle_to_matrix
 
-MAX_AGE = 6
-"""Oldest state that can be drawn [ticks]."""
+MAX_AGE = MAX_DELAY_TICKS + 1
+"""How many states are kept."""
 PART_LENGTH = 0.3
 """What ``part_noise`` is a share of: 0.3 m of a slide, 1 rad of a hinge, over the span."""
 
@@ -26,7 +26,7 @@ class NoisyEstimator:
         self.opened = np.zeros((MAX_AGE, n))
         self.speed = np.zeros((MAX_AGE, n))
 
-    def reset(self, rows: Array, T_wh: Array, opened: Array) -> None:
+    def reset(self, rows: Ints, T_wh: Array, opened: Array) -> None:
         """Fill the past of ``rows`` with the state at their start."""
         self.poses[:, rows] = T_wh
         self.opened[:, rows] = opened

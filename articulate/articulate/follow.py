@@ -50,7 +50,7 @@ class FollowConfig:
 
 
 def response(omega_rad_s: float, t: Array) -> Array:
-    """Position, velocity, acceleration, jerk (..., 4) at ``t`` >= 0 after a unit step of the target.
+    """Position, velocity, acceleration, jerk (..., 4) at ``t`` >= 0 after a unit step of target.
 
     Closed form of the triple pole: x = 1 - e^-a (1 + a + a^2/2) with a = omega t.
     """
@@ -86,7 +86,7 @@ def discrete(omega_rad_s: float, dt: float) -> tuple[Array, Array]:
 
 def follow(state: Array, target: Array, A: Array, B: Array) -> Array:
     """The follower's state (N, 7, 3) one step later, towards targets (N, 7) [rad]."""
-    return np.einsum("ij,nkj->nki", A, state) + target[..., None] * B
+    return np.asarray(np.einsum("ij,nkj->nki", A, state) + target[..., None] * B)
 
 
 def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> Array:
@@ -146,6 +146,10 @@ class HandState:
     """What the fingers do now, +1 close, -1 open (N,)."""
 
 
+ROUNDING_S = 1e-9
+"""Times that were summed tick by tick are compared with this slack [s]."""
+
+
 def hand_start(n: int) -> HandState:
     """N open hands that were told nothing yet."""
     minus = -np.ones(n)
@@ -173,7 +177,7 @@ def hand_tick(
     asked = np.where(
         smooth > hand.on_threshold, 1.0, np.where(smooth < -hand.on_threshold, -1.0, state.wish)
     )
-    send = (asked != state.wish) & (state.since_s >= hand.dwell_s)
+    send = (asked != state.wish) & (state.since_s >= hand.dwell_s - ROUNDING_S)
     wait = np.where(send, latency_s, np.maximum(state.wait_s - tick_s, 0.0))
     wish = np.where(send, asked, state.wish)
     return HandState(
@@ -181,5 +185,5 @@ def hand_tick(
         wish=wish,
         since_s=np.where(send, 0.0, state.since_s + tick_s),
         wait_s=wait,
-        closing=np.where(wait <= 0.0, wish, state.closing),
+        closing=np.where(wait <= ROUNDING_S, wish, state.closing),
     )

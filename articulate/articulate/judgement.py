@@ -13,7 +13,7 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.task import Limits, Task, at_target, beyond_target
-from articulate.transforms import Array
+from articulate.transforms import Array, Ints, Mask
 
 REASONS = (
     "success",
@@ -55,9 +55,9 @@ class Judgement:
     """One row per episode with the columns :data:`FIELDS` (N, WIDTH)."""
     rest_s: Array
     """Time for which the part has rested at or beyond the target without a break (N,) [s]."""
-    opened: Array
+    opened: Mask
     """Whether the part is at or beyond the target at the last tick (N,)."""
-    diverged: Array
+    diverged: Mask
     """Whether a state was not finite (N,)."""
 
     def peak(self, field: str) -> Array:
@@ -78,7 +78,7 @@ def judge_sample(
     torque: Array,
     torque_before: Array,
     wrench: Array,
-    touch: Array,
+    touch: Mask,
     dt: float,
     arm: Arm,
     limits: Limits,
@@ -167,12 +167,12 @@ def judge_tick(
     )
 
 
-def opened_at_end(judgement: Judgement, task: Task) -> Array:
+def opened_at_end(judgement: Judgement, task: Task) -> Mask:
     """Whether the part rested at or beyond the target for the whole hold time (N,)."""
     return np.asarray((judgement.rest_s >= task.hold_s - 1e-9) & ~judgement.diverged)
 
 
-def verdict(judgement: Judgement, task: Task) -> Array:
+def verdict(judgement: Judgement, task: Task) -> Ints:
     """Code of :data:`REASONS` for N episodes that have ended (N,) of int."""
     held = opened_at_end(judgement, task)
     code = np.where(held, CODE["success"], CODE["not_open"])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from articulate.arm import Arm
-from articulate.transforms import Array, inverse, pose, rotation_angle
+from articulate.transforms import Array, Mask, inverse, pose, rotation_angle
 
 # Craig's modified Denavit-Hartenberg parameters (a, d, alpha) of joints 1 to 7;
 # Franka Control Interface documentation, "Denavit-Hartenberg parameters".
@@ -84,7 +84,7 @@ class IkResult:
     """Angle between tool and goal (N,) [rad]."""
 
     @property
-    def reached(self) -> Array:
+    def reached(self) -> Mask:
         """Which goals were reached to 2 mm and 0.02 rad (N,)."""
         return np.asarray((self.pos_error < 2e-3) & (self.rot_error < 0.02))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from articulate.asset import Asset, Joint
 from articulate.errors import AssetError, ConfigError, nearest
-from articulate.transforms import Array
+from articulate.transforms import Array, Mask
 
 QUARTER_TURN = np.pi / 2
 
@@ -145,7 +145,7 @@ def fraction(q: Array, closed: Array, span: Array) -> Array:
     return np.asarray((q - closed) / span)
 
 
-def at_target(task: Task, opened: Array, speed: Array) -> Array:
+def at_target(task: Task, opened: Array, speed: Array) -> Mask:
     """Whether the part rests at or beyond the target (N,).
 
     Args:
@@ -156,7 +156,7 @@ def at_target(task: Task, opened: Array, speed: Array) -> Array:
     return beyond_target(task, opened) & (np.abs(speed) < task.slow)
 
 
-def beyond_target(task: Task, opened: Array) -> Array:
+def beyond_target(task: Task, opened: Array) -> Mask:
     """Whether the part is at or beyond the target (N,)."""
     return np.asarray(opened >= task.target)
 

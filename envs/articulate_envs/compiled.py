@@ -9,21 +9,25 @@ run it side by side. It repeats :func:`articulate.follow.follow` and
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numba import carray, njit, types
+from numba import carray, njit, types  # type: ignore[attr-defined]  # numba says no __all__
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from articulate.errors import MissingError
 from articulate.judgement import COLUMN
-from articulate.transforms import Array
+from articulate.transforms import Array, Ints
 
-Ints = np.ndarray[Any, np.dtype[np.int64]]
+DIVERGED = 1e10
+"""Speed from which a state counts as diverged [rad/s or m/s]; MuJoCo's own ``mjMAXVAL``."""
+_intrinsic: Callable[[Any], Any] = intrinsic  # its own annotation forgets the first argument
+
 _FORCE, _SHORT, _RAW = COLUMN["force"], COLUMN["force_short"], COLUMN["force_raw"]
 _MOMENT, _SPEED, _SHARE = COLUMN["moment"], COLUMN["speed_share"], COLUMN["torque_share"]
 _RATE, _CODE = COLUMN["torque_rate"], COLUMN["code"]
@@ -32,9 +36,10 @@ _TIME, _WHEN = COLUMN["time"], COLUMN["violation_time"]
 
 @cache
 def library() -> ctypes.CDLL:
-    """MuJoCo's shared library as it is loaded; MissingError if it is not where the wheel puts it."""
+    """MuJoCo's shared library as it is loaded; MissingError if it is not in the wheel's place."""
     folder = Path(mujoco.__file__).parent
-    names = sorted([*folder.glob("libmujoco*.so*"), *folder.glob("libmujoco*.dylib"), *folder.glob("mujoco.dll")])
+    patterns = ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll")
+    names = sorted(path for pattern in patterns for path in folder.glob(pattern))
     if not names:
         raise MissingError(f"no MuJoCo library in {folder}; reinstall mujoco from its wheel")
     lib = ctypes.CDLL(str(names[0]))
@@ -105,7 +110,7 @@ class Buffers(NamedTuple):
 
     ``follow`` (N, 7, 3), ``target`` (N, 7), ``closing`` and ``finger`` (N,), ``push`` (N, 3),
     ``samples`` (N, WIDTH), ``torque`` (N, 7), ``q`` and ``dq`` (N, 7), ``rest`` (N, 4): finger
-    width, part position, part speed, one if the state is finite.
+    width, part position, part speed, and one until the environment diverges.
     """
 
     follow: Array
@@ -120,10 +125,10 @@ class Buffers(NamedTuple):
     rest: Array
 
 
-@intrinsic
+@_intrinsic
 def _doubles(typingctx: Any, address: Any) -> Any:
     """The address as a pointer to float64."""
-    sig = types.CPointer(types.float64)(types.int64)
+    sig = types.CPointer(types.float64)(types.int64)  # type: ignore[no-untyped-call]  # numba's
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
@@ -131,13 +136,13 @@ def _doubles(typingctx: Any, address: Any) -> Any:
     return sig, codegen
 
 
-@intrinsic
+@_intrinsic
 def _call(typingctx: Any, function: Any, first: Any, second: Any) -> Any:
     """Call the C function ``void f(void*, void*)`` at an address."""
     sig = types.void(types.int64, types.int64, types.int64)
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        from llvmlite import ir  # numba's own dependency, met only while compiling
+        from llvmlite import ir  # type: ignore[import-untyped]  # comes with numba
 
         pointer = cgutils.voidptr_t
         kind = ir.FunctionType(ir.VoidType(), [pointer, pointer])
@@ -152,7 +157,11 @@ def _call(typingctx: Any, function: Any, first: Any, second: Any) -> Any:
 def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the tuples above
     first, last, mj_step, pointers, where, constants, buffers
 ):
-    """Step environments ``first`` to ``last`` - 1 through one tick."""
+    """Step environments ``first`` to ``last`` - 1 through one tick.
+
+    One that diverges stands still from then on, its last finite state in the buffers and a NaN
+    in its samples, by which the judgement knows it.
+    """
     for i in range(first, last):
         _advance_one(i, mj_step, pointers, where, constants, buffers)
 
@@ -168,21 +177,24 @@ def _advance_one(i, mj_step, pointers, where, constants, buffers):  # type: igno
     xfrc = carray(_doubles(pointers.xfrc[i] + 48 * where.push_row), 6)
     for k in range(3):
         xfrc[k] = buffers.push[i, k]
+    rest = buffers.rest[i]
     for _ in range(constants.substeps):
+        if rest[3] == 0.0:
+            return
         _follow(i, ctrl, where, constants, buffers)
         _call(mj_step, pointers.model[i], pointers.data[i])
+        for k in range(len(qvel)):
+            if not abs(qvel[k]) < DIVERGED:
+                rest[3] = 0.0
+                buffers.samples[i, 0] = np.nan  # not a peak: those stay as they were
+                return
         _judge(i, qvel, torque, sensors, tool, where, constants, buffers)
-    finite = 1.0
     for k in range(7):
         buffers.q[i, k] = qpos[where.arm_q + k]
         buffers.dq[i, k] = qvel[where.arm_q + k]
-        if not (np.isfinite(buffers.q[i, k]) and np.isfinite(buffers.dq[i, k])):
-            finite = 0.0
-    rest = buffers.rest[i]
     rest[0] = qpos[where.finger_q] - qpos[where.finger_q + 1]
     rest[1] = qpos[where.part_q]
     rest[2] = qvel[where.part_v]
-    rest[3] = finite
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
@@ -210,10 +222,10 @@ def _judge(i, qvel, torque, sensors, tool, where, constants, buffers):  # type: 
         dx = sensors[start + 7] - tool[0]
         dy = sensors[start + 8] - tool[1]
         dz = sensors[start + 9] - tool[2]
-        fx, fy, fz = fx + ax, fy + ay, fz + az
-        mx += sensors[start + 4] + dy * az - dz * ay
-        my += sensors[start + 5] + dz * ax - dx * az
-        mz += sensors[start + 6] + dx * ay - dy * ax
+        fx, fy, fz = fx - ax, fy - ay, fz - az
+        mx -= sensors[start + 4] + dy * az - dz * ay
+        my -= sensors[start + 5] + dz * ax - dx * az
+        mz -= sensors[start + 6] + dx * ay - dy * ax
     gain, short = constants.gain, constants.short_gain
     row[0] += gain * (fx - row[0])
     row[1] += gain * (fy - row[1])

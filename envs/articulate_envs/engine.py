@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from articulate.draw import Draw
 from articulate.follow import HandState
-from articulate.transforms import Array
-from articulate_envs.scene import Scene
+from articulate.transforms import Array, Ints
+
+if TYPE_CHECKING:  # the arrays are light to import, scenes are not
+    from articulate_envs.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Engine(Protocol):
     scene: Scene
     n_envs: int
 
-    def reset(self, rows: Array, start: Start) -> None:
+    def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
 
     def step(self, action: Array) -> State:

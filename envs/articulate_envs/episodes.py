@@ -17,7 +17,7 @@ from articulate.judgement import (
     verdict,
 )
 from articulate.observe import ACTION, observation
-from articulate.transforms import Array
+from articulate.transforms import Array, Ints, Mask
 from articulate_envs.engine import Engine, Start, State
 from articulate_envs.rewards import TERMS, RewardConfig, reward_terms
 from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
@@ -27,13 +27,13 @@ from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixe
 class Ended:
     """Episodes that ended at a tick, M rows."""
 
-    rows: Array
+    rows: Ints
     """Environments (M,) of int."""
-    code: Array
+    code: Ints
     """Codes of :data:`articulate.judgement.REASONS` (M,)."""
-    opened: Array
+    opened: Mask
     """Whether the part was held open at the end, limits aside (M,)."""
-    from_home: Array
+    from_home: Mask
     """Whether the episode began at home and ran its full length (M,)."""
     terms: Array
     """Sums of the reward's terms (M, len(TERMS))."""
@@ -51,7 +51,7 @@ class Tick:
     """Observations, of the new episode where one ended (N, size)."""
     reward: Array
     """Rewards (N,)."""
-    done: Array
+    done: Mask
     """Whether the episode ended (N,)."""
     ended: Ended | None
     """The episodes that ended, if any."""
@@ -114,7 +114,7 @@ class Episodes:
             start: How they begin, instead of drawing it.
         """
         n = self.engine.n_envs
-        rows = np.arange(n)
+        rows = np.arange(n, dtype=np.int64)
         self._begin(rows, start)
         if stagger:
             self._tick[:] = (rows * self.engine.scene.ticks) // n
@@ -123,7 +123,7 @@ class Episodes:
         self._estimator.push(self._state.T_wh, self._state.opened, self._state.speed)
         return self._observe()
 
-    def _begin(self, rows: Array, start: Start | None = None) -> None:
+    def _begin(self, rows: Ints, start: Start | None = None) -> None:
         scene = self.engine.scene
         if start is None:
             drawn = draw(self.draws, self._rng, len(rows))
@@ -170,7 +170,9 @@ class Episodes:
         assert before is not None
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         state = self.engine.step(action)
-        terms = reward_terms(self.reward, scene.task, scene.arm, before, state, action)
+        terms = reward_terms(
+            self.reward, scene.task, scene.arm, before, state, action, self.progress
+        )
         self._judgement = judge_tick(
             self._judgement,
             state.samples,
@@ -197,7 +199,7 @@ class Episodes:
             seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
 
-    def _end(self, rows: Array, seen: Array) -> Ended:
+    def _end(self, rows: Ints, seen: Array) -> Ended:
         task = self.engine.scene.task
         return Ended(
             rows=rows,

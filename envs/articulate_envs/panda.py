@@ -43,7 +43,7 @@ def robosuite_folder() -> Path:
 
 
 def panda_spec(arm: Arm, *, visuals: bool) -> mujoco.MjSpec:
-    """Arm and hand with joint impedance actuators ``joint1`` ... ``joint7`` and two finger actuators.
+    """Arm and hand: joint impedance actuators ``joint1`` ... ``joint7``, two finger actuators.
 
     Stiffness and damping act as native position actuators with target velocity 0; gravity is
     compensated within the actuators' torque limits, as the arm's controller does it.

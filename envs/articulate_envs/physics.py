@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import mujoco
-
 from articulate.errors import ConfigError
 
 
@@ -34,18 +32,3 @@ class PhysicsConfig:
                 "whole number of steps"
             )
         return count
-
-    def apply(self, spec: mujoco.MjSpec) -> None:
-        """Write the settings into ``spec``."""
-        spec.option.timestep = self.timestep_s
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        spec.option.cone = (
-            mujoco.mjtCone.mjCONE_ELLIPTIC
-            if self.cone == "elliptic"
-            else mujoco.mjtCone.mjCONE_PYRAMIDAL
-        )
-        spec.option.impratio = self.impratio
-        spec.option.iterations = self.iterations
-        spec.option.tolerance = self.tolerance
-        spec.memory = 4 << 20

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,8 +11,11 @@ from articulate.asset import Asset
 from articulate.draw import DrawConfig
 from articulate.errors import ReachError
 from articulate.kinematics import manipulability, solve_ik, tool_pose
+from articulate.placing import Place, handle_in_world, handle_way, object_pose
 from articulate.task import Task
 from articulate.transforms import Array, axis_angle_to_matrix, pose
+
+__all__ = ["Place", "find_place", "handle_in_world", "handle_way", "object_pose"]
 
 STANDOFF_M = 0.15
 """Wished distance from the start pose's tool to the closed handle [m]."""
@@ -25,82 +27,6 @@ MIN_JOINT_MARGIN_RAD = 0.10
 """Distance to the joint limits that must be left along the nominal way [rad]."""
 MIN_MANIPULABILITY = 0.04
 """Smallest singular value of the Jacobian that must be left along the nominal way."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Place:
-    """Where the object stands in the world and how the hand starts."""
-
-    pos_w: tuple[float, float, float]
-    """Origin of the object frame in the world frame at nominal size [m]."""
-    yaw_rad: float
-    """Turn of the object about the vertical [rad]."""
-    flip: bool
-    """The hand holds the handle turned by 180 degrees about its approach axis."""
-    start_q: tuple[float, ...]
-    """Start pose of the arm, its wrist turned as the handle asks (7,) [rad]."""
-    joint_margin_rad: float
-    """Smallest distance to a joint limit along the nominal way [rad]."""
-    manipulability: float
-    """Smallest singular value of the tool's Jacobian along the nominal way."""
-    drawn_share: float
-    """Share of drawn poses and sizes at which the whole way can be reached."""
-
-    def T_wo(self) -> Array:
-        """Pose of the object in the world (4, 4)."""
-        return pose(self.pos_w, axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), self.yaw_rad))
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
-
-
-def handle_way(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:
-    """Handle poses ``T_oh`` (..., 4, 4) in the object frame at fractions ``opened`` (...)."""
-    item = asset.joint(joint)
-    T_oh = asset.T_oh(joint, item.closed + opened * item.span)
-    if flip:
-        T_oh = T_oh @ pose(np.zeros(3), np.diag([-1.0, -1.0, 1.0]))
-    return np.asarray(T_oh)
-
-
-def handle_in_world(
-    asset: Asset,
-    joint: str,
-    *,
-    T_wo: Array,
-    scale: Array,
-    opened: Array,
-    flip: bool,
-) -> Array:
-    """Handle poses ``T_wh`` (N, 4, 4) of objects of size ``scale`` (N,) standing at ``T_wo`` (N, 4, 4)."""
-    T_oh = handle_way(asset, joint, opened, flip=flip).copy()
-    T_oh[..., :3, 3] *= np.asarray(scale)[..., None]
-    return np.asarray(T_wo @ T_oh)
-
-
-def object_pose(
-    asset: Asset, joint: str, place: Place, *, scale: Array, shift: Array, yaw: Array
-) -> Array:
-    """Poses ``T_wo`` (N, 4, 4) so that the closed handle stays where it is but for the shift.
-
-    Args:
-        asset: The object.
-        joint: Joint of the task.
-        place: Nominal place.
-        scale: Sizes (N,).
-        shift: Shift of the closed handle along world x and y (N, 2) [m].
-        yaw: Turn about the vertical through the closed handle (N,) [rad].
-    """
-    grip_o = handle_way(asset, joint, np.zeros(1))[0, :3, 3]
-    nominal = place.T_wo()
-    grip_w = nominal[:3, :3] @ grip_o + nominal[:3, 3]
-    turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), place.yaw_rad + np.asarray(yaw))
-    offset = np.einsum("nij,j->ni", turn, grip_o) * np.asarray(scale)[:, None]
-    pos = grip_w - offset
-    pos[:, :2] += shift
-    pos[:, 2] = place.pos_w[2]
-    return pose(pos, turn)
 
 
 def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
@@ -125,14 +51,17 @@ def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
             found = _best_grip(arm, way_o, turn, grips, start_q)
             if found is not None and (best is None or found[0] > best[0]):
                 pos = found[1] - turn @ way_o[0, :3, 3]
-                best = found[0], Place(
-                    pos_w=_triple(pos),
-                    yaw_rad=yaw,
-                    flip=flip,
-                    start_q=tuple(float(v) for v in start_q),
-                    joint_margin_rad=found[2],
-                    manipulability=found[3],
-                    drawn_share=0.0,
+                best = (
+                    found[0],
+                    Place(
+                        pos_w=_triple(pos),
+                        yaw_rad=yaw,
+                        flip=flip,
+                        start_q=tuple(float(v) for v in start_q),
+                        joint_margin_rad=found[2],
+                        manipulability=found[3],
+                        drawn_share=0.0,
+                    ),
                 )
     if best is None:
         travel = float(np.linalg.norm(np.ptp(way_o[:, :3, 3], axis=0)))

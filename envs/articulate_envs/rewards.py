@@ -14,7 +14,8 @@ from articulate.transforms import Array, rotation_angle
 from articulate_envs.engine import State
 
 TERMS = (
-    "reach", "align", "grip", "open", "progress", "rest", "force", "speed", "action", "violation",
+    "reach", "align", "grip", "early", "open", "progress", "rest",
+    "force", "speed", "action", "violation",
 )  # fmt: skip
 """Names of the terms, in the order of :func:`reward_terms`."""
 
@@ -29,10 +30,12 @@ class RewardConfig:
     """Distance at which that is one half [m]."""
     align: float = 0.25
     """For the hand being turned like the handle, cos of the angle, weighted by closeness."""
-    grip: float = 0.25
-    """For a hand that is told to close at the handle."""
+    grip: float = 0.5
+    """For a hand that is told to close, and for one that is closed, at the handle."""
     grip_m: float = 0.025
-    """Distance within which closing is right [m]."""
+    """Distance at which that has fallen to 1/e [m]."""
+    early: float = -0.5
+    """For a hand that is told to close, or is closed, away from the handle."""
     open: float = 2.0
     """For the fraction of the way to the target."""
     progress: float = 40.0
@@ -40,7 +43,9 @@ class RewardConfig:
     rest: float = 1.5
     """For resting at or beyond the target."""
     force: float = -0.05
-    """For each newton of filtered force beyond ``force_free_n``."""
+    """For each newton of filtered force beyond ``force_free_n``, at the beginning of training."""
+    force_last: float = -0.08
+    """The same at its end; linear between (dear forces at first keep the hand off the handle)."""
     force_free_n: float = 15.0
     """Force that costs nothing [N]."""
     speed: float = -2.0
@@ -54,7 +59,13 @@ class RewardConfig:
 
 
 def reward_terms(
-    config: RewardConfig, task: Task, arm: Arm, before: State, after: State, action: Array
+    config: RewardConfig,
+    task: Task,
+    arm: Arm,
+    before: State,
+    after: State,
+    action: Array,
+    progress: float = 0.0,
 ) -> Array:
     """Weighted terms (N, len(TERMS)) of one tick.
 
@@ -65,6 +76,7 @@ def reward_terms(
         before: State before the tick.
         after: State after it.
         action: What the policy said (N, 8).
+        progress: Share of the training that is done, in [0, 1].
     """
     T_wt = tool_pose(arm, after.q)
     distance = np.linalg.norm(T_wt[:, :3, 3] - after.T_wh[:, :3, 3], axis=1)
@@ -73,20 +85,28 @@ def reward_terms(
     aligned = np.maximum(np.cos(rotation_angle(turn)), -1.0)
     way = np.clip(after.opened / task.target, 0.0, 1.0)
     change = way - np.clip(before.opened / task.target, 0.0, 1.0)
-    held = (distance < config.grip_m) * (0.5 + 0.5 * after.hand.smooth)
+    close = np.exp(-((distance / config.grip_m) ** 2))
+    told = (
+        0.25 * np.maximum(action[:, 7], 0.0)
+        + 0.25 * np.maximum(after.hand.smooth, 0.0)
+        + 0.5 * (after.hand.closing > 0.0)
+    )
+    away = 1.0 - np.exp(-((distance / (3.0 * config.grip_m)) ** 2))
     length = 1.0 if task.kind == "slide" else 0.2
     part_speed = np.abs(after.speed) * length
     force = np.linalg.norm(after.samples[:, 0:3], axis=1)
     code = COLUMN["code"]
     broken = (after.samples[:, code] > 0.0) & (before.samples[:, code] == 0.0)
+    dear = config.force + progress * (config.force_last - config.force)
     terms = (
         config.reach * near,
         config.align * near * aligned,
-        config.grip * held,
+        config.grip * close * told,
+        config.early * away * told,
         config.open * way,
         config.progress * change,
         config.rest * at_target(task, after.opened, after.speed),
-        config.force * np.maximum(force - config.force_free_n, 0.0),
+        dear * np.maximum(force - config.force_free_n, 0.0),
         config.speed * np.maximum(part_speed - config.speed_free, 0.0),
         config.action * np.mean(action[:, :7] ** 2, axis=1),
         config.violation * broken,

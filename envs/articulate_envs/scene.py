@@ -9,17 +9,16 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.asset import Asset
+from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
 from articulate.follow import FollowConfig
+from articulate.placing import Place
 from articulate.task import Task
-from articulate.transforms import Array, matrix_to_quat
+from articulate.transforms import Array, Mask, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.place import Place
 
 PREFIX = "object/"
 """Prefix of every name of the object in a scene."""
-HAND_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR = "hand_object", "hand_floor", "robot_object"
-"""Contact sensors: net wrench of object and floor on the hand; contacts of all of the robot."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,7 @@ def scene_spec(
     """Arm, floor and object as an editable model; with ``visuals`` as people see it."""
     spec = panda_spec(arm, visuals=visuals)
     spec.modelname = asset.name
-    physics.apply(spec)
+    apply_physics(spec, physics)
     child = mujoco.MjSpec.from_file(str(asset.mjcf_path))
     _prepare_object(child, scale=scale, visuals=visuals)
     frame = spec.worldbody.add_frame()
@@ -143,6 +142,24 @@ def scene_spec(
     _add_arena(spec, asset, place, visuals=visuals)
     _add_sensors(spec, root_name)
     return spec
+
+
+def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:
+    """Write the settings into ``spec``."""
+    spec.option.timestep = config.timestep_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.cone = (
+        mujoco.mjtCone.mjCONE_ELLIPTIC
+        if config.cone == "elliptic"
+        else mujoco.mjtCone.mjCONE_PYRAMIDAL
+    )
+    spec.option.impratio = config.impratio
+    spec.option.iterations = config.iterations
+    spec.option.tolerance = config.tolerance
+    # MuJoCo would begin anew where it diverges; our engines stop and say so.
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    spec.memory = 4 << 20
 
 
 def _prepare_object(spec: mujoco.MjSpec, *, scale: float, visuals: bool) -> None:
@@ -262,22 +279,6 @@ def _addresses(model: mujoco.MjModel, task: Task) -> Addresses:
     )
 
 
-def wrench_of(sensors: Array, at: Addresses, tool_w: Array) -> tuple[Array, Array]:
-    """Net wrench on the hand about the tool (N, 6), and whether the arm touches the object (N,).
-
-    The contact sensors give the net force on the hand of what it is paired with, in the world
-    frame, with the moment about the point that they name.
-
-    Args:
-        sensors: Sensor data (N, nsensordata).
-        at: Addresses.
-        tool_w: Place of the tool (N, 3) [m].
-    """
-    wrench = np.zeros((len(sensors), 6))
-    for start in at.sensors[:2]:
-        block = sensors[:, start : start + 10]
-        force = block[:, 1:4]
-        wrench[:, :3] += force
-        wrench[:, 3:] += block[:, 4:7] + np.cross(block[:, 7:10] - tool_w, force)
-    touch = sensors[:, at.sensors[2]] > sensors[:, at.sensors[0]] + 0.5
-    return wrench, np.asarray(touch)
+def wrench_of(sensors: Array, at: Addresses, tool_w: Array) -> tuple[Array, Mask]:
+    """:func:`articulate.contact.contact_wrench` of sensor data (N, nsensordata) of a scene."""
+    return contact_wrench(sensors, at.sensors, tool_w)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulate.draw import COLUMNS, Draw, DrawConfig, draw
 from articulate.kinematics import solve_ik
+from articulate.placing import handle_in_world, object_pose
 from articulate.transforms import Array, pose
 from articulate_envs.engine import Start
-from articulate_envs.place import handle_in_world, object_pose
-from articulate_envs.scene import Scene
+
+if TYPE_CHECKING:  # configurations are light to import, scenes are not
+    from articulate_envs.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +108,7 @@ def mixed_start(
     along = rng.random(n) < share
     pick = rng.integers(len(bank.q), size=n)
     values = drawn.values.copy()
-    columns = [COLUMNS.index(name) for name in PLACED]
+    columns = np.array([COLUMNS.index(name) for name in PLACED])
     values[np.ix_(along, columns)] = bank.draw.values[pick[along]][:, columns]
 
     def choose(a: Array, b: Array) -> Array:

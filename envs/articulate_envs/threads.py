@@ -8,10 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 import mujoco
 import numpy as np
 
-from articulate.draw import COLUMNS, PUSH_S, Draw
+from articulate.draw import COLUMNS, MAX_DELAY_TICKS, PUSH_S, Draw
+from articulate.errors import AssetError
 from articulate.follow import HandState, discrete, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import WIDTH
-from articulate.transforms import Array, matrix_to_quat
+from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.compiled import (
     Buffers,
     Constants,
@@ -25,8 +26,8 @@ from articulate_envs.engine import Start, State
 from articulate_envs.place import handle_in_world, object_pose
 from articulate_envs.scene import Scene
 
-MAX_DELAY = 8
-"""Longest delay of actions that is kept [ticks]."""
+KEPT_ACTIONS = MAX_DELAY_TICKS + 1
+"""How many ticks of actions are kept."""
 
 
 class ThreadEngine:
@@ -34,6 +35,11 @@ class ThreadEngine:
 
     def __init__(self, scene: Scene, n_envs: int, *, threads: int = 1) -> None:
         """Make N environments of ``scene``; call :meth:`reset` for all before stepping."""
+        if len({model.nbuffer for model in scene.models}) > 1:
+            raise AssetError(
+                f"{scene.asset.name}: its collision hulls change with its size, so that sizes "
+                "cannot be exchanged; set draw.scale to one size"
+            )
         self.scene = scene
         self.n_envs = n_envs
         self.threads = max(1, min(threads, n_envs))
@@ -47,7 +53,7 @@ class ThreadEngine:
         self._constants = _constants(scene)
         self._buffers = _buffers(n_envs)
         self._hand = hand_start(n_envs)
-        self._actions = np.zeros((MAX_DELAY, n_envs, 7))
+        self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
         self._draw = np.zeros((n_envs, len(COLUMNS)))
         self._T_wo = np.tile(np.eye(4), (n_envs, 1, 1))
         self._tick = np.zeros(n_envs, dtype=np.int64)
@@ -55,7 +61,7 @@ class ThreadEngine:
         self._closed, self._span = joint.closed, joint.span
 
     def _addresses(self) -> Pointers:
-        def of(arrays: list[Array]) -> Array:
+        def of(arrays: list[Array]) -> Ints:
             return np.array([a.ctypes.data for a in arrays], dtype=np.int64)
 
         data = self._data
@@ -71,7 +77,7 @@ class ThreadEngine:
             xfrc=of([d.xfrc_applied for d in data]),
         )
 
-    def reset(self, rows: Array, start: Start) -> None:
+    def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
         rows = np.asarray(rows, dtype=np.int64)
         self._draw[rows] = start.draw.values
@@ -101,7 +107,7 @@ class ThreadEngine:
         self._actions[:, rows] = 0.0
         self._tick[rows] = 0
 
-    def _place(self, rows: Array, drawn: Draw) -> None:
+    def _place(self, rows: Ints, drawn: Draw) -> None:
         scene = self.scene
         self._T_wo[rows] = object_pose(
             scene.asset,
@@ -112,7 +118,7 @@ class ThreadEngine:
             yaw=drawn["yaw_rad"],
         )
 
-    def _slide_scale(self, rows: Array) -> Array:
+    def _slide_scale(self, rows: Ints) -> Array:
         scale = self._draw[rows, COLUMNS.index("scale")]
         return scale if self.scene.task.kind == "slide" else np.ones_like(scale)
 
@@ -191,8 +197,7 @@ class ThreadEngine:
     def state(self) -> State:
         """What is true now; the arrays are copies."""
         b, scene = self._buffers, self.scene
-        rows = np.arange(self.n_envs)
-        size = self._slide_scale(rows)
+        size = self._slide_scale(np.arange(self.n_envs, dtype=np.int64))
         opened = (b.rest[:, 1] - size * self._closed) / (size * self._span)
         T_wh = handle_in_world(
             scene.asset,
@@ -234,7 +239,7 @@ class ThreadEngine:
         """Continue from :meth:`snapshot`."""
         spec = mujoco.mjtState.mjSTATE_INTEGRATION
         self._draw[:] = snapshot["draw"]
-        self._place(np.arange(self.n_envs), Draw(self._draw))
+        self._place(np.arange(self.n_envs, dtype=np.int64), Draw(self._draw))
         for i in range(self.n_envs):
             self._write_model(i, self._draw[i])
             mujoco.mj_resetData(self._models[i], self._data[i])

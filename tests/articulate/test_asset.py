@@ -56,7 +56,8 @@ def box(folder):
     )  # fmt: skip
     handle = Handle(
         name="pull", link="drawer", joint="slide", pos_l=(-0.3, 0.0, 0.0),
-        normal_l=(-1.0, 0.0, 0.0), along_l=(0.0, 1.0, 0.0), extent=(0.1, 0.01, 0.03), kind="bar", source="name",
+        normal_l=(-1.0, 0.0, 0.0), along_l=(0.0, 1.0, 0.0), extent=(0.1, 0.01, 0.03),
+        kind="bar", source="name",
     )  # fmt: skip
     return Asset(
         name="box", category="StorageFurniture", links=links, joints=joints, handles=(handle,),

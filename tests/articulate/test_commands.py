@@ -125,6 +125,12 @@ def test_wrong_flags_are_one_line(argv, error_line):
     assert not set(line) & set("│╭─")
 
 
+def test_flag_that_no_preset_gives_stays_required(tmp_path):
+    (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
+    with pytest.raises(ConfigError, match="missing: --asset PATH"):
+        parse(Train, ["R", "--config", str(tmp_path / "x.yaml")])
+
+
 def test_unknown_key_of_a_preset_names_the_file(tmp_path, error_line):
     path = tmp_path / "fast.yaml"
     path.write_text("ppo: {lerning_rate: 1}")

@@ -16,6 +16,8 @@ pytest.importorskip("robosuite", reason="robosuite is not installed; scripts/ins
 def _load(name):
     path = Path(__file__).parents[2] / "benchmarks" / f"{name}.py"
     spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

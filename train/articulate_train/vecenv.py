@@ -7,12 +7,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from articulate.judgement import REASONS
 from articulate.observe import ACTION, OBSERVATION
-from articulate.transforms import Array
+from articulate.transforms import Array, Mask
 from articulate_envs.episodes import Ended, Episodes
+
+Singles = NDArray[np.float32]
 
 
 class EpisodesVecEnv(VecEnv):
@@ -38,7 +41,7 @@ class EpisodesVecEnv(VecEnv):
         )
         self._infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
 
-    def reset(self) -> Array:
+    def reset(self) -> Singles:
         """Begin all episodes, the first ones staggered."""
         return self.episodes.reset(stagger=self._stagger).astype(np.float32)
 
@@ -46,7 +49,7 @@ class EpisodesVecEnv(VecEnv):
         """Keep the actions (N, 8)."""
         self._action = actions
 
-    def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
         """Run one tick."""
         tick = self.episodes.step(self._action)
         infos: list[dict[str, Any]] = self._infos
@@ -89,6 +92,6 @@ class EpisodesVecEnv(VecEnv):
         """No environment is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
-    def seed(self, seed: int | None = None) -> Sequence[None | int]:
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seeds are decided when the episodes are made; this keeps what they are."""
         return [None] * self.num_envs

@@ -7,7 +7,9 @@ import dataclasses
 import functools
 import io
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import tyro
@@ -42,7 +44,7 @@ def parse(
         cls: A frozen dataclass; its docstrings are the help.
         argv: What follows the command's name.
         default: Takes the place of the defaults of ``cls``.
-        prog: Name of the command, for ``--help``.
+        prog: Name of the command, for ``--help``; that of the running script if None.
         description: First lines of ``--help``; the docstring of ``cls`` if None.
 
     Raises:
@@ -50,11 +52,12 @@ def parse(
     """
     presets, rest = _take_presets(list(argv))
     base: Any = _with_presets(cls, presets, default)
-    about = f"{description or cls.__doc__ or ''}\n\n{_CONFIG_HELP}"
+    about = f"{(description or cls.__doc__ or '').strip()}\n{_CONFIG_HELP}"
     kind: Any = (
         cls  # typed as a plain class, so that tyro's overloads with and without a default agree
     )
-    call = functools.partial(tyro.cli, kind, prog=prog, description=about)
+    name = prog or Path(sys.argv[0]).name
+    call = functools.partial(tyro.cli, kind, prog=name, description=about)
     call = call if base is None else functools.partial(call, default=base)
     errors = io.StringIO()
     try:
@@ -144,8 +147,11 @@ def _sentence(argv: Sequence[str], known: set[str], box: str) -> str:
     lines = list(_box_lines(box))
     head = lines[0].strip() if lines else "the command line is not accepted"
     if head.startswith("Missing from"):
-        indent = min((len(line) - len(line.lstrip()) for line in lines[1:]), default=0)
-        names = [line.strip() for line in lines[1:] if not line[indent : indent + 1].isspace()]
+        # "Missing from PROG:", on several lines where PROG is long; then flags, then their help.
+        start = next((i for i, line in enumerate(lines, 1) if line.endswith(":")), 1)
+        rest = lines[start:]
+        indent = min((len(line) - len(line.lstrip()) for line in rest), default=0)
+        names = [line.strip() for line in rest if not line[indent : indent + 1].isspace()]
         return f"missing: {', '.join(names)}; see --help"
     head = " ".join(line.strip() for line in lines) or head
     for verbose, short in _SHORTER.items():

@@ -7,21 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
-from articulate.convert.fit import fitted, hull, is_near, thick
-from articulate.convert.mesh import PartGeometry, Piece
+from articulate.convert.fit import box_shares, fitted, hull, is_near, thick
+from articulate.convert.mesh import PartGeometry, Piece, joined
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
-from articulate.transforms import Array, pose
+from articulate.transforms import Array
 
 HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECASE)
 """What handles are called: sektion's ``door_left_nob``, PartNet's ``handle-12``."""
 SMALL_M = 0.01
 """Components smaller than this are left out [m]; handles are kept down to 2 mm."""
+SHOWN_AREA = 0.96
+"""Share of a component's area that its facets must make up; the small rest is left out."""
+COMPACT_M = 0.07
+"""Concave components up to this size collide as their hull: too small to reach into [m]."""
 MAX_ATOMS = 64
 """Most facets of a component that are put together by hand instead of decomposing it."""
+HOPEFUL_SHARE = 0.25
+"""Two shapes are joined only if this share of their common upright box lies near the surface."""
 TOL_M = (0.003, 0.010)
 """Least and largest distance of a shape's surface from what it stands for [m]."""
 
@@ -49,13 +56,28 @@ def collision_shapes(
                 shapes += from_given
                 continue
             repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
-        for piece in chosen:
+        for piece in by_element(chosen):
             shapes += piece_shapes(piece, part, config, repairs)
-    tol = tolerance(_joined(seen))
+    tol = tolerance(joined([p.mesh for p in seen]))
     plain = [s for s in shapes if not is_handle(s.piece)]
-    plain = without_hidden(merged(plain, _joined(seen), tol))
+    plain = without_hidden(merged(plain, joined([p.mesh for p in seen]), tol))
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     return (*within_budget(plain, config.max_geoms - len(handles), part, repairs), *handles)
+
+
+def by_element(pieces: list[Piece]) -> list[Piece]:
+    """One piece for each element of the source, materials put together, handles kept apart."""
+    groups: dict[tuple[str, bool], list[Piece]] = {}
+    for piece in pieces:
+        groups.setdefault((piece.element, is_handle(piece.name)), []).append(piece)
+    out = []
+    for group in groups.values():
+        mesh = group[0].mesh
+        if len(group) > 1:
+            mesh = joined([p.mesh for p in group])
+            mesh.merge_vertices(digits_vertex=6)
+        out.append(replace(group[0], mesh=mesh))
+    return out
 
 
 def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
@@ -64,9 +86,7 @@ def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
     return low if handle else float(np.clip(0.015 * mesh.scale, low, high))
 
 
-def piece_shapes(
-    piece: Piece, part: str, config: ConvertConfig, repairs: Repairs
-) -> list[Shape]:
+def piece_shapes(piece: Piece, part: str, config: ConvertConfig, repairs: Repairs) -> list[Shape]:
     """Convex shapes for one visual or collision element."""
     if piece.primitive is not None:
         return [_from_primitive(piece)]
@@ -83,8 +103,8 @@ def piece_shapes(
         if float(np.ptp(component.vertices, axis=0).max()) < least:
             continue
         shape = fitted(component.vertices, component, tol, piece.name)
-        shapes += [shape] if shape is not None else _concave(
-            component, tol, piece, part, config, repairs
+        shapes += (
+            [shape] if shape is not None else _concave(component, tol, piece, part, config, repairs)
         )
     return merged(shapes, piece.mesh, tol)
 
@@ -101,7 +121,7 @@ def components(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     ]
 
 
-def _used(vertices: Array, faces: Array) -> tuple[Array, Array]:
+def _used(vertices: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
     index, inverse = np.unique(faces, return_inverse=True)
     return vertices[index], inverse.reshape(-1, 3)
 
@@ -115,6 +135,9 @@ def _concave(
     repairs: Repairs,
 ) -> list[Shape]:
     """Shapes for a concave component: facets put together, else a decomposition."""
+    if float(np.ptp(mesh.vertices, axis=0).max()) <= COMPACT_M:
+        one = hull(thick(mesh.vertices), piece.name)
+        return [] if one is None else [one]
     atoms = _facets(mesh)
     if len(atoms) <= MAX_ATOMS:
         shapes = [s for points in atoms for s in _flat_shapes(points, mesh, tol, piece.name)]
@@ -122,10 +145,12 @@ def _concave(
         if 0 < len(shapes) <= config.max_geoms:
             return shapes
     if config.decompose:
-        hulls = decompose(mesh, time_s=config.decompose_s, cache_dir=config.cache_dir)
+        hulls = decompose(mesh, 1.2 * tol, time_s=config.decompose_s, cache_dir=config.cache_dir)
         if hulls is not None:
-            found = [fitted(points, mesh, tol, piece.name) or hull(thick(points), piece.name)
-                     for points in hulls]
+            found = [
+                fitted(points, mesh, tol, piece.name) or hull(thick(points), piece.name)
+                for points in hulls
+            ]
             return merged([s for s in found if s is not None], mesh, tol)
     one = hull(thick(mesh.vertices), piece.name)
     repairs.add(f"part {part}: a concave piece ({piece.name.strip()}) collides as its convex hull")
@@ -137,11 +162,12 @@ def _facets(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     grouped = [np.asarray(f) for f in mesh.facets]
     single = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate(grouped) if grouped else [])
     groups = [*grouped, *[np.array([i]) for i in single]]
-    enough = 1e-4 if mesh.area > 1e-2 else 0.01 * mesh.area
+    areas = np.array([mesh.area_faces[group].sum() for group in groups])
+    order = np.argsort(-areas, kind="stable")
+    share = np.cumsum(areas[order]) / areas.sum()
+    kept = order[: int(np.searchsorted(share, SHOWN_AREA)) + 1]
     return [
-        trimesh.Trimesh(*_used(mesh.vertices, mesh.faces[g]), process=False)
-        for g in groups
-        if mesh.area_faces[g].sum() > enough
+        trimesh.Trimesh(*_used(mesh.vertices, mesh.faces[groups[k]]), process=False) for k in kept
     ]
 
 
@@ -171,25 +197,33 @@ def merged(shapes: list[Shape], surface: trimesh.Trimesh, tol: float) -> list[Sh
 def _join_one(
     shapes: list[Shape], surface: trimesh.Trimesh, tol: float, refused: set[tuple[Shape, Shape]]
 ) -> list[Shape] | None:
+    """The shapes with the first pair joined that can be, smallest common box first."""
     if len(shapes) < 2:
         return None
-    low = np.array([s.bounds[0] for s in shapes]) - tol
-    high = np.array([s.bounds[1] for s in shapes]) + tol
-    touch = np.all((low[:, None] <= high[None]) & (low[None] <= high[:, None]), axis=-1)
-    pairs = np.argwhere(np.triu(touch, 1))
-    sizes = [
-        float(np.prod(np.maximum(high[i], high[j]) - np.minimum(low[i], low[j]))) for i, j in pairs
-    ]
-    for index in np.argsort(sizes, kind="stable"):
-        i, j = (int(v) for v in pairs[index])
-        if (shapes[i], shapes[j]) in refused:
-            continue
-        points = np.vstack([shapes[i].mesh.vertices, shapes[j].mesh.vertices])
-        shape = fitted(points, surface, tol, shapes[i].piece)
-        if shape is not None:
-            rest = [s for k, s in enumerate(shapes) if k not in (i, j)]
-            return [*rest, shape]
-        refused.add((shapes[i], shapes[j]))
+    low = np.array([s.bounds[0] for s in shapes])
+    high = np.array([s.bounds[1] for s in shapes])
+    apart = (low[:, None] > high[None] + 2.0 * tol).any(axis=-1)
+    pairs = np.argwhere(np.triu(~(apart | apart.T), 1))
+    open_pairs = [(i, j) for i, j in pairs.tolist() if (shapes[i], shapes[j]) not in refused]
+    if not open_pairs:
+        return None
+    index = np.array(open_pairs)
+    boxes = np.stack(
+        [
+            np.minimum(low[index[:, 0]], low[index[:, 1]]),
+            np.maximum(high[index[:, 0]], high[index[:, 1]]),
+        ],
+        axis=1,
+    )
+    hopeful = box_shares(boxes, surface, tol) >= HOPEFUL_SHARE
+    for k in np.argsort(np.prod(boxes[:, 1] - boxes[:, 0], axis=1), kind="stable"):
+        one, two = (shapes[v] for v in open_pairs[k])
+        if hopeful[k]:
+            points = np.vstack([one.corners, two.corners])
+            shape = fitted(points, surface, tol, one.piece, turned=False)
+            if shape is not None:
+                return [*[s for s in shapes if s is not one and s is not two], shape]
+        refused.add((one, two))
     return None
 
 
@@ -197,8 +231,7 @@ def without_hidden(shapes: list[Shape]) -> list[Shape]:
     """The shapes that do not lie inside a single other one."""
     kept: list[Shape] = []
     for shape in sorted(shapes, key=lambda s: -s.volume):
-        corners = shape.mesh.vertices
-        if not any(float(other.outside(corners).max()) < 1e-3 for other in kept):
+        if not any(float(other.outside(shape.corners).max()) < 1e-3 for other in kept):
             kept.append(shape)
     return kept
 
@@ -222,7 +255,7 @@ def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
     for i in range(len(shapes)):
         order = np.argsort(np.linalg.norm(centres - centres[i], axis=1), kind="stable")[1:7]
         for j in (int(k) for k in order if k > i or i not in order):
-            points = np.vstack([shapes[i].mesh.vertices, shapes[j].mesh.vertices])
+            points = np.vstack([shapes[i].corners, shapes[j].corners])
             joint = hull(points, shapes[i].piece)
             if joint is None:
                 continue
@@ -236,7 +269,7 @@ def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
 
 def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
     """Shapes of the source's own collision geometry, if they follow what is seen."""
-    seen = _joined(visuals)
+    seen = joined([p.mesh for p in visuals])
     handle = any(is_handle(p.name) for p in visuals)
     tol = tolerance(seen, handle=handle)
     shapes: list[Shape] = []
@@ -279,12 +312,3 @@ def _from_primitive(piece: Piece) -> Shape:
     if shape is None:
         raise ValueError("a capsule has volume")
     return shape
-
-
-def _joined(pieces: tuple[Piece, ...] | list[Piece]) -> trimesh.Trimesh:
-    offset, vertices, faces = 0, [], []
-    for piece in pieces:
-        vertices.append(piece.mesh.vertices)
-        faces.append(np.asarray(piece.mesh.faces) + offset)
-        offset += len(piece.mesh.vertices)
-    return trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)

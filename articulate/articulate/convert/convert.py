@@ -142,9 +142,7 @@ def _without_empty(
     while True:
         parents = {part.parent for part in kept}
         empty = [
-            part
-            for part in kept[1:]
-            if not geometry[part.name].shown and part.name not in parents
+            part for part in kept[1:] if not geometry[part.name].shown and part.name not in parents
         ]
         if not empty:
             return tuple(kept)
@@ -213,9 +211,7 @@ def _built(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], 
         size_rule=place.rule,
     )
     handles, closed_box = handles_of(asset, bodies, source.repairs)
-    asset = replace(
-        asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.sentences
-    )
+    asset = replace(asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.sentences)
     return asset, bodies, mimics
 
 
@@ -240,7 +236,7 @@ def _bodies(
             shapes,
             density(category),
             rescaled=abs(place.scale - 1.0) > 1e-9 or part.joint is None,
-            fixed=part.joint is None,
+            kind=reading.travels[part.name].kind if part.joint is not None else "fixed",
             repairs=repairs,
         )
         parent = None if part.parent is None else names[part.parent]
@@ -270,9 +266,7 @@ def _bodies(
     return bodies, T_ob
 
 
-def _joint(
-    name: str, link: str, parent: str, travel: Travel, scale: float, T_ol: Array
-) -> Joint:
+def _joint(name: str, link: str, parent: str, travel: Travel, scale: float, T_ol: Array) -> Joint:
     unit = scale if travel.kind == "slide" else 1.0
     axis = T_ol[:3, :3] @ travel.axis
     return Joint(
@@ -343,15 +337,15 @@ def _check_out(out: Path) -> None:
             raise UsageError(f"{out}: exists and is not an asset; choose another --out")
 
 
-def _written(
-    asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path
-) -> Asset:
+def _written(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path) -> Asset:
     """Write everything beside ``out`` and move it there in one step."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
     except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
     try:
         folder.chmod(0o755)
         write_meshes(folder / "meshes", mesh_files(bodies))
@@ -371,4 +365,3 @@ def _written(
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     return load_asset(out)
-

@@ -2,7 +2,7 @@
 
 Run as a module it reads vertices and faces and writes the corners of the parts::
 
-    python -m articulate.convert.decompose IN.npz OUT.npz
+    python -m articulate.convert.decompose IN.npz OUT.npz TOLERANCE
 """
 
 from __future__ import annotations
@@ -20,23 +20,29 @@ import trimesh
 from articulate.files import whole_file
 from articulate.transforms import Array
 
-VERSION = "coacd-1"
+VERSION = "coacd-3"
 """Enters the cache key; change it with the options below."""
-THRESHOLD = 0.08
 MAX_HULLS = 16
 MAX_FACES = 60_000
 
 
 def decompose(
-    mesh: trimesh.Trimesh, *, time_s: float, cache_dir: Path | None = None
+    mesh: trimesh.Trimesh, tol: float, *, time_s: float, cache_dir: Path | None = None
 ) -> list[Array] | None:
-    """Corners (N, 3) of convex parts, or None where it failed or took too long."""
+    """Corners (N, 3) of convex parts, or None where it failed or took too long.
+
+    Args:
+        mesh: What is to be cut.
+        tol: How concave a part may stay [m].
+        time_s: Time limit [s].
+        cache_dir: Where results are kept.
+    """
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int32)
     if len(faces) > MAX_FACES:
         return None
     key = hashlib.sha256(
-        VERSION.encode() + vertices.round(7).tobytes() + faces.tobytes()
+        f"{VERSION} {tol:.6f} ".encode() + vertices.round(7).tobytes() + faces.tobytes()
     ).hexdigest()
     kept = None if cache_dir is None else cache_dir / "decompositions" / f"{key}.npz"
     if kept is not None and kept.is_file():
@@ -44,11 +50,12 @@ def decompose(
     with tempfile.TemporaryDirectory(prefix="articulate-") as folder:
         source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"
         np.savez(source, vertices=vertices, faces=faces)
-        command = [sys.executable, "-m", "articulate.convert.decompose", str(source), str(target)]
+        command = [sys.executable, "-m", "articulate.convert.decompose"]
+        command += [str(source), str(target), f"{tol:.6f}"]
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
         try:
-            done = subprocess.run(  # noqa: S603  # our own module, a list of arguments
+            done = subprocess.run(  # our own module, a list of arguments
                 command, timeout=time_s, capture_output=True, env=environment, check=False
             )
         except subprocess.TimeoutExpired:
@@ -67,7 +74,7 @@ def _load(path: Path) -> list[Array] | None:
     return parts or None
 
 
-def _run(source: Path, target: Path) -> None:
+def _run(source: Path, target: Path, tol: float) -> None:
     import coacd  # heavy and native: only in the child process
 
     with np.load(source, allow_pickle=False) as content:
@@ -75,7 +82,7 @@ def _run(source: Path, target: Path) -> None:
     coacd.set_log_level("error")
     parts = coacd.run_coacd(
         mesh,
-        threshold=THRESHOLD,
+        threshold=tol,
         max_convex_hull=MAX_HULLS,
         preprocess_resolution=60,
         mcts_nodes=10,
@@ -83,10 +90,11 @@ def _run(source: Path, target: Path) -> None:
         mcts_max_depth=2,
         max_ch_vertex=32,
         seed=0,
+        real_metric=True,
     )
     named = {f"part_{i:03d}": np.asarray(vertices) for i, (vertices, _) in enumerate(parts)}
     np.savez(target, **named)  # type: ignore[arg-type]  # keywords are arrays
 
 
 if __name__ == "__main__":
-    _run(Path(sys.argv[1]), Path(sys.argv[2]))
+    _run(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from articulate.convert.shapes import Shape, sample_surface
+from articulate.convert.shapes import QUASI, Shape
 from articulate.transforms import Array, pose
 
 THIN_M = 0.002
@@ -15,20 +16,26 @@ NEAR_SHARE = 0.94
 """Share of a shape's surface that must lie near the surface it stands for."""
 MAX_CORNERS = 32
 """Most corners of a hull."""
-SAMPLES = 240
+CLEARLY_NOT = 0.75
+"""With less than this among the first rays the rest is not asked."""
 
 
-def fitted(points: Array, surface: trimesh.Trimesh, tol: float, piece: str) -> Shape | None:
-    """A box, else a hull round ``points`` (N, 3) that is nowhere far from ``surface``.
+def fitted(
+    points: Array, surface: trimesh.Trimesh, tol: float, piece: str, *, turned: bool = True
+) -> Shape | None:
+    """A box, else a convex hull round ``points`` (N, 3) that is nowhere far from ``surface``.
 
     Args:
         points: What must lie inside [m].
         surface: Triangles that the shape may not stray from.
         tol: How far its own surface may lie above them [m].
         piece: Names for the shape.
+        turned: Also try boxes that are not along the axes of the part.
     """
     points = thick(points)
     for make in (aligned_box, turned_box, hull):
+        if make is turned_box and not turned:
+            continue
         shape = make(points, piece)
         if shape is not None and is_near(shape, surface, tol):
             return shape
@@ -39,15 +46,51 @@ def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
     """Whether nearly all of the shape's surface has triangles at most ``tol`` below it.
 
     Rays go inwards from points on the shape. The mouth of a drawer, the gap behind a handle or
-    the hole of a frame leave their rays without a hit.
+    the hole of a frame leave their rays without a hit. A few rays decide the clear cases.
     """
-    points, normals = sample_surface(shape.mesh, SAMPLES)
+    points, normals = shape.samples
+    first = np.arange(0, len(points), 8)
+    if _near_share(points[first], normals[first], surface, tol) < CLEARLY_NOT:
+        return False
+    return _near_share(points, normals, surface, tol) >= NEAR_SHARE
+
+
+def box_shares(boxes: Array, surface: trimesh.Trimesh, tol: float) -> Array:
+    """For each upright box (B, 2, 3) the share of a few points on it that lie near ``surface``."""
+    half = np.maximum((boxes[:, 1] - boxes[:, 0]) / 2.0, THIN_M / 2.0)
+    middle = (boxes[:, 0] + boxes[:, 1]) / 2.0
+    area = half[:, [1, 0, 0]] * half[:, [2, 2, 1]]
+    edges = np.cumsum(area, axis=1) / area.sum(axis=1, keepdims=True)
+    count = 32
+    quasi = QUASI[:count]
+    axis = (quasi[None, :, 0, None] > edges[:, None, :2]).sum(axis=-1)
+    sign = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
+    local = np.empty((len(boxes), count, 3))
+    normals = np.zeros_like(local)
+    b, k = np.meshgrid(np.arange(len(boxes)), np.arange(count), indexing="ij")
+    local[b, k, (axis + 1) % 3] = 2.0 * quasi[:, 1] - 1.0
+    local[b, k, (axis + 2) % 3] = 2.0 * quasi[:, 2] - 1.0
+    local[b, k, axis] = sign
+    normals[b, k, axis] = sign
+    points = middle[:, None] + local * half[:, None]
+    near = _is_close(points.reshape(-1, 3), normals.reshape(-1, 3), surface, tol)
+    return np.asarray(near.reshape(len(boxes), count).mean(axis=1))
+
+
+def _near_share(points: Array, normals: Array, surface: trimesh.Trimesh, tol: float) -> float:
+    return float(np.mean(_is_close(points, normals, surface, tol)))
+
+
+def _is_close(
+    points: Array, normals: Array, surface: trimesh.Trimesh, tol: float
+) -> NDArray[np.bool_]:
+    """Whether a ray inwards from each point meets ``surface`` within ``tol`` (N,)."""
     lift = 1e-3
     origins = points + lift * normals
     hits, rays, _ = surface.ray.intersects_location(origins, -normals, multiple_hits=False)
     depth = np.full(len(points), np.inf)
     depth[rays] = np.linalg.norm(hits - origins[rays], axis=1)
-    return bool(np.mean(depth <= tol + lift) >= NEAR_SHARE)
+    return depth <= tol + lift
 
 
 def thick(points: Array) -> Array:
@@ -99,9 +142,7 @@ def _fewer(corners: Array) -> Array:
     chosen = sorted({int(i) for axis in range(3) for i in _extremes(corners, axis)})
     rest = corners.mean(axis=0)
     while len(chosen) < 5:
-        distance = np.min(
-            np.linalg.norm(corners[:, None] - corners[chosen][None], axis=-1), axis=1
-        )
+        distance = np.min(np.linalg.norm(corners[:, None] - corners[chosen][None], axis=-1), axis=1)
         chosen.append(int(np.argmax(distance)))
     while len(chosen) < MAX_CORNERS:
         planes = ConvexHull(np.vstack([corners[chosen], rest])).equations

@@ -11,6 +11,7 @@ import trimesh
 from articulate.asset import Asset, Handle, Joint, Vec3
 from articulate.convert.collision import is_handle
 from articulate.convert.handle import Grasp, best_grasp
+from articulate.convert.mesh import joined
 from articulate.convert.repairs import Repairs
 from articulate.convert.write import Body
 from articulate.transforms import Array, angle_between, inverse, normalised
@@ -22,18 +23,22 @@ SNAP_RAD = 0.6
 def handles_of(
     asset: Asset, bodies: Sequence[Body], repairs: Repairs
 ) -> tuple[tuple[Handle, ...], tuple[Vec3, Vec3]]:
-    """Handles, at most one for each joint, and the bounds of the closed object."""
+    """Handles, at most one for each joint, and the bounds of the closed object.
+
+    Places to hold are looked for on the collision shapes: those are what fingers will meet.
+    """
     poses = closed_poses(asset)
-    vertices, faces, owners, named = [], [], [], []
-    offset = 0
+    meshes, owners, named, corners = [], [], [], []
     for b, body in enumerate(bodies):
-        for piece in body.visuals:
-            vertices.append(trimesh.transform_points(piece.mesh.vertices, poses[body.name]))
-            faces.append(np.asarray(piece.mesh.faces) + offset)
-            offset += len(piece.mesh.vertices)
-            owners.append(np.full(len(piece.mesh.faces), b))
-            named.append(np.full(len(piece.mesh.faces), is_handle(piece.name)))
-    surface = trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)
+        T_ob = poses[body.name]
+        corners += [trimesh.transform_points(p.mesh.vertices, T_ob) for p in body.visuals]
+        for shape in body.shapes:
+            mesh = shape.mesh.copy()
+            mesh.apply_transform(T_ob)
+            meshes.append(mesh)
+            owners.append(np.full(len(mesh.faces), b))
+            named.append(np.full(len(mesh.faces), is_handle(shape.piece)))
+    surface = joined(meshes)
     owner, is_named = np.concatenate(owners), np.concatenate(named)
     handles = []
     for b, body in enumerate(bodies):
@@ -46,9 +51,9 @@ def handles_of(
         handle = _handle(body.joint, surface, who, poses, repairs)
         if handle is not None:
             handles.append(handle)
-    low, high = surface.bounds
-    box = ((float(low[0]), float(low[1]), float(low[2])), (float(high[0]), float(high[1]), float(high[2])))
-    return tuple(handles), box
+    low = np.min([c.min(axis=0) for c in corners], axis=0)
+    high = np.max([c.max(axis=0) for c in corners], axis=0)
+    return tuple(handles), (_vec(low), _vec(high))
 
 
 def closed_poses(asset: Asset) -> dict[str, Array]:
@@ -102,17 +107,15 @@ def _handle(
         link=joint.link,
         joint=joint.name,
         pos_l=_vec(R_lo @ (grasp.pos_o - T_ol[:3, 3])),
-        normal_l=_vec(R_lo @ grasp.normal_o),
-        along_l=_vec(R_lo @ grasp.along_o),
+        normal_l=_vec(_clean(R_lo @ grasp.normal_o)),
+        along_l=_vec(_clean(R_lo @ grasp.along_o)),
         extent=grasp.extent,
         kind=grasp.kind,
         source=source,
     )
 
 
-def _opening(
-    joint: Joint, points: Array, poses: dict[str, Array]
-) -> tuple[Array, Array | None]:
+def _opening(joint: Joint, points: Array, poses: dict[str, Array]) -> tuple[Array, Array | None]:
     """Direction in which the part begins to open, and a hinge's point and axis."""
     sign = 1.0 if joint.span >= 0.0 else -1.0
     axis = np.asarray(joint.axis_o)
@@ -139,8 +142,18 @@ def _doubtful(points: Array, opening: Array) -> Grasp:
     other = np.array([0.0, 0.0, 1.0]) if abs(opening[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     along = normalised(np.cross(opening, other))
     return Grasp(
-        pos_o=top, normal_o=opening, along_o=along, extent=(0.02, 0.02, 0.02), kind="edge", named=False
+        pos_o=top,
+        normal_o=opening,
+        along_o=along,
+        extent=(0.02, 0.02, 0.02),
+        kind="edge",
+        named=False,
     )
+
+
+def _clean(v: Array) -> Array:
+    """A unit vector without the last digits that rotations leave."""
+    return normalised(np.where(np.abs(v) < 1e-9, 0.0, v))
 
 
 def _vec(v: Array) -> Vec3:

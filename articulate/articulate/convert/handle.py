@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from articulate.transforms import Array, normalised
@@ -21,8 +22,10 @@ OPENING_M = 0.07
 """Widest thing held; the Panda hand opens to 0.08 m."""
 FINGER_M = (0.020, 0.016)
 """Width of a finger along the handle and its thickness beside it [m]."""
-BITE_M = 0.012
-"""Least depth of a finger tip behind the front of what is held [m]."""
+HELD_M = 0.008
+"""Least length along the handle of what is held [m]."""
+BITE_M = (0.012, 0.006)
+"""Least depth of a finger tip behind the front of what is held: wanted, then accepted [m]."""
 REACH_M = 0.010
 """How far the finger tips go beyond the middle of the pads [m]."""
 CELL_M = 0.004
@@ -54,15 +57,15 @@ class View:
     """Coordinates of cell (0, 0) along u and v (2,) [m]."""
     height: Array
     """Along the normal (U, V) [m]; -inf where nothing is hit."""
-    mine: Array
+    mine: NDArray[np.bool_]
     """The part that is to be held is what is seen (U, V)."""
-    named: Array
+    named: NDArray[np.bool_]
     """It is a piece whose name says handle (U, V)."""
 
     def point(self, i: int, j: int, height: float) -> Array:
         """The point of cell (i, j) at ``height``."""
         u, v = self.low + CELL_M * np.array([i, j])
-        return u * self.u + v * self.v + height * self.normal
+        return np.asarray(u * self.u + v * self.v + height * self.normal)
 
 
 def look(
@@ -108,50 +111,42 @@ def look(
     )
 
 
-def places(view: View, *, closing: Literal["u", "v"], named: bool) -> list[tuple[int, int, int]]:
+def places(
+    view: View, *, closing: Literal["u", "v"], named: bool, bite: float
+) -> list[tuple[int, int, int]]:
     """Cells that can be held between fingers closing along an axis, with the width in cells.
 
     A cell is the middle of what is held; of each run of cells the narrowest width counts.
     """
     height = np.where(np.isfinite(view.height), view.height, -10.0)
     wanted = view.named if named else view.mine
-    if closing == "v":
-        height, wanted = height, wanted
-    else:
+    if closing == "u":
         height, wanted = height.T, wanted.T
     across = max(1, round(FINGER_M[0] / 2.0 / CELL_M))
     thick = max(2, round(FINGER_M[1] / CELL_M))
     palm = (2 * round(PALM_M[1] / CELL_M) + 1, 2 * round(PALM_M[0] / CELL_M) + 1)
     around = maximum_filter(height, size=palm, mode="nearest")
-    rows = 2 * across + 1
+    rows = 2 * max(1, round(HELD_M / 2.0 / CELL_M)) + 1
     ridge = minimum_filter(height, size=(rows, 1), mode="nearest")
-    level = maximum_filter(height, size=(rows, 1), mode="nearest")
+    level = maximum_filter(height, size=(2 * across + 1, 1), mode="nearest")
+    level = maximum_filter(level, size=(1, thick), mode="nearest")
+    whole = minimum_filter(wanted.astype(np.int8), size=(rows, 1), mode="constant") > 0
+    clear = around - ridge <= PALM_M[2] - bite
     found: dict[tuple[int, int], int] = {}
     for width in range(1, int(OPENING_M / CELL_M) + 1):
         half = width // 2
         odd = width % 2
         span = 2 * half + odd
         offset = half + 1
-        left = _shifted(maximum_filter(level, size=(1, thick), mode="nearest"), -(offset + thick // 2))
-        right = _shifted(
-            maximum_filter(level, size=(1, thick), mode="nearest"), offset + thick // 2 - (1 - odd)
-        )
-        held = minimum_filter(ridge, size=(1, span), mode="nearest", origin=(0, 0 if odd else 0))
-        whole = minimum_filter(wanted.astype(np.int8), size=(rows, span), mode="constant") > 0
-        deep = held - np.maximum(left, right) >= BITE_M
-        clear = around - held <= PALM_M[2] - BITE_M
-        flat = level_within(height, held, rows, span)
-        for i, j in np.argwhere(deep & clear & whole & flat):
+        left = _shifted(level, -(offset + thick // 2))
+        right = _shifted(level, offset + thick // 2 - (1 - odd))
+        deep = ridge - np.maximum(left, right) >= bite
+        level_between = maximum_filter(height, size=(rows, span), mode="nearest") - ridge < 0.03
+        for i, j in np.argwhere(deep & clear & whole & level_between):
             found.setdefault((int(i), int(j)), span)
     if closing == "u":
         return [(j, i, width) for (i, j), width in found.items()]
     return [(i, j, width) for (i, j), width in found.items()]
-
-
-def level_within(height: Array, held: Array, rows: int, span: int) -> Array:
-    """Whether what is held is level: its front rises by less than 3 cm (U, V)."""
-    top = maximum_filter(height, size=(rows, span), mode="nearest")
-    return np.asarray(top - held < 0.03)
 
 
 def _shifted(field: Array, by: int) -> Array:
@@ -222,17 +217,19 @@ def best_grasp(
         up = np.array([1.0, 0.0, 0.0])
     up = normalised(up - (up @ opening) * opening)
     side = np.cross(opening, up)
-    found: list[tuple[float, Grasp]] = []
+    views: dict[int, View] = {}
     for named in (True, False) if (owner == 2).any() else (False,):
-        for normal in (opening, up, side, -side):
-            u = up if abs(normal @ up) < 0.5 else side
-            view = look(surface, owner, normal, u)
-            found += _rated(view, surface, owner, opening, far_from, named=named)
-            if found and normal is opening:
-                break
-        if found:
-            break
-    return max(found, key=lambda pair: pair[0])[1] if found else None
+        for bite in BITE_M:
+            found: list[tuple[float, Grasp]] = []
+            for k, normal in enumerate((opening, up, -up, side, -side)):
+                if k not in views:
+                    views[k] = look(surface, owner, normal, up if k in {0, 3, 4} else side)
+                found += _rated(views[k], surface, owner, opening, far_from, named=named, bite=bite)
+                if found and k == 0:
+                    break
+            if found:
+                return max(found, key=lambda pair: pair[0])[1]
+    return None
 
 
 def _rated(
@@ -243,6 +240,7 @@ def _rated(
     far_from: Array | None,
     *,
     named: bool,
+    bite: float,
 ) -> list[tuple[float, Grasp]]:
     """Places in one view with a figure of merit, larger is better."""
     part = surface.submesh([owner > 0], append=True, repair=False)
@@ -256,7 +254,7 @@ def _rated(
         closing = view.u if axis == "u" else view.v
         if edge and abs(closing @ opening) < 0.5:
             continue  # a rim is held across its thickness
-        cells = places(view, closing=axis, named=named)
+        cells = places(view, closing=axis, named=named, bite=bite)
         if not cells:
             continue
         index = np.array(cells)
@@ -302,7 +300,7 @@ def _run_length(index: Array, k: int, axis: str) -> float:
         low -= 1
     while high + 1 in rows:
         high += 1
-    return (high - low + 1) * CELL_M + FINGER_M[0]
+    return (high - low + 1) * CELL_M + HELD_M
 
 
 def _measured(
@@ -320,22 +318,30 @@ def _measured(
     cut = refined(surface, point - 0.002 * normal, normal, closing)
     front = float(point @ normal)
     if cut is None:
-        low, high, back = float(point @ closing) - 0.005, float(point @ closing) + 0.005, front - 0.02
+        low, high, back = (
+            float(point @ closing) - 0.005,
+            float(point @ closing) + 0.005,
+            front - 0.02,
+        )
     else:
         low, high, back = cut[0], cut[1], cut[2]
         front = cut[3]
         if high - low > OPENING_M:  # the cut runs on into the panel: keep to the map
             low, high = _width_at(surface, point, normal, closing)
+    across = np.asarray(surface.vertices) @ along
+    middle = float(across.min() + across.max()) / 2.0
+    if abs(middle - float(point @ along)) > 2.0 * CELL_M:
+        middle = float(point @ along)
     depth = front - back
-    hold = front - min(max(depth / 2.0, BITE_M / 2.0), REACH_M)
-    pos = (
-        (point @ along) * along + (low + high) / 2.0 * closing + hold * normal
-    )
-    kind: Literal["bar", "knob", "edge"] = "edge" if edge else "bar" if length >= 0.045 else "knob"
+    hold = front - min(max(depth / 2.0, BITE_M[1] / 2.0), REACH_M)
+    pos = middle * along + (low + high) / 2.0 * closing + hold * normal
+    kind: Literal["bar", "knob", "edge"] = "knob"
+    if edge:
+        kind = "edge"
+    elif length >= max(0.045, 1.3 * (high - low)):
+        kind = "bar"
     extent = (length, high - low, min(depth, 0.05))
-    return Grasp(
-        pos_o=pos, normal_o=normal, along_o=along, extent=extent, kind=kind, named=named
-    )
+    return Grasp(pos_o=pos, normal_o=normal, along_o=along, extent=extent, kind=kind, named=named)
 
 
 def _width_at(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from articulate.convert.presets import MOVING_MASS_KG, ROOT_MASS_KG
+from articulate.convert.presets import MASS_KG
 from articulate.convert.read import SourceLink
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape
@@ -33,7 +34,7 @@ def inertial_of(
     density: float,
     *,
     rescaled: bool,
-    fixed: bool,
+    kind: Literal["slide", "hinge", "fixed"],
     repairs: Repairs,
 ) -> Inertial:
     """Mass properties of a part: as given where every link gives physical ones, else computed.
@@ -43,7 +44,7 @@ def inertial_of(
         shapes: Its collision shapes, scaled.
         density: Used where they are computed [kg/m3].
         rescaled: The source is not metric, so that its masses mean nothing.
-        fixed: The part is the fixed body.
+        kind: What moves the part.
         repairs: Takes a note where they are computed.
     """
     name = members[0][0].name
@@ -51,7 +52,7 @@ def inertial_of(
     if given is not None:
         return given
     found = from_shapes(shapes, density)
-    low, high = ROOT_MASS_KG if fixed else MOVING_MASS_KG
+    low, high = MASS_KG[kind]
     mass = float(np.clip(found.mass_kg, low, high))
     if any(link.inertial is not None for link, _ in members) and not rescaled:
         repairs.add(f"inertia of part {name} was absent in part or not physical: computed")

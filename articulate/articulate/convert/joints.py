@@ -60,9 +60,7 @@ def travel_of(
     )
 
 
-def _limits(
-    joint: SourceJoint, kind: str, repairs: Repairs
-) -> tuple[float | None, float | None]:
+def _limits(joint: SourceJoint, kind: str, repairs: Repairs) -> tuple[float | None, float | None]:
     if joint.kind == "continuous":
         return None, None
     lower, upper = joint.lower, joint.upper

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,6 @@ FORMATS = (".obj", ".stl", ".dae", ".glb", ".gltf", ".ply", ".off")
 MAX_BYTES = 300_000_000
 """Largest mesh file that is read."""
 GREY = (0.7, 0.7, 0.7, 1.0)
-WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +38,8 @@ class Piece:
     """Set where the source gives a primitive instead of a mesh."""
     link: str = ""
     """Link of the source it belongs to."""
+    element: str = ""
+    """Where the element stands that it comes from; one per material otherwise."""
 
     def scaled(self, factor: float) -> Piece:
         """The same piece, ``factor`` times as large about the origin of its part."""
@@ -140,7 +142,16 @@ class Loader:
             names = f"{link} {element.name}"
             placed = SourceGeometry(kind=element.kind, name="", T_lg=T_pg, size=element.size)
             rgba = element.rgba or GREY
-            return [Piece(name=names, mesh=mesh, rgba=rgba, primitive=placed, link=link)]
+            return [
+                Piece(
+                    name=names,
+                    mesh=mesh,
+                    rgba=rgba,
+                    primitive=placed,
+                    link=link,
+                    element=element.where,
+                )
+            ]
         try:
             path = resolve(element.filename, self.source.path, self.mesh_dirs)
             loaded = self._load(path)
@@ -156,15 +167,12 @@ class Loader:
                 faces = faces[:, ::-1]
                 self.source.repairs.add(f"mirrored mesh {path.name}: winding turned back")
             copy = trimesh.Trimesh(trimesh.transform_points(vertices, T_pg), faces, process=False)
-            rgba = element.rgba if element.rgba and (colour is None or link) else None
-            rgba = rgba or (_four(colour) if colour else GREY)
+            rgba = element.rgba or (_four(colour) if colour else GREY)
             names = f"{link} {element.name} {path.stem} {group}"
-            pieces.append(Piece(name=names, mesh=copy, rgba=rgba, link=link))
+            pieces.append(Piece(name=names, mesh=copy, rgba=rgba, link=link, element=element.where))
         return pieces
 
-    def _load(
-        self, path: Path
-    ) -> list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]:
+    def _load(self, path: Path) -> list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]:
         if path not in self._cache:
             self._cache[path] = _read_mesh(path, self.source)
         return self._cache[path]
@@ -185,15 +193,19 @@ def _read_mesh(
         meshes = [(name, mesh) for name, mesh in _placed(scene) if len(mesh.faces)]
     except Exception as error:  # noqa: BLE001  # readers of foreign formats raise anything
         text = (str(error).splitlines() or [""])[0][:200]
-        raise AssetError(f"mesh {path.name}: cannot be read ({type(error).__name__}: {text})") from None
+        raise AssetError(
+            f"mesh {path.name}: cannot be read ({type(error).__name__}: {text})"
+        ) from None
     if not meshes:
         raise AssetError(f"mesh {path.name}: has no triangles")
-    out = []
+    out: list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]] = []
     for name, mesh in meshes:
         plain = _plain(mesh)
         if plain is None:
             source.repairs.add(f"mesh {path.name}: a group without area left out")
             continue
+        if any(_same_faces(plain, other) for _, other, _ in out):
+            continue  # the back of a sheet in another material
         out.append((name, plain, _colour(mesh)))
     if not out:
         raise AssetError(f"mesh {path.name}: has no area")
@@ -230,6 +242,14 @@ def _plain(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
     return plain
 
 
+def _same_faces(one: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
+    """Whether both consist of the same triangles, turned round or not."""
+    if len(one.faces) != len(other.faces) or not np.allclose(one.bounds, other.bounds):
+        return False
+    centres = [np.sort(m.triangles_center.round(6), axis=0) for m in (one, other)]
+    return bool(np.allclose(centres[0], centres[1], atol=1e-5))
+
+
 def _colour(mesh: trimesh.Trimesh) -> tuple[float, ...] | None:
     material = getattr(mesh.visual, "material", None)
     if material is None:
@@ -260,11 +280,20 @@ def _primitive(element: SourceGeometry) -> trimesh.Trimesh:
 
 def bounds(geometry: PartGeometry, T: Array) -> NDArray[np.float64] | None:
     """Lowest and highest corner (2, 3) of what the part shows, moved by ``T`` (4, 4)."""
-    corners = [
-        trimesh.transform_points(piece.mesh.vertices, T) for piece in geometry.shown
-    ]
+    corners = [trimesh.transform_points(piece.mesh.vertices, T) for piece in geometry.shown]
     if not corners:
         return None
     return np.array(
-        [np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)]
+        [
+            np.min([c.min(axis=0) for c in corners], axis=0),
+            np.max([c.max(axis=0) for c in corners], axis=0),
+        ]
     )
+
+
+def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """One mesh of the triangles of all, in their order."""
+    offsets = np.cumsum([0, *[len(mesh.vertices) for mesh in meshes]])[:-1]
+    faces = [np.asarray(m.faces) + o for m, o in zip(meshes, offsets, strict=True)]
+    vertices = [np.asarray(mesh.vertices) for mesh in meshes]
+    return trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)

@@ -8,8 +8,28 @@ from typing import Literal
 
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull
 
-from articulate.transforms import Array, apply, inverse
+from articulate.transforms import Array, apply, inverse, normalised
+
+SAMPLES = 240
+BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+BOX_FACES = np.array(
+    [
+        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+    ]
+)  # fmt: skip
+"""Triangles of ``BOX_CORNERS``, counter-clockwise from outside."""
+
+
+def _quasi(count: int) -> Array:
+    """Evenly spread points in the unit cube (count, 3): the additive recurrence R3."""
+    step = 1.0 / 1.2207440846057596 ** np.arange(1, 4)
+    return np.asarray((0.5 + np.outer(np.arange(count), step)) % 1.0)
+
+
+QUASI = _quasi(SAMPLES)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,10 +70,44 @@ class Shape:
     @cached_property
     def planes(self) -> Array:
         """Outward half-spaces (M, 4): normal and offset, inside where n x + d <= 0."""
+        if self.kind == "hull":
+            return np.unique(ConvexHull(self.vertices).equations.round(9), axis=0)
         mesh = self.mesh
         offsets = -np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles[:, 0])
-        planes = np.column_stack([mesh.face_normals, offsets])
-        return np.unique(planes.round(9), axis=0)
+        return np.unique(np.column_stack([mesh.face_normals, offsets]).round(9), axis=0)
+
+    @cached_property
+    def corners(self) -> Array:
+        """Points whose hull it is (N, 3)."""
+        if self.kind == "hull" and self.vertices is not None:
+            return self.vertices
+        if self.kind == "box":
+            return apply(self.T_ps, BOX_CORNERS * np.array(self.half))
+        return np.asarray(self.mesh.vertices)
+
+    @cached_property
+    def samples(self) -> tuple[Array, Array]:
+        """Points on its surface by area and their outward normals, (S, 3) each."""
+        if self.kind == "hull":
+            faces = ConvexHull(self.vertices)
+            triangles = faces.points[faces.simplices]
+            normals = faces.equations[:, :3]
+        else:
+            corners = self.mesh if self.kind != "box" else None
+            triangles = self.corners[BOX_FACES] if corners is None else corners.triangles
+            edges = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+            normals = normalised(edges)
+        area = np.linalg.norm(
+            np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+        )
+        index = np.searchsorted(np.cumsum(area) / area.sum(), QUASI[:, 0])
+        index = np.minimum(index, len(area) - 1)
+        a, b = QUASI[:, 1], QUASI[:, 2]
+        flip = a + b > 1.0
+        a, b = np.where(flip, 1.0 - a, a), np.where(flip, 1.0 - b, b)
+        t = triangles[index]
+        points = t[:, 0] + a[:, None] * (t[:, 1] - t[:, 0]) + b[:, None] * (t[:, 2] - t[:, 0])
+        return points, normals[index]
 
     def outside(self, points: Array) -> Array:
         """How far points (N, 3) lie outside [m], negative inside; a lower bound near corners."""
@@ -67,7 +121,7 @@ class Shape:
     @cached_property
     def bounds(self) -> Array:
         """Lowest and highest corner in the part (2, 3)."""
-        return np.asarray(self.mesh.bounds)
+        return np.stack([self.corners.min(axis=0), self.corners.max(axis=0)])
 
 
 def sample_surface(mesh: trimesh.Trimesh, count: int) -> tuple[Array, Array]:

@@ -60,15 +60,17 @@ def build_parts(source: SourceObject) -> tuple[Part, ...]:
     parts = _walk(source, roots, by_parent)
     seen = sum(len(part.members) for part in parts)
     if seen != len(source.links):
-        raise AssetError(f"{source.path}: {len(source.links) - seen} links hang on a cycle of joints")
+        raise AssetError(
+            f"{source.path}: {len(source.links) - seen} links hang on a cycle of joints"
+        )
     return _rooted(parts)
 
 
 def _without_empty_range(joint: SourceJoint, repairs: Repairs) -> SourceJoint:
-    if joint.kind in {"revolute", "prismatic"} and joint.lower is not None:
-        if joint.lower == joint.upper and joint.lower == 0.0:
-            repairs.add(f"joint {joint.name} has lower = upper = 0: fixed")
-            return replace(joint, kind="fixed")
+    limited = joint.kind in {"revolute", "prismatic"}
+    if limited and joint.lower == 0.0 and joint.upper == 0.0:
+        repairs.add(f"joint {joint.name} has lower = upper = 0: fixed")
+        return replace(joint, kind="fixed")
     return joint
 
 

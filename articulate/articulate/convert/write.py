@@ -153,7 +153,9 @@ def _mjcf_body(
     for handle in handles:
         if handle.link == body.name:
             frame = _frame(handle_frame(handle))
-            lines.append(f'{pad}  <site name={quoteattr(handle.name)}{frame} size="0.005" group="4"/>')
+            lines.append(
+                f'{pad}  <site name={quoteattr(handle.name)}{frame} size="0.005" group="4"/>'
+            )
     for child in bodies:
         if child.parent == body.name:
             lines += _mjcf_body(child, bodies, handles, depth + 1)
@@ -171,9 +173,7 @@ def _frame(T: Array) -> str:
 
 
 def _mjcf_joint(joint: Joint, axis_l: Array, armature: float, pad: str) -> str:
-    text = (
-        f'{pad}<joint name={quoteattr(joint.name)} type="{joint.kind}" axis="{numbers(axis_l)}"'
-    )
+    text = f'{pad}<joint name={quoteattr(joint.name)} type="{joint.kind}" axis="{numbers(axis_l)}"'
     if joint.lower is not None and joint.upper is not None:
         text += f' range="{numbers([joint.lower, joint.upper])}"'
     return text + (

@@ -37,9 +37,9 @@ def _bytes_of(folder: Path) -> dict[str, bytes]:
 def _boxes_o(size):
     """(part, box) of every box in the object frame, closed."""
     for part in cabinet_parts(size):
-        origin = (0.0, 0.0, 0.0) if part.motion is None else part.motion.origin_p
+        x, y, z = (0.0, 0.0, 0.0) if part.motion is None else part.motion.origin_p
         for box in part.boxes:
-            yield part.name, box.seen_from(tuple(-x for x in origin))
+            yield part.name, box.seen_from((-x, -y, -z))
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path):

@@ -1,0 +1,6 @@
+"""One-file HTML pages: text, tables, charts, pictures and clips that open anywhere, offline."""
+
+from articulate.page.chart import Bars, Chart, Line, Points
+from articulate.page.page import Page, Tile
+
+__all__ = ["Bars", "Chart", "Line", "Page", "Points", "Tile"]

@@ -1,0 +1,87 @@
+"""Where an object stands in the world, and where that puts its handle."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from articulate.asset import Asset
+from articulate.transforms import Array, axis_angle_to_matrix, pose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where the object stands in the world and how the hand starts."""
+
+    pos_w: tuple[float, float, float]
+    """Origin of the object frame in the world frame at nominal size [m]."""
+    yaw_rad: float
+    """Turn of the object about the vertical [rad]."""
+    flip: bool
+    """The hand holds the handle turned by 180 degrees about its approach axis."""
+    start_q: tuple[float, ...]
+    """Start pose of the arm, its wrist turned as the handle asks (7,) [rad]."""
+    joint_margin_rad: float
+    """Smallest distance to a joint limit along the nominal way [rad]."""
+    manipulability: float
+    """Smallest singular value of the tool's Jacobian along the nominal way."""
+    drawn_share: float
+    """Share of drawn poses and sizes at which the whole way can be reached."""
+
+    def T_wo(self) -> Array:
+        """Pose of the object in the world (4, 4)."""
+        return pose(self.pos_w, axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), self.yaw_rad))
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def handle_way(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:
+    """Handle poses ``T_oh`` (..., 4, 4) in the object frame at fractions ``opened`` (...)."""
+    item = asset.joint(joint)
+    T_oh = asset.T_oh(joint, item.closed + opened * item.span)
+    if flip:
+        T_oh = T_oh @ pose(np.zeros(3), np.diag([-1.0, -1.0, 1.0]))
+    return np.asarray(T_oh)
+
+
+def handle_in_world(
+    asset: Asset,
+    joint: str,
+    *,
+    T_wo: Array,
+    scale: Array,
+    opened: Array,
+    flip: bool,
+) -> Array:
+    """Handle poses ``T_wh`` (N, 4, 4) of objects of sizes ``scale`` (N,) at ``T_wo`` (N, 4, 4)."""
+    T_oh = handle_way(asset, joint, opened, flip=flip).copy()
+    T_oh[..., :3, 3] *= np.asarray(scale)[..., None]
+    return np.asarray(T_wo @ T_oh)
+
+
+def object_pose(
+    asset: Asset, joint: str, place: Place, *, scale: Array, shift: Array, yaw: Array
+) -> Array:
+    """Poses ``T_wo`` (N, 4, 4) so that the closed handle stays where it is but for the shift.
+
+    Args:
+        asset: The object.
+        joint: Joint of the task.
+        place: Nominal place.
+        scale: Sizes (N,).
+        shift: Shift of the closed handle along world x and y (N, 2) [m].
+        yaw: Turn about the vertical through the closed handle (N,) [rad].
+    """
+    grip_o = handle_way(asset, joint, np.zeros(1))[0, :3, 3]
+    nominal = place.T_wo()
+    grip_w = nominal[:3, :3] @ grip_o + nominal[:3, 3]
+    turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), place.yaw_rad + np.asarray(yaw))
+    offset = np.einsum("nij,j->ni", turn, grip_o) * np.asarray(scale)[:, None]
+    pos = grip_w - offset
+    pos[:, :2] += shift
+    pos[:, 2] = place.pos_w[2]
+    return pose(pos, turn)

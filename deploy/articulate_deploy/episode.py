@@ -1,0 +1,203 @@
+"""One episode of a policy on a robot, judged as in training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from articulate.draw import Draw
+from articulate.judgement import (
+    REASONS,
+    Judgement,
+    judge_sample,
+    judge_tick,
+    judgement_start,
+    opened_at_end,
+    verdict,
+)
+from articulate.manifest import Manifest
+from articulate.observe import Estimate, observation
+from articulate.transforms import Array
+from articulate_deploy.estimators.estimator import Estimator
+from articulate_deploy.plant import Plant
+from articulate_deploy.policy import Policy
+from articulate_deploy.robots.robot import HAND_KEY, SPEED_KEYS, Robot, action_of, joints_of
+from articulate_deploy.safety import check_start, was_clipped
+
+PEAKS = (
+    "force",
+    "force_short",
+    "force_raw",
+    "moment",
+    "speed_share",
+    "torque_share",
+    "torque_rate",
+)
+"""Columns of the judgement that are reported."""
+
+
+@dataclass(frozen=True)
+class EpisodeResult:
+    """How an episode ended."""
+
+    reason: str
+    """One of :data:`articulate.judgement.REASONS`."""
+    opened: bool
+    """Whether the part was held open at the end, limits aside."""
+    fraction: float
+    """How far it was open at the end, 1 at its far limit."""
+    ticks: int
+    """Ticks that were run."""
+    clipped: int
+    """Ticks at which the robot made an action safe."""
+    peaks: dict[str, float]
+    """Largest values of :data:`PEAKS`."""
+
+    @property
+    def success(self) -> bool:
+        """Opened, and deployable throughout."""
+        return self.reason == REASONS[0]
+
+
+@dataclass
+class Recording:
+    """What happened, one row per tick."""
+
+    rows: dict[str, list[Array]] = field(default_factory=dict)
+
+    def add(self, **values: Array | float) -> None:
+        """One more tick."""
+        for name, value in values.items():
+            self.rows.setdefault(name, []).append(np.array(value, dtype=np.float64))
+
+    def arrays(self) -> dict[str, Array]:
+        """Arrays (T, ...) by name."""
+        return {name: np.stack(values) for name, values in self.rows.items()}
+
+
+def run_episode(
+    policy: Policy,
+    robot: Robot,
+    estimator: Estimator,
+    manifest: Manifest,
+    *,
+    delay_ticks: int = 0,
+    recording: Recording | None = None,
+) -> EpisodeResult:
+    """Run ``policy`` for the task's time on a robot that stands at its start.
+
+    Args:
+        policy: Observations to actions.
+        robot: Connected, at rest.
+        estimator: What is known of the object.
+        manifest: Task, plant, limits.
+        delay_ticks: Age of the joint deltas that are used.
+        recording: Takes what happens at each tick.
+
+    Raises:
+        StartError: The robot does not stand at its start.
+    """
+    task, tick_s = manifest.task, manifest.control.follow.tick_s
+    ticks = round(task.episode_s / tick_s)
+    q = joints_of(robot.get_observation())
+    check_start(q, manifest.start)
+    plant = Plant(manifest, q, delay_ticks=delay_ticks)
+    robot.take_samples()
+    estimator.reset()
+    judgement, torque = judgement_start(1), np.zeros(7)
+    last, clipped, tick = np.zeros(manifest.action.size), 0, 0
+    for tick in range(ticks):
+        seen, estimate = robot.get_observation(), estimator.estimate()
+        observed = _observation(manifest, seen, plant, estimate, last, 1.0 - tick / ticks)
+        action = policy.act(observed)[0]
+        wish, width = plant.tick(action, joints_of(seen))
+        sent = joints_of(robot.send_action(action_of(wish, width)))
+        clipped += was_clipped(wish, sent)
+        plant.sent(sent)
+        last = action
+        estimator.update()
+        judgement, torque = _judged(judgement, torque, robot, estimator.judged(), manifest)
+        if recording is not None:
+            truth = estimator.judged()
+            recording.add(
+                time_s=tick * tick_s,
+                observation=observed[0],
+                action=action,
+                target=sent,
+                joint_pos=joints_of(seen),
+                joint_vel=joints_of(seen, SPEED_KEYS),
+                hand_width_m=seen[HAND_KEY],
+                estimate_T_wh=estimate.T_wh[0],
+                estimate_open=estimate.opened[0],
+                part_open=truth.opened[0],
+                part_speed=truth.speed[0],
+                judgement=judgement.samples[0],
+            )
+        if judgement.diverged[0]:
+            break
+    robot.stop()
+    return EpisodeResult(
+        reason=REASONS[int(verdict(judgement, task)[0])],
+        opened=bool(opened_at_end(judgement, task)[0]),
+        fraction=float(estimator.judged().opened[0]),
+        ticks=tick + 1,
+        clipped=clipped,
+        peaks={name: float(judgement.peak(name)[0]) for name in PEAKS},
+    )
+
+
+def start_of(manifest: Manifest, drawn: Draw) -> Array:
+    """Angles of the arm (7,) at which an episode under ``drawn`` begins [rad]."""
+    low, high = manifest.robot.bounds(manifest.control.follow.margin_rad)
+    return np.asarray(np.clip(np.asarray(manifest.start.q) + drawn["start"][0], low, high))
+
+
+def _observation(
+    manifest: Manifest,
+    seen: dict[str, float],
+    plant: Plant,
+    estimate: Estimate,
+    last: Array,
+    time_left: float,
+) -> Array:
+    return observation(
+        manifest.robot,
+        q=joints_of(seen)[None],
+        dq=joints_of(seen, SPEED_KEYS)[None],
+        target=plant.target[None],
+        hand_width=np.array([seen[HAND_KEY]]),
+        hand=plant.hand,
+        estimate=estimate,
+        last_action=last[None],
+        time_left=np.array([time_left]),
+    )
+
+
+def _judged(
+    judgement: Judgement, torque: Array, robot: Robot, now: Estimate, manifest: Manifest
+) -> tuple[Judgement, Array]:
+    """The judgement after one more tick, and the last torque."""
+    rows = judgement.samples
+    for sample in robot.take_samples():
+        rows = judge_sample(
+            rows,
+            dq=sample.dq[None],
+            torque=sample.torque[None],
+            torque_before=torque[None],
+            wrench=sample.wrench[None],
+            touch=np.array([sample.touch]),
+            dt=sample.dt,
+            arm=manifest.robot,
+            limits=manifest.task.limits,
+        )
+        torque = sample.torque
+    after = judge_tick(
+        judgement,
+        rows,
+        manifest.task,
+        opened=now.opened,
+        speed=now.speed,
+        tick_s=manifest.control.follow.tick_s,
+    )
+    return after, torque

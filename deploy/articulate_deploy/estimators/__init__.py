@@ -1,0 +1,1 @@
+"""Where the object's state comes from."""

@@ -1,0 +1,50 @@
+"""Recordings on disk: one file of arrays per episode, and a line about each.
+
+``episode_0000.npz`` holds arrays with one row per tick, ``episodes.jsonl`` how each ended and
+what was drawn; ``report.json`` the whole. ``np.load(path, allow_pickle=False)`` reads them.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from articulate.errors import UsageError
+from articulate.files import whole_file, write_json, write_text
+from articulate_deploy.episode import Recording
+from articulate_deploy.report import DeployReport
+
+EPISODES_FILE, REPORT_FILE = "episodes.jsonl", "report.json"
+
+
+def new_folder(folder: Path) -> None:
+    """Make the folder of a recording.
+
+    Raises:
+        UsageError: It exists and holds something, or cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = any(folder.iterdir())
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be written ({error.strerror}); choose --out") from None
+    if held:
+        raise UsageError(f"{folder}: exists and is not empty; choose another --out")
+
+
+def write_episode(folder: Path, index: int, recording: Recording) -> Path:
+    """Write the arrays of one episode, whole or not at all."""
+    path = folder / f"episode_{index:04d}.npz"
+    with whole_file(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **recording.arrays())  # type: ignore[arg-type]  # names are ours
+    return path
+
+
+def write_report(folder: Path, report: DeployReport) -> None:
+    """Write ``episodes.jsonl`` and ``report.json``."""
+    content = report.as_dict()
+    lines = [json.dumps(episode, allow_nan=False) for episode in content["each"]]
+    write_text(folder / EPISODES_FILE, "".join(f"{line}\n" for line in lines))
+    write_json(folder / REPORT_FILE, content)

@@ -1,0 +1,44 @@
+"""Robots by name; each is imported when it is asked for."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from articulate.errors import ConfigError, MissingError, nearest
+from articulate_deploy.bundle import Bundle
+from articulate_deploy.robots.robot import StandIn
+
+ROBOTS = {"mujoco": "articulate_deploy.robots.mujoco:MujocoRobot"}
+"""Name to ``module:attribute``; the attribute is called with the bundle."""
+COMING = {
+    "panda": "panda comes with the arm's client, which this version does not have yet",
+    "fr3": "fr3 comes with the arm's client, which this version does not have yet",
+    "pybullet": "pybullet is not there yet",
+}
+"""Names that will be known, and what to say until then."""
+
+
+def robot_named(name: str, bundle: Bundle) -> StandIn:
+    """The robot called ``name``, not yet connected.
+
+    Raises:
+        ConfigError: There is none.
+        MissingError: What it needs is not installed.
+    """
+    if name in COMING:
+        raise ConfigError(f"--robot {COMING[name]}; there is: {', '.join(ROBOTS)}")
+    if name not in ROBOTS:
+        raise ConfigError(f"--robot {name}: unknown{nearest(name, (*ROBOTS, *COMING))}")
+    module, attribute = ROBOTS[name].split(":")
+    try:
+        make: Any = getattr(importlib.import_module(module), attribute)
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("articulate"):
+            raise
+        raise MissingError(
+            f"--robot {name} needs {error.name}, which is not installed; run: "
+            'pip install "articulate-robots[deploy-sim]"'
+        ) from None
+    robot: StandIn = make(bundle)
+    return robot

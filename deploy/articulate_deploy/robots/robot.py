@@ -1,0 +1,129 @@
+"""The protocol of robots: LeRobot's names, and what we need beside them.
+
+Names and meanings of ``observation_features`` to ``disconnect`` are those of
+``lerobot.robots.Robot`` (LeRobot 0.6); keys are flat, one number each. ``reset_to``, ``stop``,
+``take_samples`` are ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+
+from articulate.draw import Draw
+from articulate.errors import ArticulateError
+from articulate.observe import Estimate
+from articulate.transforms import Array
+
+JOINT_KEYS = tuple(f"joint_{i}.pos" for i in range(1, 8))
+SPEED_KEYS = tuple(f"joint_{i}.vel" for i in range(1, 8))
+HAND_KEY = "gripper.pos"
+"""Opening between the fingers [m]."""
+OBSERVATION_FEATURES: dict[str, type] = dict.fromkeys((*JOINT_KEYS, *SPEED_KEYS, HAND_KEY), float)
+ACTION_FEATURES: dict[str, type] = dict.fromkeys((*JOINT_KEYS, HAND_KEY), float)
+
+
+class NotConnectedError(ArticulateError, ConnectionError):
+    """The robot is not connected."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What is measured at one step of the robot's controller."""
+
+    dq: Array
+    """Joint speeds (7,) [rad/s]."""
+    torque: Array
+    """Joint torques, gravity included (7,) [Nm]."""
+    wrench: Array
+    """Force [N] and moment about the tool [Nm] of the surroundings on the hand, world axes (6,)."""
+    touch: bool
+    """Whether anything but hand and fingers touches the object."""
+    dt: float
+    """Time since the sample before [s]."""
+
+
+class Robot(Protocol):
+    """An arm with a hand that follows targets sent once a tick."""
+
+    name: str
+
+    @property
+    def observation_features(self) -> dict[str, type]:
+        """Keys of observations; readable before :meth:`connect`."""
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Keys of actions; readable before :meth:`connect`."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether :meth:`connect` was called."""
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether the robot needs no calibration."""
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Open the connection."""
+
+    def calibrate(self) -> None:
+        """Calibrate, where there is something to calibrate."""
+
+    def configure(self) -> None:
+        """Write settings to the robot."""
+
+    def get_observation(self) -> dict[str, float]:
+        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m]."""
+
+    def send_action(self, action: dict[str, float]) -> dict[str, float]:
+        """Send targets [rad] and an opening [m]; returns what was really sent."""
+
+    def disconnect(self) -> None:
+        """Close the connection."""
+
+    def reset_to(self, q: Array, hand_width_m: float) -> None:
+        """Bring the arm to rest at ``q`` (7,) [rad] and the hand to an opening [m]."""
+
+    def stop(self) -> None:
+        """Hold the arm where it is; actions are refused until :meth:`reset_to`."""
+
+    def take_samples(self) -> list[Sample]:
+        """Samples since the last call."""
+
+    def __enter__(self) -> Self:
+        """Connect."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Disconnect."""
+
+
+class StandIn(Robot, Protocol):
+    """A robot in simulation: it can be told what was drawn, and knows the object's state.
+
+    Time passes by one tick with each :meth:`Robot.send_action`.
+    """
+
+    def set_draw(self, drawn: Draw) -> None:
+        """What the next episodes are like (one row); takes effect at :meth:`Robot.reset_to`."""
+
+    def object_state(self) -> Estimate:
+        """The true state of the object (one row)."""
+
+
+def joints_of(values: dict[str, float], keys: tuple[str, ...] = JOINT_KEYS) -> Array:
+    """The numbers under ``keys`` in their order (7,)."""
+    return np.array([values[key] for key in keys], dtype=np.float64)
+
+
+def action_of(target: Array, hand_width_m: float) -> dict[str, float]:
+    """Targets (7,) [rad] and an opening [m] under their keys."""
+    return {**dict(zip(JOINT_KEYS, target.tolist(), strict=True)), HAND_KEY: float(hand_width_m)}

@@ -1,0 +1,97 @@
+"""Canvas: where MuJoCo draws without a screen.
+
+``mujoco.Renderer`` draws by what ``MUJOCO_GL`` names when MuJoCo is imported first, and that
+import fails where the library named is missing. A canvas asks for a driver when it is made, so
+that everything but pictures works without one.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import warnings
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from articulate.errors import MissingError
+
+Pixels = NDArray[np.uint8]
+DRIVER = "MUJOCO_GL"
+"""Environment variable that names the driver: egl (the default on Linux), osmesa or glfw."""
+GEOM_GROUPS = (0, 1, 2)
+"""Groups of geoms that are drawn."""
+
+
+class Canvas:
+    """An off-screen buffer for one model; close it when it is not needed any more."""
+
+    def __init__(self, model: mujoco.MjModel, size: tuple[int, int], *, shadows: bool) -> None:
+        """Make a buffer.
+
+        Args:
+            model: What is drawn; its off-screen buffer is large enough.
+            size: Width and height [px].
+            shadows: Draw shadows; a frame then takes some five times as long.
+
+        Raises:
+            MissingError: Nothing can be drawn here.
+        """
+        self._model = model
+        self._size = size
+        self._gl, self._context = open_context(model, size)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 100)
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = [int(g in GEOM_GROUPS) for g in range(mujoco.mjNGROUP)]
+        self._option.sitegroup[:] = 0
+        flags = self._scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = int(shadows)
+        flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+        flags[mujoco.mjtRndFlag.mjRND_HAZE] = 1
+
+    def draw(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> Pixels:
+        """What ``camera`` sees, shape (height, width, 3)."""
+        width, height = self._size
+        self._gl.make_current()
+        every = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self._model, data, self._option, None, camera, every, self._scene)
+        area = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(area, self._scene, self._context)
+        pixels = np.zeros((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, area, self._context)
+        return pixels[::-1]  # OpenGL counts rows from below
+
+    def close(self) -> None:
+        """Give back the buffer."""
+        self._context.free()
+        self._gl.free()
+
+
+def open_context(model: mujoco.MjModel, size: tuple[int, int]) -> tuple[Any, mujoco.MjrContext]:
+    """A current OpenGL context, and the model in it.
+
+    Raises:
+        MissingError: There is no driver.
+    """
+    name = os.environ.get(DRIVER, "").lower() or ("egl" if sys.platform == "linux" else "glfw")
+    try:
+        kind = importlib.import_module(f"mujoco.{name}").GLContext
+        gl = kind.__new__(kind)
+        gl._context = None  # its __del__ asks for it even where __init__ failed
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # GLFW warns where there is no display
+            gl.__init__(*size)
+        if not gl._context:  # MuJoCo must not be asked: it ends the process the second time
+            raise RuntimeError("no display")
+        gl.make_current()
+        return gl, mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+    except Exception as error:  # noqa: BLE001  drivers raise what they like, and pictures are extra
+        what = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise MissingError(
+            f"no pictures here ({DRIVER} {name}: {what}); install Debian's libegl1, libegl-mesa0 "
+            f"and libgl1-mesa-dri, and leave {DRIVER} unset or set it to egl"
+        ) from None

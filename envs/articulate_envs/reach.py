@@ -1,0 +1,80 @@
+"""The second half of the reach test: is there room for the fingers at the handle?"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from articulate.errors import ReachError
+from articulate.kinematics import solve_ik
+from articulate.placing import handle_in_world
+from articulate_envs.panda import HAND_BODY
+from articulate_envs.scene import PREFIX, Scene
+
+MAX_OVERLAP_M = 0.003
+"""Overlap of collision shapes of hand and object that still counts as room [m]."""
+BACK_M = (0.0, 0.005, 0.01, 0.015)
+"""Distances by which the hand may stay behind the middle of the handle [m]."""
+MIN_DRAWN_SHARE = 0.99
+"""Share of drawn poses and sizes at which the arm must reach the whole way."""
+
+
+def check_grasp(scene: Scene) -> float:
+    """Overlap [m] of an open hand at the closed handle with the object, where it is least.
+
+    Raises:
+        ReachError: There is no room for the fingers, or the drawn poses lie out of reach.
+    """
+    asset, task, place = scene.asset, scene.task, scene.place
+    if place.drawn_share < MIN_DRAWN_SHARE:
+        raise ReachError(
+            f"{asset.name}: the handle of {task.joint} can be followed to the target at "
+            f"{place.drawn_share:.0%} of the drawn poses and sizes only; try a smaller --size or "
+            "smaller --draw.* ranges"
+        )
+    best = min(_overlap(scene, back) for back in BACK_M)
+    if best > MAX_OVERLAP_M:
+        raise ReachError(
+            f"{asset.name}: no room for the fingers at the handle of {task.joint}: an open hand "
+            f"overlaps the object by {1000 * best:.0f} mm; name another --joint or model a handle"
+        )
+    return best
+
+
+def _overlap(scene: Scene, back_m: float) -> float:
+    """Deepest contact [m] of the hand, ``back_m`` behind the handle, with the object."""
+    model, at, place = scene.nominal, scene.at, scene.place
+    T_wh = handle_in_world(
+        scene.asset,
+        scene.task.joint,
+        T_wo=place.T_wo()[None],
+        scale=np.ones(1),
+        opened=np.zeros(1),
+        flip=place.flip,
+    )
+    T_wh[:, :3, 3] -= back_m * T_wh[:, :3, 2]
+    q = solve_ik(scene.arm, T_wh, np.asarray(place.start_q), iterations=80).q[0]
+    data = mujoco.MjData(model)
+    for joint in scene.asset.joints:
+        data.joint(PREFIX + joint.name).qpos[0] = joint.closed
+    half = scene.arm.hand.max_width_m / 2.0
+    data.qpos[at.arm_q : at.arm_q + 7] = q
+    data.qpos[at.finger_q : at.finger_q + 2] = (half, -half)
+    mujoco.mj_forward(model, data)
+    hand = model.body(HAND_BODY).id
+    deepest = 0.0
+    for contact in data.contact:
+        bodies = model.geom_bodyid[contact.geom]
+        names = [model.body(b).name for b in bodies]
+        on_hand = [_below(model, int(b), hand) for b in bodies]
+        if any(on_hand) and any(n.startswith(PREFIX) for n in names):
+            deepest = max(deepest, -float(contact.dist))
+    return deepest
+
+
+def _below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
+    while body:
+        if body == ancestor:
+            return True
+        body = int(model.body_parentid[body])
+    return False

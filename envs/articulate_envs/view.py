@@ -1,0 +1,67 @@
+"""Views: where a camera stands so that what matters is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.transforms import Array
+
+MARGIN = 1.06
+"""Room left around what is to be seen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Where the camera stands."""
+
+    lookat_w: tuple[float, float, float]
+    """Point in the middle of the picture [m]."""
+    distance_m: float
+    """From the camera to that point [m]."""
+    azimuth_deg: float
+    """Direction of view about the vertical; 0 looks along +x, 90 along +y, as MuJoCo has it."""
+    elevation_deg: float
+    """Direction of view over the horizon; negative looks down."""
+
+
+def fitted_view(
+    points_w: Array, *, azimuth_deg: float, elevation_deg: float, fov_deg: float, aspect: float
+) -> View:
+    """The view in a given direction that just shows all points, in the middle.
+
+    Args:
+        points_w: What is to be seen (P, 3) [m].
+        azimuth_deg: Direction about the vertical.
+        elevation_deg: Direction over the horizon.
+        fov_deg: Height of the picture as an angle.
+        aspect: Width of the picture over its height.
+    """
+    ahead, right, up = camera_axes(azimuth_deg, elevation_deg)
+    tangent = np.tan(np.deg2rad(fov_deg) / 2.0)
+    depth, across, over = points_w @ ahead, points_w @ right, points_w @ up
+    # A point is inside if |across - a| <= aspect * tangent * (depth - d), d the camera's depth:
+    # two slanted edges that meet the outermost points give a and the largest d, as over does.
+    spots = []
+    for value, slope in ((across, aspect * tangent), (over, tangent)):
+        low, high = np.min(value + slope * depth), np.max(value - slope * depth)
+        spots.append(((low + high) / 2.0, (low - high) / (2.0 * slope)))
+    middle = float(np.mean([depth.min(), depth.max()]))
+    camera = min(d for _, d in spots)
+    distance = MARGIN * (middle - camera)
+    lookat = spots[0][0] * right + spots[1][0] * up + middle * ahead
+    return View(
+        lookat_w=(float(lookat[0]), float(lookat[1]), float(lookat[2])),
+        distance_m=float(distance),
+        azimuth_deg=azimuth_deg,
+        elevation_deg=elevation_deg,
+    )
+
+
+def camera_axes(azimuth_deg: float, elevation_deg: float) -> tuple[Array, Array, Array]:
+    """Unit vectors of a camera in the world frame: ahead, right, up."""
+    a, e = np.deg2rad(azimuth_deg), np.deg2rad(elevation_deg)
+    ahead = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([np.sin(a), -np.cos(a), 0.0])
+    return ahead, right, np.cross(right, ahead)

@@ -1,0 +1,110 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from articulate.draw import COLUMNS, NO_DRAW, DrawConfig, draw, nominal_draw
+
+CONFIG = DrawConfig()
+MANY = draw(CONFIG, np.random.default_rng(0), 4000)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "friction",
+        "joint_damping",
+        "joint_friction",
+        "armature",
+        "mass",
+        "stiffness",
+        "damping",
+        "scale",
+        "hand_latency_s",
+        "delay_ticks",
+        "estimate_delay_ticks",
+    ],
+)
+def test_factors_fill_their_range_and_stay_within_it(name):
+    low, high = getattr(CONFIG, name)
+    values = MANY[name]
+    assert values.min() >= low - 1e-12
+    assert values.max() <= high + 1e-12
+    assert values.min() < low + 0.02 * (high - low) + 1e-12
+    assert values.max() > high - 0.02 * (high - low) - 1e-12
+
+
+@pytest.mark.parametrize("name", ["joint_damping", "joint_friction", "armature"])
+def test_wide_factors_are_as_often_below_the_middle_of_their_logarithm_as_above(name):
+    low, high = getattr(CONFIG, name)
+    assert np.mean(MANY[name] < np.sqrt(low * high)) == pytest.approx(0.5, abs=0.04)
+
+
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [
+        ("x_m", CONFIG.position_m),
+        ("y_m", CONFIG.position_m),
+        ("yaw_rad", CONFIG.yaw_rad),
+        ("start", CONFIG.start_rad),
+    ],
+)
+def test_offsets_lie_on_both_sides_of_zero(name, bound):
+    values = MANY[name]
+    assert -bound <= values.min() < -0.95 * bound
+    assert 0.95 * bound < values.max() <= bound
+
+
+def test_sizes_are_those_that_are_prepared():
+    assert set(MANY["scale"]) == set(CONFIG.scale_values)
+    assert len(CONFIG.scale_values) == CONFIG.scales
+
+
+def test_pushes_have_any_direction_and_their_range_of_force():
+    force = np.linalg.norm(MANY["push"], axis=1)
+    assert force.max() <= CONFIG.push_n[1] + 1e-12
+    assert np.abs(MANY["push"].mean(axis=0)).max() < 0.1 * CONFIG.push_n[1]
+
+
+def test_constant_errors_of_the_estimate_have_their_deviation():
+    assert_allclose(MANY["bias"].std(axis=0), CONFIG.estimate_bias_m, rtol=0.05)
+    assert_allclose(MANY["bias_yaw_rad"].std(), CONFIG.estimate_yaw_rad, rtol=0.05)
+
+
+@pytest.mark.parametrize("name", ["start", "bias", "push"])
+def test_blocks_are_the_columns_of_their_name(name):
+    units = {"start": "", "bias": "_m", "push": "_n"}
+    parts = [f"start_{i}" for i in range(1, 8)] if name == "start" else None
+    parts = parts or [f"{name}_{axis}{units[name]}" for axis in "xyz"]
+    assert_array_equal(MANY[name], MANY.values[:, [COLUMNS.index(p) for p in parts]])
+
+
+def test_same_seed_draws_the_same_bits():
+    again = draw(CONFIG, np.random.default_rng(0), 4000)
+    assert_array_equal(again.values, MANY.values)
+
+
+def test_nominal_draw_changes_nothing():
+    row = nominal_draw(3)
+    for name in ("friction", "joint_damping", "armature", "mass", "stiffness", "scale"):
+        assert_array_equal(row[name], 1.0)
+    for name in ("x_m", "yaw_rad", "start", "bias", "push", "delay_ticks"):
+        assert_array_equal(row[name], 0.0)
+
+
+def test_one_size_is_one_model():
+    assert NO_DRAW.scale_values == (1.0,)
+    assert dataclasses.replace(CONFIG, scales=3, scale=(0.8, 1.2)).scale_values == (0.8, 1.0, 1.2)
+
+
+def test_range_the_wrong_way_round_is_refused(error_line):
+    error_line("DrawConfig(mass=(1.3, 0.7))", lambda: DrawConfig(mass=(1.3, 0.7)))
+
+
+def test_factors_of_zero_and_delays_that_nobody_keeps_are_refused(error_line):
+    error_line("DrawConfig(armature=(0, 1))", lambda: DrawConfig(armature=(0.0, 1.0)))
+    error_line("DrawConfig(delay_ticks=(0, 9))", lambda: DrawConfig(delay_ticks=(0, 9)))
+    error_line(
+        "DrawConfig(estimate_delay_ticks=(-1, 2))", lambda: DrawConfig(estimate_delay_ticks=(-1, 2))
+    )

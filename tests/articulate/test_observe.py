@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from articulate.arm import PANDA
+from articulate.follow import hand_start
+from articulate.kinematics import tool_pose
+from articulate.observe import ACTION, OBSERVATION, Estimate, observation
+from articulate.transforms import axis_angle_to_matrix, pose
+
+HOME = np.asarray(PANDA.home)[None]
+
+
+def observe(*, T_wh=None, q=HOME, **values):
+    T_wh = tool_pose(PANDA, q) if T_wh is None else T_wh
+    given = {
+        "dq": np.zeros((1, 7)),
+        "target": q,
+        "hand_width": np.array([0.08]),
+        "hand": hand_start(1),
+        "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
+        "last_action": np.zeros((1, 8)),
+        "time_left": np.ones(1),
+    } | values
+    return observation(PANDA, q=q, **given)[0]
+
+
+def field(vector, name):
+    return vector[OBSERVATION.slice(name)]
+
+
+def test_handle_in_the_hand_is_the_origin_with_the_tools_axes():
+    seen = observe()
+    assert_allclose(field(seen, "handle_pos"), 0, atol=1e-12)
+    assert_allclose(field(seen, "handle_axes"), [0, 0, 1, 1, 0, 0], atol=1e-12)
+
+
+def test_handle_ten_centimetres_before_the_hand_is_half_a_unit_along_z():
+    T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.0, 0.0, 0.1]))
+    assert_allclose(field(observe(T_wh=T_wh), "handle_pos"), [0, 0, 0.5], atol=1e-12)
+
+
+@given(angle=st.floats(-1, 1), seed=st.integers(0, 1000))
+def test_robot_and_object_turned_together_about_the_base_look_the_same(angle, seed):
+    """Nothing but the first joint's angle knows where the world's x axis points."""
+    rng = np.random.default_rng(seed)
+    T_wh = pose(rng.normal(size=(1, 3)) * 0.3 + [0.6, 0, 0.5])
+    turn = pose(np.zeros(3), axis_angle_to_matrix([0, 0, 1], angle))
+    q = HOME + np.array([angle, 0, 0, 0, 0, 0, 0])
+    a, b = observe(T_wh=T_wh), observe(T_wh=turn @ T_wh, q=q)
+    a[0] = b[0] = 0.0
+    assert_allclose(a, b, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("joint_vel", {"dq": np.full((1, 7), 0.3)}, 0.3),
+        ("target_lead", {"target": HOME + 0.05}, 0.5),
+        ("hand_width", {"hand_width": np.array([0.04])}, 0.8),
+        ("last_action", {"last_action": np.full((1, 8), -0.2)}, -0.2),
+        ("time_left", {"time_left": np.array([0.25])}, 0.25),
+        (
+            "part_open",
+            {"estimate": Estimate(np.eye(4)[None], np.array([0.4]), np.array([0.03]))},
+            0.4,
+        ),
+        (
+            "part_speed",
+            {"estimate": Estimate(np.eye(4)[None], np.array([0.4]), np.array([0.03]))},
+            0.3,
+        ),
+    ],
+)
+def test_each_field_has_the_unit_that_its_layout_says(name, values, expected):
+    assert_allclose(field(observe(**values), name), expected, atol=1e-12)
+
+
+def test_hand_command_shows_how_far_the_dwell_has_run():
+    hand = hand_start(1)
+    hand.since_s[:] = PANDA.hand.dwell_s / 4
+    hand.smooth[:], hand.wish[:] = 0.3, 1.0
+    assert_allclose(field(observe(hand=hand), "hand_command"), [0.3, 1.0, 0.25])
+    hand.since_s[:] = 100.0
+    assert field(observe(hand=hand), "hand_command")[2] == 1.0
+
+
+def test_values_out_of_bounds_are_clipped():
+    far = observe(T_wh=pose(np.array([[100.0, 0.0, 0.0]])))
+    assert np.all((far >= OBSERVATION.low) & (far <= OBSERVATION.high))
+
+
+def test_action_is_seven_deltas_and_a_hand_within_one():
+    assert ACTION.size == 8
+    assert ACTION.slice("hand") == slice(7, 8)
+    assert (ACTION.low.min(), ACTION.high.max()) == (-1, 1)
+
+
+def test_nothing_a_robot_cannot_know_is_observed():
+    assert {f.source for f in OBSERVATION.fields} <= {
+        "robot",
+        "estimator",
+        "plant",
+        "clock",
+        "policy",
+    }

@@ -1,0 +1,158 @@
+import dataclasses
+import stat
+import zipfile
+
+import pytest
+
+from articulate.errors import BundleError
+from articulate.manifest import decode_manifest, encode_manifest, with_files
+from articulate_deploy import bundle as module
+from articulate_deploy.bundle import load_bundle
+from articulate_train.export import write_bundle
+
+
+def files_of(folder):
+    return {
+        p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()
+    }
+
+
+def resealed(folder, **changes):
+    """Write the manifest anew over the files as they are: what a careful forger would do."""
+    path = folder / "manifest.json"
+    manifest = decode_manifest(path.read_text(), "m")
+    files = files_of(folder)
+    del files["manifest.json"]
+    manifest = dataclasses.replace(with_files(manifest, files), **changes)
+    path.write_text(encode_manifest(manifest))
+
+
+def test_a_folder_and_its_zip_are_the_same_bundle(exported, tmp_path):
+    write_bundle(tmp_path / "b.zip", files_of(exported))
+    a, b = load_bundle(exported), load_bundle(tmp_path / "b.zip")
+    assert a.manifest == b.manifest
+    assert a.files == b.files
+
+
+def test_every_changed_byte_is_refused(folder):
+    for path in [p for p in folder.rglob("*") if p.is_file()]:
+        content = path.read_bytes()
+        for at in (0, len(content) // 2, len(content) - 2):
+            changed = bytearray(content)
+            changed[at] ^= 0x01
+            path.write_bytes(changed)
+            with pytest.raises(BundleError):
+                load_bundle(folder)
+        path.write_bytes(content)
+    load_bundle(folder)
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("changed policy", lambda f: (f / "policy.onnx").write_bytes(b"x")),
+        ("extra file", lambda f: (f / "run.py").write_text("")),
+        ("missing file", lambda f: (f / "golden.npz").unlink()),
+        ("no manifest", lambda f: (f / "manifest.json").unlink()),
+        ("link", lambda f: (f / "link").symlink_to("/etc/passwd")),
+    ],
+)
+def test_a_folder_that_was_changed_is_refused_in_one_line(folder, what, change, error_line):
+    change(folder)
+    error_line(f"load_bundle: {what}", lambda: load_bundle(folder))
+
+
+def test_a_bundle_that_is_not_there_is_refused(tmp_path, error_line):
+    error_line("load_bundle: absent", lambda: load_bundle(tmp_path / "none.zip"))
+
+
+def test_a_file_that_is_no_zip_is_refused(tmp_path, error_line):
+    (tmp_path / "b.zip").write_text("hello")
+    error_line("load_bundle: no zip", lambda: load_bundle(tmp_path / "b.zip"))
+
+
+@pytest.mark.parametrize(
+    "name", ["../evil", "/etc/evil", "a/../../evil", "a//b", "./a", "C:\\evil", "a\\b", "a\x01"]
+)
+def test_members_that_lead_out_of_the_bundle_are_refused(exported, tmp_path, name):
+    write_bundle(tmp_path / "b.zip", {**files_of(exported), name: b""})
+    with pytest.raises(BundleError, match="no name of a file"):
+        load_bundle(tmp_path / "b.zip")
+
+
+def test_a_member_that_is_a_link_is_refused(tmp_path):
+    item = zipfile.ZipInfo("link")
+    item.external_attr = (stat.S_IFLNK | 0o777) << 16
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
+        archive.writestr(item, "/etc/passwd")
+    with pytest.raises(BundleError, match="plain file"):
+        load_bundle(tmp_path / "b.zip")
+
+
+def test_a_member_that_stands_twice_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
+        archive.writestr("a", b"1")
+        with pytest.warns(UserWarning, match="Duplicate"):
+            archive.writestr("a", b"2")
+    with pytest.raises(BundleError, match="twice"):
+        load_bundle(tmp_path / "b.zip")
+
+
+def test_a_member_that_unpacks_to_much_more_is_refused(tmp_path):
+    write_bundle(tmp_path / "b.zip", {"a": bytes(1 << 20)})
+    with pytest.raises(BundleError, match="unpacks"):
+        load_bundle(tmp_path / "b.zip")
+
+
+def test_a_bundle_larger_than_allowed_is_refused(exported, monkeypatch):
+    monkeypatch.setattr(module, "MAX_BYTES", 1000)
+    with pytest.raises(BundleError, match="larger"):
+        load_bundle(exported)
+
+
+def test_limits_that_are_not_those_of_the_arm_are_refused(folder, bundle, error_line):
+    robot = dataclasses.replace(bundle.manifest.robot, dq_max=(9.0,) * 7)
+    resealed(folder, robot=robot)
+    error_line("load_bundle: other limits", lambda: load_bundle(folder))
+
+
+def test_an_unknown_arm_is_refused(folder, bundle, error_line):
+    resealed(folder, robot=dataclasses.replace(bundle.manifest.robot, name="pandaa"))
+    error_line("load_bundle: other arm", lambda: load_bundle(folder))
+
+
+def test_a_layout_of_another_version_is_refused(folder, bundle, error_line):
+    fields = bundle.manifest.observation.fields
+    layout = dataclasses.replace(
+        bundle.manifest.observation,
+        fields=(*fields[:-1], dataclasses.replace(fields[-1], unit="s")),
+    )
+    resealed(folder, observation=layout)
+    error_line("load_bundle: other layout", lambda: load_bundle(folder))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<include file="000_link0.obj"/>',
+        '<!DOCTYPE mujoco [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
+        '<extension><plugin plugin="mujoco.pid"/></extension>',
+        '<asset><mesh name="x" file="/etc/passwd"/></asset>',
+        "<asset><mesh name='x' file='../x.obj'/></asset>",
+        '<compiler meshdir="/"/>',
+        '<asset><texture type="2d" file="000_link0.obj"/></asset>',
+    ],
+)
+def test_a_scene_that_refers_to_what_is_not_in_the_bundle_is_refused(folder, text):
+    path = folder / "scene" / "scene.xml"
+    path.write_text(path.read_text().replace("</mujoco>", f"{text}</mujoco>"))
+    resealed(folder)
+    with pytest.raises(BundleError):
+        load_bundle(folder)
+
+
+def test_loading_leaves_no_file_open_and_writes_none(exported, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_bundle(tmp_path / "b.zip", files_of(exported))
+    load_bundle(tmp_path / "b.zip")
+    assert [p.name for p in tmp_path.iterdir()] == ["b.zip"]

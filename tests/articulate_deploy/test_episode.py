@@ -1,0 +1,109 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from articulate.draw import COLUMNS, NO_DRAW, Draw, draw
+from articulate.judgement import REASONS
+from articulate_deploy.episode import Recording, run_episode, start_of
+from articulate_deploy.estimators.truth import TruthEstimator
+from articulate_deploy.policy import Policy
+from articulate_deploy.robots.mujoco import MujocoRobot
+from articulate_envs.engine import Start
+from articulate_envs.episodes import Episodes
+from articulate_envs.rewards import RewardConfig
+from articulate_envs.threads import ThreadEngine
+
+QUIET = dataclasses.replace(NO_DRAW, hand_latency_s=(0.2, 0.2), start_rad=0.1)
+
+
+def late_draw(seed):
+    """Everything drawn but noise: the delays, the biases and the push stay."""
+    config = dataclasses.replace(
+        QUIET, delay_ticks=(1, 2), estimate_delay_ticks=(1, 2), estimate_bias_m=0.003,
+        estimate_yaw_rad=0.02, position_m=0.02, yaw_rad=0.1, push_n=(2.0, 5.0),
+    )  # fmt: skip
+    return draw(config, np.random.default_rng(seed))
+
+
+def played(bundle, drawn, policy):
+    """The result and recording of one episode on the stand-in."""
+    manifest, recording = bundle.manifest, Recording()
+    with MujocoRobot(bundle) as robot:
+        robot.set_draw(drawn)
+        robot.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
+        estimator = TruthEstimator(robot, QUIET, manifest.task, drawn, np.random.default_rng(0))
+        delay = int(drawn["delay_ticks"][0])
+        result = run_episode(
+            policy, robot, estimator, manifest, delay_ticks=delay, recording=recording
+        )
+    return result, recording.arrays()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_episode_is_the_one_of_training(bundle, run, seed):
+    """Same draw, same policy: every observation, every action and the verdict agree."""
+    drawn, policy = late_draw(seed), Policy(bundle)
+    result, record = played(bundle, drawn, policy)
+    engine = ThreadEngine(run.scene((1.0,)), 1)
+    episodes = Episodes(engine, draws=QUIET, reward=RewardConfig(), starts=None, seed=0)
+    start = Start(
+        draw=Draw(drawn.values.copy()),
+        q=start_of(bundle.manifest, drawn)[None],
+        opened=np.zeros(1),
+        width=np.full(1, bundle.manifest.start.hand_width_m),
+        closing=-np.ones(1),
+    )
+    seen = episodes.reset(start=start)
+    for tick in range(engine.scene.ticks):
+        assert_allclose(record["observation"][tick], seen[0], rtol=0, atol=1e-6, err_msg=str(tick))
+        step = episodes.step(record["action"][tick][None])
+        seen = step.observation
+    assert step.ended is not None
+    assert REASONS[step.ended.code[0]] == result.reason
+    assert_allclose(result.peaks["force"], step.ended.peaks[0, 9], rtol=1e-3, atol=1e-3)
+    assert result.ticks == engine.scene.ticks
+    engine.close()
+
+
+def test_nothing_is_clipped_because_the_plant_keeps_its_own_limits(bundle):
+    result, record = played(bundle, late_draw(2), Policy(bundle))
+    assert result.clipped == 0
+    assert len(record["time_s"]) == result.ticks
+
+
+def test_an_arm_that_stands_still_leaves_the_drawer_closed(bundle):
+    class Still:
+        def act(self, observation):
+            return np.zeros((1, 8))
+
+    values = late_draw(0).values.copy()
+    values[:, COLUMNS.index("push_x_n") : COLUMNS.index("push_z_n") + 1] = 0.0
+    result, record = played(bundle, Draw(values), Still())
+    assert result.reason == "not_open"
+    assert not result.success
+    assert not result.opened
+    assert abs(result.fraction) < 1e-2
+    assert record["part_open"].max() < 1e-2
+    assert result.peaks["force"] == 0.0
+
+
+def test_an_arm_that_does_not_stand_at_its_start_is_refused(bundle, error_line):
+    manifest, drawn = bundle.manifest, late_draw(0)
+    with MujocoRobot(bundle) as robot:
+        robot.reset_to(np.asarray(manifest.start.q) + 0.2, 0.08)
+        estimator = TruthEstimator(robot, QUIET, manifest.task, drawn, np.random.default_rng(0))
+        error_line(
+            "run_episode: 0.2 rad from the start",
+            lambda: run_episode(Policy(bundle), robot, estimator, manifest),
+        )
+
+
+def test_a_start_is_within_tolerance_and_limits(bundle):
+    manifest = bundle.manifest
+    for seed in range(20):
+        q = start_of(manifest, draw(manifest.draw, np.random.default_rng(seed)))
+        assert np.all(np.abs(q - np.asarray(manifest.start.q)) <= manifest.start.tolerance_rad)
+        assert np.all(q >= np.asarray(manifest.robot.q_min))
+        assert np.all(q <= np.asarray(manifest.robot.q_max))

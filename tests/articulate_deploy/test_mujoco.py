@@ -1,0 +1,217 @@
+"""One plant: the stand-in does what the batched engine does."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from articulate.draw import COLUMNS, Draw, draw, nominal_draw
+from articulate.errors import BundleError, ConfigError
+from articulate.judgement import COLUMN, judge_sample, judgement_start
+from articulate.kinematics import solve_ik, tool_pose
+from articulate.placing import handle_in_world
+from articulate.transforms import pose
+from articulate_deploy.deploy import one_size
+from articulate_deploy.plant import Plant
+from articulate_deploy.robots import ROBOTS, robot_named
+from articulate_deploy.robots.mujoco import MujocoRobot
+from articulate_deploy.robots.robot import (
+    ACTION_FEATURES,
+    HAND_KEY,
+    OBSERVATION_FEATURES,
+    SPEED_KEYS,
+    NotConnectedError,
+    action_of,
+    joints_of,
+)
+from articulate_envs.engine import Start
+from articulate_envs.starts import home_start
+from articulate_envs.threads import ThreadEngine
+
+TICKS = 100
+
+
+@pytest.fixture
+def robot(bundle):
+    with MujocoRobot(bundle) as robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def engine(run):
+    engine = ThreadEngine(run.scene((1.0,)), 1)
+    yield engine
+    engine.close()
+
+
+def compare(engine, robot, manifest, start, actions, atol):
+    """Run both on the same start and actions and compare all that is observed and judged."""
+    engine.reset(np.array([0]), start)
+    robot.set_draw(start.draw)
+    robot.reset_to(start.q[0], float(start.width[0]))
+    delay = int(start.draw["delay_ticks"][0])
+    plant = Plant(manifest, start.q[0], delay_ticks=delay)
+    rows, torque = judgement_start(1).samples, np.zeros(7)
+    for tick, action in enumerate(actions):
+        state = engine.step(action[None])
+        wish, width = plant.tick(action, joints_of(robot.get_observation()))
+        plant.sent(joints_of(robot.send_action(action_of(wish, width))))
+        for sample in robot.take_samples():
+            rows = judge_sample(
+                rows,
+                dq=sample.dq[None],
+                torque=sample.torque[None],
+                torque_before=torque[None],
+                wrench=sample.wrench[None],
+                touch=np.array([sample.touch]),
+                dt=sample.dt,
+                arm=manifest.robot,
+                limits=manifest.task.limits,
+            )
+            torque = sample.torque
+        seen, truth = robot.get_observation(), robot.object_state()
+        for name, ours, theirs in (
+            ("q", joints_of(seen), state.q[0]),
+            ("dq", joints_of(seen, SPEED_KEYS), state.dq[0]),
+            ("target", plant.target, state.target[0]),
+            ("width", seen[HAND_KEY], state.hand_width[0]),
+            ("handle", truth.T_wh, state.T_wh),
+            ("opened", truth.opened, state.opened),
+            ("speed", truth.speed, state.speed),
+            ("smooth", plant.hand.smooth, state.hand.smooth),
+            ("wish", plant.hand.wish, state.hand.wish),
+            ("since", plant.hand.since_s, state.hand.since_s),
+        ):
+            assert_allclose(ours, theirs, rtol=0, atol=atol, err_msg=f"{name} at tick {tick}")
+        force = slice(COLUMN["fx"], COLUMN["torque_rate"])
+        assert_allclose(rows[:, force], state.samples[:, force], rtol=1e-4, atol=1e-3)
+        assert rows[0, COLUMN["code"]] == state.samples[0, COLUMN["code"]]
+    return state
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_stand_in_is_the_plant_of_training(engine, robot, bundle, seed):
+    manifest = bundle.manifest
+    rng = np.random.default_rng(seed)
+    drawn = draw(one_size(manifest), rng)
+    actions = rng.uniform(-1.0, 1.0, (TICKS, 8))
+    actions[:, 7] = np.sign(np.sin(np.arange(TICKS) / 8.0))  # the hand opens and closes
+    compare(engine, robot, manifest, home_start(engine.scene, drawn), actions, atol=1e-6)
+
+
+def test_the_stand_in_is_the_plant_of_training_while_it_pulls(engine, robot, bundle):
+    """The hand closes on the handle and draws it back: contact, friction, force."""
+    manifest = bundle.manifest
+    values = draw(one_size(manifest), np.random.default_rng(3)).values
+    for name in ("x_m", "y_m", "yaw_rad"):
+        values[:, COLUMNS.index(name)] = 0.0
+    values[:, COLUMNS.index("hand_latency_s")] = 0.1
+    values[:, COLUMNS.index("delay_ticks")] = 1.0
+    goal = handle_in_world(
+        manifest.object,
+        manifest.task.joint,
+        T_wo=manifest.place.T_wo()[None],
+        scale=np.ones(1),
+        opened=np.zeros(1),
+        flip=manifest.place.flip,
+    )
+    grip = solve_ik(manifest.robot, goal, np.asarray(manifest.start.q), iterations=80)
+    pulled = goal @ pose(np.array([[0.0, 0.0, -0.12]]))
+    back = solve_ik(manifest.robot, pulled, grip.q, iterations=80)
+    assert grip.reached.all()
+    assert back.reached.all()
+    actions = np.zeros((60, 8))
+    actions[:, 7] = 1.0
+    steps = (back.q[0] - grip.q[0]) / manifest.control.follow.step_rad
+    count = int(np.ceil(np.abs(steps).max() / 0.5))
+    actions[25 : 25 + count, :7] = steps / count
+    start = Start(
+        draw=Draw(values), q=grip.q, opened=np.zeros(1), width=np.full(1, 0.08), closing=-np.ones(1)
+    )
+    state = compare(engine, robot, manifest, start, actions, atol=1e-6)
+    assert state.opened[0] > 0.1  # it was pulled
+
+
+def test_the_tool_of_the_scene_is_the_tool_of_the_kinematics(robot, bundle):
+    q = np.asarray(bundle.manifest.start.q)
+    robot.reset_to(q, 0.08)
+    robot.send_action(action_of(q, 0.08))
+    seen = joints_of(robot.get_observation())
+    site = robot._data.site_xpos[robot._at.tool]
+    assert_allclose(site, tool_pose(bundle.manifest.robot, seen)[:3, 3], rtol=0, atol=1e-4)
+
+
+def test_features_are_readable_before_connecting(bundle):
+    robot = robot_named("mujoco", bundle)
+    assert not robot.is_connected
+    assert set(robot.observation_features) == set(OBSERVATION_FEATURES)
+    assert set(robot.action_features) == set(ACTION_FEATURES)
+    assert "joint_7.pos" in robot.action_features
+    assert robot.observation_features["gripper.pos"] is float
+
+
+def test_a_robot_that_is_not_connected_says_so(bundle):
+    robot = MujocoRobot(bundle)
+    with pytest.raises(ConnectionError):
+        robot.get_observation()
+    with robot as connected:
+        assert connected.is_connected
+        assert set(robot.get_observation()) == set(robot.observation_features)
+    assert not robot.is_connected
+    with pytest.raises(NotConnectedError, match="connect"):
+        robot.send_action({})
+
+
+def test_a_stopped_robot_refuses_actions_until_it_is_reset(robot, bundle):
+    q = np.asarray(bundle.manifest.start.q)
+    robot.stop()
+    with pytest.raises(NotConnectedError, match="stopped"):
+        robot.send_action(action_of(q, 0.08))
+    robot.reset_to(q, 0.08)
+    robot.send_action(action_of(q, 0.08))
+
+
+def test_what_was_really_sent_comes_back(robot, bundle):
+    manifest = bundle.manifest
+    q, step = np.asarray(manifest.start.q), manifest.control.follow.step_rad
+    sent = robot.send_action(action_of(q + 1.0, 0.05))
+    assert_allclose(joints_of(sent), q + step, rtol=0, atol=1e-12)
+    assert sent[HAND_KEY] == manifest.robot.hand.max_width_m
+
+
+def test_a_target_that_is_no_number_leaves_the_joint_where_it_is(robot, bundle):
+    q = np.asarray(bundle.manifest.start.q)
+    sent = robot.send_action(action_of(np.full(7, np.nan), np.nan))
+    assert_allclose(joints_of(sent), q, rtol=0, atol=0)
+
+
+def test_unknown_keys_of_an_action_are_refused(robot, bundle, error_line):
+    action = action_of(np.asarray(bundle.manifest.start.q), 0.08)
+    action["joint_8.pos"] = 0.0
+    error_line("send_action: joint_8", lambda: robot.send_action(action))
+
+
+def test_another_size_of_the_object_is_refused(robot, error_line):
+    drawn = nominal_draw()
+    drawn.values[:, COLUMNS.index("scale")] = 1.1
+    error_line("set_draw: scale 1.1", lambda: robot.set_draw(drawn))
+
+
+def test_a_scene_without_what_the_manifest_names_is_refused(bundle):
+    scene = dataclasses.replace(bundle.manifest.scene, tool_site="tip")
+    manifest = dataclasses.replace(bundle.manifest, scene=scene)
+    with pytest.raises(BundleError, match="tip"):
+        MujocoRobot(dataclasses.replace(bundle, manifest=manifest)).connect()
+
+
+@pytest.mark.parametrize("name", ["panda", "fr3", "mujco", "kuka"])
+def test_robots_that_are_not_there_are_named_in_one_line(bundle, name, error_line):
+    error_line(f"robot_named({name})", lambda: robot_named(name, bundle))
+
+
+def test_every_robot_is_there(bundle):
+    for name in ROBOTS:
+        assert robot_named(name, bundle).name == name
+    with pytest.raises(ConfigError):
+        robot_named("", bundle)

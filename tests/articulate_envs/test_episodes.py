@@ -1,0 +1,216 @@
+import copy
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from tests.scenes import DRAWS, rows_of
+
+from articulate.draw import NO_DRAW, nominal_draw
+from articulate.judgement import CODE, REASONS
+from articulate.observe import OBSERVATION
+from articulate_envs.episodes import Episodes
+from articulate_envs.rewards import TERMS, RewardConfig
+from articulate_envs.starts import StartConfig, bank_of_starts, home_start
+from articulate_envs.threads import ThreadEngine
+
+N = 4
+STARTS = StartConfig(bank=24)
+
+
+def episodes(scene, *, n=N, seed=0, starts=STARTS, draws=DRAWS, threads=1):
+    engine = ThreadEngine(scene, n, threads=threads)
+    return Episodes(engine, draws=draws, reward=RewardConfig(), starts=starts, seed=seed)
+
+
+def actions(ticks, n=N, seed=1):
+    return np.random.default_rng(seed).uniform(-1, 1, (ticks, n, 8))
+
+
+def field(observation, name):
+    return observation[:, OBSERVATION.slice(name)]
+
+
+def test_every_episode_has_the_tasks_length_and_the_next_begins_by_itself(drawer):
+    runs = episodes(drawer)
+    runs.reset()
+    for k, action in enumerate(actions(2 * drawer.ticks)):
+        tick = runs.step(action)
+        last = (k + 1) % drawer.ticks == 0
+        assert tick.done.tolist() == [last] * N
+        assert (tick.ended is not None) == last
+        left = 1 - ((k + 1) % drawer.ticks) / drawer.ticks
+        assert_allclose(field(tick.observation, "time_left"), left, atol=1e-6)
+
+
+def test_observation_of_a_tick_that_ends_an_episode_is_of_the_new_one(drawer):
+    runs = episodes(drawer, starts=None, draws=NO_DRAW)
+    first = runs.reset()
+    for action in actions(drawer.ticks):
+        tick = runs.step(action)
+    assert_allclose(tick.observation, first, atol=1e-9)
+    assert tick.ended is not None
+    assert_allclose(field(tick.ended.observation, "time_left"), 0.0, atol=1e-9)
+    assert np.abs(tick.ended.observation - first).max() > 0.1
+
+
+def test_staggered_episodes_end_one_after_another_and_the_short_ones_are_not_from_home(drawer):
+    runs = episodes(drawer, starts=None)
+    runs.reset(stagger=True)
+    done, home = [], []
+    for action in actions(2 * drawer.ticks):
+        tick = runs.step(action)
+        done.append(tick.done)
+        if tick.ended is not None:
+            home.append((len(done), tick.ended.from_home.tolist()))
+    assert np.sum(done, axis=1).max() == 1
+    assert np.sum(done, axis=0).tolist() == [2] * N
+    first = dict(home[:N])
+    assert [v for k, v in sorted(first.items())] == [[False]] * (N - 1) + [[True]]
+    assert all(v == [True] for _, v in home[N:])
+
+
+@pytest.mark.parametrize("name", ["drawer", "door"])
+def test_observations_are_finite_and_within_their_layout(name, request):
+    scene = request.getfixturevalue(name)
+    runs = episodes(scene)
+    first = runs.reset(stagger=True)
+    seen = np.concatenate([first, *(runs.step(action).observation for action in actions(30))])
+    assert seen.shape[1] == OBSERVATION.size
+    assert np.isfinite(seen).all()
+    assert np.all((seen >= OBSERVATION.low) & (seen <= OBSERVATION.high))
+
+
+def test_actions_beyond_one_count_as_one(drawer):
+    a, b = episodes(drawer), episodes(drawer)
+    a.reset(), b.reset()
+    x, y = a.step(np.full((N, 8), 7.0)), b.step(np.ones((N, 8)))
+    assert_array_equal(x.observation, y.observation)
+    assert_array_equal(x.reward, y.reward)
+    assert_allclose(field(x.observation, "last_action"), 1.0)
+
+
+def test_sums_of_terms_are_the_sum_of_rewards(drawer):
+    runs = episodes(drawer)
+    runs.reset()
+    total = np.zeros(N)
+    for action in actions(drawer.ticks):
+        tick = runs.step(action)
+        total += tick.reward
+    assert tick.ended is not None
+    assert tick.ended.terms.shape == (N, len(TERMS))
+    assert_allclose(tick.ended.terms.sum(axis=1), total)
+
+
+def held_open(scene, n):
+    """Starts with the arm turned away from a part that is just beyond its target."""
+    start = home_start(scene, nominal_draw(n))
+    start.opened[:] = scene.task.target + 0.01
+    start.q[:, 0] += 1.5
+    return start
+
+
+@pytest.mark.parametrize("name", ["drawer", "door"])
+def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_not(name, request):
+    scene = request.getfixturevalue(name)
+    runs = episodes(scene, starts=None, draws=NO_DRAW)
+    start = held_open(scene, N)
+    start.opened[0], start.q[0] = 0.0, scene.place.start_q
+    runs.reset(start=start)
+    for _ in range(scene.ticks):
+        tick = runs.step(np.zeros((N, 8)))
+    assert tick.ended is not None
+    assert [REASONS[c] for c in tick.ended.code] == ["not_open"] + ["success"] * (N - 1)
+    assert tick.ended.opened.tolist() == [False] + [True] * (N - 1)
+    assert tick.ended.from_home.tolist() == [True] + [False] * (N - 1)
+    fresh = runs.judgement  # nothing of it is left to the episodes that now run
+    assert not fresh.rest_s.any()
+    assert not fresh.samples.any()
+    assert not fresh.opened.any()
+
+
+def test_same_seed_gives_the_same_bits_whatever_the_threads(drawer):
+    a, b = episodes(drawer), episodes(drawer, threads=3)
+    assert_array_equal(a.reset(stagger=True), b.reset(stagger=True))
+    for action in actions(30):
+        x, y = a.step(action), b.step(action)
+        assert_array_equal(x.observation, y.observation)
+        assert_array_equal(x.reward, y.reward)
+
+
+def test_other_seed_draws_otherwise(drawer):
+    a, b = episodes(drawer), episodes(drawer, seed=1)
+    assert np.abs(a.reset() - b.reset()).max() > 1e-3
+
+
+def test_run_continues_from_a_snapshot_in_mid_episode_with_the_same_bits(drawer):
+    plan = actions(40)
+    runs = episodes(drawer)
+    runs.reset(stagger=True)
+    runs.progress = 0.4
+    for action in plan[:7]:
+        runs.step(action)
+    held = runs.snapshot()
+    kept = copy.deepcopy(held)
+    going_on = [runs.step(action) for action in plan[7:]]
+    other = episodes(drawer, threads=2)
+    other.restore(held)
+    assert other.progress == 0.4
+    assert_array_equal(other.judgement.samples, kept["judgement_samples"])
+    for action, ours in zip(plan[7:], going_on, strict=True):
+        theirs = other.step(action)
+        assert_array_equal(theirs.observation, ours.observation)
+        assert_array_equal(theirs.reward, ours.reward)
+        assert_array_equal(theirs.done, ours.done)
+        if ours.ended is not None:
+            assert theirs.ended is not None
+            for name, value in vars(ours.ended).items():
+                assert_array_equal(getattr(theirs.ended, name), value, err_msg=name)
+    for name, value in kept.items():
+        if isinstance(value, np.ndarray):
+            assert_array_equal(held[name], value, err_msg=name)
+
+
+def test_what_was_drawn_is_what_the_engine_runs(drawer):
+    runs = episodes(drawer)
+    runs.reset()
+    assert_array_equal(runs.drawn.values, runs.engine.snapshot()["draw"])
+
+
+def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
+    always = StartConfig(bank=24, share_first=1.0, share_last=1.0)
+    runs = episodes(drawer, starts=always)
+    runs.reset()
+    for action in actions(drawer.ticks):
+        tick = runs.step(action)
+    assert tick.ended is not None
+    assert not tick.ended.from_home.any()
+
+
+def test_episode_that_diverges_ends_with_that_reason_and_a_new_one_begins(
+    drawer, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it runs
+    runs = episodes(drawer)
+    runs.reset()
+    plan = actions(6)
+    runs.step(plan[0])
+    runs.engine.physics_state(1)[1].qvel[:] = 1e12
+    tick = runs.step(plan[1])
+    assert tick.ended is not None
+    assert tick.ended.rows.tolist() == [1]
+    assert tick.ended.code.tolist() == [CODE["diverged"]]
+    assert tick.done.tolist() == [False, True, False, False]
+    for action in plan[2:]:
+        after = runs.step(action)
+        assert not after.done.any()
+        assert np.isfinite(after.observation).all()
+        assert np.isfinite(after.reward).all()
+    assert np.isfinite(tick.observation).all()
+    assert np.isfinite(tick.reward).all()
+
+
+def test_a_bank_row_can_be_replayed_by_itself(drawer):
+    bank = bank_of_starts(drawer, STARTS, DRAWS, np.random.default_rng(0))
+    runs = episodes(drawer)
+    runs.reset(start=rows_of(bank, np.arange(N)))
+    assert_array_equal(runs.drawn.values, bank.draw.values[:N])

@@ -1,0 +1,163 @@
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from articulate.arm import PANDA
+from articulate.follow import HandState
+from articulate.judgement import COLUMN, WIDTH
+from articulate.kinematics import tool_pose
+from articulate.task import Task
+from articulate.transforms import axis_angle_to_matrix, pose
+from articulate_envs.engine import State
+from articulate_envs.rewards import TERMS, RewardConfig, reward_terms
+
+CONFIG = RewardConfig()
+TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)
+HOME = np.asarray(PANDA.home)[None]
+FAR_M = 10.0
+
+
+def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=0.0, closing=-1.0, **samples):
+    """One environment at home whose handle lies ``offset`` [m] from the tool, turned about it."""
+    offset = np.zeros(3) if offset is None else np.asarray(offset)
+    T_wh = tool_pose(PANDA, HOME) @ pose(offset, axis_angle_to_matrix([0.0, 0.0, 1.0], turn))
+    rows = np.zeros((1, WIDTH))
+    for name, value in samples.items():
+        rows[0, COLUMN[name]] = value
+    one = np.ones(1)
+    hand = HandState(smooth * one, closing * one, 10 * one, 0 * one, closing * one)
+    return State(
+        q=HOME,
+        dq=np.zeros((1, 7)),
+        target=HOME,
+        hand=hand,
+        hand_width=0.08 * one,
+        T_wh=T_wh,
+        opened=opened * one,
+        speed=speed * one,
+        samples=rows,
+    )
+
+
+AWAY = state(offset=[0, 0, FAR_M])
+IDLE = np.zeros((1, 8))
+
+
+def terms(after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0):
+    values = reward_terms(config, task, PANDA, before, after, action, progress)
+    assert values.shape == (1, len(TERMS))
+    return dict(zip(TERMS, values[0], strict=True))
+
+
+def test_far_away_and_idle_nothing_is_gained_or_lost():
+    assert_allclose(list(terms(AWAY).values()), 0.0, atol=1e-3)
+
+
+def test_tool_at_the_handle_earns_the_whole_of_reach_and_half_at_its_distance():
+    assert terms(state())["reach"] == pytest.approx(CONFIG.reach)
+    half = state(offset=[0, CONFIG.reach_m, 0])
+    assert terms(half)["reach"] == pytest.approx(CONFIG.reach / 2)
+
+
+@pytest.mark.parametrize(("turn", "share"), [(0.0, 1.0), (np.pi / 3, 0.5), (np.pi, -1.0)])
+def test_hand_turned_like_the_handle_earns_the_cosine_of_the_angle(turn, share):
+    assert terms(state(turn=turn))["align"] == pytest.approx(share * CONFIG.align, abs=1e-9)
+
+
+def test_closing_at_the_handle_earns_and_away_from_it_does_not():
+    at = terms(state(smooth=1.0, closing=1.0))
+    away = terms(state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0))
+    open_at = terms(state())
+    assert at["grip"] == pytest.approx(CONFIG.grip)
+    assert away["grip"] == pytest.approx(0.0, abs=1e-9)
+    assert open_at["grip"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.skipif("early" not in TERMS, reason="this reward has no such term")
+def test_closing_away_from_the_handle_costs_and_at_it_does_not():
+    away = terms(state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0))
+    assert away["early"] == pytest.approx(CONFIG.early)
+    assert terms(state(smooth=1.0, closing=1.0))["early"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("opened", "share"), [(0.0, 0.0), (0.4, 0.5), (0.8, 1.0), (1.0, 1.0)])
+def test_part_earns_the_share_of_its_way_to_the_target(opened, share):
+    assert terms(state(opened=opened))["open"] == pytest.approx(share * CONFIG.open)
+
+
+@given(way=st.lists(st.floats(-0.2, 1.2), min_size=2, max_size=20))
+def test_progress_telescopes(way):
+    """Its sum depends on where the part began and ended, not on the way between."""
+    states = [state(opened=o) for o in way]
+    total = sum(terms(b, before=a)["progress"] for a, b in itertools.pairwise(states))
+    ends = np.clip(np.array([way[0], way[-1]]) / TASK.target, 0, 1)
+    assert total == pytest.approx(CONFIG.progress * (ends[1] - ends[0]), abs=1e-9)
+
+
+def test_rest_is_earned_at_the_target_standing_still_alone():
+    assert terms(state(opened=0.9))["rest"] == CONFIG.rest
+    assert terms(state(opened=0.9, speed=2 * TASK.slow))["rest"] == 0
+    assert terms(state(opened=0.7))["rest"] == 0
+
+
+def test_force_costs_beyond_what_is_free():
+    assert terms(state(fx=0.9 * CONFIG.force_free_n))["force"] == 0
+    loaded = terms(state(fx=0.0, fz=-(CONFIG.force_free_n + 10)))
+    assert loaded["force"] == pytest.approx(10 * CONFIG.force)
+
+
+@pytest.mark.parametrize("progress", [0.0, 0.3, 1.0])
+def test_price_of_force_goes_from_the_first_to_the_last_with_training(progress):
+    config = dataclasses.replace(CONFIG, force=-0.1, force_last=-0.5)
+    loaded = terms(state(fy=CONFIG.force_free_n + 1), config=config, progress=progress)
+    assert loaded["force"] == pytest.approx(-0.1 - 0.4 * progress)
+
+
+@pytest.mark.parametrize(("kind", "length"), [("slide", 1.0), ("hinge", 0.2)])
+def test_speed_of_the_part_costs_beyond_what_is_free_in_both_directions(kind, length):
+    task = dataclasses.replace(TASK, kind=kind)
+    for sign in (1, -1):
+        free = sign * 0.99 * CONFIG.speed_free / length
+        fast = sign * (CONFIG.speed_free + 0.1) / length
+        assert terms(state(speed=free), task=task)["speed"] == 0
+        assert terms(state(speed=fast), task=task)["speed"] == pytest.approx(0.1 * CONFIG.speed)
+
+
+def test_joint_deltas_cost_their_mean_square_and_the_hand_is_free():
+    action = np.zeros((1, 8))
+    action[0, 0], action[0, 7] = 1.0, 1.0
+    assert terms(AWAY, action=action)["action"] == pytest.approx(CONFIG.action / 7)
+
+
+def test_violation_costs_once():
+    broken = state(code=3.0)
+    assert terms(broken)["violation"] == CONFIG.violation
+    assert terms(broken, before=broken)["violation"] == 0
+
+
+def test_what_is_wished_is_rewarded_and_what_is_not_costs():
+    for name in ("reach", "align", "grip", "open", "progress", "rest"):
+        assert getattr(CONFIG, name) >= 0, name
+    for name in {"early", "force", "speed", "action", "violation"} & set(TERMS):
+        assert getattr(CONFIG, name) <= 0, name
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_each_weight_rules_its_own_term_alone(name):
+    busy = state(
+        offset=[0.0, 0.0, 0.01], opened=0.9, smooth=0.8, closing=1.0, fx=30.0, speed=0.0, code=2.0
+    )
+    fast = dataclasses.replace(busy, speed=np.array([1.0]))
+    for after in (busy, fast):
+        action = np.ones((1, 8))
+        a = terms(after, action=action)
+        doubled = dataclasses.replace(CONFIG, **{name: 2 * getattr(CONFIG, name)})
+        b = terms(after, action=action, config=doubled)
+        for other in TERMS:
+            factor = 2 if other == name else 1
+            assert b[other] == pytest.approx(factor * a[other], abs=1e-12)

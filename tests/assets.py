@@ -1,0 +1,220 @@
+"""Small assets of our own for tests: written as text, simulated in milliseconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from articulate.asset import Asset, Handle, Joint, Link, save_asset
+
+WIDTH_M, DEPTH_M, HEIGHT_M, WALL_M = 0.45, 0.42, 0.60, 0.016
+"""Outer size of both objects (y, x, z) and thickness of their walls [m]."""
+DRAWERS = 3
+TRAVEL_M = 0.28
+"""Travel of a drawer [m]."""
+
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""Middle and half size of a box [m]."""
+
+
+def make_cabinet(
+    folder: Path, *, drawers: int = DRAWERS, travel_m: float = TRAVEL_M, slab_kg: float = 2.5
+) -> Asset:
+    """A cabinet of open-front drawers ``drawer_0`` (lowest) to ``drawer_{n-1}`` in ``folder``.
+
+    It opens along -x; joint ``drawer_k_slide`` goes from 0 (closed) to ``travel_m``. Each drawer
+    has a free horizontal bar handle. The damping is 5 N s/m and the dry friction 2 N.
+    """
+    links, joints, handles, bodies = [_carcass()], [], [], ""
+    for k in range(drawers):
+        name, pos = f"drawer_{k}", (-DEPTH_M / 2 - 0.011, 0.0, 0.116 + 0.19 * k)
+        joint = Joint(
+            name=f"{name}_slide",
+            kind="slide",
+            link=name,
+            parent="carcass",
+            axis_o=(-1.0, 0.0, 0.0),
+            pivot_o=pos,
+            lower=0.0,
+            upper=travel_m,
+            closed=0.0,
+            open=travel_m,
+            closed_rule="given",
+            damping=5.0,
+            frictionloss=2.0,
+        )
+        bodies += _body(name, pos, joint, (0.12, 0.0, -0.02), slab_kg, _drawer_boxes())
+        bounds = ((-0.051, -0.225, -0.09), (0.355, 0.225, 0.09))
+        links.append(_link(name, "carcass", pos, slab_kg, bounds))
+        joints.append(joint)
+        handles.append(_handle(name, joint.name, (-0.045, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    return _write("cabinet", folder, bodies, links, joints, handles)
+
+
+def make_cupboard(folder: Path, *, degrees: float = 120.0) -> Asset:
+    """A cupboard in ``folder`` with one ``door`` on the upright hinge ``door_hinge`` at its left.
+
+    Closed at 0; it opens towards -x up to ``degrees``. The handle is a vertical bar at the right.
+    """
+    pos = (-DEPTH_M / 2 - 0.011, WIDTH_M / 2, HEIGHT_M / 2)
+    joint = Joint(
+        name="door_hinge",
+        kind="hinge",
+        link="door",
+        parent="carcass",
+        axis_o=(0.0, 0.0, -1.0),
+        pivot_o=pos,
+        lower=0.0,
+        upper=float(np.radians(degrees)),
+        closed=0.0,
+        open=float(np.radians(degrees)),
+        closed_rule="given",
+        damping=0.1,
+        frictionloss=0.1,
+    )
+    edge = -WIDTH_M + 0.05
+    boxes: list[Box] = [
+        ((0.0, -WIDTH_M / 2, 0.0), (0.009, WIDTH_M / 2 - 0.002, HEIGHT_M / 2 - 0.002)),
+        ((-0.045, edge, 0.0), (0.006, 0.006, 0.06)),
+        ((-0.025, edge, -0.055), (0.016, 0.005, 0.005)),
+        ((-0.025, edge, 0.055), (0.016, 0.005, 0.005)),
+    ]
+    body = _body("door", pos, joint, (0.0, -WIDTH_M / 2, 0.0), 3.0, boxes)
+    bounds = ((-0.051, -0.448, -0.298), (0.009, -0.002, 0.298))
+    links = [_carcass(), _link("door", "carcass", pos, 3.0, bounds)]
+    handle = _handle("door", joint.name, (-0.045, edge, 0.0), (0.0, 0.0, 1.0))
+    return _write("cupboard", folder, body, links, [joint], [handle])
+
+
+def _carcass() -> Link:
+    half = (DEPTH_M / 2, WIDTH_M / 2)
+    return _link(
+        "carcass", None, (0.0, 0.0, 0.0), 20.0, ((-half[0], -half[1], 0.0), (*half, HEIGHT_M))
+    )
+
+
+def _link(
+    name: str,
+    parent: str | None,
+    pos: tuple[float, float, float],
+    mass_kg: float,
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]],
+) -> Link:
+    return Link(
+        name=name,
+        parent=parent,
+        pos_o=pos,
+        quat_o=(1.0, 0.0, 0.0, 0.0),
+        mass_kg=mass_kg,
+        bounds_l=bounds,
+    )
+
+
+def _handle(
+    link: str, joint: str, pos: tuple[float, float, float], along: tuple[float, float, float]
+) -> Handle:
+    return Handle(
+        name=f"{link}_handle",
+        link=link,
+        joint=joint,
+        pos_l=pos,
+        normal_l=(-1.0, 0.0, 0.0),
+        along_l=along,
+        extent=(0.12, 0.012, 0.012),
+        kind="bar",
+        source="given",
+    )
+
+
+def _drawer_boxes() -> list[Box]:
+    """Front, floor, two sides, back, and a bar on two posts."""
+    return [
+        ((0.0, 0.0, 0.0), (0.009, WIDTH_M / 2 - 0.002, 0.09)),
+        ((0.18, 0.0, -0.08), (0.17, 0.19, 0.005)),
+        ((0.18, -0.19, -0.02), (0.17, 0.005, 0.07)),
+        ((0.18, 0.19, -0.02), (0.17, 0.005, 0.07)),
+        ((0.35, 0.0, -0.02), (0.005, 0.19, 0.07)),
+        ((-0.045, 0.0, 0.0), (0.006, 0.06, 0.006)),
+        ((-0.025, -0.055, 0.0), (0.016, 0.005, 0.005)),
+        ((-0.025, 0.055, 0.0), (0.016, 0.005, 0.005)),
+    ]
+
+
+def _walls() -> list[Box]:
+    """Floor, top, two sides and back of the carcass."""
+    d, w, h, t = DEPTH_M / 2, WIDTH_M / 2, HEIGHT_M / 2, WALL_M / 2
+    return [
+        ((0.0, 0.0, t), (d, w, t)),
+        ((0.0, 0.0, 2 * h - t), (d, w, t)),
+        ((0.0, -w + t, h), (d, t, h)),
+        ((0.0, w - t, h), (d, t, h)),
+        ((d - t, 0.0, h), (t, w, h)),
+    ]
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(v)) for v in values)
+
+
+def _boxes(boxes: list[Box]) -> str:
+    return "".join(
+        f'<geom type="box" group="3" pos="{_numbers(pos)}" size="{_numbers(half)}"/>'
+        for pos, half in boxes
+    )
+
+
+def _body(
+    name: str,
+    pos: tuple[float, float, float],
+    joint: Joint,
+    com: tuple[float, float, float],
+    mass_kg: float,
+    boxes: list[Box],
+) -> str:
+    assert joint.lower is not None
+    assert joint.upper is not None
+    limits = _numbers((joint.lower, joint.upper))
+    return (
+        f'<body name="{name}" pos="{_numbers(pos)}">'
+        f'<joint name="{joint.name}" type="{joint.kind}" axis="{_numbers(joint.axis_o)}" '
+        f'range="{limits}" damping="{joint.damping}" frictionloss="{joint.frictionloss}" '
+        'armature="0.01"/>'
+        f'<inertial pos="{_numbers(com)}" mass="{mass_kg}" diaginertia="0.05 0.05 0.05"/>'
+        f"{_boxes(boxes)}</body>"
+    )
+
+
+def _write(
+    name: str,
+    folder: Path,
+    bodies: str,
+    links: list[Link],
+    joints: list[Joint],
+    handles: list[Handle],
+) -> Asset:
+    """Write ``object.xml`` and ``asset.json``; parts do not meet the carcass or each other."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [link.name for link in links]
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    exclude = "".join(f'<exclude body1="{a}" body2="{b}"/>' for a, b in pairs)
+    (folder / "object.xml").write_text(
+        f'<mujoco model="{name}"><compiler angle="radian" autolimits="true"/><worldbody>'
+        f'<body name="carcass">{_boxes(_walls())}{bodies}</body></worldbody>'
+        f"<contact>{exclude}</contact></mujoco>\n",
+        encoding="utf-8",
+    )
+    d, w = DEPTH_M / 2, WIDTH_M / 2
+    asset = Asset(
+        name=name,
+        category="StorageFurniture",
+        links=tuple(links),
+        joints=tuple(joints),
+        handles=tuple(handles),
+        bounds_o=((-d - 0.062, -w, 0.0), (d, w, HEIGHT_M)),
+        source="made for tests",
+        licence="MIT",
+        folder=folder,
+    )
+    save_asset(asset)
+    return asset

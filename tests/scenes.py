@@ -1,0 +1,64 @@
+"""Scenes over our small assets: a drawer and a door before the arm."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from tests.assets import make_cabinet, make_cupboard
+
+from articulate.arm import PANDA, Arm
+from articulate.asset import Asset
+from articulate.draw import Draw, DrawConfig
+from articulate.follow import FollowConfig
+from articulate.task import make_task
+from articulate.transforms import Ints
+from articulate_envs.engine import Start
+from articulate_envs.physics import PhysicsConfig
+from articulate_envs.place import find_place
+from articulate_envs.scene import Scene, build_scene
+
+DRAWS = dataclasses.replace(DrawConfig(), scales=3)
+"""The shipped randomisation with few sizes, so that scenes compile quickly."""
+
+
+def make_scene(
+    asset: Asset,
+    joint: str,
+    *,
+    arm: Arm = PANDA,
+    draws: DrawConfig = DRAWS,
+    episode_s: float = 1.0,
+) -> Scene:
+    """The scene in which ``joint`` of ``asset`` is to be opened, at the sizes of ``draws``."""
+    task = make_task("open_joint", asset, joint, episode_s=episode_s)
+    return build_scene(
+        asset,
+        task,
+        arm=arm,
+        follow=FollowConfig(),
+        physics=PhysicsConfig(),
+        place=find_place(asset, task, arm, draws),
+        scales=draws.scale_values,
+    )
+
+
+def drawer_scene(folder: Path) -> Scene:
+    """The upper drawer of a cabinet, in episodes of one second."""
+    return make_scene(make_cabinet(folder), "drawer_2_slide")
+
+
+def door_scene(folder: Path) -> Scene:
+    """The door of a cupboard, in episodes of one second."""
+    return make_scene(make_cupboard(folder), "door_hinge")
+
+
+def rows_of(start: Start, rows: Ints) -> Start:
+    """The rows ``rows`` (M,) of ``start``."""
+    return Start(
+        draw=Draw(start.draw.values[rows]),
+        q=start.q[rows],
+        opened=start.opened[rows],
+        width=start.width[rows],
+        closing=start.closing[rows],
+    )

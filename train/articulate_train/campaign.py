@@ -1,0 +1,135 @@
+"""All seeds of a run, each in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from articulate.errors import DivergedError, RunError
+from articulate_train.run import Run, write_summary
+from articulate_train.seed import DONE, PROGRESS
+
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Set to 1 for each seed: more threads fight with the physics (they spin)."""
+
+
+@dataclass(frozen=True)
+class SeedProgress:
+    """How far one seed has come."""
+
+    seed: int
+    steps: int
+    total: int
+    steps_per_s: float
+    success: float
+    opened: float
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
+    """Train all seeds that are not done; True if all are done, False if interrupted.
+
+    Raises:
+        DivergedError: A seed produced values that are not finite.
+        RunError: A seed's process failed.
+    """
+    config = run.config
+    waiting = [s for s in config.seeds if not (run.seed_folder(s) / DONE).exists()]
+    jobs = min(config.jobs or processors(), max(len(waiting), 1))
+    threads = max(1, processors() // jobs)
+    running: dict[int, subprocess.Popen[bytes]] = {}
+    seen: dict[int, int] = {}
+    begin = time.monotonic()
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                seed = waiting.pop(0)
+                running[seed] = _start(run.folder, seed, threads)
+            time.sleep(0.2)
+            for seed, process in list(running.items()):
+                _tell(run, seed, seen, on_progress)
+                if process.poll() is not None:
+                    del running[seed]
+                    if not _ended_well(run, seed, process):
+                        return False
+    except KeyboardInterrupt:
+        return False
+    finally:
+        for process in running.values():
+            process.terminate()
+        for process in running.values():
+            process.wait()
+    write_summary(run, [last_progress(run, s) for s in config.seeds], time.monotonic() - begin)
+    return True
+
+
+def last_progress(run: Run, seed: int) -> dict[str, Any]:
+    """The last line of a seed's progress, with its number."""
+    rows = read_progress(run.seed_folder(seed))
+    return {"seed": seed, **(rows[-1] if rows else {})}
+
+
+def read_progress(folder: Path) -> list[dict[str, Any]]:
+    """All lines of a seed's progress; a line cut off by a kill is left out."""
+    path = folder / PROGRESS
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        try:
+            rows.append(json.loads(line))
+        except ValueError:
+            break
+    return rows
+
+
+def _start(folder: Path, seed: int, threads: int) -> subprocess.Popen[bytes]:
+    environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1")
+    command = [sys.executable, "-m", "articulate_train.seed", str(folder), str(seed), str(threads)]
+    log = (folder / f"seed_{seed}.log").open("wb")
+    with log:
+        return subprocess.Popen(
+            command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment
+        )
+
+
+def _tell(
+    run: Run, seed: int, seen: dict[int, int], on_progress: Callable[[SeedProgress], None]
+) -> None:
+    rows = read_progress(run.seed_folder(seed))
+    if len(rows) == seen.get(seed, 0):
+        return
+    seen[seed] = len(rows)
+    row = rows[-1]
+    on_progress(
+        SeedProgress(
+            seed=seed,
+            steps=row["steps"],
+            total=run.config.steps,
+            steps_per_s=row["steps"] / max(row["seconds"], 1e-9),
+            success=row["success"],
+            opened=row["opened"],
+        )
+    )
+
+
+def _ended_well(run: Run, seed: int, process: subprocess.Popen[bytes]) -> bool:
+    if process.returncode == 0:
+        return True
+    if process.returncode == 130:
+        return False
+    log = run.folder / f"seed_{seed}.log"
+    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    what = lines[-1] if lines else f"exit {process.returncode}"
+    if "not finite" in what:
+        raise DivergedError(f"seed {seed} diverged: {what}; its last states lie in {log.parent}")
+    raise RunError(f"seed {seed} failed: {what}; its log is {log}")

@@ -1,0 +1,105 @@
+"""Configuration of a training run: what the YAML files and the flags of ``train`` say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from articulate.draw import DrawConfig
+from articulate.errors import ConfigError
+from articulate.follow import FollowConfig
+from articulate_envs.physics import PhysicsConfig
+from articulate_envs.rewards import RewardConfig
+from articulate_envs.starts import StartConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class PpoConfig:
+    """Proximal policy optimisation, as Stable-Baselines3 names its parameters."""
+
+    n_envs: int = 64
+    """Environments stepped side by side."""
+    n_steps: int = 64
+    """Ticks of each environment between updates."""
+    batch_size: int = 512
+    """Samples in a minibatch."""
+    n_epochs: int = 8
+    """Passes over the samples of an update."""
+    learning_rate: float = 5e-4
+    """Learning rate at the beginning."""
+    learning_rate_last: float = 2e-5
+    """Learning rate at the end; it falls linearly."""
+    gamma: float = 0.99
+    """Discount per tick."""
+    gae_lambda: float = 0.95
+    """Trace decay of the advantage."""
+    clip_range: float = 0.2
+    """Bound on the ratio of new to old policy."""
+    ent_coef: float = 0.0
+    """Weight of the entropy."""
+    vf_coef: float = 0.5
+    """Weight of the value loss."""
+    max_grad_norm: float = 0.5
+    """Gradients are scaled down to this norm."""
+    log_std_init: float = -0.8
+    """Logarithm of the first standard deviation of actions."""
+    net: tuple[int, ...] = (128, 128)
+    """Widths of the hidden layers of policy and value, ELU between."""
+
+    def __post_init__(self) -> None:
+        size = self.n_envs * self.n_steps
+        if self.batch_size < 2 or size % self.batch_size:
+            raise ConfigError(
+                f"ppo.batch_size is {self.batch_size}; it must divide n_envs x n_steps = {size}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """What is trained on what, and how."""
+
+    asset: str
+    """URDF file, or folder of an asset."""
+    task: str = "open_drawer"
+    """What is asked: open_drawer, open_joint."""
+    joint: str | None = None
+    """Joint of the asset; by default the reachable one with its handle nearest home height."""
+    closed: Literal["auto", "lower", "upper"] = "auto"
+    """Which limit of the joint is its closed end."""
+    size: float | None = None
+    """Longest side of the object [m]; by default its own size, or that of its category."""
+    category: str | None = None
+    """Category of the object, for its size and material; by default what its folder says."""
+    seeds: tuple[int, ...] = (0, 1, 2)
+    """One training for each."""
+    steps: int = 2_000_000
+    """Ticks of experience for each seed."""
+    jobs: int = 0
+    """Seeds trained side by side; 0 means one for each processor."""
+    checkpoint_updates: int = 20
+    """Updates between checkpoints."""
+    episodes: int = 200
+    """Episodes for each seed in the evaluation at the end."""
+    evaluation_seed: int = 1_000_003
+    """Decides the draws of the evaluation; they are none of training's."""
+    ppo: PpoConfig = field(default_factory=PpoConfig)
+    """Algorithm."""
+    draw: DrawConfig = field(default_factory=DrawConfig)
+    """Randomisation."""
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    """Reward."""
+    starts: StartConfig = field(default_factory=StartConfig)
+    """Starts along the task."""
+    follow: FollowConfig = field(default_factory=FollowConfig)
+    """Plant between the policy's tick and the joints."""
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    """Physics."""
+
+    def __post_init__(self) -> None:
+        if not self.seeds or len(set(self.seeds)) != len(self.seeds) or min(self.seeds) < 0:
+            raise ConfigError(f"seeds are {self.seeds}; they must be distinct and not negative")
+        if self.steps < self.ppo.n_envs * self.ppo.n_steps:
+            least = self.ppo.n_envs * self.ppo.n_steps
+            raise ConfigError(f"steps is {self.steps}; one update alone takes {least}")
+        if self.episodes < 1:
+            raise ConfigError(f"episodes is {self.episodes}; it must be at least 1")

@@ -1,0 +1,175 @@
+"""Evaluation: fresh episodes from home, with the draws of the run and without any."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from articulate.draw import NO_DRAW, Draw, DrawConfig, draw
+from articulate.judgement import COLUMN, REASONS
+from articulate.transforms import Array
+from articulate_envs.episodes import Ended, Episodes
+from articulate_envs.place import object_pose
+from articulate_envs.rewards import RewardConfig
+from articulate_envs.scene import Scene
+from articulate_envs.starts import home_start
+from articulate_envs.threads import ThreadEngine
+from articulate_train.policy import Policy, load_policy
+from articulate_train.ppo import EVALUATION
+from articulate_train.report import SeedEvaluation, Timeline
+from articulate_train.run import Run
+
+
+@dataclass(frozen=True)
+class Traces:
+    """What was recorded of E episodes at each of T ticks."""
+
+    qpos: Array
+    """Positions of the model (T, E, nq)."""
+    force: Array
+    """Filtered force on the hand (T, E) [N]."""
+    speed_share: Array
+    """Largest joint speed as a share of its limit (T, E)."""
+    opened: Array
+    """Fraction open (T, E)."""
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """E episodes from home."""
+
+    ended: Ended
+    """Their ends, one row per episode."""
+    draws: Draw
+    """What was drawn for them."""
+    traces: Traces
+    """What happened."""
+    poses: Array
+    """Where the objects stood, ``T_wo`` (E, 4, 4)."""
+
+
+def evaluate_seed(
+    run: Run, seed: int, *, episodes: int, threads: int
+) -> tuple[SeedEvaluation, Rollout]:
+    """Evaluate the last checkpoint of one seed on ``episodes`` drawn and as many nominal episodes.
+
+    Nominal episodes keep only the noise of the start pose, without which they would all be the
+    same.
+
+    Raises:
+        RunError: There is no checkpoint.
+    """
+    policy = load_policy(run.seed_folder(seed))
+    config = run.config
+    stream = np.random.SeedSequence([config.evaluation_seed, seed, EVALUATION])
+    drawn = roll_out(run.scene(), policy, config.draw, stream, episodes=episodes, threads=threads)
+    still = replace(NO_DRAW, start_rad=config.draw.start_rad)
+    nominal = roll_out(run.scene((1.0,)), policy, still, stream, episodes=episodes, threads=threads)
+    result = SeedEvaluation(
+        seed=seed,
+        codes=drawn.ended.code,
+        opened=drawn.ended.opened,
+        peaks=drawn.ended.peaks,
+        draws=drawn.draws.values,
+        nominal_codes=nominal.ended.code,
+        nominal_opened=nominal.ended.opened,
+    )
+    return result, drawn
+
+
+def roll_out(
+    scene: Scene,
+    policy: Policy,
+    draws: DrawConfig,
+    stream: np.random.SeedSequence,
+    *,
+    episodes: int,
+    threads: int,
+) -> Rollout:
+    """Run ``episodes`` episodes from home side by side, with the policy's mean action."""
+    first, second = stream.spawn(2)
+    drawn = draw(draws, np.random.default_rng(first), episodes)
+    engine = ThreadEngine(scene, episodes, threads=threads)
+    env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=second)
+    seen = env.reset(start=home_start(scene, drawn))
+    qpos = np.zeros((scene.ticks, episodes, scene.nominal.nq))
+    force, speed, opened = (np.zeros((scene.ticks, episodes)) for _ in range(3))
+    ended: list[Ended] = []
+    try:
+        for t in range(scene.ticks):
+            tick = env.step(policy.act(seen))
+            seen = tick.observation
+            if tick.ended is not None:
+                ended.append(tick.ended)
+            if t + 1 == scene.ticks:
+                break
+            state = engine.state()
+            for i in range(episodes):
+                qpos[t, i] = engine.physics_state(i)[1].qpos
+            force[t] = np.linalg.norm(state.samples[:, :3], axis=1)
+            speed[t] = np.max(np.abs(state.dq) / scene.arm.dq_max, axis=1)
+            opened[t] = state.opened
+    finally:
+        engine.close()
+    T_wo = object_pose(
+        scene.asset,
+        scene.task.joint,
+        scene.place,
+        scale=drawn["scale"],
+        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
+        yaw=drawn["yaw_rad"],
+    )
+    for array in (qpos, force, speed, opened):
+        array[-1] = array[-2]
+    return Rollout(
+        ended=first_ends(ended, episodes),
+        draws=drawn,
+        traces=Traces(qpos=qpos, force=force, speed_share=speed, opened=opened),
+        poses=T_wo,
+    )
+
+
+def first_ends(ended: list[Ended], episodes: int) -> Ended:
+    """The first end of each environment, in their order (a diverged one begins anew)."""
+    rows = np.concatenate([e.rows for e in ended])
+    _, where = np.unique(rows, return_index=True)
+    assert len(where) == episodes
+
+    def take(name: str) -> Array:
+        return np.asarray(np.concatenate([getattr(e, name) for e in ended])[where])
+
+    return Ended(
+        rows=take("rows"),
+        code=take("code"),
+        opened=take("opened"),
+        from_home=take("from_home"),
+        terms=take("terms"),
+        peaks=take("peaks"),
+        observation=take("observation"),
+    )
+
+
+def timelines(rollout: Rollout, tick_s: float) -> list[tuple[Timeline, int]]:
+    """The first success and the first failure, with their episodes' numbers."""
+    out = []
+    t = tick_s * np.arange(1, len(rollout.traces.force) + 1)
+    for name, mask in (("success", rollout.ended.code == 0), ("failure", rollout.ended.code != 0)):
+        if not mask.any():
+            continue
+        k = int(np.argmax(mask))
+        line = Timeline(
+            name=name,
+            reason=REASONS[int(rollout.ended.code[k])],
+            t=t,
+            force_n=rollout.traces.force[:, k],
+            speed_share=rollout.traces.speed_share[:, k],
+            opened=rollout.traces.opened[:, k],
+        )
+        out.append((line, k))
+    return out
+
+
+def peak(ended: Ended, field: str) -> Array:
+    """One column of the episodes' peaks (E,)."""
+    return np.asarray(ended.peaks[:, COLUMN[field]])

@@ -1,0 +1,328 @@
+"""From a trained seed to a bundle that a robot runs."""
+
+from __future__ import annotations
+
+import datetime
+import io
+import json
+import logging
+import re
+import shutil
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+
+from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
+from articulate.draw import DrawConfig
+from articulate.errors import RunError, UsageError
+from articulate.files import sha256, whole_file
+from articulate.manifest import (
+    GOLDEN_FILE,
+    MANIFEST_FILE,
+    POLICY_FILE,
+    SCENE_FILE,
+    Control,
+    EstimatorEntry,
+    Golden,
+    Manifest,
+    PolicyEntry,
+    SceneEntry,
+    StartEntry,
+    Training,
+    encode_manifest,
+    limit_table_sha256,
+    with_files,
+)
+from articulate.observe import ACTION, OBSERVATION
+from articulate.transforms import Array
+from articulate_envs.export_scene import export_scene
+from articulate_envs.scene import PREFIX, Scene
+from articulate_train.campaign import last_progress
+from articulate_train.policy import CHECKPOINT, Policy, load_policy
+from articulate_train.run import Run, open_run, versions
+
+OPSET = 18
+"""Version of ONNX's operators that is asked for."""
+ARM_LICENCE = "Apache-2.0 (meshes of franka_description), MIT (model of robosuite)"
+"""Licence of the arm in the exported scene."""
+_NOT_FREE = re.compile(r"non[- ]?commercial|\bnc\b|research only|academic", re.IGNORECASE)
+_UNKNOWN = re.compile(r"^\s*(unknown|none)?\s*$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A bundle that was written."""
+
+    path: Path
+    seed: int
+    seed_rule: str
+    files: int
+    size_bytes: int
+    warnings: tuple[str, ...]
+    """What the user must know before giving the bundle away."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "bundle": str(self.path),
+            "seed": self.seed,
+            "seed_rule": self.seed_rule,
+            "files": self.files,
+            "size_bytes": self.size_bytes,
+            "warnings": list(self.warnings),
+        }
+
+
+def export_policy(folder: Path, out: Path, *, seed: int | None = None) -> Exported:
+    """Write the bundle of one seed of the run in ``folder`` to ``out``, whole or not at all.
+
+    Args:
+        folder: The run.
+        out: A path ending in ``.zip``, or a folder that does not exist.
+        seed: The seed; None takes the best.
+
+    Raises:
+        RunError: No such run or seed, or it has no checkpoint.
+        UsageError: ``out`` exists or cannot be written.
+    """
+    run = open_run(folder)
+    chosen, rule, success = choose_seed(run, seed)
+    if out.exists():
+        raise UsageError(f"{out}: exists; choose another --out")
+    policy = load_policy(run.seed_folder(chosen))
+    scene = run.scene((1.0,))
+    files = bundle_files(scene, policy)
+    manifest = make_manifest(
+        run,
+        scene,
+        opset=onnx_opset(files[POLICY_FILE]),
+        training=Training(
+            run=run.folder.resolve().name,
+            seed=chosen,
+            seed_rule=rule,
+            steps=int(last_progress(run, chosen).get("steps", 0)),
+            config_sha256=sha256(run.folder / "config.yaml"),
+            success=success,
+        ),
+    )
+    text = encode_manifest(with_files(manifest, files))
+    write_bundle(out, {MANIFEST_FILE: text.encode(), **files})
+    return Exported(
+        path=out,
+        seed=chosen,
+        seed_rule=rule,
+        files=len(files) + 1,
+        size_bytes=sum(len(content) for content in files.values()) + len(text),
+        warnings=licence_warnings(run.asset.licence, run.asset.name),
+    )
+
+
+def choose_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
+    """Seed, the rule it was chosen by, and its measured success if there is one.
+
+    Raises:
+        RunError: The run has no such seed, or none that was trained.
+    """
+    trained = [s for s in run.config.seeds if (run.seed_folder(s) / CHECKPOINT).exists()]
+    if not trained:
+        raise RunError(f"{run.folder}: no seed has a checkpoint; train first")
+    measured = _success_of_report(run)
+    if seed is not None:
+        if seed not in trained:
+            known = ", ".join(map(str, trained))
+            raise RunError(f"{run.folder}: seed {seed} has no checkpoint; there are: {known}")
+        return seed, "given", measured.get(seed)
+    if all(s in measured for s in trained):
+        best = max(trained, key=lambda s: (measured[s], -s))
+        return best, "highest success in the evaluation, ties to the lower seed", measured[best]
+    seen = {s: float(last_progress(run, s).get("success", 0.0)) for s in trained}
+    best = max(trained, key=lambda s: (seen[s], -s))
+    return best, "highest success at the end of training (not evaluated)", None
+
+
+def _success_of_report(run: Run) -> dict[int, float]:
+    try:
+        report = json.loads((run.folder / "report.json").read_text(encoding="utf-8"))
+        return {int(row["seed"]): float(row["success"]["value"]) for row in report["seeds"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def bundle_files(scene: Scene, policy: Policy) -> dict[str, bytes]:
+    """Contents of the bundle by path, the manifest aside."""
+    with tempfile.TemporaryDirectory(prefix="articulate-export-") as name:
+        folder = Path(name)
+        export_scene(scene.nominal, folder / Path(SCENE_FILE).parent)
+        files = {
+            path.relative_to(folder).as_posix(): path.read_bytes()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
+    model = to_onnx(policy)
+    pairs = golden_pairs(policy, np.random.default_rng(0), Golden().count)
+    stream = io.BytesIO()
+    np.savez(stream, observation=pairs[0], action=pairs[1])
+    return {POLICY_FILE: model, GOLDEN_FILE: stream.getvalue(), **files}
+
+
+def to_onnx(policy: Policy) -> bytes:
+    """The policy as an ONNX model: float32 (batch, size) to (batch, 8), everything inside."""
+    entry = PolicyEntry(opset=OPSET)
+    with _quiet_exporter():
+        program = torch.onnx.export(
+            policy,
+            (torch.zeros(2, OBSERVATION.size),),
+            input_names=[entry.input],
+            output_names=[entry.output],
+            opset_version=OPSET,
+            dynamic_shapes=({0: torch.export.Dim("batch")},),
+            external_data=False,
+            verbose=False,
+        )
+    assert program is not None
+    model = _without_traces(program.model_proto)
+    return bytes(model.SerializeToString(deterministic=True))
+
+
+def _without_traces(model: Any) -> Any:
+    """The model without notes of where in the source and on which machine it was made."""
+    graph = model.graph
+    for item in (
+        model,
+        graph,
+        *graph.node,
+        *graph.input,
+        *graph.output,
+        *graph.value_info,
+        *graph.initializer,
+    ):
+        del item.metadata_props[:]
+        item.doc_string = ""
+    onnx.checker.check_model(model)
+    return model
+
+
+@contextmanager
+def _quiet_exporter() -> Iterator[None]:
+    """Without what torch 2.13 says of its own exporter: deprecated calls, no torchvision."""
+    log = logging.getLogger("torch.onnx._internal.exporter._registration")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", category=FutureWarning)
+            warnings.filterwarnings("ignore", category=DeprecationWarning)
+            yield
+    finally:
+        log.setLevel(level)
+
+
+def onnx_opset(model: bytes) -> int:
+    """Version of the default operators of a model."""
+    loaded = onnx.load_from_string(model)
+    return int(next(item.version for item in loaded.opset_import if item.domain in ("", "ai.onnx")))
+
+
+def golden_pairs(policy: Policy, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+    """Observations (count, size) spread as those of training, in float32, and their actions."""
+    mean, scale = (np.asarray(t, dtype=np.float64) for t in (policy.mean, policy.scale))
+    seen = mean + rng.normal(size=(count, OBSERVATION.size)) / np.maximum(scale, 1e-3)
+    seen = np.clip(seen, OBSERVATION.low, OBSERVATION.high).astype(np.float32)
+    return seen, policy.act(seen).astype(np.float32)
+
+
+def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> Manifest:
+    """The manifest of a run's bundle, its files' sums still missing."""
+    draws, follow, arm = run.config.draw, scene.follow, scene.arm
+    return Manifest(
+        name=f"{run.asset.name}-{run.task.name}",
+        created_utc=datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        producer={k: v for k, v in versions().items() if k != "system"},
+        licences={"object": run.asset.licence, "arm": ARM_LICENCE},
+        files={},
+        policy=PolicyEntry(opset=opset),
+        control=Control(follow=follow, trained_delay_ticks=draws.delay_ticks),
+        observation=OBSERVATION,
+        action=ACTION,
+        robot=arm,
+        limit_table_sha256=limit_table_sha256(arm),
+        start=StartEntry(
+            q=run.place.start_q,
+            tolerance_rad=draws.start_rad,
+            hand_width_m=arm.hand.max_width_m,
+        ),
+        task=run.task,
+        place=run.place,
+        object=run.asset,
+        object_sha256=run.asset.content_id(),
+        scene=scene_entry(scene),
+        estimator=_estimator(draws, follow.rate_hz),
+        draw=draws,
+        training=training,
+        golden=Golden(),
+    )
+
+
+def scene_entry(scene: Scene) -> SceneEntry:
+    """Names in the exported scene."""
+    model, at = scene.nominal, scene.at
+    first = scene.asset.links[0].name
+    return SceneEntry(
+        timestep_s=scene.physics.timestep_s,
+        scale=float(scene.scales[int(np.argmin(np.abs(np.asarray(scene.scales) - 1.0)))]),
+        arm_joints=tuple(f"joint{i}" for i in range(1, 8)),
+        finger_joints=("finger_joint1", "finger_joint2"),
+        finger_geoms=tuple(str(model.geom(i).name) for i in at.finger_geoms),
+        tool_site="tool",
+        object_prefix=PREFIX,
+        object_root=PREFIX + first,
+        sensors=(HAND_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR),
+    )
+
+
+def _estimator(draws: DrawConfig, rate_hz: float) -> EstimatorEntry:
+    return EstimatorEntry(
+        needs=("T_wh", "opened", "speed"),
+        rate_hz=rate_hz,
+        max_age_s=draws.estimate_delay_ticks[1] / rate_hz,
+    )
+
+
+def licence_warnings(licence: str, name: str) -> tuple[str, ...]:
+    """What to say of the licence of the object ``name`` that the bundle holds."""
+    if _UNKNOWN.match(licence):
+        return (f"the licence of {name} is unknown; the bundle holds its geometry",)
+    if _NOT_FREE.search(licence):
+        return (f"{name} is licensed {licence!r}; the bundle holds its geometry and inherits it",)
+    return ()
+
+
+def write_bundle(out: Path, files: dict[str, bytes]) -> None:
+    """Write ``files`` to a zip file or a new folder, whole or not at all."""
+    if out.suffix == ".zip":
+        with whole_file(out) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+            for name, content in files.items():
+                item = zipfile.ZipInfo(name)  # a fixed date: equal bundles are equal files
+                item.compress_type = zipfile.ZIP_DEFLATED
+                item.external_attr = 0o100644 << 16
+                archive.writestr(item, content)
+        return
+    temporary = out.with_name(f".{out.name}.part")
+    try:
+        shutil.rmtree(temporary, ignore_errors=True)
+        for name, content in files.items():
+            (temporary / name).parent.mkdir(parents=True, exist_ok=True)
+            (temporary / name).write_bytes(content)
+        temporary.replace(out)
+    except OSError as error:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose --out") from None

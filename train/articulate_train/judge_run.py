@@ -1,0 +1,179 @@
+"""From a trained run to its report: evaluate every seed, film two episodes, write the files."""
+
+from __future__ import annotations
+
+import logging
+import shlex
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from articulate.config import to_yaml
+from articulate.errors import MissingError
+from articulate.task import Task
+from articulate_envs.film import picture, write_film
+from articulate_envs.rewards import TERMS
+from articulate_envs.scene import Scene
+from articulate_train.campaign import processors, read_progress
+from articulate_train.evaluate import Rollout, evaluate_seed, timelines
+from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
+from articulate_train.report_html import write_report
+from articulate_train.run import Run, versions
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A report and where it lies."""
+
+    report: Report
+    json_path: Path
+    html_path: Path
+
+    def text(self) -> str:
+        """A few lines for a terminal."""
+        r = self.report
+        lines = [
+            f"success {r.success_rate:.1%} (worst seed {r.worst_seed_success_rate:.1%}), "
+            f"opened {r.opened_rate:.1%}, of {sum(s.success.episodes for s in r.seeds)} episodes"
+        ]
+        reasons = ", ".join(f"{k} {v}" for k, v in r.reasons.items() if k != "success")
+        if reasons:
+            lines.append(f"failures: {reasons}")
+        return "\n".join([*lines, f"report: {self.html_path}"])
+
+
+def judge_run(run: Run, *, episodes: int) -> Evaluated:
+    """Evaluate the last checkpoints of all seeds and write ``report.json`` and ``report.html``.
+
+    Raises:
+        RunError: A seed has no checkpoint.
+    """
+    results, rollouts = [], []
+    for seed in run.config.seeds:
+        result, rollout = evaluate_seed(run, seed, episodes=episodes, threads=processors())
+        results.append(result)
+        rollouts.append(rollout)
+    lines, videos, poster = _pictures(run, rollouts)
+    report = make_report(
+        _info(run),
+        results,
+        [_curve(run, s) for s in run.config.seeds],
+        lines,
+        videos,
+        np.random.default_rng(run.config.evaluation_seed),
+    )
+    json_path, html_path = write_report(report, run.folder, poster=poster)
+    return Evaluated(report, json_path, html_path)
+
+
+def target_text(task: Task) -> str:
+    """What counts as open, in words."""
+    unit = "m" if task.kind == "slide" else "rad"
+    way = abs(task.span) * task.target
+    slow = f"slower than {task.slow} {unit}/s"
+    return f"{way:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
+
+
+def _info(run: Run) -> RunInfo:
+    rows = [read_progress(run.seed_folder(s)) for s in run.config.seeds]
+    seconds = sum(r[-1]["seconds"] for r in rows if r)
+    steps = sum(r[-1]["steps"] for r in rows if r)
+    config = run.config
+    seeds = " ".join(str(s) for s in config.seeds)
+    command = (
+        f"train --asset {shlex.quote(config.asset)} --task {config.task} --joint {run.task.joint} "
+        f"--seeds {seeds} --steps {config.steps}"
+    )
+    return RunInfo(
+        name=run.folder.name,
+        asset=run.asset.name,
+        task=run.task.name,
+        joint=run.task.joint,
+        target_text=target_text(run.task),
+        target=run.task.target,
+        steps=config.steps,
+        seconds=seconds,
+        steps_per_s=steps / max(seconds, 1e-9),
+        command=command,
+        config=to_yaml(config),
+        versions=versions(),
+        licence=run.asset.licence,
+        source=run.asset.source,
+        commit=commit(),
+        limits=run.task.limits,
+    )
+
+
+def commit() -> str:
+    """Commit of the code where it is a checkout, else ``"unknown"``."""
+    try:
+        done = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"],  # noqa: S607
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return done.stdout.strip()
+
+
+def _curve(run: Run, seed: int) -> Curve:
+    rows = read_progress(run.seed_folder(seed))
+
+    def column(name: str) -> Any:
+        return np.array([row[name] for row in rows], dtype=np.float64)
+
+    terms = [[row["terms"].get(term, 0.0) for term in TERMS] for row in rows]
+    return Curve(
+        seed=seed,
+        steps=column("steps"),
+        success=column("success"),
+        opened=column("opened"),
+        reward_terms=np.array(terms, dtype=np.float64).reshape(len(rows), len(TERMS)),
+    )
+
+
+def _pictures(run: Run, rollouts: list[Rollout]) -> tuple[list[Timeline], list[str], bytes | None]:
+    """Timelines and clips of the first success and failure over all seeds, and a picture."""
+    lines: dict[str, tuple[Timeline, int, Rollout]] = {}
+    for rollout in rollouts:
+        for line, k in timelines(rollout, run.config.follow.tick_s):
+            lines.setdefault(line.name, (line, k, rollout))
+    videos: list[str] = []
+    poster: bytes | None = None
+    scene = run.scene((1.0,))
+    try:
+        for name, (_, k, rollout) in lines.items():
+            videos.append(_film(run, scene, rollout, k, name))
+        if lines:
+            _, k, rollout = next(iter(lines.values()))
+            poster = picture(
+                scene,
+                rollout.traces.qpos[-1, k],
+                scale=float(rollout.draws["scale"][k]),
+                T_wo=rollout.poses[k],
+            )
+    except MissingError as error:
+        log.warning("no videos: %s", error)
+    return [line for line, _, _ in lines.values()], videos, poster
+
+
+def _film(run: Run, scene: Scene, rollout: Rollout, k: int, name: str) -> str:
+    path = Path("videos") / f"{name}.mp4"
+    write_film(
+        run.folder / path,
+        scene,
+        rollout.traces.qpos[:, k],
+        scale=float(rollout.draws["scale"][k]),
+        T_wo=rollout.poses[k],
+        tick_s=run.config.follow.tick_s,
+    )
+    return path.as_posix()

@@ -1,0 +1,84 @@
+"""The policy as it is used: normalisation, network and clipping in one module."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from articulate.errors import RunError
+from articulate.observe import ACTION
+from articulate.transforms import Array
+
+CHECKPOINT = "checkpoint.pt"
+"""File of a seed's folder that holds all of its state."""
+
+
+class Policy(nn.Module):
+    """Raw observations (N, 44) to actions (N, 8) in [-1, 1], float32."""
+
+    def __init__(self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...]) -> None:
+        """With the running mean and variance of observations and the widths of hidden layers."""
+        super().__init__()
+        self.register_buffer("mean", mean.float())
+        self.register_buffer("scale", torch.rsqrt(variance.double() + 1e-8).float())
+        widths = (mean.numel(), *hidden)
+        layers: list[nn.Module] = []
+        for a, b in pairwise(widths):
+            layers += [nn.Linear(a, b), nn.ELU()]
+        self.body = nn.Sequential(*layers)
+        self.head = nn.Linear(widths[-1], ACTION.size)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """The mean action, clipped."""
+        seen = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
+        return torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
+
+    def act(self, observation: Array) -> Array:
+        """Actions (N, 8) for observations (N, size) as arrays."""
+        with torch.no_grad():
+            out = self(torch.as_tensor(observation, dtype=torch.float32))
+        return np.asarray(out.numpy(), dtype=np.float64)
+
+
+def read_checkpoint(folder: Path) -> dict[str, Any]:
+    """The checkpoint of a seed's folder; only tensors and plain values are read from the file.
+
+    Raises:
+        RunError: There is none, or it is not whole.
+    """
+    path = folder / CHECKPOINT
+    try:
+        content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError:
+        raise RunError(f"{folder}: no checkpoint; train first, or go on with --resume") from None
+    except (OSError, RuntimeError, ValueError, EOFError) as error:
+        raise RunError(f"{path}: cannot be read ({type(error).__name__}); train again") from None
+    return content
+
+
+def load_policy(folder: Path) -> Policy:
+    """The policy of the last checkpoint in a seed's folder."""
+    return policy_of(read_checkpoint(folder))
+
+
+def policy_of(checkpoint: dict[str, Any]) -> Policy:
+    """The policy held in a checkpoint's weights and normalisation."""
+    weights = checkpoint["policy"]
+    names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
+    policy = Policy(
+        checkpoint["normalise"]["mean"],
+        checkpoint["normalise"]["var"],
+        tuple(int(v) for v in checkpoint["net"]),
+    )
+    state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}
+    state |= {f"head.{p}": weights[f"action_net.{p}"] for p in _PARTS}
+    policy.load_state_dict(state | {"mean": policy.mean, "scale": policy.scale})
+    return policy.eval()
+
+
+_PARTS = ("weight", "bias")

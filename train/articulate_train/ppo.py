@@ -1,0 +1,179 @@
+"""PPO of Stable-Baselines3 on our episodes, with checkpoints that hold all of its state."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecNormalize
+from torch import nn
+
+from articulate.errors import DivergedError
+from articulate.files import whole_file
+from articulate_envs.episodes import Episodes
+from articulate_envs.scene import Scene
+from articulate_envs.threads import ThreadEngine
+from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.policy import CHECKPOINT
+from articulate_train.vecenv import EpisodesVecEnv
+
+
+class Learner:
+    """One seed's training: environments, normalisation, algorithm, and all of their state."""
+
+    def __init__(self, scene: Scene, config: TrainConfig, seed: int, *, threads: int) -> None:
+        """Build everything from ``config`` and ``seed``; nothing is stepped yet."""
+        self.config = config
+        ppo = config.ppo
+        engine = ThreadEngine(scene, ppo.n_envs, threads=threads)
+        self.episodes = Episodes(
+            engine,
+            draws=config.draw,
+            reward=config.reward,
+            starts=config.starts,
+            seed=np.random.SeedSequence([seed, TRAINING]),
+        )
+        self.envs = EpisodesVecEnv(self.episodes)
+        self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
+        self.model = make_ppo(self.normalise, ppo, seed)
+
+    def run(self, on_update: Callable[[Learner], bool]) -> None:
+        """Collect and update until the configured steps are done.
+
+        Args:
+            on_update: Called after each update; returning False stops.
+
+        Raises:
+            DivergedError: A weight is no longer finite.
+        """
+        model, total = self.model, self.config.steps
+        left = total - model.num_timesteps
+        total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
+        while model.num_timesteps < total:
+            self.episodes.progress = model.num_timesteps / total
+            model.collect_rollouts(
+                self.normalise, callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+            )
+            model._update_current_progress_remaining(model.num_timesteps, total)
+            model.train()
+            if not all(bool(torch.isfinite(p).all()) for p in model.policy.parameters()):
+                raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
+            if not on_update(self):
+                return
+
+    def save(self, folder: Path) -> None:
+        """Write ``checkpoint.pt`` whole: weights, optimiser, environments, generators."""
+        model, norm = self.model, self.normalise
+        snapshot = self.episodes.snapshot()
+        generator = snapshot.pop("generator")
+        # SB3 shuffles minibatches with numpy's global generator.
+        name, keys, *rest = np.random.get_state()  # noqa: NPY002
+        content = {
+            "policy": model.policy.state_dict(),
+            "optimizer": model.policy.optimizer.state_dict(),
+            "net": list(self.config.ppo.net),
+            "normalise": _running(norm.obs_rms),
+            "returns_rms": _running(norm.ret_rms),
+            "returns": torch.from_numpy(norm.returns.copy()),
+            "episodes": {k: torch.from_numpy(np.asarray(v).copy()) for k, v in snapshot.items()},
+            "last_observation": torch.from_numpy(np.asarray(model._last_obs).copy()),
+            "last_raw": torch.from_numpy(np.asarray(norm.old_obs).copy()),
+            "last_starts": torch.from_numpy(np.asarray(model._last_episode_starts).copy()),
+            "torch_generator": torch.get_rng_state(),
+            "numpy_keys": torch.from_numpy(np.asarray(keys, dtype=np.int64)),
+            "plain": json.dumps(
+                {
+                    "generator": generator,
+                    "numpy": [name, *(float(v) if isinstance(v, float) else int(v) for v in rest)],
+                    "python": random.getstate(),
+                    "num_timesteps": model.num_timesteps,
+                    "n_updates": model._n_updates,
+                }
+            ),
+        }
+        with whole_file(folder / CHECKPOINT) as temporary:
+            torch.save(content, temporary)
+
+    def restore(self, content: dict[str, Any]) -> None:
+        """Continue from what :meth:`save` wrote."""
+        model, norm = self.model, self.normalise
+        plain = json.loads(content["plain"])
+        snapshot = {k: v.numpy() for k, v in content["episodes"].items()}
+        self.episodes.restore(snapshot | {"generator": plain["generator"]})
+        model.policy.load_state_dict(content["policy"])
+        model.policy.optimizer.load_state_dict(content["optimizer"])
+        for rms, key in ((norm.obs_rms, "normalise"), (norm.ret_rms, "returns_rms")):
+            rms.mean, rms.var = content[key]["mean"].numpy(), content[key]["var"].numpy()
+            rms.count = float(content[key]["count"])
+        norm.returns = content["returns"].numpy()
+        norm.old_obs = content["last_raw"].numpy()
+        model._last_obs = content["last_observation"].numpy()
+        model._last_original_obs = norm.old_obs
+        model._last_episode_starts = content["last_starts"].numpy()
+        model.num_timesteps = int(plain["num_timesteps"])
+        model._n_updates = int(plain["n_updates"])
+        torch.set_rng_state(content["torch_generator"])
+        name, *rest = plain["numpy"]
+        np.random.set_state(  # noqa: NPY002
+            (name, content["numpy_keys"].numpy().astype(np.uint32), *rest)
+        )
+        version, words, gauss = plain["python"]
+        random.setstate((version, tuple(words), gauss))
+
+    def close(self) -> None:
+        """Give back the engine."""
+        self.envs.close()
+
+
+TRAINING, EVALUATION = 0, 1
+"""Second word of seeds: training and evaluation never share a stream."""
+
+
+def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
+    """Stable-Baselines3's PPO with our parameters on normalised environments."""
+    last, first = config.learning_rate_last, config.learning_rate
+
+    def learning_rate(remaining: float) -> float:
+        return last + (first - last) * remaining
+
+    return PPO(
+        "MlpPolicy",
+        envs,
+        n_steps=config.n_steps,
+        batch_size=config.batch_size,
+        n_epochs=config.n_epochs,
+        learning_rate=learning_rate,
+        gamma=config.gamma,
+        gae_lambda=config.gae_lambda,
+        clip_range=config.clip_range,
+        ent_coef=config.ent_coef,
+        vf_coef=config.vf_coef,
+        max_grad_norm=config.max_grad_norm,
+        seed=seed,
+        device="cpu",
+        policy_kwargs={
+            "net_arch": list(config.net),
+            "activation_fn": nn.ELU,
+            "log_std_init": config.log_std_init,
+        },
+    )
+
+
+class _Nothing(BaseCallback):
+    def _on_step(self) -> bool:
+        return True
+
+
+def _running(rms: Any) -> dict[str, Any]:
+    return {
+        "mean": torch.from_numpy(np.array(rms.mean, dtype=np.float64)),
+        "var": torch.from_numpy(np.array(rms.var, dtype=np.float64)),
+        "count": float(rms.count),
+    }

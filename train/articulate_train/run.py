@@ -1,0 +1,214 @@
+"""Run folders: what was asked, with which object, and what came of it.
+
+::
+
+    run/
+      config.yaml    the whole configuration, before work starts
+      asset/         the object as it was converted
+      scene.json     task and place
+      seed_K/        checkpoint.pt, progress.jsonl, tensorboard/, done.json or diverged.npz
+      summary.json   what each seed reached, seconds, versions
+      report.json, report.html, videos/
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+import shutil
+import sys
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from articulate.arm import PANDA
+from articulate.asset import Asset, load_asset
+from articulate.config import load_config, to_yaml
+from articulate.convert import ConvertConfig, cached_asset
+from articulate.errors import ReachError, RunError
+from articulate.files import write_json, write_text
+from articulate.task import Limits, Task, make_task, matching_joints, no_joint_error
+from articulate_envs.place import Place, find_place, handle_way
+from articulate_envs.reach import check_grasp
+from articulate_envs.scene import Scene, build_scene
+from articulate_train.config import TrainConfig
+
+PACKAGES = (
+    "mujoco", "numpy", "torch", "stable_baselines3", "gymnasium", "numba", "robosuite",
+)  # fmt: skip
+"""Packages whose versions are recorded."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder and what it holds."""
+
+    folder: Path
+    config: TrainConfig
+    asset: Asset
+    task: Task
+    place: Place
+
+    def seed_folder(self, seed: int) -> Path:
+        """Folder of one seed."""
+        return self.folder / f"seed_{seed}"
+
+    def scene(self, scales: tuple[float, ...] | None = None) -> Scene:
+        """The run's scene, compiled for ``scales`` (the drawn sizes by default)."""
+        return build_scene(
+            self.asset,
+            self.task,
+            arm=PANDA,
+            follow=self.config.follow,
+            physics=self.config.physics,
+            place=self.place,
+            scales=self.config.draw.scale_values if scales is None else scales,
+        )
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that decide results."""
+    out = {"python": platform.python_version(), "system": platform.platform()}
+    for name in PACKAGES:
+        try:
+            out[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            out[name] = "not installed"
+    return out
+
+
+def choose_joint(config: TrainConfig, asset: Asset) -> tuple[Task, Place]:
+    """The task and place of the joint asked for, or of the best that can be reached.
+
+    Where several joints match and none is named, the reachable one is taken whose handle, where
+    the object stands, is nearest the height of the hand's home.
+
+    Raises:
+        AssetError: No such joint, or none that matches the task.
+        ReachError: None can be reached.
+    """
+    if config.joint is not None:
+        return _reached(config, asset, config.joint)
+    matching = matching_joints(config.task, asset)
+    if not matching:
+        raise no_joint_error(config.task, asset)
+    found: list[tuple[float, Task, Place]] = []
+    reasons: list[str] = []
+    for joint in matching:
+        if asset.handle_of(joint.name) is None:
+            reasons.append(f"{joint.name} has no handle")
+            continue
+        try:
+            task, place = _reached(config, asset, joint.name)
+        except ReachError as error:
+            reasons.append(str(error))
+            continue
+        height = float(handle_way(asset, joint.name, np.zeros(()))[2, 3])
+        found.append((abs(height - HOME_HEIGHT_M), task, place))
+    if not found:
+        raise ReachError(f"{asset.name}: no joint for {config.task} can be reached: {reasons[0]}")
+    _, task, place = min(found, key=lambda item: (item[0], item[1].joint))
+    return task, place
+
+
+def _reached(config: TrainConfig, asset: Asset, joint: str) -> tuple[Task, Place]:
+    """Task and place of one joint; ReachError if it cannot be reached or held."""
+    task = make_task(config.task, asset, joint)
+    place = find_place(asset, task, PANDA, config.draw)
+    scene = build_scene(
+        asset, task, arm=PANDA, follow=config.follow, physics=config.physics, place=place
+    )
+    check_grasp(scene)
+    return task, place
+
+
+HOME_HEIGHT_M = 0.78
+"""Height of the tool over the robot's base at home [m]; objects stand on the robot's floor."""
+
+
+def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
+    """The object of ``config``, converted or taken from the cache."""
+    wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
+    return cached_asset(Path(config.asset), cache, wish)
+
+
+def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
+    """Make the folder of a new run, whole or not at all.
+
+    Raises:
+        RunError: The folder exists.
+        UsageError: The object cannot be read or reached.
+    """
+    if folder.exists():
+        raise RunError(f"{folder}: exists; go on with --resume, or choose another --out")
+    asset = prepare_asset(config, cache)
+    task, place = choose_joint(config, asset)
+    temporary = folder.with_name(f".{folder.name}.part")
+    try:
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        shutil.copytree(asset.folder, temporary / "asset")
+        write_text(temporary / "config.yaml", to_yaml(config))
+        scene = {"task": dataclasses.asdict(task), "place": place.as_dict(), "arm": PANDA.name}
+        write_json(temporary / "scene.json", scene)
+        write_json(temporary / "versions.json", versions())
+        temporary.replace(folder)
+    except OSError as error:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise RunError(f"{folder}: cannot be written ({error.strerror}); choose --out") from None
+    return open_run(folder)
+
+
+def open_run(folder: Path) -> Run:
+    """Read a run folder.
+
+    Raises:
+        RunError: It is none.
+    """
+    try:
+        scene = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
+        config = load_config(TrainConfig, folder / "config.yaml")
+    except (OSError, ValueError) as error:
+        raise RunError(f"{folder}: not a run folder ({error})") from None
+    return Run(
+        folder=folder,
+        config=config,
+        asset=load_asset(folder / "asset"),
+        task=_task(scene["task"]),
+        place=_place(scene["place"]),
+    )
+
+
+def load_scene(folder: Path) -> Scene:
+    """The scene of the run in ``folder``."""
+    return open_run(folder).scene()
+
+
+def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Path:
+    """Write ``summary.json``: what each seed reached in training."""
+    path = run.folder / "summary.json"
+    content = {
+        "asset": run.asset.name,
+        "task": run.task.name,
+        "joint": run.task.joint,
+        "target_fraction": run.task.target,
+        "steps": run.config.steps,
+        "seconds": seconds,
+        "seeds": results,
+        "versions": versions(),
+        "command": " ".join(sys.argv),
+    }
+    write_json(path, content)
+    return path
+
+
+def _task(content: dict[str, Any]) -> Task:
+    return Task(**{**content, "limits": Limits(**content["limits"])})
+
+
+def _place(content: dict[str, Any]) -> Place:
+    return Place(**{k: tuple(v) if isinstance(v, list) else v for k, v in content.items()})

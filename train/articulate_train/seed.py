@@ -1,0 +1,158 @@
+"""One seed in a process of its own: ``python -m articulate_train.seed RUN SEED THREADS``.
+
+It writes ``progress.jsonl`` (one line per ten updates), TensorBoard events and
+``checkpoint.pt``, and at the end ``done.json``. SIGINT or SIGTERM saves and stops with 130.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.utils.tensorboard import SummaryWriter
+
+from articulate.errors import ArticulateError, DivergedError
+from articulate.files import write_json
+from articulate.judgement import REASONS
+from articulate_envs.episodes import Ended
+from articulate_envs.rewards import TERMS
+from articulate_train.policy import CHECKPOINT, read_checkpoint
+from articulate_train.ppo import Learner
+from articulate_train.run import Run, open_run
+
+log = logging.getLogger(__name__)
+PROGRESS, DONE, DIVERGED = "progress.jsonl", "done.json", "diverged.npz"
+REPORT_UPDATES = 10
+"""Updates between lines of progress."""
+
+
+class SeedProcess:
+    """Trains one seed of a run and keeps its folder."""
+
+    def __init__(self, run: Run, seed: int, *, threads: int) -> None:
+        """Continue from the seed's checkpoint if there is one."""
+        self.folder = run.seed_folder(seed)
+        self.folder.mkdir(exist_ok=True)
+        self._every = run.config.checkpoint_updates
+        self._stop = False
+        self.learner = Learner(run.scene(), run.config, seed, threads=threads)
+        self._before_s = 0.0
+        self._updates = 0
+        if (self.folder / CHECKPOINT).exists():
+            content = read_checkpoint(self.folder)
+            self.learner.restore(content)
+            state = json.loads(content["plain"])
+            self._updates = int(state["n_updates"]) // run.config.ppo.n_epochs
+        self._cut_progress()
+        self._board = SummaryWriter(
+            str(self.folder / "tensorboard"), purge_step=self.learner.model.num_timesteps
+        )
+        self._begin = time.monotonic()
+
+    def _cut_progress(self) -> None:
+        """Drop lines of progress after the checkpoint that is continued."""
+        path = self.folder / PROGRESS
+        steps = self.learner.model.num_timesteps
+        lines = path.read_text().splitlines() if path.exists() else []
+        kept = []
+        for line in lines:
+            row = json.loads(line)
+            if row["steps"] <= steps:
+                kept.append(line)
+                self._before_s = float(row["seconds"])
+        path.write_text("".join(f"{line}\n" for line in kept))
+
+    def stop(self, *_: Any) -> None:
+        """Stop after the update that runs."""
+        self._stop = True
+
+    def train(self) -> bool:
+        """Train to the end, or to a signal; True if it is done."""
+        try:
+            self.learner.run(self._after_update)
+        except DivergedError:
+            self._keep_states()
+            raise
+        self.learner.save(self.folder)
+        if self._stop and self.learner.model.num_timesteps < self.learner.config.steps:
+            return False
+        write_json(self.folder / DONE, {"steps": self.learner.model.num_timesteps})
+        return True
+
+    def _after_update(self, learner: Learner) -> bool:
+        self._updates += 1
+        if self._updates % REPORT_UPDATES == 0:
+            self._report()
+        if self._updates % self._every == 0:
+            learner.save(self.folder)
+        return not self._stop
+
+    def _report(self) -> None:
+        finished = self.learner.envs.finished
+        if not finished:
+            return
+        steps = self.learner.model.num_timesteps
+        row = summarise(finished) | {
+            "steps": steps,
+            "seconds": round(self._before_s + time.monotonic() - self._begin, 2),
+            "log_std": float(self.learner.model.policy.log_std.detach().mean()),
+        }
+        finished.clear()
+        with (self.folder / PROGRESS).open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(row) + "\n")
+        for name in ("success", "opened", "success_all", "log_std"):
+            self._board.add_scalar(f"train/{name}", row[name], steps)
+        for name, value in row["terms"].items():
+            self._board.add_scalar(f"reward/{name}", value, steps)
+
+    def _keep_states(self) -> None:
+        snapshot = self.learner.episodes.engine.snapshot()
+        np.savez_compressed(self.folder / DIVERGED, **snapshot)
+
+    def close(self) -> None:
+        """Close the files and the engine."""
+        self._board.close()
+        self.learner.close()
+
+
+def summarise(finished: list[Ended]) -> dict[str, Any]:
+    """Shares and means over episodes that ended: from home, and over all starts."""
+    code = np.concatenate([e.code for e in finished])
+    opened = np.concatenate([e.opened for e in finished])
+    home = np.concatenate([e.from_home for e in finished])
+    terms = np.concatenate([e.terms for e in finished]).mean(axis=0)
+    reasons = {REASONS[k]: int((code[home] == k).sum()) for k in np.unique(code[home])}
+    return {
+        "episodes": int(home.sum()),
+        "success": float((code[home] == 0).mean()) if home.any() else 0.0,
+        "opened": float(opened[home].mean()) if home.any() else 0.0,
+        "success_all": float((code == 0).mean()),
+        "reasons": reasons,
+        "terms": dict(zip(TERMS, (float(v) for v in terms), strict=True)),
+    }
+
+
+def main(argv: list[str]) -> int:
+    """Train seed ``argv[1]`` of run ``argv[0]`` on ``argv[2]`` threads."""
+    torch.set_num_threads(1)
+    try:
+        process = SeedProcess(open_run(Path(argv[0])), int(argv[1]), threads=int(argv[2]))
+        signal.signal(signal.SIGINT, process.stop)
+        signal.signal(signal.SIGTERM, process.stop)
+        done = process.train()
+        process.close()
+    except ArticulateError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    return 0 if done else 130
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
