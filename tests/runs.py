@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import shutil
 from pathlib import Path
@@ -13,12 +12,13 @@ from articulate.arm import PANDA
 from articulate.asset import Asset
 from articulate.config import to_yaml
 from articulate.draw import DrawConfig
-from articulate.files import write_json, write_text
+from articulate.files import write_text
 from articulate.observe import ACTION, OBSERVATION
 from articulate.task import make_task
 from articulate_envs.place import find_place
 from articulate_train.config import TrainConfig
 from articulate_train.policy import CHECKPOINT
+from articulate_train.run import write_scene
 
 JOINT = "drawer_2_slide"
 
@@ -39,8 +39,7 @@ def make_run(
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")
     write_text(folder / "config.yaml", to_yaml(config))
-    scene = {"task": dataclasses.asdict(task), "place": place.as_dict(), "arm": PANDA.name}
-    write_json(folder / "scene.json", scene)
+    write_scene(folder, task, place, PANDA)
     for seed in seeds:
         write_checkpoint(folder / f"seed_{seed}", seed)
     return folder

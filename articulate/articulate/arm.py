@@ -89,8 +89,10 @@ LIBFRANKA_STIFFNESS: Seven = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 """Stiffness of libfranka's ``joint_impedance_control`` example [Nm/rad]."""
 LIBFRANKA_DAMPING: Seven = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
 """Damping of the same example [Nm s/rad]."""
-STIFFNESS_SHARE = 0.12
+STIFFNESS_SHARE = 0.10
 """Share of the example's stiffness that we ask for; chosen by ``benchmarks/gains.py``."""
+DAMPING_SHARE = 1.5 * STIFFNESS_SHARE**0.5
+"""Share of its damping: half as much again as keeps the damping ratio, against late pulls."""
 
 PANDA = Arm(
     name="panda",
@@ -103,7 +105,7 @@ PANDA = Arm(
     tau_max=(87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0),
     dtau_max=1000.0,
     stiffness=_scaled(STIFFNESS_SHARE, LIBFRANKA_STIFFNESS),
-    damping=_scaled(STIFFNESS_SHARE**0.5, LIBFRANKA_DAMPING),
+    damping=_scaled(DAMPING_SHARE, LIBFRANKA_DAMPING),
     armature=(0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
     friction=(0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
     home=(0.0, -0.75, 0.0, -2.35, 0.0, 3.17, 0.7853981633974483),

@@ -28,6 +28,12 @@ def contact_wrench(
         block = sensors[:, start : start + 10]
         force = block[:, 1:4]
         wrench[:, :3] -= force
-        wrench[:, 3:] -= block[:, 4:7] + np.cross(block[:, 7:10] - tool_w, force)
+        wrench[:, 3:] -= block[:, 4:7] + _cross(block[:, 7:10] - tool_w, force)
     touch = sensors[:, starts[2]] > sensors[:, starts[0]] + 0.5
     return wrench, np.asarray(touch)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products (N, 3); ``numpy.cross`` takes ten times as long for one row."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)

@@ -29,9 +29,9 @@ class FollowConfig:
 
     rate_hz: float = 20.0
     """Ticks of the policy per second [Hz]."""
-    omega_rad_s: float = 20.0
+    omega_rad_s: float = 22.0
     """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
-    step_rad: float = 0.03
+    step_rad: float = 0.025
     """Largest change of a target in one tick [rad]; an action of 1 asks for it."""
     lead_rad: float = 0.15
     """Largest distance of a target from its measured joint [rad]."""

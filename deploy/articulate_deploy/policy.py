@@ -11,7 +11,7 @@ import onnxruntime
 
 from articulate.errors import BundleError
 from articulate.transforms import Array
-from articulate_deploy.bundle import Bundle
+from articulate_deploy.bundle import MAX_BYTES, Bundle
 
 
 class Policy:
@@ -72,6 +72,9 @@ def _golden(bundle: Bundle) -> tuple[Array, Array]:
     manifest = bundle.manifest
     where = f"{bundle.where}/{manifest.golden.file}"
     try:
+        with zipfile.ZipFile(io.BytesIO(bundle.golden)) as archive:
+            if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
+                raise BundleError(f"{where}: larger than a bundle may be")
         with np.load(io.BytesIO(bundle.golden), allow_pickle=False) as pairs:
             seen = np.asarray(pairs["observation"], dtype=np.float32)
             wanted = np.asarray(pairs["action"], dtype=np.float64)

@@ -24,17 +24,17 @@ TERMS = (
 class RewardConfig:
     """Weights. A tick's reward is the sum of the terms."""
 
-    reach: float = 0.5
-    """For the tool being at the handle, 1 / (1 + (d / reach_m)^2)."""
-    reach_m: float = 0.08
-    """Distance at which that is one half [m]."""
+    reach: float = 0.8
+    """For the tool being at the handle: the mean of 1 / (1 + (d / scale)^2) over two scales."""
+    reach_m: tuple[float, float] = (0.08, 0.02)
+    """Those scales [m]: one draws the hand near, the other onto the handle."""
     align: float = 0.25
     """For the hand being turned like the handle, cos of the angle, weighted by closeness."""
     grip: float = 0.5
     """For a hand that is told to close, and for one that is closed, at the handle."""
     grip_m: float = 0.025
     """Distance at which that has fallen to 1/e [m]."""
-    early: float = -0.5
+    early: float = -0.75
     """For a hand that is told to close, or is closed, away from the handle."""
     open: float = 2.0
     """For the fraction of the way to the target."""
@@ -54,8 +54,11 @@ class RewardConfig:
     """Speed of the part that costs nothing [m/s]."""
     action: float = -0.01
     """For the mean square of the joint deltas."""
-    violation: float = -10.0
+    violation: float = -20.0
     """Once, when a limit of the task is broken."""
+    spoiled: float = 0.3
+    """Share of what opening earns that is left after a violation, at the end of training; all of
+    it at the beginning, linear between (else too little is learnt of opening)."""
 
 
 def reward_terms(
@@ -80,7 +83,7 @@ def reward_terms(
     """
     T_wt = tool_pose(arm, after.q)
     distance = np.linalg.norm(T_wt[:, :3, 3] - after.T_wh[:, :3, 3], axis=1)
-    near = 1.0 / (1.0 + (distance / config.reach_m) ** 2)
+    near, at = (1.0 / (1.0 + (distance / scale) ** 2) for scale in config.reach_m)
     turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
     aligned = np.maximum(np.cos(rotation_angle(turn)), -1.0)
     way = np.clip(after.opened / task.target, 0.0, 1.0)
@@ -96,16 +99,18 @@ def reward_terms(
     part_speed = np.abs(after.speed) * length
     force = np.linalg.norm(after.samples[:, 0:3], axis=1)
     code = COLUMN["code"]
+    done = after.samples[:, code] > 0.0
     broken = (after.samples[:, code] > 0.0) & (before.samples[:, code] == 0.0)
+    left = np.where(done, 1.0 + progress * (config.spoiled - 1.0), 1.0)
     dear = config.force + progress * (config.force_last - config.force)
     terms = (
-        config.reach * near,
+        config.reach * 0.5 * (near + at),
         config.align * near * aligned,
         config.grip * close * told,
         config.early * away * told,
-        config.open * way,
-        config.progress * change,
-        config.rest * at_target(task, after.opened, after.speed),
+        config.open * left * way,
+        config.progress * left * change,
+        config.rest * left * at_target(task, after.opened, after.speed),
         dear * np.maximum(force - config.force_free_n, 0.0),
         config.speed * np.maximum(part_speed - config.speed_free, 0.0),
         config.action * np.mean(action[:, :7] ** 2, axis=1),

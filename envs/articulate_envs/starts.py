@@ -21,13 +21,13 @@ if TYPE_CHECKING:  # configurations are light to import, scenes are not
 class StartConfig:
     """Share of training episodes that begin along the task, and how."""
 
-    share_first: float = 0.7
+    share_first: float = 0.8
     """Share of starts along the task at the beginning of training, in [0, 1]."""
     share_last: float = 0.2
     """Share at the end of the curriculum, in [0, 1]."""
     until: float = 0.6
     """Share of the training after which the second holds; linear between."""
-    grip_share: float = 0.6
+    grip_share: float = 0.45
     """Of those starts, the share with the hand closed on the handle of a part that is open."""
     standoff_m: float = 0.12
     """The others begin before the handle of a closed part, up to this far [m]."""
@@ -77,7 +77,7 @@ def bank_of_starts(
         opened=opened,
         flip=scene.place.flip,
     )
-    back = np.where(grip, 0.0, config.standoff_m * rng.random(n))
+    back = np.where(grip, 0.0, config.standoff_m * rng.random(n) ** 2)
     goals = goals @ pose(np.stack([0 * back, 0 * back, -back], axis=1))
     found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
     handle = scene.asset.handle_of(scene.task.joint)

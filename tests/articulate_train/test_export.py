@@ -137,8 +137,9 @@ def test_without_an_evaluation_the_end_of_training_decides_and_it_says_so(run):
         path.unlink()
 
 
-def test_seeds_that_are_not_there_are_named(run, error_line):
-    error_line("choose_seed(run, 7)", lambda: choose_seed(run, 7))
+def test_seeds_that_are_not_there_are_named(run):
+    with pytest.raises(RunError, match="seed 7 has no checkpoint; there are: 0, 1"):
+        choose_seed(run, 7)
 
 
 def test_a_run_without_checkpoints_is_refused(run, tmp_path, error_line):

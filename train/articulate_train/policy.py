@@ -19,7 +19,7 @@ CHECKPOINT = "checkpoint.pt"
 
 
 class Policy(nn.Module):
-    """Raw observations (N, 44) to actions (N, 8) in [-1, 1], float32."""
+    """Raw observations (N, size of OBSERVATION) to actions (N, 8) in [-1, 1], float32."""
 
     def __init__(self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...]) -> None:
         """With the running mean and variance of observations and the widths of hidden layers."""

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from articulate.arm import PANDA
+from articulate.arm import PANDA, Arm, Hand
 from articulate.asset import Asset, load_asset
 from articulate.config import load_config, to_yaml
 from articulate.convert import ConvertConfig, cached_asset
@@ -52,6 +52,7 @@ class Run:
     asset: Asset
     task: Task
     place: Place
+    arm: Arm
 
     def seed_folder(self, seed: int) -> Path:
         """Folder of one seed."""
@@ -62,7 +63,7 @@ class Run:
         return build_scene(
             self.asset,
             self.task,
-            arm=PANDA,
+            arm=self.arm,
             follow=self.config.follow,
             physics=self.config.physics,
             place=self.place,
@@ -153,8 +154,7 @@ def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
         temporary.mkdir(parents=True)
         shutil.copytree(asset.folder, temporary / "asset")
         write_text(temporary / "config.yaml", to_yaml(config))
-        scene = {"task": dataclasses.asdict(task), "place": place.as_dict(), "arm": PANDA.name}
-        write_json(temporary / "scene.json", scene)
+        write_scene(temporary, task, place, PANDA)
         write_json(temporary / "versions.json", versions())
         temporary.replace(folder)
     except OSError as error:
@@ -180,7 +180,18 @@ def open_run(folder: Path) -> Run:
         asset=load_asset(folder / "asset"),
         task=_task(scene["task"]),
         place=_place(scene["place"]),
+        arm=_arm(scene["arm"]),
     )
+
+
+def write_scene(folder: Path, task: Task, place: Place, arm: Arm) -> None:
+    """Write ``scene.json``: what is asked, where the object stands, limits and gains of the arm."""
+    scene = {
+        "task": dataclasses.asdict(task),
+        "place": place.as_dict(),
+        "arm": dataclasses.asdict(arm),
+    }
+    write_json(folder / "scene.json", scene)
 
 
 def load_scene(folder: Path) -> Scene:
@@ -208,6 +219,11 @@ def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Pa
 
 def _task(content: dict[str, Any]) -> Task:
     return Task(**{**content, "limits": Limits(**content["limits"])})
+
+
+def _arm(content: dict[str, Any]) -> Arm:
+    plain = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    return Arm(**{**plain, "hand": Hand(**content["hand"])})
 
 
 def _place(content: dict[str, Any]) -> Place:

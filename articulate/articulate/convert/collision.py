@@ -23,10 +23,14 @@ SMALL_M = 0.01
 """Components smaller than this are left out [m]; handles are kept down to 2 mm."""
 SHOWN_AREA = 0.96
 """Share of a component's area that its facets must make up; the small rest is left out."""
+PANEL_M = 0.03
+"""Panels up to this thickness are boxes in spite of mouldings and recesses [m]."""
 COMPACT_M = 0.07
 """Concave components up to this size collide as their hull: too small to reach into [m]."""
 MAX_ATOMS = 64
 """Most facets of a component that are put together by hand instead of decomposing it."""
+MAX_REFUSED = 4000
+"""After this many pairs that cannot be joined the rest is left as it is."""
 HOPEFUL_SHARE = 0.25
 """Two shapes are joined only if this share of their common upright box lies near the surface."""
 TOL_M = (0.003, 0.010)
@@ -58,6 +62,9 @@ def collision_shapes(
             repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
         for piece in by_element(chosen):
             shapes += piece_shapes(piece, part, config, repairs)
+    if not shapes:  # everything is small
+        one = hull(thick(np.vstack([p.mesh.vertices for p in seen])), seen[0].name)
+        return () if one is None else (one,)
     tol = tolerance(joined([p.mesh for p in seen]))
     plain = [s for s in shapes if not is_handle(s.piece)]
     plain = without_hidden(merged(plain, joined([p.mesh for p in seen]), tol))
@@ -95,14 +102,15 @@ def piece_shapes(piece: Piece, part: str, config: ConvertConfig, repairs: Repair
     least = 0.2 * SMALL_M if handle else SMALL_M
     if float(np.ptp(piece.mesh.vertices, axis=0).max()) < least:
         return []
-    whole = fitted(piece.mesh.vertices, piece.mesh, tol, piece.name)
+    panel_m = 0.0 if handle else PANEL_M
+    whole = fitted(piece.mesh.vertices, piece.mesh, tol, piece.name, panel_m=panel_m)
     if whole is not None:
         return [whole]
     shapes: list[Shape] = []
     for component in components(piece.mesh):
         if float(np.ptp(component.vertices, axis=0).max()) < least:
             continue
-        shape = fitted(component.vertices, component, tol, piece.name)
+        shape = fitted(component.vertices, component, tol, piece.name, panel_m=panel_m)
         shapes += (
             [shape] if shape is not None else _concave(component, tol, piece, part, config, repairs)
         )
@@ -187,11 +195,12 @@ def merged(shapes: list[Shape], surface: trimesh.Trimesh, tol: float) -> list[Sh
     if len(shapes) > 3 * MAX_ATOMS:
         return shapes
     refused: set[tuple[Shape, Shape]] = set()
-    while True:
+    while len(refused) < MAX_REFUSED:
         joined = _join_one(shapes, surface, tol, refused)
         if joined is None:
             return shapes
         shapes = joined
+    return shapes
 
 
 def _join_one(
@@ -250,21 +259,17 @@ def within_budget(
 
 
 def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
-    centres = np.array([s.bounds.mean(axis=0) for s in shapes])
-    best: tuple[float, int, int, Shape] | None = None
-    for i in range(len(shapes)):
-        order = np.argsort(np.linalg.norm(centres - centres[i], axis=1), kind="stable")[1:7]
-        for j in (int(k) for k in order if k > i or i not in order):
-            points = np.vstack([shapes[i].corners, shapes[j].corners])
-            joint = hull(points, shapes[i].piece)
-            if joint is None:
-                continue
-            added = joint.volume - shapes[i].volume - shapes[j].volume
-            if best is None or added < best[0]:
-                best = (added, i, j, joint)
-    if best is None:
-        return shapes[:-1]
-    return [*[s for k, s in enumerate(shapes) if k not in best[1:3]], best[3]]
+    """The shapes with the pair joined whose common upright box adds least volume."""
+    low = np.array([s.bounds[0] for s in shapes])
+    high = np.array([s.bounds[1] for s in shapes])
+    size = np.prod(high - low, axis=1)
+    common = np.prod(np.maximum(high[:, None], high) - np.minimum(low[:, None], low), axis=-1)
+    added = common - size[:, None] - size[None]
+    added[np.tril_indices(len(shapes))] = np.inf
+    i, j = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
+    joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
+    rest = [s for k, s in enumerate(shapes) if k not in (i, j)]
+    return [*rest, joint] if joint is not None else [*rest, shapes[i]]
 
 
 def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:

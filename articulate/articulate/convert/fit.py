@@ -21,7 +21,13 @@ CLEARLY_NOT = 0.75
 
 
 def fitted(
-    points: Array, surface: trimesh.Trimesh, tol: float, piece: str, *, turned: bool = True
+    points: Array,
+    surface: trimesh.Trimesh,
+    tol: float,
+    piece: str,
+    *,
+    turned: bool = True,
+    panel_m: float = 0.0,
 ) -> Shape | None:
     """A box, else a convex hull round ``points`` (N, 3) that is nowhere far from ``surface``.
 
@@ -31,13 +37,19 @@ def fitted(
         tol: How far its own surface may lie above them [m].
         piece: Names for the shape.
         turned: Also try boxes that are not along the axes of the part.
+        panel_m: Boxes up to this thickness may have relief as deep as they are thick [m]; holes
+            right through them still count.
     """
     points = thick(points)
     for make in (aligned_box, turned_box, hull):
         if make is turned_box and not turned:
             continue
         shape = make(points, piece)
-        if shape is not None and is_near(shape, surface, tol):
+        if shape is None:
+            continue
+        thickness = 2.0 * min(shape.half)
+        depth = thickness if 0.0 < thickness <= panel_m else 0.0
+        if is_near(shape, surface, max(tol, depth)):
             return shape
     return None
 

@@ -272,7 +272,8 @@ def _rated(
             merit = radius / size - 0.02 * index[:, 2] - middle
         k = int(np.argmax(merit))
         length = _run_length(index, k, axis)
-        bonus = 0.2 * min(length / 0.1, 1.0)
+        level = abs(np.cross(closing, view.normal)[2]) < 0.5  # of equals the hand stays upright
+        bonus = 0.2 * min(length / 0.1, 1.0) + (0.05 if level else 0.0)
         grasp = _measured(handle, points[k], view.normal, closing, length, edge=edge, named=named)
         if grasp is not None:
             out.append((float(merit[k]) + bonus, grasp))

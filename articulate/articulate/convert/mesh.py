@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ logging.getLogger("trimesh").setLevel(logging.ERROR)
 FORMATS = (".obj", ".stl", ".dae", ".glb", ".gltf", ".ply", ".off")
 MAX_BYTES = 300_000_000
 """Largest mesh file that is read."""
+LEAST_AREA_M2 = 1e-9
+"""Pieces of a smaller area are left out: a speck of 0.03 mm [m2]."""
 GREY = (0.7, 0.7, 0.7, 1.0)
 
 
@@ -80,8 +82,8 @@ class PartGeometry:
     def scaled(self, factor: float) -> PartGeometry:
         """The same geometry, ``factor`` times as large."""
         return PartGeometry(
-            visuals=tuple(p.scaled(factor) for p in self.visuals),
-            collisions=tuple(p.scaled(factor) for p in self.collisions),
+            visuals=_large(p.scaled(factor) for p in self.visuals),
+            collisions=_large(p.scaled(factor) for p in self.collisions),
             collides_as_seen=self.collides_as_seen,
         )
 
@@ -92,6 +94,11 @@ class PartGeometry:
             collisions=tuple(p.moved(T) for p in self.collisions),
             collides_as_seen=self.collides_as_seen,
         )
+
+
+def _large(pieces: Iterable[Piece]) -> tuple[Piece, ...]:
+    """The pieces that have an area worth the name."""
+    return tuple(piece for piece in pieces if piece.mesh.area > LEAST_AREA_M2)
 
 
 class Loader:

@@ -73,6 +73,8 @@ def mesh_files(bodies: Sequence[Body]) -> dict[str, bytes]:
 
 def obj_bytes(mesh: trimesh.Trimesh) -> bytes:
     """Vertices and triangles as OBJ text."""
+    if len(mesh.vertices) < 4:  # a single triangle: MuJoCo wants four corners
+        mesh = mesh.subdivide()
     text = io.StringIO()
     for vertex in np.asarray(mesh.vertices):
         text.write(f"v {numbers(vertex)}\n")

@@ -400,3 +400,13 @@ def test_real_cabinets_open_at_their_named_handles(
             _pull(model, data, joint.name, handle.name, 30.0 * np.sign(joint.span))
             mujoco.mj_step(model, data)
         assert (float(data.joint(joint.name).qpos[0]) - joint.closed) / joint.span > 0.9
+
+
+def test_a_joint_that_mimics_another_follows_it(tmp_path: Path) -> None:
+    mimic = '<mimic joint="drawer_joint" multiplier="-4" offset="-0.1"/>'
+    text = CABINET.replace('<limit lower="-1.6"', f'{mimic}<limit lower="-1.6"')
+    asset = convert(write_cabinet(tmp_path, text), tmp_path / "out", ConvertConfig(size_m=1.0))
+    model = mujoco.MjModel.from_xml_path(str(asset.mjcf_path))
+    assert model.neq == 1
+    scale = asset.joint("drawer_joint").open / 0.3
+    np.testing.assert_allclose(model.eq_data[0, :2], [-0.1, -4.0 / scale], rtol=1e-9)

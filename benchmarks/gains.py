@@ -1,0 +1,163 @@
+"""Study of the joint impedance: force on the hand against stiffness and damping.
+
+A hand that already holds the handle is led along the drawer's way by inverse kinematics, on a
+path that is wrong as estimates are (drawn bias of place and yaw), at pulling speeds that policies
+reach. Nothing is learnt here. For each share of libfranka's stiffness the table gives the
+filtered force on the hand, how far the drawer came, and how far joints lag behind targets when
+the arm moves freely; damping goes with the root of the share, and is varied beside it.
+
+    python benchmarks/gains.py --json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from articulate.arm import (
+    LIBFRANKA_DAMPING,
+    LIBFRANKA_STIFFNESS,
+    PANDA,
+    STIFFNESS_SHARE,
+    Arm,
+    Seven,
+)
+from articulate.draw import Draw, DrawConfig
+from articulate.follow import FollowConfig
+from articulate.kinematics import solve_ik
+from articulate.placing import handle_in_world, object_pose
+from articulate.transforms import Array, axis_angle_to_matrix
+from articulate_envs.physics import PhysicsConfig
+from articulate_envs.scene import Scene, build_scene
+from articulate_envs.starts import StartConfig, bank_of_starts
+from articulate_envs.threads import ThreadEngine
+from articulate_train.config import TrainConfig
+from articulate_train.run import choose_joint, prepare_asset
+
+SHARES = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.06)
+PULL_M_S = 0.12
+EPISODES = 128
+
+
+def _times(factor: float, values: Seven) -> Seven:
+    a, b, c, d, e, f, g = (factor * v for v in values)
+    return (a, b, c, d, e, f, g)
+
+
+def arm_of(share: float, damping: float) -> Arm:
+    """The Panda at a share of libfranka's stiffness, damping at ``damping`` times its root."""
+    return replace(
+        PANDA,
+        stiffness=_times(share, LIBFRANKA_STIFFNESS),
+        damping=_times(damping * share**0.5, LIBFRANKA_DAMPING),
+    )
+
+
+def path(scene: Scene, drawn: Draw, opened: Array, q: Array) -> Array:
+    """Angles (T, N, 7) along the way as an estimate with the drawn errors shows it."""
+    task, place = scene.task, scene.place
+    ticks = int(abs(task.span) * task.target / PULL_M_S * scene.follow.rate_hz)
+    T_wo = object_pose(
+        scene.asset,
+        task.joint,
+        place,
+        scale=drawn["scale"],
+        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
+        yaw=drawn["yaw_rad"],
+    )
+    turn = axis_angle_to_matrix(np.array([[0.0, 0.0, 1.0]]), drawn["bias_yaw_rad"])
+    out = np.empty((ticks, len(q), 7))
+    for t in range(ticks):
+        way = opened + (task.target - opened) * (t + 1) / ticks
+        goal = handle_in_world(
+            scene.asset,
+            task.joint,
+            T_wo=T_wo,
+            scale=drawn["scale"],
+            opened=way,
+            flip=place.flip,
+        )
+        goal[:, :3, :3] = turn @ goal[:, :3, :3]
+        goal[:, :3, 3] += drawn["bias"] * min(1.0, t / 10)
+        q = solve_ik(scene.arm, goal, q, iterations=4, rest_gain=0.0).q
+        out[t] = q
+    return out
+
+
+def measure(scene: Scene, draws: DrawConfig) -> dict[str, float]:
+    """Forces and openings of the led hand."""
+    rng = np.random.default_rng(0)
+    bank = bank_of_starts(scene, StartConfig(grip_share=1.0, bank=EPISODES), draws, rng)
+    n = len(bank.q)
+    start = replace(bank, opened=np.minimum(bank.opened, 0.2 * scene.task.target))
+    engine = ThreadEngine(scene, n)
+    wanted = path(scene, start.draw, bank.opened, bank.q)
+    engine.reset(np.arange(n), bank)
+    del start
+    force = np.zeros((len(wanted), n))
+    lag = np.zeros((len(wanted), n))
+    for t, goal in enumerate(wanted):
+        state = engine.state()
+        delta = np.clip((goal - state.target) / scene.follow.step_rad, -1.0, 1.0)
+        state = engine.step(np.concatenate([delta, np.ones((n, 1))], axis=1))
+        force[t] = np.linalg.norm(state.samples[:, :3], axis=1)
+        lag[t] = np.abs(state.target - state.q).max(axis=1)
+    opened = engine.state().opened / scene.task.target
+    engine.close()
+    peak = force.max(axis=0)
+    return {
+        "peak_median_n": float(np.median(peak)),
+        "peak_p95_n": float(np.quantile(peak, 0.95)),
+        "over_limit": float((peak > scene.task.limits.force_n).mean()),
+        "opened_median": float(np.median(opened)),
+        "lag_median_rad": float(np.median(lag)),
+    }
+
+
+def study(asset_path: Path, folder: Path) -> list[dict[str, Any]]:
+    """One row per share and damping."""
+    draws = DrawConfig(push_n=(0.0, 0.0), delay_ticks=(0, 0))
+    config = TrainConfig(asset=str(asset_path), draw=draws)
+    asset = prepare_asset(config, folder / "cache")
+    task, place = choose_joint(config, asset)
+    rows = []
+    for share in SHARES:
+        for damping in (0.5, 1.0, 1.5, 2.5) if share == STIFFNESS_SHARE else (1.5,):
+            scene = build_scene(
+                asset,
+                task,
+                arm=arm_of(share, damping),
+                follow=FollowConfig(),
+                physics=PhysicsConfig(),
+                place=place,
+                scales=draws.scale_values,
+            )
+            rows.append({"share": share, "damping": damping, **measure(scene, draws)})
+            sys.stderr.write(f"{rows[-1]}\n")
+    return rows
+
+
+def main() -> int:
+    """Print the table."""
+    from articulate.library.procedural.cabinet import embedded_cabinet
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--asset", type=Path)
+    parser.add_argument("--json", action="store_true")
+    flags = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        rows = study(flags.asset or embedded_cabinet(folder / "cabinet"), folder)
+    print(json.dumps(rows, indent=1) if flags.json else "\n".join(map(str, rows)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
