@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -16,11 +18,35 @@ from articulate.files import write_text
 from articulate.observe import ACTION, OBSERVATION
 from articulate.task import make_task
 from articulate_envs.place import find_place
-from articulate_train.config import TrainConfig
+from articulate_envs.starts import StartConfig
+from articulate_train.config import PpoConfig, TrainConfig
 from articulate_train.policy import CHECKPOINT
-from articulate_train.run import write_scene
+from articulate_train.run import Run, open_run, write_scene
 
 JOINT = "drawer_2_slide"
+
+
+TINY_PPO = PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=2, net=(8, 8))
+
+
+def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) -> Run:
+    """A run of one seed, not begun yet, of ``updates`` updates of 32 steps that take milliseconds.
+
+    Its episodes take a second, its objects come in three sizes, and every second update is kept.
+    """
+    plan: dict[str, Any] = {
+        "seeds": (0,),
+        "steps": 32 * updates,
+        "jobs": 1,
+        "checkpoint_updates": 2,
+        "episodes": 4,
+        "ppo": TINY_PPO,
+        "draw": replace(DrawConfig(), scales=3),
+        "starts": StartConfig(bank=16),
+    }
+    config = TrainConfig(asset=str(asset.folder), joint=JOINT, **(plan | changes))
+    _write_run(folder, asset, config, episode_s=1.0)
+    return open_run(folder)
 
 
 def make_run(
@@ -32,17 +58,21 @@ def make_run(
     joint: str = JOINT,
 ) -> Path:
     """A run of ``open_drawer`` in ``folder`` whose policies are drawn from their seeds."""
-    draws = DrawConfig()
-    config = TrainConfig(asset=str(asset.folder), joint=joint, seeds=seeds, draw=draws)
-    task = make_task("open_drawer", asset, joint, episode_s=episode_s)
-    place = find_place(asset, task, PANDA, draws)
+    config = TrainConfig(asset=str(asset.folder), joint=joint, seeds=seeds, draw=DrawConfig())
+    _write_run(folder, asset, config, episode_s=episode_s)
+    for seed in seeds:
+        write_checkpoint(folder / f"seed_{seed}", seed)
+    return folder
+
+
+def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: float) -> None:
+    assert config.joint is not None
+    task = make_task("open_drawer", asset, config.joint, episode_s=episode_s)
+    place = find_place(asset, task, PANDA, config.draw)
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")
     write_text(folder / "config.yaml", to_yaml(config))
     write_scene(folder, task, place, PANDA)
-    for seed in seeds:
-        write_checkpoint(folder / f"seed_{seed}", seed)
-    return folder
 
 
 def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -> None:

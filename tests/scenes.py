@@ -61,4 +61,5 @@ def rows_of(start: Start, rows: Ints) -> Start:
         opened=start.opened[rows],
         width=start.width[rows],
         closing=start.closing[rows],
+        home=start.home[rows],
     )

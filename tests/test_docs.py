@@ -1,23 +1,221 @@
 """The documents of the repository keep their promises."""
 
+import ast
+import dataclasses
+import importlib
+import os
 import re
+import shlex
 import subprocess
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from articulate.asset import Asset, Handle, Joint, Link
+from articulate.commands.flags import parse
+from articulate.draw import DrawConfig
+from articulate.follow import FollowConfig
+from articulate.judgement import REASONS
+from articulate.manifest import Manifest
+from articulate.observe import ACTION, OBSERVATION
+from articulate.task import Limits
+from articulate_deploy.commands.deploy import DeployFlags
+from articulate_envs.rewards import RewardConfig
+from articulate_envs.starts import StartConfig
+from articulate_train.commands.evaluate import EvaluateFlags
+from articulate_train.commands.export import ExportFlags
+from articulate_train.commands.train import TrainFlags
+from articulate_train.report import Report
+
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ["articulate", "envs", "train", "deploy", "configs", "docs", "benchmarks"]
+FOLDERS = [
+    "articulate",
+    "envs",
+    "train",
+    "deploy",
+    "configs",
+    "benchmarks",
+    "docs",
+    "docs/commands",
+]
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(p for folder in FOLDERS for p in ROOT.glob(f"{folder}/*.md"))]
 )
+OURS = "articulate|benchmarks|configs|deploy|docs|envs|scripts|tests|train"
+FLAGS = {
+    "train": TrainFlags,
+    "evaluate": EvaluateFlags,
+    "export-policy": ExportFlags,
+    "export": ExportFlags,
+    "deploy": DeployFlags,
+}
+OTHERS = {"source", "tensorboard"}
+"""Commands in the documents that are not ours."""
+
+
+def fences(page):
+    """Language and text of each fenced block of ``page``."""
+    parts = re.split(r"^```(.*)\n", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return list(zip(parts[1::4], parts[2::4], strict=True))
+
+
+def blocks(language):
+    """Fenced blocks of ``language`` in all pages, as parameters."""
+    return [
+        pytest.param(text, id=f"{page.relative_to(ROOT)}-{k}")
+        for page in PAGES
+        for k, (kind, text) in enumerate(fences(page))
+        if kind == language
+    ]
+
+
+def table(page, head):
+    """Rows of the table in ``docs/<page>`` whose head begins with ``head``, as lists of cells."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    found = re.search(rf"^\| {re.escape(head)} \|.*\n\|[-|]+\n((?:\|.*\n?)+)", text, re.MULTILINE)
+    assert found, f"no table {head!r} in {page}"
+    rows = [row.strip("|").split(" | ") for row in found[1].splitlines()]
+    return [[cell.strip(" ") for cell in row] for row in rows]
+
+
+def words(line):
+    """Words of a shell line in the documents, with assignments and redirections taken away."""
+    found = shlex.split(line, comments=True)
+    while found and re.fullmatch(r"[A-Z_]+=.*", found[0]):
+        del found[0]
+    return found[: found.index(">")] if ">" in found else found
+
+
+def slug(heading):
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
-    links = re.findall(r"(?<!!)\[[^\]]*\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
-    missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
+    links = re.findall(r"\[[^\]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8"))
+    missing = []
+    for link in links:
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        if "://" in link:
+            continue
+        if not target.exists():
+            missing.append(link)
+        elif anchor:
+            headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+            missing += [link] if anchor not in map(slug, headings) else []
     assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_files_of_the_repository_that_are_named_are_there(page):
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(rf"`((?:{OURS})/[\w./-]+\.\w+)`", text))
+    named |= set(re.findall(r"`(scripts/\w+)[ `]", text))
+    assert [name for name in sorted(named) if not (ROOT / name).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_modules_that_are_named_are_there(page):
+    named = re.findall(r"`(articulate_\w+\.[\w.]+)`((?:, `\w+`)*)", page.read_text())
+    missing = []
+    for first, others in named:
+        package = first.split(".", 1)[0]
+        names = [first, *(f"{package}.{name}" for name in re.findall(r"\w+", others))]
+        missing += [name for name in names if not there(name)]
+    assert missing == []
+
+
+def there(name):
+    """Whether ``name`` is a module, or something that a module holds."""
+    parent, last = name.rsplit(".", 1)
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:  # its parent is no package
+        return hasattr(importlib.import_module(parent), last)
+
+
+@pytest.mark.parametrize("text", blocks("bash"))
+def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
+    for line in text.replace("\\\n", " ").splitlines():
+        call = words(line)
+        if not call:
+            continue
+        command, rest = call[0].removeprefix(".venv/bin/"), call[1:]
+        if command == "articulate":
+            command, rest = rest[0], rest[1:]
+        if command in FLAGS:
+            resumes = TrainFlags(asset="kept") if "--resume" in rest else None
+            parse(FLAGS[command], rest, default=resumes, prog=command)
+        elif command.startswith("python"):
+            source = (ROOT / rest[0]).read_text(encoding="utf-8")
+            assert all(f'"{flag}"' in source for flag in rest if flag.startswith("--"))
+        else:
+            assert command in OTHERS or os.access(ROOT / command, os.X_OK), line
+
+
+@pytest.mark.parametrize("text", blocks("python"))
+def test_python_in_the_documents_runs(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(text, "document", "exec"), {"__name__": "document"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_block_names_its_language(page):
+    assert {kind for kind, _ in fences(page)} <= {"bash", "python", "text"}
+
+
+@pytest.mark.parametrize(
+    ("head", "cls", "index"),
+    [
+        ("setting", FollowConfig, 0),
+        ("setting", DrawConfig, 1),
+        ("setting", StartConfig, 2),
+        ("weight", RewardConfig, 0),
+        ("limit", Limits, 0),
+    ],
+)
+def test_tables_of_defaults_are_those_of_the_code(head, cls, index):
+    text = (ROOT / "docs/concepts.md").read_text(encoding="utf-8")
+    found = re.findall(rf"^\| {head} \| value \|.*\n\|[-|]+\n((?:\|.*\n?)+)", text, re.MULTILINE)
+    rows = re.findall(r"^\| `(\w+)` \| `([^`]+)` \| .+ \|$", found[index], re.MULTILINE)
+    told = {name: ast.literal_eval(value) for name, value in rows}
+    assert told == {f.name: f.default for f in dataclasses.fields(cls)}
+
+
+def test_reasons_and_layouts_are_those_of_the_code():
+    assert [row[0].strip("`") for row in table("concepts.md", "reason")] == list(REASONS)
+    for head, layout in (("observation", OBSERVATION), ("action", ACTION)):
+        told = table("concepts.md", head)
+        known = [[f"`{f.name}`", str(f.size), f.unit, f.source] for f in layout.fields]
+        assert told == known
+
+
+@pytest.mark.parametrize(
+    ("head", "cls", "without"),
+    [
+        ("field of the asset", Asset, {"folder"}),
+        ("field of a link", Link, set()),
+        ("field of a joint", Joint, set()),
+        ("field of a handle", Handle, set()),
+        ("field of the report", Report, set()),
+        ("field of the manifest", Manifest, set()),
+    ],
+)
+def test_tables_of_fields_are_those_of_the_code(head, cls, without):
+    told = [name for row in table("formats.md", head) for name in re.findall(r"`(\w+)`", row[0])]
+    assert sorted(told) == sorted({f.name for f in dataclasses.fields(cls)} - without)
+
+
+@pytest.mark.parametrize("command", ["train", "evaluate", "export-policy", "deploy"])
+def test_pages_of_commands_name_flags_that_exist(command):
+    known = {f"--{f.name.replace('_', '-')}" for f in dataclasses.fields(FLAGS[command])}
+    page = (ROOT / "docs" / "commands" / f"{command}.md").read_text(encoding="utf-8")
+    found = re.findall(r"(?<![\w-])--[a-z][a-z-]*", page)
+    told = {flag.replace("--no-randomise", "--randomise") for flag in found}
+    groups = {f"--{g}" for g in ("draw", "reward", "starts", "follow", "physics", "ppo")}
+    assert told <= known | groups | {"--config", "--help"}
 
 
 @pytest.mark.parametrize("script", ["install", "test", "lint", "check", "quickstart"])

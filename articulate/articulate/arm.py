@@ -28,7 +28,7 @@ class Hand:
     """Opening between the fingers when open [m]."""
     finger_speed_m_s: float = 0.1
     """Speed of one finger when told to open or close [m/s]; the URDF's limit is 0.2."""
-    force_n: float = 30.0
+    force_n: float = 40.0
     """Force of one finger when closed on something [N]."""
     tcp_z_m: float = 0.0934
     """Middle of the finger pads above the hand's frame, along the approach axis [m]."""

@@ -195,9 +195,7 @@ class Asset:
         """
         handle = self.handle_of(joint_name)
         if handle is None:
-            raise AssetError(
-                f"{self.name}: joint {joint_name} has no handle; name one with --handle"
-            )
+            raise AssetError(f"{self.name}: joint {joint_name} has no handle; take another joint")
         return self.T_ol(joint_name, q) @ handle_frame(handle)
 
     def content_id(self) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from articulate.draw import Draw
 from articulate.follow import HandState
-from articulate.transforms import Array, Ints
+from articulate.transforms import Array, Ints, Mask
 
 if TYPE_CHECKING:  # the arrays are light to import, scenes are not
     from articulate_envs.scene import Scene
@@ -51,6 +51,8 @@ class Start:
     """Opening between the fingers (M,) [m]."""
     closing: Array
     """+1 where the hand is closed on the handle, -1 where it is open (M,)."""
+    home: Mask
+    """Whether it is the start the task asks for, not one along the way (M,)."""
 
 
 class Engine(Protocol):

@@ -134,10 +134,7 @@ class Episodes:
                 start = mixed_start(scene, self._bank, drawn, share, self._rng)
         self.engine.reset(rows, start)
         self._drawn.values[rows] = start.draw.values
-        self._home[rows] = (start.opened == 0.0) & (
-            np.abs(start.q - np.asarray(scene.place.start_q)).max(axis=1)
-            <= self.draws.start_rad + 1e-9
-        )
+        self._home[rows] = start.home
         fresh = judgement_start(len(rows))
         self._judgement.rest_s[rows] = 0.0
         self._judgement.opened[rows] = False

@@ -67,8 +67,8 @@ def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
         travel = float(np.linalg.norm(np.ptp(way_o[:, :3, 3], axis=0)))
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} cannot be followed over its {travel:.2f} m "
-            "from closed to the target with the hand facing it; try a smaller --size, another "
-            "--joint, or name another --handle"
+            "from closed to the target with the hand facing it; try a smaller --size or "
+            "another --joint"
         )
     share = _drawn_share(asset, task, arm, config, best[1])
     return replace(best[1], drawn_share=share)

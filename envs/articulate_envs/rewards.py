@@ -26,13 +26,13 @@ class RewardConfig:
 
     reach: float = 0.8
     """For the tool being at the handle: the mean of 1 / (1 + (d / scale)^2) over two scales."""
-    reach_m: tuple[float, float] = (0.08, 0.02)
+    reach_m: tuple[float, float] = (0.08, 0.015)
     """Those scales [m]: one draws the hand near, the other onto the handle."""
     align: float = 0.25
     """For the hand being turned like the handle, cos of the angle, weighted by closeness."""
     grip: float = 0.5
     """For a hand that is told to close, and for one that is closed, at the handle."""
-    grip_m: float = 0.025
+    grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.75
     """For a hand that is told to close, or is closed, away from the handle."""
@@ -94,7 +94,7 @@ def reward_terms(
         + 0.25 * np.maximum(after.hand.smooth, 0.0)
         + 0.5 * (after.hand.closing > 0.0)
     )
-    away = 1.0 - np.exp(-((distance / (3.0 * config.grip_m)) ** 2))
+    away = 1.0 - np.exp(-((distance / (2.2 * config.grip_m)) ** 2))
     length = 1.0 if task.kind == "slide" else 0.2
     part_speed = np.abs(after.speed) * length
     force = np.linalg.norm(after.samples[:, 0:3], axis=1)

@@ -31,6 +31,11 @@ class StartConfig:
     """Of those starts, the share with the hand closed on the handle of a part that is open."""
     standoff_m: float = 0.12
     """The others begin before the handle of a closed part, up to this far [m]."""
+    empty_share: float = 0.3
+    """Of those before the handle, the share with a hand that has closed on nothing, which learns
+    to open again."""
+    empty_m: float = 0.03
+    """How far before the handle such a hand is at least [m]."""
     bank: int = 512
     """How many such starts are prepared."""
 
@@ -50,6 +55,7 @@ def home_start(scene: Scene, drawn: Draw) -> Start:
         opened=np.zeros(n),
         width=np.full(n, scene.arm.hand.max_width_m),
         closing=-np.ones(n),
+        home=np.ones(n, dtype=bool),
     )
 
 
@@ -77,7 +83,9 @@ def bank_of_starts(
         opened=opened,
         flip=scene.place.flip,
     )
+    empty = ~grip & (rng.random(n) < config.empty_share)
     back = np.where(grip, 0.0, config.standoff_m * rng.random(n) ** 2)
+    back = np.where(empty, np.maximum(back, config.empty_m), back)
     goals = goals @ pose(np.stack([0 * back, 0 * back, -back], axis=1))
     found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
     handle = scene.asset.handle_of(scene.task.joint)
@@ -90,8 +98,9 @@ def bank_of_starts(
         draw=Draw(drawn.values[ok]),
         q=found.q[ok],
         opened=opened[ok],
-        width=np.where(grip, held, scene.arm.hand.max_width_m)[ok],
-        closing=np.where(grip, 1.0, -1.0)[ok],
+        width=np.select([grip, empty], [held, 0.0 * held], scene.arm.hand.max_width_m)[ok],
+        closing=np.where(grip | empty, 1.0, -1.0)[ok],
+        home=np.zeros(int(ok.sum()), dtype=bool),
     )
 
 
@@ -121,4 +130,5 @@ def mixed_start(
         opened=choose(home.opened, bank.opened),
         width=choose(home.width, bank.width),
         closing=choose(home.closing, bank.closing),
+        home=~along,
     )

@@ -1,4 +1,5 @@
 import errno
+import io
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -125,6 +126,13 @@ def test_wrong_flags_are_one_line(argv, error_line):
     assert not set(line) & set("│╭─")
 
 
+@pytest.mark.parametrize("argv", ["R --asset a --ppo.learning-rate fast", "R", "R --asset"])
+def test_wrong_flags_are_the_same_line_where_output_is_not_utf_8(argv, error_line, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding="ascii"))
+    call = f"parse(Train, {argv.split()})"
+    error_line(call, lambda: parse(Train, argv.split(), prog="train"))
+
+
 def test_flag_that_no_preset_gives_stays_required(tmp_path):
     (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
     with pytest.raises(ConfigError, match="missing: --asset PATH"):
@@ -193,7 +201,7 @@ def test_unknown_verb_is_answered_with_the_nearest(capsys):
 def test_help_lists_the_verbs_and_version_is_told(capsys):
     assert commands.main(["--help"]) == 0
     text = capsys.readouterr().out
-    assert all(verb in text for verb in ["check", "train", "evaluate", "export", "deploy"])
+    assert all(verb in text for verb in ["train", "evaluate", "export", "deploy"])
     assert commands.main(["--version"]) == 0
     assert capsys.readouterr().out == f"articulate {commands.version()}\n"
 
@@ -207,9 +215,9 @@ def test_short_names_call_their_verb(monkeypatch):
     seen: list[list[str]] = []
     monkeypatch.setattr(commands, "main", seen.append)
     monkeypatch.setattr(sys, "argv", ["name", "--flag"])
-    for short in ["check_asset", "train", "evaluate", "export_policy", "deploy"]:
+    for short in ["train", "evaluate", "export_policy", "deploy"]:
         getattr(commands, short)()
-    assert [argv[0] for argv in seen] == ["check", "train", "evaluate", "export", "deploy"]
+    assert [argv[0] for argv in seen] == ["train", "evaluate", "export", "deploy"]
     assert all(argv[1:] == ["--flag"] for argv in seen)
 
 
@@ -267,5 +275,5 @@ def test_reader_that_goes_away_is_no_bug():
 
 def test_usage_error_raised_by_a_verb_reaches_the_user_through_main(capsys, monkeypatch):
     monkeypatch.setattr(commands, "_verb", lambda name: raising(UsageError(f"{name}: refused")))
-    assert commands.main(["check"]) == 2
-    assert capsys.readouterr().err == "check: refused\n"
+    assert commands.main(["train"]) == 2
+    assert capsys.readouterr().err == "train: refused\n"

@@ -54,6 +54,7 @@ def test_an_episode_is_the_one_of_training(bundle, run, seed):
         opened=np.zeros(1),
         width=np.full(1, bundle.manifest.start.hand_width_m),
         closing=-np.ones(1),
+        home=np.ones(1, dtype=bool),
     )
     seen = episodes.reset(start=start)
     for tick in range(engine.scene.ticks):

@@ -127,7 +127,12 @@ def test_the_stand_in_is_the_plant_of_training_while_it_pulls(engine, robot, bun
     count = int(np.ceil(np.abs(steps).max() / 0.5))
     actions[25 : 25 + count, :7] = steps / count
     start = Start(
-        draw=Draw(values), q=grip.q, opened=np.zeros(1), width=np.full(1, 0.08), closing=-np.ones(1)
+        draw=Draw(values),
+        q=grip.q,
+        opened=np.zeros(1),
+        width=np.full(1, 0.08),
+        closing=-np.ones(1),
+        home=np.zeros(1, dtype=bool),
     )
     state = compare(engine, robot, manifest, start, actions, atol=1e-6)
     assert state.opened[0] > 0.1  # it was pulled

@@ -106,6 +106,7 @@ def held_open(scene, n):
     start = home_start(scene, nominal_draw(n))
     start.opened[:] = scene.task.target + 0.01
     start.q[:, 0] += 1.5
+    start.home[:] = False
     return start
 
 
@@ -114,7 +115,7 @@ def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_
     scene = request.getfixturevalue(name)
     runs = episodes(scene, starts=None, draws=NO_DRAW)
     start = held_open(scene, N)
-    start.opened[0], start.q[0] = 0.0, scene.place.start_q
+    start.opened[0], start.q[0], start.home[0] = 0.0, scene.place.start_q, True
     runs.reset(start=start)
     for _ in range(scene.ticks):
         tick = runs.step(np.zeros((N, 8)))

@@ -22,7 +22,7 @@ HOME = np.asarray(PANDA.home)[None]
 FAR_M = 10.0
 
 
-def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=0.0, closing=-1.0, **samples):
+def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=-1.0, **samples):
     """One environment at home whose handle lies ``offset`` [m] from the tool, turned about it."""
     offset = np.zeros(3) if offset is None else np.asarray(offset)
     T_wh = tool_pose(PANDA, HOME) @ pose(offset, axis_angle_to_matrix([0.0, 0.0, 1.0], turn))
@@ -46,6 +46,8 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=0.0, closing=-
 
 AWAY = state(offset=[0, 0, FAR_M])
 IDLE = np.zeros((1, 8))
+SHUT = np.array([[0.0] * 7 + [1.0]])
+"""The hand is told to close."""
 
 
 def terms(after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0):
@@ -58,10 +60,23 @@ def test_far_away_and_idle_nothing_is_gained_or_lost():
     assert_allclose(list(terms(AWAY).values()), 0.0, atol=1e-3)
 
 
-def test_tool_at_the_handle_earns_the_whole_of_reach_and_half_at_its_distance():
+def test_tool_at_the_handle_earns_the_whole_of_reach():
     assert terms(state())["reach"] == pytest.approx(CONFIG.reach)
-    half = state(offset=[0, CONFIG.reach_m, 0])
-    assert terms(half)["reach"] == pytest.approx(CONFIG.reach / 2)
+
+
+@pytest.mark.parametrize("scales", [(0.1, 0.1), (0.2, 0.02), CONFIG.reach_m])
+def test_reach_is_the_mean_over_its_scales_each_half_at_its_own_distance(scales):
+    config = dataclasses.replace(CONFIG, reach_m=scales)
+    for distance in scales:
+        away = terms(state(offset=[0, distance, 0]), config=config)["reach"]
+        shares = [1 / (1 + (distance / scale) ** 2) for scale in scales]
+        assert 0.5 in shares
+        assert away == pytest.approx(CONFIG.reach * np.mean(shares))
+
+
+def test_reach_grows_all_the_way_to_the_handle():
+    way = [terms(state(offset=[0, d, 0]))["reach"] for d in (0.5, 0.2, 0.05, 0.01, 0.003, 0.0)]
+    assert np.all(np.diff(way) > 0)
 
 
 @pytest.mark.parametrize(("turn", "share"), [(0.0, 1.0), (np.pi / 3, 0.5), (np.pi, -1.0)])
@@ -69,20 +84,49 @@ def test_hand_turned_like_the_handle_earns_the_cosine_of_the_angle(turn, share):
     assert terms(state(turn=turn))["align"] == pytest.approx(share * CONFIG.align, abs=1e-9)
 
 
-def test_closing_at_the_handle_earns_and_away_from_it_does_not():
-    at = terms(state(smooth=1.0, closing=1.0))
-    away = terms(state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0))
-    open_at = terms(state())
+def test_closing_at_the_handle_earns_and_away_from_it_costs():
+    at = terms(state(smooth=1.0, closing=1.0), action=SHUT)
+    away = terms(state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0), action=SHUT)
     assert at["grip"] == pytest.approx(CONFIG.grip)
+    assert at["early"] == pytest.approx(0.0, abs=1e-9)
     assert away["grip"] == pytest.approx(0.0, abs=1e-9)
-    assert open_at["grip"] == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.skipif("early" not in TERMS, reason="this reward has no such term")
-def test_closing_away_from_the_handle_costs_and_at_it_does_not():
-    away = terms(state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0))
     assert away["early"] == pytest.approx(CONFIG.early)
-    assert terms(state(smooth=1.0, closing=1.0))["early"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():
+    for offset in (0.0, 0.03, FAR_M):
+        still = terms(state(offset=[0, 0, offset]), action=-SHUT)
+        assert still["grip"] == 0
+        assert still["early"] == 0
+
+
+@pytest.mark.parametrize(
+    ("action", "smooth", "closing", "share"),
+    [
+        (1.0, -1.0, -1.0, 0.25),
+        (0.4, -1.0, -1.0, 0.1),
+        (-1.0, 1.0, -1.0, 0.25),
+        (1.0, 0.5, -1.0, 0.375),
+        (-1.0, -1.0, 1.0, 0.5),
+        (1.0, 1.0, 1.0, 1.0),
+    ],
+)
+def test_telling_the_hand_to_close_counts_before_it_does(action, smooth, closing, share):
+    """The command and its average count a quarter each, the hand itself a half."""
+    told = action * SHUT
+    at = terms(state(smooth=smooth, closing=closing), action=told)
+    away = terms(state(offset=[0, 0, FAR_M], smooth=smooth, closing=closing), action=told)
+    assert at["grip"] == pytest.approx(share * CONFIG.grip)
+    assert away["early"] == pytest.approx(share * CONFIG.early)
+
+
+def test_grip_falls_with_the_distance_to_one_over_e_and_early_takes_its_place():
+    near = terms(state(offset=[0, CONFIG.grip_m, 0], smooth=1.0, closing=1.0), action=SHUT)
+    assert near["grip"] == pytest.approx(CONFIG.grip / np.e)
+    way = [state(offset=[0, d, 0], smooth=1.0, closing=1.0) for d in (0.0, 0.005, 0.02, 0.05, 0.2)]
+    both = [terms(after, action=SHUT) for after in way]
+    assert np.all(np.diff([each["grip"] for each in both]) < 0)
+    assert np.all(np.diff([each["early"] for each in both]) < 0)
 
 
 @pytest.mark.parametrize(("opened", "share"), [(0.0, 0.0), (0.4, 0.5), (0.8, 1.0), (1.0, 1.0)])
@@ -145,6 +189,19 @@ def test_what_is_wished_is_rewarded_and_what_is_not_costs():
         assert getattr(CONFIG, name) >= 0, name
     for name in {"early", "force", "speed", "action", "violation"} & set(TERMS):
         assert getattr(CONFIG, name) <= 0, name
+
+
+@pytest.mark.parametrize("progress", [0.0, 0.25, 1.0])
+def test_opening_after_a_violation_earns_less_the_further_training_is(progress):
+    after = {"opened": TASK.target, "code": 3.0}
+    whole = terms(state(opened=TASK.target), progress=progress)
+    spoiled = terms(state(**after), before=state(code=3.0), progress=progress)
+    left = 1 + progress * (CONFIG.spoiled - 1)
+    for name in ("open", "progress", "rest"):
+        assert whole[name] > 0
+        assert spoiled[name] == pytest.approx(left * whole[name])
+    for name in set(TERMS) - {"open", "progress", "rest"}:
+        assert spoiled[name] == whole[name]
 
 
 @pytest.mark.parametrize("name", TERMS)

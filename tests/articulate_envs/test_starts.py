@@ -87,8 +87,9 @@ def test_without_a_share_all_begin_at_home(drawer):
     bank, drawn = bank_of_starts(drawer, CONFIG, DRAWS, rng), draw(DRAWS, rng, 20)
     start = mixed_start(drawer, bank, drawn, 0.0, rng)
     home = home_start(drawer, drawn)
-    for name in ("q", "opened", "width", "closing"):
+    for name in ("q", "opened", "width", "closing", "home"):
         assert_array_equal(getattr(start, name), getattr(home, name))
+    assert start.home.all()
     assert_array_equal(start.draw.values, drawn.values)
 
 
@@ -111,7 +112,9 @@ def test_share_of_starts_along_the_task_is_as_asked(drawer):
     bank = bank_of_starts(drawer, CONFIG, DRAWS, rng)
     start = mixed_start(drawer, bank, draw(DRAWS, rng, 2000), 0.3, rng)
     known = {row.tobytes() for row in bank.q}
-    assert np.mean([row.tobytes() in known for row in start.q]) == pytest.approx(0.3, abs=0.04)
+    along = np.array([row.tobytes() in known for row in start.q])
+    assert along.mean() == pytest.approx(0.3, abs=0.04)
+    assert_array_equal(start.home, ~along)
 
 
 def test_same_seed_prepares_the_same_starts(drawer):

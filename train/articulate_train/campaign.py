@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from articulate.errors import DivergedError, RunError
-from articulate_train.run import Run, write_summary
-from articulate_train.seed import DONE, PROGRESS
+from articulate_train.run import SUMMARY, Run, write_summary
+from articulate_train.seed import DIVERGED, DONE, PROGRESS
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to 1 for each seed: more threads fight with the physics (they spin)."""
@@ -45,7 +45,9 @@ def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
         RunError: A seed's process failed.
     """
     config = run.config
-    waiting = [s for s in config.seeds if not (run.seed_folder(s) / DONE).exists()]
+    waiting = [s for s in config.seeds if not _is_done(run, s)]
+    if not waiting and (run.folder / SUMMARY).exists():
+        return True
     jobs = min(config.jobs or processors(), max(len(waiting), 1))
     threads = max(1, processors() // jobs)
     running: dict[int, subprocess.Popen[bytes]] = {}
@@ -72,6 +74,15 @@ def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
             process.wait()
     write_summary(run, [last_progress(run, s) for s in config.seeds], time.monotonic() - begin)
     return True
+
+
+def _is_done(run: Run, seed: int) -> bool:
+    """Whether a seed has all the steps that are asked for."""
+    try:
+        done = json.loads((run.seed_folder(seed) / DONE).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return False
+    return bool(done["steps"] >= run.config.steps)
 
 
 def last_progress(run: Run, seed: int) -> dict[str, Any]:
@@ -131,5 +142,6 @@ def _ended_well(run: Run, seed: int, process: subprocess.Popen[bytes]) -> bool:
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
     what = lines[-1] if lines else f"exit {process.returncode}"
     if "not finite" in what:
-        raise DivergedError(f"seed {seed} diverged: {what}; its last states lie in {log.parent}")
+        states = run.seed_folder(seed) / DIVERGED
+        raise DivergedError(f"seed {seed} diverged: {what}; its last states lie in {states}")
     raise RunError(f"seed {seed} failed: {what}; its log is {log}")

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from articulate.draw import DrawConfig
-from articulate.errors import ConfigError
+from articulate.errors import ConfigError, nearest
 from articulate.follow import FollowConfig
+from articulate.task import TASK_RULES
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig
@@ -96,6 +97,8 @@ class TrainConfig:
     """Physics."""
 
     def __post_init__(self) -> None:
+        if self.task not in TASK_RULES:
+            raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
         if not self.seeds or len(set(self.seeds)) != len(self.seeds) or min(self.seeds) < 0:
             raise ConfigError(f"seeds are {self.seeds}; they must be distinct and not negative")
         if self.steps < self.ppo.n_envs * self.ppo.n_steps:

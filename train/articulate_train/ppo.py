@@ -58,15 +58,26 @@ class Learner:
         total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
         while model.num_timesteps < total:
             self.episodes.progress = model.num_timesteps / total
-            model.collect_rollouts(
-                self.normalise, callback, model.rollout_buffer, n_rollout_steps=model.n_steps
-            )
-            model._update_current_progress_remaining(model.num_timesteps, total)
-            model.train()
-            if not all(bool(torch.isfinite(p).all()) for p in model.policy.parameters()):
+            try:
+                model.collect_rollouts(
+                    self.normalise, callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+                )
+                model._update_current_progress_remaining(model.num_timesteps, total)
+                model.train()
+            except ValueError:  # torch refuses distributions whose mean is not finite
+                if self.is_finite():
+                    raise
+            if not self.is_finite():
                 raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
             if not on_update(self):
                 return
+
+    def is_finite(self) -> bool:
+        """Whether all weights and the normalisation are numbers."""
+        rms = self.normalise.obs_rms
+        plain = np.isfinite(rms.mean).all() and np.isfinite(rms.var).all()
+        weights = self.model.policy.parameters()
+        return bool(plain) and all(bool(torch.isfinite(p).all()) for p in weights)
 
     def save(self, folder: Path) -> None:
         """Write ``checkpoint.pt`` whole: weights, optimiser, environments, generators."""

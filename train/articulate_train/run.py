@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import platform
 import shutil
 import sys
@@ -29,7 +30,7 @@ from articulate.arm import PANDA, Arm, Hand
 from articulate.asset import Asset, load_asset
 from articulate.config import load_config, to_yaml
 from articulate.convert import ConvertConfig, cached_asset
-from articulate.errors import ReachError, RunError
+from articulate.errors import AssetError, ReachError, RunError
 from articulate.files import write_json, write_text
 from articulate.task import Limits, Task, make_task, matching_joints, no_joint_error
 from articulate_envs.place import Place, find_place, handle_way
@@ -93,6 +94,8 @@ def choose_joint(config: TrainConfig, asset: Asset) -> tuple[Task, Place]:
         ReachError: None can be reached.
     """
     if config.joint is not None:
+        if config.joint not in {joint.name for joint in asset.joints}:
+            raise _unknown_joint(config, asset)
         return _reached(config, asset, config.joint)
     matching = matching_joints(config.task, asset)
     if not matching:
@@ -101,19 +104,29 @@ def choose_joint(config: TrainConfig, asset: Asset) -> tuple[Task, Place]:
     reasons: list[str] = []
     for joint in matching:
         if asset.handle_of(joint.name) is None:
-            reasons.append(f"{joint.name} has no handle")
+            reasons.append(f"{joint.name} has no handle; add one to the object")
             continue
         try:
             task, place = _reached(config, asset, joint.name)
         except ReachError as error:
-            reasons.append(str(error))
+            reasons.append(str(error).removeprefix(f"{asset.name}: "))
             continue
         height = float(handle_way(asset, joint.name, np.zeros(()))[2, 3])
         found.append((abs(height - HOME_HEIGHT_M), task, place))
     if not found:
-        raise ReachError(f"{asset.name}: no joint for {config.task} can be reached: {reasons[0]}")
+        others = f"none of {len(reasons)} joints can be reached: " if len(reasons) > 1 else ""
+        raise ReachError(f"{asset.name}: {others}{reasons[0]}")
     _, task, place = min(found, key=lambda item: (item[0], item[1].joint))
     return task, place
+
+
+def _unknown_joint(config: TrainConfig, asset: Asset) -> AssetError:
+    names = [joint.name for joint in matching_joints(config.task, asset)]
+    if not names:
+        return no_joint_error(config.task, asset)
+    return AssetError(
+        f"{asset.name}: no joint {config.joint!r}; {config.task} matches: {', '.join(names)}"
+    )
 
 
 def _reached(config: TrainConfig, asset: Asset, joint: str) -> tuple[Task, Place]:
@@ -144,8 +157,7 @@ def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
         RunError: The folder exists.
         UsageError: The object cannot be read or reached.
     """
-    if folder.exists():
-        raise RunError(f"{folder}: exists; go on with --resume, or choose another --out")
+    _check_free(folder)
     asset = prepare_asset(config, cache)
     task, place = choose_joint(config, asset)
     temporary = folder.with_name(f".{folder.name}.part")
@@ -153,14 +165,62 @@ def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
         shutil.copytree(asset.folder, temporary / "asset")
-        write_text(temporary / "config.yaml", to_yaml(config))
+        write_text(temporary / CONFIG, to_yaml(config))
         write_scene(temporary, task, place, PANDA)
         write_json(temporary / "versions.json", versions())
         temporary.replace(folder)
     except OSError as error:
+        why = error.strerror or "copying failed"
+        raise RunError(f"{folder}: cannot be written ({why}); choose another --out") from None
+    finally:
         shutil.rmtree(temporary, ignore_errors=True)
-        raise RunError(f"{folder}: cannot be written ({error.strerror}); choose --out") from None
     return open_run(folder)
+
+
+def _check_free(folder: Path) -> None:
+    """RunError, before any work, where a new run cannot be made at ``folder``."""
+    if folder.exists():
+        raise RunError(f"{folder}: exists; go on with --resume, or choose another --out")
+    above = next(p for p in folder.absolute().parents if p.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        what = "may not be written to" if above.is_dir() else "is a file"
+        raise RunError(f"{folder}: cannot be made: {above} {what}; choose another --out")
+
+
+def resume_run(folder: Path, config: TrainConfig) -> Run:
+    """The run in ``folder`` to go on with, under ``config`` where it differs in :data:`OPEN`.
+
+    Raises:
+        RunError: It is none, or ``config`` differs from what it was begun with.
+    """
+    run = open_run(folder)
+    asked, kept = _plain("", config), _plain("", run.config)
+    for name, value in asked.items():
+        if value != kept[name] and name not in OPEN:
+            flags = ", ".join(f"--{n}" for n in OPEN)
+            raise RunError(
+                f"{folder}: --{name} is {value!r}, but the run was begun with {kept[name]!r}; "
+                f"--resume may change {flags} alone: leave it out, or begin a new run"
+            )
+    if asked == kept:
+        return run
+    write_text(folder / CONFIG, to_yaml(config))
+    return dataclasses.replace(run, config=config)
+
+
+OPEN = ("steps", "jobs", "episodes")
+"""What may be asked anew of a run that goes on."""
+CONFIG, SUMMARY = "config.yaml", "summary.json"
+
+
+def _plain(prefix: str, config: Any) -> dict[str, Any]:
+    """Fields of nested configurations by their flags."""
+    out: dict[str, Any] = {}
+    for f in dataclasses.fields(config):
+        value = getattr(config, f.name)
+        inner = dataclasses.is_dataclass(value)
+        out |= _plain(f"{prefix}{f.name}.", value) if inner else {prefix + f.name: value}
+    return out
 
 
 def open_run(folder: Path) -> Run:
@@ -169,18 +229,23 @@ def open_run(folder: Path) -> Run:
     Raises:
         RunError: It is none.
     """
+    path = folder / "scene.json"
+    if not path.is_file():
+        what = "no scene.json in it" if folder.exists() else "it does not exist"
+        raise RunError(f"{folder}: not a run folder: {what}; give a folder that train made")
     try:
-        scene = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
-        config = load_config(TrainConfig, folder / "config.yaml")
-    except (OSError, ValueError) as error:
-        raise RunError(f"{folder}: not a run folder ({error})") from None
+        scene = json.loads(path.read_text(encoding="utf-8"))
+        task, place, arm = _task(scene["task"]), _place(scene["place"]), _arm(scene["arm"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        kind = f"{type(error).__name__}: {error}"
+        raise RunError(f"{path}: cannot be read ({kind}); train again") from None
     return Run(
         folder=folder,
-        config=config,
+        config=load_config(TrainConfig, folder / CONFIG),
         asset=load_asset(folder / "asset"),
-        task=_task(scene["task"]),
-        place=_place(scene["place"]),
-        arm=_arm(scene["arm"]),
+        task=task,
+        place=place,
+        arm=arm,
     )
 
 
@@ -201,7 +266,7 @@ def load_scene(folder: Path) -> Scene:
 
 def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Path:
     """Write ``summary.json``: what each seed reached in training."""
-    path = run.folder / "summary.json"
+    path = run.folder / SUMMARY
     content = {
         "asset": run.asset.name,
         "task": run.task.name,

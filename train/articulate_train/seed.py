@@ -63,7 +63,10 @@ class SeedProcess:
         lines = path.read_text().splitlines() if path.exists() else []
         kept = []
         for line in lines:
-            row = json.loads(line)
+            try:
+                row = json.loads(line)
+            except ValueError:  # cut off by a kill
+                break
             if row["steps"] <= steps:
                 kept.append(line)
                 self._before_s = float(row["seconds"])

@@ -161,9 +161,13 @@ def _sentence(argv: Sequence[str], known: set[str], box: str) -> str:
 
 def _box_lines(box: str) -> Iterator[str]:
     """Lines of the first section of a box."""
-    for line in _ANSI.sub("", box).splitlines():
+    lines = _ANSI.sub("", box).splitlines()
+    if not any(map(_BOX.match, lines)):  # where output is not UTF-8: a title, a rule, no sides
+        rule = next((i for i, line in enumerate(lines) if set(line.strip()) == {"-"}), -1)
+        lines = [f"|{line}|" for line in lines[rule + 1 :]]
+    for line in lines:
         match = _BOX.match(line)
-        if match and match[1] and set(match[1]) <= {"─", "-"}:
+        if match and match[1] and set(match[1].strip()) in ({"─"}, {"-"}):
             return
         if match and match[1].strip():
             yield match[1]

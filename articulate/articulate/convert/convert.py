@@ -21,6 +21,7 @@ from articulate.convert.grasps import handles_of
 from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
 from articulate.convert.mesh import Loader, PartGeometry, bounds
+from articulate.convert.origin import ORIGIN_FILE, origin_of
 from articulate.convert.presets import density, joint_preset
 from articulate.convert.read import SourceObject, read_urdf
 from articulate.convert.size import category_of, is_normalised, scale_of
@@ -30,7 +31,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "1"
+VERSION = "2"
 """Enters every cache key; change it with anything that changes what is written."""
 
 
@@ -156,7 +157,7 @@ def _key(reading: Reading, config: ConvertConfig) -> str:
     options = dataclasses.asdict(config)
     del options["cache_dir"], options["decompose_s"]
     digest.update(json.dumps(options, sort_keys=True, default=str).encode())
-    extra = [reading.source.path.parent / n for n in ("meta.json", "semantics.txt")]
+    extra = [reading.source.path.parent / n for n in ("meta.json", "semantics.txt", ORIGIN_FILE)]
     files = [("urdf", reading.source.path), *sorted(reading.files.items())]
     files += [(p.name, p) for p in extra if p.is_file()]
     digest.update(str(is_normalised(reading.source.path)).encode())
@@ -195,6 +196,7 @@ def _built(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], 
     source = reading.source
     place = _placement(reading, config)
     category = category_of(source.path, config)
+    origin, licence = origin_of(source.path, config)
     bodies, T_ob = _bodies(reading, place, category, config)
     joints = tuple(body.joint for body in bodies if body.joint is not None)
     links = tuple(_link(body, T_ob[body.name]) for body in bodies)
@@ -206,8 +208,8 @@ def _built(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], 
         joints=joints,
         handles=(),
         bounds_o=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        source=source.path.name,
-        licence=config.licence,
+        source=origin,
+        licence=licence,
         size_rule=place.rule,
     )
     handles, closed_box = handles_of(asset, bodies, source.repairs)

@@ -36,9 +36,7 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
             tried.append(candidate.parent)
     where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
-    raise AssetError(
-        f"mesh {reference!r} not found; looked in {where}{ros}. Put it there or pass --mesh-dir"
-    )
+    raise AssetError(f"mesh {reference!r} not found; looked in {where}{ros}. Put it there")
 
 
 def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iterator[Path]:

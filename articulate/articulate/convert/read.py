@@ -19,6 +19,9 @@ MAX_BYTES = 20_000_000
 """Largest URDF that is read."""
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
+_HASH = re.compile(r"(partnet_)?u?(?=[a-f-]*[0-9])[0-9a-f][0-9a-f-]{14,}")
+"""Names that say nothing to people, as PartNet-Mobility gives them to its robots."""
+
 # Element of a third-party library without stubs.
 Element = Any
 
@@ -119,8 +122,18 @@ def read_urdf(path: Path) -> SourceObject:
         if joint.name in {other.name for other in joints}:
             raise AssetError(f"{reader.at(element)}: a second joint is called {joint.name!r}")
         joints.append(joint)
-    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", root.get("name") or path.stem)
+    name = _object_name(path, root.get("name") or "")
     return SourceObject(name=name, path=path, links=links, joints=tuple(joints), repairs=repairs)
+
+
+def _object_name(path: Path, robot: str) -> str:
+    """The robot's name, or one of the file's where that is absent or a number for machines."""
+    name = robot.strip()
+    if path.name == "mobility.urdf" and (not name or _HASH.fullmatch(name)):
+        name = f"partnet_{path.resolve().parent.name}"
+    elif not name or _HASH.fullmatch(name):
+        name = path.stem
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)
 
 
 def _parse(path: Path, repairs: Repairs) -> Element:

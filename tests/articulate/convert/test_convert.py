@@ -14,6 +14,7 @@ from tests.articulate.convert.cabinets import CABINET, write_cabinet
 
 from articulate.asset import Asset, load_asset
 from articulate.convert import ConvertConfig, cached_asset, convert
+from articulate.convert.read import read_urdf
 from articulate.errors import AssetError, UsageError
 from articulate.transforms import inverse
 
@@ -229,6 +230,30 @@ def test_a_partnet_folder_is_scaled_by_its_category(tmp_path: Path) -> None:
     asset = convert(path, tmp_path / "out")
     assert asset.category == "StorageFurniture"
     np.testing.assert_allclose(np.ptp(np.array(asset.bounds_o), axis=0).max(), 0.8, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("robot", "file", "name"),
+    [
+        ("little", "little.urdf", "little"),
+        ("my drawer!", "little.urdf", "my_drawer_"),
+        ("", "oven.urdf", "oven"),
+        ("3e2ba8bd0af27797154dddaf2978e13f", "oven.urdf", "oven"),
+        ("partnet_3e2ba8bd0af27797154dddaf2978e13f", "mobility.urdf", "partnet_little"),
+        ("partnet_11e7166d-8424-4edf-98cf-783b60539214", "mobility.urdf", "partnet_little"),
+        ("partnet_uadd97420-3888-4be8-89d3-15affc18968d", "mobility.urdf", "partnet_little"),
+        ("partnet_fb05baf6da5b0856875c4d98e634f167-0", "mobility.urdf", "partnet_little"),
+        ("", "mobility.urdf", "partnet_little"),
+        ("cupboard", "mobility.urdf", "cupboard"),
+        ("faded-cafe-facade", "a.urdf", "faded-cafe-facade"),
+    ],
+)
+def test_objects_are_named_so_that_people_know_them(
+    tmp_path: Path, robot: str, file: str, name: str
+) -> None:
+    text = CABINET.replace('name="little"', f'name="{robot}"' if robot else "")
+    path = write_cabinet(tmp_path, text)
+    assert read_urdf(path.rename(path.with_name(file))).name == name
 
 
 def test_the_cache_knows_content_and_configuration(

@@ -68,4 +68,4 @@ def test_an_absent_mesh_is_refused_in_one_line_that_lists_what_was_tried(urdf: P
     assert "\n" not in message
     assert "lid.obj" in message
     assert "meshes" in message
-    assert "--mesh-dir" in message
+    assert "Put it there" in message

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,10 +51,11 @@ def main(argv: Sequence[str]) -> int:
     # From here on torch and MuJoCo are needed; --help and bad flags are answered without them.
     from articulate_train.campaign import train_seeds
     from articulate_train.commands.evaluate import show
-    from articulate_train.run import create_run, open_run
+    from articulate_train.run import create_run, resume_run
 
     out = _out(flags)
-    run = open_run(out) if flags.resume else create_run(flags.config(), out, _cache())
+    config = flags.config()
+    run = resume_run(out, config) if flags.resume else create_run(config, out, _cache())
     _say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
     if not train_seeds(run, _tell):
         _say(f"stopped; go on with: train --resume --out {run.folder}")
@@ -68,10 +70,11 @@ def _resumed(argv: Sequence[str]) -> TrainFlags | None:
     """Defaults of a run that is resumed: what its folder says."""
     if "--resume" not in argv:
         return None
-    words = [w for a in argv for w in a.split("=", 1)]
-    if "--out" not in words or words.index("--out") + 1 == len(words):
+    outs = [after for word, after in pairwise([*argv, ""]) if word == "--out"]
+    outs += [word.removeprefix("--out=") for word in argv if word.startswith("--out=")]
+    if not outs or not outs[0] or outs[0].startswith("--"):
         raise RunError("--resume needs --out RUN, the folder of the run to go on with")
-    folder = Path(words[words.index("--out") + 1])
+    folder = Path(outs[0])
     from articulate_train.run import open_run  # heavy, see main
 
     kept = open_run(folder).config

@@ -15,6 +15,7 @@ from typing import Literal, cast
 import numpy as np
 
 from articulate.errors import AssetError, ConfigError, nearest
+from articulate.files import write_json
 from articulate.library.procedural.cabinet_parts import COLOURS, CabinetSize, cabinet_parts
 from articulate.library.procedural.urdf import write_urdf
 
@@ -150,11 +151,14 @@ class CabinetLibrary:
 
 
 def write_cabinet(config: CabinetConfig, folder: Path) -> Path:
-    """Write ``cabinet.urdf`` and ``meshes/`` into ``folder``; return the path of the URDF.
+    """Write the URDF, ``meshes/`` and ``source.json`` into ``folder``; return the URDF's path.
 
     The same configuration gives the same bytes.
     """
-    return write_urdf("cabinet", cabinet_parts(config.size()), COLOURS, folder)
+    path = write_urdf("cabinet", cabinet_parts(config.size()), COLOURS, folder)
+    origin = {"source": f"procedural cabinet, seed {config.seed}", "licence": "MIT"}
+    write_json(folder / "source.json", origin)
+    return path
 
 
 def embedded_cabinet(folder: Path) -> Path:

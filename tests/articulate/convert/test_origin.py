@@ -1,0 +1,38 @@
+"""Source and licence of an object."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from articulate.convert.config import ConvertConfig
+from articulate.convert.origin import PARTNET_LICENCE, origin_of
+
+
+def urdf_in(folder: Path, name: str = "thing.urdf") -> Path:
+    path = folder / name
+    path.write_text("<robot name='thing'/>", encoding="utf-8")
+    return path
+
+
+def test_what_stands_beside_the_file_is_taken(tmp_path: Path) -> None:
+    said = {"source": "my workshop", "licence": "CC0"}
+    (tmp_path / "source.json").write_text(json.dumps(said), encoding="utf-8")
+    assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("my workshop", "CC0")
+
+
+def test_a_licence_that_is_asked_for_wins(tmp_path: Path) -> None:
+    (tmp_path / "source.json").write_text('{"licence": "CC0"}', encoding="utf-8")
+    assert origin_of(urdf_in(tmp_path), ConvertConfig(licence="MIT"))[1] == "MIT"
+
+
+def test_an_object_of_the_data_set_carries_its_terms(tmp_path: Path) -> None:
+    source, licence = origin_of(urdf_in(tmp_path, "mobility.urdf"), ConvertConfig())
+    assert source == f"PartNet-Mobility {tmp_path.name}"
+    assert licence == PARTNET_LICENCE
+    assert "non-commercial" in licence
+
+
+def test_nothing_said_is_unknown_even_from_a_broken_file(tmp_path: Path) -> None:
+    (tmp_path / "source.json").write_text("{", encoding="utf-8")
+    assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")

@@ -1,0 +1,90 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from tests.runs import write_checkpoint
+
+from articulate.draw import COLUMNS
+from articulate.errors import RunError
+from articulate.judgement import REASONS, WIDTH
+from articulate.observe import OBSERVATION
+from articulate_envs.episodes import Ended
+from articulate_envs.rewards import TERMS
+from articulate_train.evaluate import evaluate_seed, first_ends, timelines
+
+
+@pytest.fixture
+def judged(tiny):
+    write_checkpoint(tiny.seed_folder(0), 0)
+    return tiny
+
+
+def test_same_evaluation_twice_and_on_more_threads_has_the_same_bits(judged):
+    a, b = (evaluate_seed(judged, 0, episodes=4, threads=t) for t in (1, 3))
+    for field in dataclasses.fields(a[0]):
+        assert_array_equal(getattr(a[0], field.name), getattr(b[0], field.name), err_msg=field.name)
+    assert_array_equal(a[1].traces.qpos, b[1].traces.qpos)
+
+
+def test_every_episode_counts_once_from_home_with_what_was_drawn(judged):
+    result, rollout = evaluate_seed(judged, 0, episodes=5, threads=1)
+    assert result.codes.shape == result.opened.shape == result.nominal_codes.shape == (5,)
+    assert result.draws.shape == (5, len(COLUMNS))
+    assert rollout.ended.rows.tolist() == [0, 1, 2, 3, 4]
+    assert rollout.ended.from_home.all()
+    assert np.ptp(result.draws[:, COLUMNS.index("scale")]) > 0
+    ticks = judged.scene().ticks
+    for array in (rollout.traces.force, rollout.traces.opened, rollout.traces.speed_share):
+        assert array.shape == (ticks, 5)
+    assert {REASONS[c] for c in result.codes} <= set(REASONS)
+
+
+def test_draws_of_seeds_and_of_training_differ(judged):
+    write_checkpoint(judged.seed_folder(1), 1)
+    a, b = (evaluate_seed(judged, seed, episodes=4, threads=1)[0] for seed in (0, 1))
+    assert np.abs(a.draws - b.draws).max() > 1e-3
+
+
+def test_seed_without_a_checkpoint_is_said(tiny, error_line):
+    error_line("evaluate_seed(untrained)", lambda: evaluate_seed(tiny, 0, episodes=2, threads=1))
+
+
+def test_checkpoint_that_is_not_whole_is_said(judged):
+    path = judged.seed_folder(0) / "checkpoint.pt"
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(RunError, match="cannot be read"):
+        evaluate_seed(judged, 0, episodes=2, threads=1)
+
+
+def ends(rows, codes):
+    n = len(rows)
+    return Ended(
+        rows=np.array(rows),
+        code=np.array(codes),
+        opened=np.zeros(n, dtype=bool),
+        from_home=np.ones(n, dtype=bool),
+        terms=np.zeros((n, len(TERMS))),
+        peaks=np.zeros((n, WIDTH)),
+        observation=np.zeros((n, OBSERVATION.size)),
+    )
+
+
+def test_of_an_episode_that_ended_early_the_first_end_counts():
+    first = first_ends([ends([2], [7]), ends([0, 1, 2], [0, 1, 0])], 3)
+    assert first.rows.tolist() == [0, 1, 2]
+    assert first.code.tolist() == [0, 1, 7]
+
+
+def test_timelines_are_of_the_first_success_and_the_first_failure(judged):
+    _, rollout = evaluate_seed(judged, 0, episodes=4, threads=1)
+    code = np.array([3, 0, 3, 0])
+    known = dataclasses.replace(rollout, ended=dataclasses.replace(rollout.ended, code=code))
+    lines = timelines(known, 0.05)
+    assert [(line.name, line.reason, k) for line, k in lines] == [
+        ("success", "success", 1),
+        ("failure", REASONS[3], 0),
+    ]
+    assert lines[0][0].t[0] == pytest.approx(0.05)
+    none = dataclasses.replace(rollout, ended=dataclasses.replace(rollout.ended, code=0 * code))
+    assert [line.name for line, _ in timelines(none, 0.05)] == ["success"]

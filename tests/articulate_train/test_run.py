@@ -1,0 +1,201 @@
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+from tests.assets import make_cabinet, make_cupboard
+from tests.runs import JOINT, TINY_PPO
+
+from articulate.config import load_config
+from articulate.draw import DrawConfig
+from articulate.errors import AssetError, ReachError, RunError, UsageError
+from articulate_train import run as runs
+from articulate_train.config import TrainConfig
+from articulate_train.run import (
+    HOME_HEIGHT_M,
+    choose_joint,
+    create_run,
+    handle_way,
+    open_run,
+    resume_run,
+)
+
+DRAWS = dataclasses.replace(DrawConfig(), scales=3)
+
+
+def wish(asset, **changes):
+    return TrainConfig(asset=str(asset.folder), draw=DRAWS, ppo=TINY_PPO, steps=64, **changes)
+
+
+def without_handles(asset, *links):
+    kept = tuple(h for h in asset.handles if h.link not in links)
+    return dataclasses.replace(asset, handles=kept)
+
+
+def test_joint_that_is_named_is_taken(cabinet):
+    task, place = choose_joint(wish(cabinet, joint="drawer_1_slide"), cabinet)
+    assert task.joint == "drawer_1_slide"
+    assert place.drawn_share > 0.99
+
+
+def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_taken(cabinet):
+    heights = {
+        joint.name: float(handle_way(cabinet, joint.name, np.zeros(()))[2, 3])
+        for joint in cabinet.joints
+    }
+    nearest = min(heights, key=lambda name: abs(heights[name] - HOME_HEIGHT_M))
+    task, _ = choose_joint(wish(cabinet), cabinet)
+    assert task.joint == nearest == JOINT
+
+
+def test_of_several_joints_those_that_cannot_be_reached_are_passed_over(cabinet, monkeypatch):
+    reached = runs._reached
+
+    def picky(config, asset, joint):
+        if joint == JOINT:
+            raise ReachError(f"{asset.name}: too far")
+        return reached(config, asset, joint)
+
+    monkeypatch.setattr(runs, "_reached", picky)
+    assert choose_joint(wish(cabinet), cabinet)[0].joint == "drawer_1_slide"
+
+
+def test_of_several_joints_those_without_a_handle_are_passed_over(cabinet):
+    bare = without_handles(cabinet, "drawer_2", "drawer_0")
+    assert choose_joint(wish(cabinet), bare)[0].joint == "drawer_1_slide"
+
+
+def test_joint_that_is_not_there_is_answered_with_those_that_match(cabinet, error_line):
+    error_line(
+        "choose_joint(--joint drawer_9_slide)",
+        lambda: choose_joint(wish(cabinet, joint="drawer_9_slide"), cabinet),
+    )
+
+
+def test_no_joint_for_the_task_is_answered_with_what_there_is(cabinet, error_line, tmp_path):
+
+    cupboard = make_cupboard(tmp_path / "cupboard")
+    error_line("choose_joint(cupboard)", lambda: choose_joint(wish(cupboard), cupboard))
+    named = wish(cupboard, joint="lid")
+    error_line("choose_joint(cupboard, --joint lid)", lambda: choose_joint(named, cupboard))
+
+
+def test_no_joint_that_can_be_reached_is_answered_with_the_reason_once(tmp_path, error_line):
+    far = make_cabinet(tmp_path / "far", travel_m=2.0)
+    line = error_line("choose_joint(drawers of 2 m)", lambda: choose_joint(wish(far), far))
+    assert line.count("cabinet:") == 1
+
+
+def test_no_handle_at_all_is_said(cabinet, error_line):
+    bare = without_handles(cabinet, "drawer_0", "drawer_1", "drawer_2")
+    error_line("choose_joint(no handles)", lambda: choose_joint(wish(bare), bare))
+
+
+def test_drawn_poses_out_of_reach_are_refused(cabinet, error_line):
+    wide = dataclasses.replace(wish(cabinet), draw=dataclasses.replace(DRAWS, position_m=0.4))
+    named = dataclasses.replace(wide, joint=JOINT)
+    with pytest.raises(ReachError, match="drawn poses"):
+        choose_joint(named, cabinet)
+
+
+def test_run_that_is_made_is_the_run_that_is_opened(cabinet, tmp_path):
+    config = wish(cabinet, joint=JOINT, seeds=(3, 5))
+    made = create_run(config, tmp_path / "runs" / "one", tmp_path / "cache")
+    assert made == open_run(made.folder)
+    assert made.config == config
+    assert made.task.joint == JOINT
+    assert made.asset.folder == made.folder / "asset"
+    assert made.seed_folder(5) == made.folder / "seed_5"
+    assert made.scene().ticks == round(made.task.episode_s * config.follow.rate_hz)
+    assert [p.name for p in (tmp_path / "runs").iterdir()] == ["one"]
+
+
+def test_folder_in_the_way_is_left_alone(cabinet, tmp_path, error_line):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "kept.txt").write_text("mine")
+    error_line(
+        "create_run(out that exists)",
+        lambda: create_run(wish(cabinet), tmp_path / "out", tmp_path / "cache"),
+    )
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["kept.txt"]
+
+
+def test_file_above_the_run_is_said_before_any_work(cabinet, tmp_path, error_line, monkeypatch):
+    (tmp_path / "file").write_text("mine")
+    monkeypatch.setattr(runs, "prepare_asset", lambda *_: pytest.fail("worked in vain"))
+    error_line(
+        "create_run(below a file)",
+        lambda: create_run(wish(cabinet), tmp_path / "file" / "run", tmp_path / "cache"),
+    )
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RunError("no")])
+def test_run_that_cannot_be_written_leaves_nothing(cabinet, tmp_path, monkeypatch, error):
+    def full(*_):
+        raise error
+
+    monkeypatch.setattr(runs, "write_scene", full)
+    config = wish(cabinet, joint=JOINT)
+    with pytest.raises(UsageError):
+        create_run(config, tmp_path / "runs" / "one", tmp_path / "cache")
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
+def test_folder_that_is_no_run_is_said(tmp_path, error_line):
+    (tmp_path / "photos").mkdir()
+    error_line("open_run(photos)", lambda: open_run(tmp_path / "photos"))
+    error_line("open_run(none)", lambda: open_run(tmp_path / "none"))
+
+
+def test_run_that_is_not_whole_is_said(tiny, error_line):
+    (tiny.folder / "scene.json").write_text("{}")
+    error_line("open_run(scene.json of {})", lambda: open_run(tiny.folder))
+    (tiny.folder / "scene.json").write_text('{"task"')
+    error_line("open_run(scene.json cut off)", lambda: open_run(tiny.folder))
+
+
+def test_resuming_changes_nothing_of_the_run(tiny):
+    before = (tiny.folder / "config.yaml").read_bytes()
+    assert resume_run(tiny.folder, tiny.config) == tiny
+    assert (tiny.folder / "config.yaml").read_bytes() == before
+
+
+def test_resuming_may_ask_for_more_steps_and_keeps_them(tiny):
+    more = dataclasses.replace(tiny.config, steps=640, jobs=2, episodes=9)
+    assert resume_run(tiny.folder, more).config == more
+    assert open_run(tiny.folder).config == more
+    assert load_config(TrainConfig, tiny.folder / "config.yaml") == more
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("ppo.gamma", lambda c: {"ppo": dataclasses.replace(c.ppo, gamma=0.9)}),
+        ("seeds", lambda _: {"seeds": (0, 1)}),
+        ("joint", lambda _: {"joint": "drawer_0_slide"}),
+    ],
+)
+def test_resuming_may_change_nothing_else(tiny, error_line, name, change):
+    other = dataclasses.replace(tiny.config, **change(tiny.config))
+    before = (tiny.folder / "config.yaml").read_bytes()
+    error_line(f"resume_run(other {name})", lambda: resume_run(tiny.folder, other))
+    assert (tiny.folder / "config.yaml").read_bytes() == before
+
+
+def test_asset_of_a_run_is_its_own(tiny, cabinet, tmp_path):
+    """What happens to the source later does not matter."""
+    moved = tmp_path / "moved"
+    shutil.copytree(tiny.folder, moved)
+    again = open_run(moved)
+    assert again.asset.folder == moved / "asset"
+    assert dataclasses.replace(again.asset, folder=cabinet.folder) == cabinet
+    shutil.rmtree(moved / "asset")
+    with pytest.raises(AssetError):
+        open_run(moved)
+
+
+def test_versions_are_recorded_where_there_are_any(monkeypatch):
+    monkeypatch.setattr(runs, "PACKAGES", ("numpy", "no-such-package"))
+    found = runs.versions()
+    assert found["numpy"] == np.__version__
+    assert found["no-such-package"] == "not installed"

@@ -1,0 +1,166 @@
+"""What users are told when what they gave cannot be used: one line, exit 2, nothing left behind."""
+
+import importlib.util
+import shlex
+import shutil
+
+import pytest
+from tests.assets import make_cabinet, make_cupboard
+from tests.runs import make_run, write_checkpoint
+
+from articulate.commands import main
+from articulate.errors import UsageError
+
+BOX = '<box size="1 1 1"/>'
+NO_MESH = """<robot name="chest"><link name="body"><visual><geometry>
+<mesh filename="meshes/body.obj"/></geometry></visual></link></robot>"""
+
+
+@pytest.fixture(scope="session")
+def objects(tmp_path_factory):
+    """A folder of objects, good and bad; not to be changed."""
+    folder = tmp_path_factory.mktemp("objects")
+    make_cabinet(folder / "cabinet")
+    make_cabinet(folder / "far", travel_m=2.0)
+    make_cupboard(folder / "cupboard")
+    (folder / "letter.urdf").write_text("Dear Sir or Madam\n")
+    (folder / "page.urdf").write_text("<html><body/></html>\n")
+    (folder / "chest.urdf").write_text(NO_MESH)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def run_folder(objects, tmp_path_factory):
+    """A run with a policy that learned nothing, and its bundle; not to be changed."""
+    folder = tmp_path_factory.mktemp("made")
+    asset = make_cabinet(folder / "cabinet")
+    make_run(folder / "run", asset, episode_s=1.0)
+    assert main(["export", str(folder / "run"), "--out", str(folder / "bundle")]) == 0
+    return folder
+
+
+@pytest.fixture
+def refused(error_line, tmp_path, monkeypatch, capsys):
+    """``refused("VERB ...")``: the line it is refused with is kept, and nothing lies about."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / ".cache"))
+    capsys.readouterr()
+
+    def files():
+        found = (p for p in tmp_path.rglob("*") if ".cache" not in p.parts)
+        return {p: p.read_bytes() if p.is_file() else None for p in found}
+
+    def check(command, call=""):
+        def provoke():
+            before = files()
+            code = main(shlex.split(command))
+            out, err = capsys.readouterr()
+            assert code == 2, err
+            assert out == ""
+            assert err.count("\n") == 1
+            assert files() == before
+            raise UsageError(err.strip())
+
+        return error_line(call or command, provoke)
+
+    return check
+
+
+@pytest.fixture
+def objects_here(objects, tmp_path):
+    shutil.copytree(objects, tmp_path, dirs_exist_ok=True)
+
+
+@pytest.mark.usefixtures("objects_here")
+@pytest.mark.parametrize(
+    "flags",
+    [
+        "--asset nowhere.urdf",
+        "--asset letter.urdf",
+        "--asset page.urdf",
+        "--asset chest.urdf",
+        "--asset .",
+        "--asset cupboard",
+        "--asset cabinet --joint drawer_7",
+        "--asset cupboard --joint door_hinge",
+        "--asset far",
+        "--asset far --joint drawer_1_slide",
+        "--asset cabinet --task open_drawr",
+        "--asset cabinet --aset cabinet",
+        "--asset cabinet --steps many",
+        "--asset cabinet --steps 100",
+        "--asset cabinet --seeds 1 1",
+        "--asset cabinet --ppo.batch-size 500",
+        "--asset cabinet --draw.delay-ticks 3 1",
+        "--asset cabinet --closed middle",
+        "--asset cabinet --size -1",
+        "--task open_drawer",
+        "--asset cabinet --config slow",
+        "--resume",
+        "--resume --out",
+        "--resume --out nowhere",
+        "--resume --out cabinet",
+    ],
+)
+def test_train_refuses(refused, flags):
+    refused(f"train {flags}")
+
+
+@pytest.mark.usefixtures("objects_here")
+def test_train_refuses_an_unknown_key_and_names_the_nearest(refused, tmp_path):
+    (tmp_path / "fast.yaml").write_text("ppo: {lerning_rate: 1}\n")
+    refused("train --asset cabinet --config fast.yaml")
+    (tmp_path / "slow.yaml").write_text("joint drawer\n")
+    refused("train --asset cabinet --config slow.yaml")
+
+
+@pytest.mark.usefixtures("objects_here")
+def test_train_refuses_an_output_that_is_in_the_way(refused, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    refused("train --asset cabinet --out file")
+    refused("train --asset cabinet --out file/run")
+    (tmp_path / "old").mkdir()
+    refused("train --asset cabinet --out old")
+
+
+@pytest.mark.usefixtures("objects_here")
+@pytest.mark.parametrize("flags", ["--ppo.gamma 0.9", "--seeds 0 1", "--joint drawer_0_slide"])
+def test_train_refuses_to_go_on_with_something_else(refused, run_folder, tmp_path, flags):
+    shutil.copytree(run_folder / "run", tmp_path / "run")
+    refused(f"train --resume --out run {flags}")
+
+
+@pytest.mark.usefixtures("objects_here")
+def test_train_without_robosuite_says_how_to_get_it(refused, monkeypatch):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *a: None if name == "robosuite" else found(name)
+    )
+    refused("train --asset cabinet", "train --asset cabinet  # without robosuite")
+
+
+def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_folder, tmp_path):
+    for verb in ("evaluate nowhere", "export nowhere --out bundle.zip"):
+        refused(verb)
+    shutil.copytree(run_folder / "run", tmp_path / "run")
+    shutil.rmtree(tmp_path / "run" / "seed_0")
+    refused("evaluate run", "evaluate run  # untrained")
+    refused("export run --out bundle.zip", "export run --out bundle.zip  # untrained")
+    write_checkpoint(tmp_path / "run" / "seed_0", 0)
+    refused("export run --out bundle.zip --seed 4")
+    refused("evaluate run --episodes 0")
+    refused("export run")
+
+
+def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tmp_path):
+    refused("deploy nowhere")
+    bundle = shutil.copytree(run_folder / "bundle", tmp_path / "bundle")
+    for robot in ("panda", "fr3", "kuka"):
+        refused(f"deploy bundle --robot {robot}")
+    for flags in ("--episodes 0", "--episodes few", "--robt mujoco"):
+        refused(f"deploy bundle {flags}")
+    policy = bundle / "policy.onnx"
+    policy.write_bytes(policy.read_bytes()[:-1] + b"x")
+    refused("deploy bundle", "deploy bundle  # its policy was changed")
+    policy.unlink()
+    refused("deploy bundle", "deploy bundle  # its policy is gone")
