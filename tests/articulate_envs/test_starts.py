@@ -24,7 +24,7 @@ def test_prepared_poses_hold_the_handle_of_their_own_object(name, request):
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), bank)
     error = relative(tool_pose(scene.arm, bank.q), engine.state().T_wh)
-    holds = bank.closing > 0
+    holds = (bank.closing > 0) & (bank.width > 0)
     assert 0.3 < holds.mean() < 0.95
     assert np.linalg.norm(error[holds, :3, 3], axis=1).max() < 2e-3
     assert rotation_angle(error[:, :3, :3]).max() < 0.021
@@ -36,11 +36,29 @@ def test_prepared_poses_hold_the_handle_of_their_own_object(name, request):
 
 def test_prepared_parts_are_short_of_the_target_and_hands_are_as_wide_as_the_handle(drawer):
     bank = bank_of_starts(drawer, CONFIG, DRAWS, np.random.default_rng(0))
-    holds = bank.closing > 0
+    empty = bank.width == 0
+    holds = (bank.closing > 0) & ~empty
     assert np.all(bank.opened[holds] <= drawer.task.target)
     assert np.all(bank.opened[~holds] == 0)
     assert_allclose(bank.width[holds], 0.012 * bank.draw["scale"][holds])
-    assert_allclose(bank.width[~holds], drawer.arm.hand.max_width_m)
+    assert_allclose(bank.width[~holds & ~empty], drawer.arm.hand.max_width_m)
+
+
+def test_some_hands_before_the_handle_have_closed_on_nothing_and_stand_clear_of_it(drawer):
+    config = dataclasses.replace(CONFIG, bank=300, empty_share=0.4)
+    bank = bank_of_starts(drawer, config, DRAWS, np.random.default_rng(0))
+    empty = bank.width == 0
+    before = bank.opened == 0
+    assert np.all(bank.closing[empty] == 1)
+    assert np.all(before[empty])
+    assert empty.sum() / before.sum() == pytest.approx(0.4, abs=0.1)
+    engine = ThreadEngine(drawer, len(bank.q))
+    engine.reset(np.arange(len(bank.q)), bank)
+    error = relative(tool_pose(drawer.arm, bank.q), engine.state().T_wh)
+    assert error[empty, 2, 3].min() > config.empty_m - 2e-3
+    engine.close()
+    none = dataclasses.replace(config, empty_share=0.0)
+    assert np.all(bank_of_starts(drawer, none, DRAWS, np.random.default_rng(0)).width > 0)
 
 
 def test_held_handle_stays_in_the_hand(drawer):

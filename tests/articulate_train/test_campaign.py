@@ -5,7 +5,7 @@ from tests.runs import write_checkpoint
 
 from articulate.errors import DivergedError, RunError
 from articulate_train import campaign
-from articulate_train.campaign import last_progress, read_progress, train_seeds
+from articulate_train.campaign import SeedProgress, last_progress, read_progress, train_seeds
 from articulate_train.seed import DIVERGED, DONE, PROGRESS
 
 
@@ -54,7 +54,7 @@ def fake(tiny, monkeypatch):
 
 def test_seeds_that_are_not_done_are_trained_and_summed_up(tiny, fake):
     started = fake()
-    told = []
+    told: list[SeedProgress] = []
     assert train_seeds(tiny, told.append)
     assert [seed for seed, _ in started] == [0]
     assert (told[0].seed, told[0].steps, told[0].total) == (0, 192, tiny.config.steps)

@@ -9,13 +9,13 @@ from tests.runs import JOINT, TINY_PPO
 from articulate.config import load_config
 from articulate.draw import DrawConfig
 from articulate.errors import AssetError, ReachError, RunError, UsageError
+from articulate.placing import handle_way
 from articulate_train import run as runs
 from articulate_train.config import TrainConfig
 from articulate_train.run import (
     HOME_HEIGHT_M,
     choose_joint,
     create_run,
-    handle_way,
     open_run,
     resume_run,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -136,7 +137,7 @@ def first_ends(ended: list[Ended], episodes: int) -> Ended:
     _, where = np.unique(rows, return_index=True)
     assert len(where) == episodes
 
-    def take(name: str) -> Array:
+    def take(name: str) -> Any:
         return np.asarray(np.concatenate([getattr(e, name) for e in ended])[where])
 
     return Ended(
@@ -153,7 +154,7 @@ def first_ends(ended: list[Ended], episodes: int) -> Ended:
 def timelines(rollout: Rollout, tick_s: float) -> list[tuple[Timeline, int]]:
     """The first success and the first failure, with their episodes' numbers."""
     out = []
-    t = tick_s * np.arange(1, len(rollout.traces.force) + 1)
+    t = np.arange(1, len(rollout.traces.force) + 1, dtype=np.float64) * tick_s
     for name, mask in (("success", rollout.ended.code == 0), ("failure", rollout.ended.code != 0)):
         if not mask.any():
             continue

@@ -21,6 +21,9 @@ CHECKPOINT = "checkpoint.pt"
 class Policy(nn.Module):
     """Raw observations (N, size of OBSERVATION) to actions (N, 8) in [-1, 1], float32."""
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...]) -> None:
         """With the running mean and variance of observations and the widths of hidden layers."""
         super().__init__()

@@ -74,7 +74,7 @@ class Learner:
 
     def is_finite(self) -> bool:
         """Whether all weights and the normalisation are numbers."""
-        rms = self.normalise.obs_rms
+        rms: Any = self.normalise.obs_rms  # of one space, not of a dictionary
         plain = np.isfinite(rms.mean).all() and np.isfinite(rms.var).all()
         weights = self.model.policy.parameters()
         return bool(plain) and all(bool(torch.isfinite(p).all()) for p in weights)
@@ -85,7 +85,8 @@ class Learner:
         snapshot = self.episodes.snapshot()
         generator = snapshot.pop("generator")
         # SB3 shuffles minibatches with numpy's global generator.
-        name, keys, *rest = np.random.get_state()  # noqa: NPY002
+        state: Any = np.random.get_state()  # noqa: NPY002
+        name, keys, *rest = state
         content = {
             "policy": model.policy.state_dict(),
             "optimizer": model.policy.optimizer.state_dict(),
@@ -115,12 +116,13 @@ class Learner:
     def restore(self, content: dict[str, Any]) -> None:
         """Continue from what :meth:`save` wrote."""
         model, norm = self.model, self.normalise
+        seen: Any = norm.obs_rms  # of one space, not of a dictionary
         plain = json.loads(content["plain"])
         snapshot = {k: v.numpy() for k, v in content["episodes"].items()}
         self.episodes.restore(snapshot | {"generator": plain["generator"]})
         model.policy.load_state_dict(content["policy"])
         model.policy.optimizer.load_state_dict(content["optimizer"])
-        for rms, key in ((norm.obs_rms, "normalise"), (norm.ret_rms, "returns_rms")):
+        for rms, key in ((seen, "normalise"), (norm.ret_rms, "returns_rms")):
             rms.mean, rms.var = content[key]["mean"].numpy(), content[key]["var"].numpy()
             rms.count = float(content[key]["count"])
         norm.returns = content["returns"].numpy()

@@ -287,9 +287,10 @@ def _task(content: dict[str, Any]) -> Task:
 
 
 def _arm(content: dict[str, Any]) -> Arm:
-    plain = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
     return Arm(**{**plain, "hand": Hand(**content["hand"])})
 
 
 def _place(content: dict[str, Any]) -> Place:
-    return Place(**{k: tuple(v) if isinstance(v, list) else v for k, v in content.items()})
+    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    return Place(**plain)

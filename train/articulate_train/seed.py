@@ -116,7 +116,7 @@ class SeedProcess:
             self._board.add_scalar(f"reward/{name}", value, steps)
 
     def _keep_states(self) -> None:
-        snapshot = self.learner.episodes.engine.snapshot()
+        snapshot: dict[str, Any] = self.learner.episodes.engine.snapshot()
         np.savez_compressed(self.folder / DIVERGED, **snapshot)
 
     def close(self) -> None:

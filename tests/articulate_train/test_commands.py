@@ -1,0 +1,120 @@
+"""``train`` and ``evaluate`` from the command line, on a run that takes seconds."""
+
+import json
+import shutil
+
+import pytest
+from tests.runs import JOINT, write_checkpoint
+
+from articulate.commands import main
+from articulate.errors import DivergedError, MissingError
+from articulate_train import campaign, judge_run
+from articulate_train.run import open_run
+from articulate_train.seed import DONE
+
+TINY = """
+ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net: [8, 8]}
+draw: {scales: 3}
+starts: {bank: 16}
+seeds: [0]
+steps: 64
+jobs: 1
+episodes: 2
+"""
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    def missing(*_, **__):
+        raise MissingError("nothing to draw with")
+
+    monkeypatch.setattr(judge_run, "picture", missing)
+    monkeypatch.setattr(judge_run, "write_film", missing)
+
+
+@pytest.fixture
+def done(tiny):
+    """A tiny run whose training is over."""
+    write_checkpoint(tiny.seed_folder(0), 0)
+    (tiny.seed_folder(0) / DONE).write_text(json.dumps({"steps": tiny.config.steps}))
+    return tiny
+
+
+def test_train_makes_a_run_its_policy_and_its_report(cabinet, tmp_path, capsys):
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    out = tmp_path / "runs" / "one"
+    argv = ["--asset", str(cabinet.folder), "--joint", JOINT, "--out", str(out), "--json"]
+    assert main(["train", *argv, "--config", str(tmp_path / "tiny.yaml")]) == 0
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
+    assert report == json.loads((out / "report.json").read_text())
+    assert 0 <= report["success_rate"] <= 1
+    assert f"joint {JOINT}" in printed.err
+    assert (out / "report.html").is_file()
+    assert json.loads((out / "seed_0" / DONE).read_text()) == {"steps": 64}
+    assert [p.name for p in out.parent.iterdir()] == ["one"]
+
+
+def test_resuming_a_run_that_is_done_goes_straight_to_its_evaluation(done, capsys, monkeypatch):
+    monkeypatch.setattr(campaign, "_start", lambda *_: pytest.fail("trained again"))
+    checkpoint = (done.seed_folder(0) / "checkpoint.pt").read_bytes()
+    assert main(["train", "--resume", "--out", str(done.folder), "--episodes", "3"]) == 0
+    assert "of 3 episodes" in capsys.readouterr().out
+    assert (done.seed_folder(0) / "checkpoint.pt").read_bytes() == checkpoint
+    assert open_run(done.folder).config.episodes == 3
+
+
+def test_resuming_without_an_evaluation_prints_the_folder_alone(done, capsys):
+    argv = ["train", "--resume", f"--out={done.folder}", "--no-evaluate"]
+    assert main(argv) == 0
+    assert capsys.readouterr().out == f"{done.folder}\n"
+    assert main([*argv, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"run": str(done.folder)}
+    assert not (done.folder / "report.json").exists()
+
+
+def test_interrupted_training_says_how_to_go_on(done, capsys, monkeypatch):
+    monkeypatch.setattr(campaign, "train_seeds", lambda *_: False)
+    assert main(["train", "--resume", "--out", str(done.folder)]) == 130
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.endswith(f"stopped; go on with: train --resume --out {done.folder}\n")
+
+
+def test_training_that_diverges_is_one_line_and_exit_1(done, capsys, monkeypatch, tmp_path):
+    def diverged(*_):
+        raise DivergedError("seed 0 diverged: weights are not finite after 64 steps")
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(campaign, "train_seeds", diverged)
+    assert main(["train", "--resume", "--out", str(done.folder)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2  # the first says which run it is
+    assert "seed 0 diverged: weights are not finite after 64 steps" in lines[1]
+
+
+def test_evaluation_prints_its_report_and_nothing_else(done, capsys):
+    assert main(["evaluate", str(done.folder), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report == json.loads((done.folder / "report.json").read_text())
+    assert main(["evaluate", str(done.folder), "--episodes", "3"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("success ")
+    assert f"report: {done.folder / 'report.html'}" in text
+    assert json.loads((done.folder / "report.json").read_text()) != report
+
+
+def test_success_below_what_is_required_is_exit_3_with_the_report_all_the_same(done, capsys):
+    argv = ["evaluate", str(done.folder), "--require-success"]
+    assert main([*argv, "1"]) == 3
+    printed = capsys.readouterr()
+    assert "below the 100% required" in printed.err
+    assert "report: " in printed.out
+    assert main([*argv, "0"]) == 0
+
+
+def test_same_evaluation_again_gives_the_same_report(done, tmp_path):
+    copy = shutil.copytree(done.folder, tmp_path / "again" / done.folder.name)
+    for folder in (done.folder, copy):
+        assert main(["evaluate", str(folder)]) == 0
+    assert (done.folder / "report.json").read_bytes() == (copy / "report.json").read_bytes()

@@ -1,0 +1,90 @@
+import dataclasses
+import json
+import subprocess
+
+import pytest
+from tests.runs import write_checkpoint
+
+from articulate.errors import MissingError, RunError
+from articulate.task import Task
+from articulate_envs.rewards import TERMS
+from articulate_train import judge_run as judging
+from articulate_train.judge_run import commit, judge_run, target_text
+from articulate_train.seed import PROGRESS
+
+
+@pytest.fixture
+def films(monkeypatch):
+    """Names of the films that were asked for; nothing is drawn."""
+    asked = []
+    monkeypatch.setattr(judging, "write_film", lambda path, *_, **__: asked.append(path.name))
+    monkeypatch.setattr(judging, "picture", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
+    return asked
+
+
+@pytest.fixture
+def trained(tiny):
+    write_checkpoint(tiny.seed_folder(0), 0)
+    rows = [
+        {
+            "steps": steps,
+            "seconds": steps / 100,
+            "success": 0.25,
+            "opened": 0.5,
+            "terms": dict.fromkeys(TERMS, 1.0),
+        }
+        for steps in (96, 192)
+    ]
+    text = "".join(json.dumps(row) + "\n" for row in rows)
+    (tiny.seed_folder(0) / PROGRESS).write_text(text)
+    return tiny
+
+
+def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, films):
+    done = judge_run(trained, episodes=3)
+    content = json.loads(done.json_path.read_text())
+    assert content == done.report.content()
+    assert done.json_path.parent == done.html_path.parent == trained.folder
+    assert content["success_rate"] == done.report.success_rate
+    info = done.report.info
+    assert (info.joint, info.steps, info.steps_per_s) == (trained.task.joint, 192, 100.0)
+    assert f"--joint {trained.task.joint} --seeds 0 --steps 192" in info.command
+    assert films == ["failure.mp4"]
+
+
+def test_text_tells_success_opened_and_reasons(trained, films):
+    done = judge_run(trained, episodes=3)
+    text = done.text().splitlines()
+    assert text[0].startswith("success ")
+    assert text[0].endswith("of 3 episodes")
+    assert text[-1] == f"report: {done.html_path}"
+
+
+def test_where_nothing_can_be_drawn_the_report_is_made_without(trained, monkeypatch, caplog):
+    def missing(*_, **__):
+        raise MissingError("no renderer")
+
+    monkeypatch.setattr(judging, "write_film", missing)
+    assert judge_run(trained, episodes=2).html_path.is_file()
+    assert "no videos: no renderer" in caplog.text
+
+
+def test_seed_without_a_checkpoint_leaves_no_report(tiny, films):
+    with pytest.raises(RunError, match="no checkpoint"):
+        judge_run(tiny, episodes=2)
+    assert not (tiny.folder / "report.json").exists()
+
+
+def test_target_is_told_in_the_units_of_the_joint():
+    slide = Task(name="open_drawer", joint="j", kind="slide", span=-0.3, target=0.8)
+    assert target_text(slide).startswith("0.240 m from closed for the last 0.5 s, slower than")
+    hinge = dataclasses.replace(slide, kind="hinge", span=2.0, target=0.5)
+    assert target_text(hinge).startswith("1.000 rad")
+
+
+def test_code_that_is_no_checkout_has_no_commit(monkeypatch):
+    def missing(*_, **__):
+        raise FileNotFoundError("git")
+
+    monkeypatch.setattr(subprocess, "run", missing)
+    assert commit() == "unknown"
