@@ -38,6 +38,9 @@ class RewardConfig:
     """For a hand that is told to close, or is closed, away from the handle."""
     open: float = 2.0
     """For the fraction of the way to the target."""
+    margin: float = 0.08
+    """Opening is paid for up to the target and this share of it beyond: what is known of the part
+    is noisy, and one who aims at the target itself stops short of it."""
     progress: float = 40.0
     """For each change of that fraction."""
     rest: float = 1.5
@@ -86,8 +89,9 @@ def reward_terms(
     near, at = (1.0 / (1.0 + (distance / scale) ** 2) for scale in config.reach_m)
     turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
     aligned = np.maximum(np.cos(rotation_angle(turn)), -1.0)
-    way = np.clip(after.opened / task.target, 0.0, 1.0)
-    change = way - np.clip(before.opened / task.target, 0.0, 1.0)
+    goal = min(task.target * (1.0 + config.margin), 1.0)
+    way = np.clip(after.opened / goal, 0.0, 1.0)
+    change = way - np.clip(before.opened / goal, 0.0, 1.0)
     close = np.exp(-((distance / config.grip_m) ** 2))
     told = (
         0.25 * np.maximum(action[:, 7], 0.0)

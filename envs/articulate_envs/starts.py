@@ -36,6 +36,11 @@ class StartConfig:
     to open again."""
     empty_m: float = 0.03
     """How far before the handle such a hand is at least [m]."""
+    astray_share: float = 0.5
+    """Of those before the handle, the share that lies to one side of it, which learns not to push
+    a finger against its front."""
+    astray_m: tuple[float, float] = (0.04, 0.06)
+    """How far before the handle such a hand is at least, and to either side at most [m]."""
     bank: int = 512
     """How many such starts are prepared."""
 
@@ -86,7 +91,11 @@ def bank_of_starts(
     empty = ~grip & (rng.random(n) < config.empty_share)
     back = np.where(grip, 0.0, config.standoff_m * rng.random(n) ** 2)
     back = np.where(empty, np.maximum(back, config.empty_m), back)
-    goals = goals @ pose(np.stack([0 * back, 0 * back, -back], axis=1))
+    astray = ~grip & (rng.random(n) < config.astray_share)
+    nearest, aside = config.astray_m
+    back = np.where(astray, nearest + (config.standoff_m - nearest) * rng.random(n), back)
+    sides = np.where(astray, aside, 0.0) * rng.uniform(-1.0, 1.0, (2, n))
+    goals = goals @ pose(np.stack([*sides, -back], axis=1))
     found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
     handle = scene.asset.handle_of(scene.task.joint)
     thick = handle.extent[1] if handle is not None else 0.02
