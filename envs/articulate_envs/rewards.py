@@ -45,9 +45,9 @@ class RewardConfig:
     """For each change of that fraction."""
     rest: float = 1.5
     """For resting at or beyond the target."""
-    force: float = -0.05
+    force: float = -0.01
     """For each newton of filtered force beyond ``force_free_n``, at the beginning of training."""
-    force_last: float = -0.08
+    force_last: float = -0.12
     """The same at its end; linear between (dear forces at first keep the hand off the handle)."""
     force_free_n: float = 15.0
     """Force that costs nothing [N]."""
@@ -58,7 +58,7 @@ class RewardConfig:
     action: float = -0.01
     """For the mean square of the joint deltas."""
     violation: float = -20.0
-    """Once, when a limit of the task is broken."""
+    """Once, when a limit of the task is broken, at the end of training; in proportion before."""
     spoiled: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""
@@ -118,6 +118,6 @@ def reward_terms(
         dear * np.maximum(force - config.force_free_n, 0.0),
         config.speed * np.maximum(part_speed - config.speed_free, 0.0),
         config.action * np.mean(action[:, :7] ** 2, axis=1),
-        config.violation * broken,
+        config.violation * progress * broken,
     )
     return np.stack(terms, axis=1)

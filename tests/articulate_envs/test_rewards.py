@@ -182,10 +182,12 @@ def test_joint_deltas_cost_their_mean_square_and_the_hand_is_free():
     assert terms(AWAY, action=action)["action"] == pytest.approx(CONFIG.action / 7)
 
 
-def test_violation_costs_once():
+@pytest.mark.parametrize("progress", [0.0, 0.5, 1.0])
+def test_violation_costs_once_and_in_proportion_to_the_progress(progress):
     broken = state(code=3.0)
-    assert terms(broken)["violation"] == CONFIG.violation
-    assert terms(broken, before=broken)["violation"] == 0
+    cost = terms(broken, progress=progress)["violation"]
+    assert cost == pytest.approx(CONFIG.violation * progress)
+    assert terms(broken, before=broken, progress=progress)["violation"] == 0
 
 
 def test_what_is_wished_is_rewarded_and_what_is_not_costs():
