@@ -45,9 +45,9 @@ class RewardConfig:
     """For each change of that fraction."""
     rest: float = 1.5
     """For resting at or beyond the target."""
-    force: float = -0.01
+    force: float = -0.02
     """For each newton of filtered force beyond ``force_free_n``, at the beginning of training."""
-    force_last: float = -0.12
+    force_last: float = -0.08
     """The same at its end; linear between (dear forces at first keep the hand off the handle)."""
     force_free_n: float = 15.0
     """Force that costs nothing [N]."""

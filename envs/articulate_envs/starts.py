@@ -36,7 +36,7 @@ class StartConfig:
     to open again."""
     empty_m: float = 0.03
     """How far before the handle such a hand is at least [m]."""
-    astray_share: float = 0.5
+    astray_share: float = 0.15
     """Of those before the handle, the share that lies to one side of it, which learns not to push
     a finger against its front."""
     astray_m: tuple[float, float] = (0.04, 0.06)
