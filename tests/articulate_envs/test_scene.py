@@ -70,8 +70,10 @@ def test_sensors_report_the_sum_of_mujocos_contact_forces(name, request):
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), rows_of(bank, np.arange(n)))
     largest = 0.0
+    pull = rng.choice([-1.0, 1.0], (n, 8))
+    pull[:, 7] = 1.0  # hands stay closed
     for _ in range(10):
-        engine.step(rng.uniform(-1, 1, (n, 8)) + np.eye(8)[7])
+        engine.step(pull)
         for i in range(n):
             model, data = engine.physics_state(i)
             data = copy.copy(data)
@@ -81,7 +83,7 @@ def test_sensors_report_the_sum_of_mujocos_contact_forces(name, request):
             assert_allclose(wrench, expected, atol=1e-9 * (1 + np.abs(expected).max()))
             assert says == touch
             largest = max(largest, float(np.linalg.norm(expected[:3])))
-    assert largest > 2.0  # the hands do feel something
+    assert largest > 5.0
 
 
 def test_force_on_the_hand_from_a_part_that_leans_on_it_is_what_pushes_the_part(drawer):
