@@ -24,6 +24,7 @@ OBSERVATION = Layout(
             name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator"
         ),
         Field(name="hand_width", size=1, unit="0.05 m", frame="-", source="robot"),
+        Field(name="hand_speed", size=1, unit="0.1 m/s", frame="-", source="robot"),
         Field(name="hand_command", size=3, unit="1", frame="-", source="plant"),
         Field(name="last_action", size=8, unit="1", frame="-", source="policy", low=-1, high=1),
         Field(name="time_left", size=1, unit="1", frame="-", source="clock", low=0, high=1),
@@ -40,6 +41,9 @@ ACTION = Layout(
     )
 )
 """What a policy says: changes of the joint targets, and a number whose sign closes the hand."""
+
+SINCE_S = 2.0
+"""Time after a hand's command that is told apart [s]: its latency and its dwell lie within."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ def observation(
     dq: Array,
     target: Array,
     hand_width: Array,
+    hand_speed: Array,
     hand: HandState,
     estimate: Estimate,
     last_action: Array,
@@ -74,6 +79,8 @@ def observation(
         dq: Joint speeds (N, 7) [rad/s].
         target: Targets of the tick (N, 7) [rad].
         hand_width: Opening between the fingers (N,) [m].
+        hand_speed: Its change over the last tick, positive opening (N,) [m/s]; it tells a hand
+            that has closed on something from one that is still closing.
         hand: What the hand was told.
         estimate: The object.
         last_action: The policy's last action (N, 8).
@@ -81,7 +88,7 @@ def observation(
     """
     T_th = relative(tool_pose(arm, q), estimate.T_wh)
     axes = np.concatenate([T_th[:, :3, 2], T_th[:, :3, 0]], axis=1)
-    busy = np.minimum(hand.since_s, arm.hand.dwell_s) / arm.hand.dwell_s
+    since = np.minimum(hand.since_s, SINCE_S) / SINCE_S
     return OBSERVATION.pack(
         {
             "joint_pos": q,
@@ -92,7 +99,8 @@ def observation(
             "part_open": estimate.opened,
             "part_speed": 10.0 * estimate.speed,
             "hand_width": 20.0 * hand_width,
-            "hand_command": np.stack([hand.smooth, hand.wish, busy], axis=1),
+            "hand_speed": 10.0 * hand_speed,
+            "hand_command": np.stack([hand.smooth, hand.wish, since], axis=1),
             "last_action": last_action,
             "time_left": time_left,
         }

@@ -107,9 +107,12 @@ def run_episode(
     estimator.reset()
     judgement, torque = judgement_start(1), np.zeros(7)
     last, clipped, tick = np.zeros(manifest.action.size), 0, 0
+    before: dict[str, float] | None = None
     for tick in range(ticks):
         seen, estimate = robot.get_observation(), estimator.estimate()
-        observed = _observation(manifest, seen, plant, estimate, last, 1.0 - tick / ticks)
+        before = seen if before is None else before
+        observed = _observation(manifest, (before, seen), plant, estimate, last, 1.0 - tick / ticks)
+        before = seen
         action = policy.act(observed)[0]
         wish, width = plant.tick(action, joints_of(seen))
         sent = joints_of(robot.send_action(action_of(wish, width)))
@@ -155,18 +158,21 @@ def start_of(manifest: Manifest, drawn: Draw) -> Array:
 
 def _observation(
     manifest: Manifest,
-    seen: dict[str, float],
+    read: tuple[dict[str, float], dict[str, float]],
     plant: Plant,
     estimate: Estimate,
     last: Array,
     time_left: float,
 ) -> Array:
+    before, seen = read
+    tick_s = manifest.control.follow.tick_s
     return observation(
         manifest.robot,
         q=joints_of(seen)[None],
         dq=joints_of(seen, SPEED_KEYS)[None],
         target=plant.target[None],
         hand_width=np.array([seen[HAND_KEY]]),
+        hand_speed=np.array([seen[HAND_KEY] - before[HAND_KEY]]) / tick_s,
         hand=plant.hand,
         estimate=estimate,
         last_action=last[None],

@@ -18,6 +18,7 @@ from articulate.judgement import (
 )
 from articulate.observe import ACTION, observation
 from articulate.transforms import Array, Ints, Mask
+from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
 from articulate_envs.rewards import TERMS, RewardConfig, reward_terms
 from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
@@ -92,6 +93,7 @@ class Episodes:
         self._tick = np.zeros(n, dtype=np.int64)
         self._home = np.zeros(n, dtype=bool)
         self._last = np.zeros((n, ACTION.size))
+        self._width = np.zeros(n)
         self._terms = np.zeros((n, len(TERMS)))
         self._state: State | None = None
 
@@ -120,6 +122,7 @@ class Episodes:
             self._tick[:] = (rows * self.engine.scene.ticks) // n
             self._home &= self._tick == 0
         self._state = self.engine.state()
+        self._width = self._state.hand_width
         self._estimator.push(self._state.T_wh, self._state.opened, self._state.speed)
         return self._observe()
 
@@ -155,11 +158,17 @@ class Episodes:
             dq=state.dq,
             target=state.target,
             hand_width=state.hand_width,
+            hand_speed=(state.hand_width - self._width) / scene.follow.tick_s,
             hand=state.hand,
             estimate=self._estimator.estimate(self._drawn, self._rng),
             last_action=self._last,
             time_left=1.0 - self._tick / scene.ticks,
         )
+
+    def privileged(self) -> Array:
+        """What only the value function sees of the environments as they are (N, size)."""
+        assert self._state is not None
+        return privileged(self.engine.scene.arm, self._state, self._judgement, self._drawn)
 
     def step(self, action: Array) -> Tick:
         """Run one tick with actions (N, 8), clipped to [-1, 1]."""
@@ -180,6 +189,7 @@ class Episodes:
         )
         bad = self._judgement.diverged
         terms = np.where(bad[:, None] | ~np.isfinite(terms), 0.0, terms)
+        self._width = before.hand_width
         self._state = state
         self._last = action
         self._terms += terms
@@ -192,6 +202,8 @@ class Episodes:
             ended = self._end(np.flatnonzero(done), seen)
             self._begin(ended.rows)
             self._state = self.engine.state()
+            self._width = self._width.copy()
+            self._width[ended.rows] = self._state.hand_width[ended.rows]
             seen = seen.copy()
             seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
@@ -221,6 +233,7 @@ class Episodes:
             "episode_tick": self._tick.copy(),
             "episode_home": self._home.copy(),
             "episode_last": self._last.copy(),
+            "episode_width": self._width.copy(),
             "episode_terms": self._terms.copy(),
             "episode_drawn": self._drawn.values.copy(),
             "progress": np.array(self.progress),
@@ -243,6 +256,7 @@ class Episodes:
         self._tick[:] = snapshot["episode_tick"]
         self._home[:] = snapshot["episode_home"]
         self._last = snapshot["episode_last"].copy()
+        self._width = snapshot["episode_width"].copy()
         self._terms[:] = snapshot["episode_terms"]
         self._drawn.values[:] = snapshot["episode_drawn"]
         self.progress = float(snapshot["progress"])

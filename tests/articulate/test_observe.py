@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from articulate.arm import PANDA
 from articulate.follow import hand_start
 from articulate.kinematics import tool_pose
-from articulate.observe import ACTION, OBSERVATION, Estimate, observation
+from articulate.observe import ACTION, OBSERVATION, SINCE_S, Estimate, observation
 from articulate.transforms import axis_angle_to_matrix, pose
 
 HOME = np.asarray(PANDA.home)[None]
@@ -19,6 +19,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         "dq": np.zeros((1, 7)),
         "target": q,
         "hand_width": np.array([0.08]),
+        "hand_speed": np.zeros(1),
         "hand": hand_start(1),
         "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
         "last_action": np.zeros((1, 8)),
@@ -60,6 +61,7 @@ def test_robot_and_object_turned_together_about_the_base_look_the_same(angle, se
         ("joint_vel", {"dq": np.full((1, 7), 0.3)}, 0.3),
         ("target_lead", {"target": HOME + 0.05}, 0.5),
         ("hand_width", {"hand_width": np.array([0.04])}, 0.8),
+        ("hand_speed", {"hand_speed": np.array([-0.1])}, -1.0),
         ("last_action", {"last_action": np.full((1, 8), -0.2)}, -0.2),
         ("time_left", {"time_left": np.array([0.25])}, 0.25),
         (
@@ -78,9 +80,9 @@ def test_each_field_has_the_unit_that_its_layout_says(name, values, expected):
     assert_allclose(field(observe(**values), name), expected, atol=1e-12)
 
 
-def test_hand_command_shows_how_far_the_dwell_has_run():
+def test_hand_command_shows_the_time_since_it_was_sent():
     hand = hand_start(1)
-    hand.since_s[:] = PANDA.hand.dwell_s / 4
+    hand.since_s[:] = SINCE_S / 4
     hand.smooth[:], hand.wish[:] = 0.3, 1.0
     assert_allclose(field(observe(hand=hand), "hand_command"), [0.3, 1.0, 0.25])
     hand.since_s[:] = 100.0

@@ -80,6 +80,25 @@ def test_observations_are_finite_and_within_their_layout(name, request):
     assert np.all((seen >= OBSERVATION.low) & (seen <= OBSERVATION.high))
 
 
+def test_speed_of_the_hand_is_the_change_of_its_width_and_nothing_at_a_start(drawer):
+    runs = episodes(drawer)
+    before = runs.reset()
+    assert_allclose(field(before, "hand_speed"), 0.0)
+    close = np.zeros((N, 8))
+    close[:, 7] = 1.0
+    moved = 0.0
+    for _ in range(drawer.ticks):
+        tick = runs.step(close)
+        change = field(tick.observation, "hand_width") - field(before, "hand_width")
+        speed = field(tick.observation, "hand_speed")
+        going = ~tick.done
+        assert_allclose(speed[going], 10 * change[going], atol=1e-9)
+        assert_allclose(speed[tick.done], 0.0)
+        moved = min(moved, float(speed.min()))
+        before = tick.observation
+    assert moved < -0.5
+
+
 def test_actions_beyond_one_count_as_one(drawer):
     a, b = episodes(drawer), episodes(drawer)
     a.reset(), b.reset()

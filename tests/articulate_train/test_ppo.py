@@ -6,6 +6,8 @@ import torch
 from numpy.testing import assert_array_equal
 
 from articulate.errors import ConfigError, DivergedError
+from articulate.observe import OBSERVATION
+from articulate_envs.critic import PRIVILEGED
 from articulate_train.config import PpoConfig
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner
@@ -131,7 +133,20 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
     expected = np.clip(mean.numpy(), -1, 1)
-    np.testing.assert_allclose(policy.act(raw), expected, atol=1e-5)
+    np.testing.assert_allclose(policy.act(raw[:, : OBSERVATION.size]), expected, atol=1e-5)
+
+
+def test_policy_does_not_see_what_only_the_value_function_may(learner):
+    """Changing the privileged columns changes the value and leaves the action alone."""
+    policy = learner().model.policy
+    seen = torch.zeros(3, OBSERVATION.size + PRIVILEGED.size)
+    other = seen.clone()
+    other[:, OBSERVATION.size :] = 1.0
+    with torch.no_grad():
+        means = [policy.get_distribution(x).distribution.mean for x in (seen, other)]
+        values = [policy.predict_values(x) for x in (seen, other)]
+    assert torch.equal(*means)
+    assert not torch.isclose(*values).any()
 
 
 def test_learning_rate_and_curriculum_follow_the_share_of_all_steps(learner, tiny):

@@ -6,6 +6,7 @@ from tests.scenes import DRAWS
 
 from articulate.judgement import REASONS
 from articulate.observe import ACTION, OBSERVATION
+from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig
@@ -30,9 +31,10 @@ def env(drawer):
 
 
 def test_spaces_are_those_of_the_layouts(env):
-    assert env.observation_space.shape == (OBSERVATION.size,)
+    assert env.observation_space.shape == (OBSERVATION.size + PRIVILEGED.size,)
     assert env.action_space.shape == (ACTION.size,)
-    assert_array_equal(env.observation_space.high, OBSERVATION.high.astype(np.float32))
+    high = np.concatenate([OBSERVATION.high, PRIVILEGED.high])
+    assert_array_equal(env.observation_space.high, high.astype(np.float32))
     assert_array_equal(env.action_space.low, -1.0)
 
 

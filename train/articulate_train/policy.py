@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from articulate.errors import RunError
-from articulate.observe import ACTION
+from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
 
 CHECKPOINT = "checkpoint.pt"
@@ -74,8 +74,8 @@ def policy_of(checkpoint: dict[str, Any]) -> Policy:
     weights = checkpoint["policy"]
     names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
     policy = Policy(
-        checkpoint["normalise"]["mean"],
-        checkpoint["normalise"]["var"],
+        checkpoint["normalise"]["mean"][: OBSERVATION.size],  # the rest is the value function's
+        checkpoint["normalise"]["var"][: OBSERVATION.size],
         tuple(int(v) for v in checkpoint["net"]),
     )
     state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}

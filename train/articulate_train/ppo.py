@@ -12,11 +12,14 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
 from articulate.errors import DivergedError
 from articulate.files import whole_file
+from articulate.observe import OBSERVATION
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene
 from articulate_envs.threads import ThreadEngine
@@ -157,7 +160,7 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
         return last + (first - last) * remaining
 
     return PPO(
-        "MlpPolicy",
+        AsymmetricPolicy,
         envs,
         n_steps=config.n_steps,
         batch_size=config.batch_size,
@@ -177,6 +180,30 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
             "log_std_init": config.log_std_init,
         },
     )
+
+
+class AsymmetricPolicy(ActorCriticPolicy):
+    """The policy sees the observation, the value function also what follows it."""
+
+    def _build_mlp_extractor(self) -> None:
+        net: list[int] | dict[str, list[int]] = self.net_arch
+        self.mlp_extractor = _Asymmetric(self.features_dim, net, self.activation_fn, "cpu")
+
+
+class _Asymmetric(MlpExtractor):
+    def __init__(
+        self,
+        feature_dim: int,
+        net_arch: list[int] | dict[str, list[int]],
+        activation_fn: type[nn.Module],
+        device: str,
+    ) -> None:
+        super().__init__(feature_dim, net_arch, activation_fn, device)
+        actor = MlpExtractor(OBSERVATION.size, net_arch, activation_fn, device)
+        self.policy_net = actor.policy_net
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        return self.policy_net(features[:, : OBSERVATION.size])
 
 
 class _Nothing(BaseCallback):

@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from articulate.judgement import REASONS
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array, Mask
+from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Ended, Episodes
 
 Singles = NDArray[np.float32]
@@ -21,8 +22,9 @@ Singles = NDArray[np.float32]
 class EpisodesVecEnv(VecEnv):
     """N environments as Stable-Baselines3 wants them.
 
-    Episodes have a fixed length and the observation holds the time left, so that their end is a
-    termination, not a truncation.
+    Observations are those of the policy followed by those of the value function alone
+    (:data:`articulate_envs.critic.PRIVILEGED`). Episodes have a fixed length and the observation
+    holds the time left, so that their end is a termination, not a truncation.
     """
 
     def __init__(self, episodes: Episodes) -> None:
@@ -35,7 +37,8 @@ class EpisodesVecEnv(VecEnv):
         super().__init__(
             episodes.engine.n_envs,
             gymnasium.spaces.Box(
-                OBSERVATION.low.astype(np.float32), OBSERVATION.high.astype(np.float32)
+                np.concatenate([OBSERVATION.low, PRIVILEGED.low]).astype(np.float32),
+                np.concatenate([OBSERVATION.high, PRIVILEGED.high]).astype(np.float32),
             ),
             gymnasium.spaces.Box(ACTION.low.astype(np.float32), ACTION.high.astype(np.float32)),
         )
@@ -43,7 +46,11 @@ class EpisodesVecEnv(VecEnv):
 
     def reset(self) -> Singles:
         """Begin all episodes, the first ones staggered."""
-        return self.episodes.reset(stagger=self._stagger).astype(np.float32)
+        return self._with_privileged(self.episodes.reset(stagger=self._stagger))
+
+    def _with_privileged(self, observation: Array) -> Singles:
+        both = (observation, self.episodes.privileged())
+        return np.concatenate(both, axis=1).astype(np.float32)
 
     def step_async(self, actions: Array) -> None:
         """Keep the actions (N, 8)."""
@@ -55,16 +62,19 @@ class EpisodesVecEnv(VecEnv):
         infos: list[dict[str, Any]] = self._infos
         if tick.ended is not None:
             infos = [{} for _ in range(self.num_envs)]
+            # No value is asked for after a termination, so that the rest may be anything.
+            last = np.zeros((len(tick.ended.rows), OBSERVATION.size + PRIVILEGED.size), np.float32)
+            last[:, : OBSERVATION.size] = tick.ended.observation
             self.finished.append(tick.ended)
             for k, i in enumerate(tick.ended.rows):
                 infos[i] = {
-                    "terminal_observation": tick.ended.observation[k].astype(np.float32),
+                    "terminal_observation": last[k],
                     "TimeLimit.truncated": False,
                     "reason": REASONS[int(tick.ended.code[k])],
                     "is_success": bool(tick.ended.code[k] == 0),
                 }
         return (
-            tick.observation.astype(np.float32),
+            self._with_privileged(tick.observation),
             tick.reward.astype(np.float32),
             tick.done,
             infos,

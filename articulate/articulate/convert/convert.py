@@ -22,7 +22,7 @@ from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
 from articulate.convert.mesh import Loader, PartGeometry, bounds
 from articulate.convert.origin import ORIGIN_FILE, origin_of
-from articulate.convert.presets import density, joint_preset
+from articulate.convert.presets import density, given_dynamics, joint_preset
 from articulate.convert.read import SourceObject, read_urdf
 from articulate.convert.size import category_of, is_normalised, scale_of
 from articulate.convert.tree import Part, build_parts, poses_at
@@ -31,7 +31,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "2"
+VERSION = "3"
 """Enters every cache key; change it with anything that changes what is written."""
 
 
@@ -228,16 +228,19 @@ def _bodies(
     for part in reading.parts:
         geometry = reading.geometry[part.name].scaled(place.scale)
         T_op = place.T_os @ _scaled_pose(part.T_sp, place.scale)
+        members = part.members
         if part.joint is None:  # the fixed body has the object frame for its own
             geometry = geometry.moved(T_op)
+            members = tuple((link, T_op @ T_pl) for link, T_pl in members)
             T_op = np.eye(4)
         name = names[part.name] = f"{part.name}_link" if part.name == "world" else part.name
         shapes = collision_shapes(geometry, name, config, repairs)
+        rescaled = abs(place.scale - 1.0) > 1e-9
         inertial = inertial_of(
-            part.members,
+            members,
             shapes,
             density(category),
-            rescaled=abs(place.scale - 1.0) > 1e-9 or part.joint is None,
+            rescaled=rescaled,
             kind=reading.travels[part.name].kind if part.joint is not None else "fixed",
             repairs=repairs,
         )
@@ -251,7 +254,9 @@ def _bodies(
             preset = joint_preset(travel.kind, inertial.mass_kg)
             armature = preset.armature
             joint = _joint(part.joint.name, name, parent, travel, place.scale, T_op)
-            joint = replace(joint, damping=preset.damping, frictionloss=preset.frictionloss)
+            given = (part.joint.damping, part.joint.friction)
+            damping, friction = given_dynamics(preset, *given, rescaled=rescaled)
+            joint = replace(joint, damping=damping, frictionloss=friction)
         bodies.append(
             Body(
                 name=name,

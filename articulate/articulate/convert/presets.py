@@ -74,3 +74,21 @@ def joint_preset(kind: Literal["slide", "hinge"], mass_kg: float) -> JointPreset
     if kind == "slide":
         return SLIDE
     return LARGE_HINGE if mass_kg > LARGE_HINGE_KG else SMALL_HINGE
+
+
+def given_dynamics(
+    preset: JointPreset, damping: float | None, friction: float | None, *, rescaled: bool
+) -> tuple[float, float]:
+    """Damping and dry friction of a joint: what the file says where it says something.
+
+    Args:
+        preset: Used where it does not.
+        damping: From the file, if any [N s/m or Nm s/rad].
+        friction: From the file, if any [N or Nm].
+        rescaled: The source is not metric, so that its figures mean nothing.
+    """
+    said = [v if v is not None and v > 0.0 and not rescaled else None for v in (damping, friction)]
+    return (
+        preset.damping if said[0] is None else said[0],
+        preset.frictionloss if said[1] is None else said[1],
+    )

@@ -258,7 +258,7 @@ def _drawer(size: CabinetSize, bay: Bay, number: int) -> Part:
         origin_p=origin,
         axis=(-1.0, 0.0, 0.0),
         upper=round(size.travel_share * (x1 - x0), 3),
-        damping=3.0,
+        damping=5.0,
         friction=2.0,
         effort=100.0,
         velocity=1.0,

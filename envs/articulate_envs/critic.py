@@ -1,0 +1,52 @@
+"""What the value function sees beside the observation while learning: what is true and drawn.
+
+A policy on a robot never sees it. The value function is only used in training, and judges better
+when the latency, the masses and the true pose of the handle are known to it (asymmetric
+actor-critic; Pinto et al. 2018, arXiv:1710.06542).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from articulate.arm import Arm
+from articulate.draw import COLUMNS, Draw
+from articulate.judgement import COLUMN, Judgement
+from articulate.kinematics import relative, tool_pose
+from articulate.layout import Field, Layout
+from articulate.transforms import Array
+from articulate_envs.engine import State
+
+PRIVILEGED = Layout(
+    (
+        Field(name="handle_pos_true", size=3, unit="0.2 m", frame="tool", source="estimator"),
+        Field(name="part_open_true", size=1, unit="1", frame="-", source="estimator"),
+        Field(name="hand_closing", size=1, unit="1", frame="-", source="plant"),
+        Field(name="hand_wait", size=1, unit="s", frame="-", source="plant"),
+        Field(name="force", size=3, unit="20 N", frame="world", source="robot"),
+        Field(name="violated", size=1, unit="1", frame="-", source="plant"),
+        Field(name="rest", size=1, unit="s", frame="-", source="plant"),
+        Field(
+            name="drawn", size=len(COLUMNS), unit="as drawn", frame="-", source="plant",
+            low=-100.0, high=100.0,
+        ),
+    )
+)  # fmt: skip
+"""Its fields, which follow those of the observation."""
+
+
+def privileged(arm: Arm, state: State, judgement: Judgement, drawn: Draw) -> Array:
+    """The vectors (N, size of :data:`PRIVILEGED`) for N environments."""
+    handle = relative(tool_pose(arm, state.q), state.T_wh)[:, :3, 3]
+    return PRIVILEGED.pack(
+        {
+            "handle_pos_true": 5.0 * handle,
+            "part_open_true": state.opened,
+            "hand_closing": state.hand.closing,
+            "hand_wait": state.hand.wait_s,
+            "force": np.nan_to_num(state.samples[:, 0:3]) / 20.0,
+            "violated": (state.samples[:, COLUMN["code"]] > 0.0).astype(np.float64),
+            "rest": np.minimum(judgement.rest_s, 1.0),
+            "drawn": drawn.values,
+        }
+    )
