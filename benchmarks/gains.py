@@ -32,7 +32,7 @@ from articulate.arm import (
 )
 from articulate.draw import Draw, DrawConfig
 from articulate.follow import FollowConfig
-from articulate.kinematics import solve_ik
+from articulate.kinematics import self_motion, solve_ik, tool_jacobian_t
 from articulate.placing import handle_in_world, object_pose
 from articulate.transforms import Array, axis_angle_to_matrix
 from articulate_envs.physics import PhysicsConfig
@@ -94,6 +94,17 @@ def path(scene: Scene, drawn: Draw, opened: Array, q: Array) -> Array:
     return out
 
 
+def motion_to(scene: Scene, target: Array, goal: Array) -> Array:
+    """The motion (N, 7) that carries targets (N, 7) to goals (N, 7) [rad], clipped as a whole."""
+    follow = scene.follow
+    jacobian, step = tool_jacobian_t(scene.arm, target), goal - target
+    twist = np.einsum("nij,nj->ni", jacobian, step)
+    elbow = np.einsum("nj,nj->n", self_motion(jacobian), step)
+    unit = np.repeat([follow.move_m, follow.turn_rad], 3)
+    motion = np.column_stack([twist / unit, elbow / follow.step_rad])
+    return np.asarray(motion / np.maximum(np.abs(motion).max(axis=1, keepdims=True), 1.0))
+
+
 def measure(scene: Scene, draws: DrawConfig) -> dict[str, float]:
     """Forces and openings of the led hand."""
     rng = np.random.default_rng(0)
@@ -111,8 +122,7 @@ def measure(scene: Scene, draws: DrawConfig) -> dict[str, float]:
     lag = np.zeros((len(wanted), n))
     for t, goal in enumerate(wanted):
         state = engine.state()
-        delta = np.clip((goal - state.target) / scene.follow.step_rad, -1.0, 1.0)
-        state = engine.step(np.concatenate([delta, np.ones((n, 1))], axis=1))
+        state = engine.step(np.column_stack([motion_to(scene, state.target, goal), np.ones(n)]))
         force[t] = np.linalg.norm(state.samples[:, :3], axis=1)
         lag[t] = np.abs(state.target - state.q).max(axis=1)
     opened = engine.state().opened / scene.task.target

@@ -48,7 +48,7 @@ class DrawConfig:
     start_rad: float = 0.1
     """Each joint starts within ± this of home [rad]."""
     delay_ticks: tuple[int, int] = (0, 2)
-    """Delay of the joint deltas, whole ticks, both ends included."""
+    """Delay of the motions, whole ticks, both ends included."""
     hand_latency_s: Range = (0.1, 1.2)
     """From a command of the hand to its motion [s]."""
     estimate_bias_m: float = 0.004

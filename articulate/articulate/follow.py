@@ -1,6 +1,7 @@
 """The plant between a policy's tick and the joints: target, follower, hand.
 
-Once a tick (20 Hz) the policy's joint deltas move a target. Between ticks a linear follower
+Once a tick (20 Hz) the policy moves a target of the joints: it says how the tool shall move and
+turn in its own frame, and how the elbow. Between ticks a linear follower
 of third order, three equal poles at ``-omega``, runs open loop towards it::
 
     x''' = omega^3 (u - x) - 3 omega^2 x' - 3 omega x''
@@ -20,6 +21,7 @@ import numpy as np
 
 from articulate.arm import Arm, Hand
 from articulate.errors import ConfigError
+from articulate.kinematics import resolve_motion, self_motion, tool_jacobian_t
 from articulate.transforms import Array
 
 
@@ -32,14 +34,18 @@ class FollowConfig:
     omega_rad_s: float = 22.0
     """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
     step_rad: float = 0.025
-    """Largest change of a target in one tick [rad]; an action of 1 asks for it."""
+    """Largest change of a joint's target in one tick [rad]; whole motions are scaled down to it."""
+    move_m: float = 0.008
+    """Motion of the tool along an axis that an action of 1 asks for [m a tick]."""
+    turn_rad: float = 0.02
+    """Turn of the tool about an axis that an action of 1 asks for [rad a tick]."""
     lead_rad: float = 0.15
     """Largest distance of a target from its measured joint [rad]."""
     margin_rad: float = 0.05
     """Distance that targets keep from the joint limits [rad]."""
 
     def __post_init__(self) -> None:
-        for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad"):
+        for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"follow.{name} is {getattr(self, name)}; it must be above 0")
 
@@ -103,21 +109,45 @@ def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> A
     return np.asarray(config.step_rad * terms.sum(axis=1).max(axis=0))
 
 
-def next_target(target: Array, delta: Array, q: Array, config: FollowConfig, arm: Arm) -> Array:
-    """Targets (N, 7) of the next tick [rad].
+def joint_step(target: Array, motion: Array, config: FollowConfig, arm: Arm) -> Array:
+    """Change of the targets (N, 7) [rad] that a motion asks for, at most ``step_rad`` each.
 
-    The delta is added, the lead over the measured joint and the joint limits are clipped, and
-    last the change itself, so that it never exceeds ``step_rad`` whatever the joints do.
+    The tool's motion is resolved at the target (not at the measured joints, so that it does not
+    depend on forces), the elbow's is what leaves the tool where it is. Where a joint would have
+    to go further than ``step_rad`` the whole motion is scaled down, which keeps its direction.
 
     Args:
         target: Targets of this tick (N, 7) [rad].
-        delta: Change asked for, in [-1, 1] of ``step_rad`` (N, 7).
+        motion: In [-1, 1] (N, 7): three of ``move_m`` and three of ``turn_rad`` along the axes
+            of the tool, and one of ``step_rad`` for the elbow.
+        config: Steps.
+        arm: For its kinematics.
+    """
+    motion = np.clip(motion, -1.0, 1.0)
+    unit = np.repeat([config.move_m, config.turn_rad], 3)
+    jacobian = tool_jacobian_t(arm, target)
+    step = resolve_motion(jacobian, unit * motion[:, :6])
+    step += config.step_rad * motion[:, 6:] * self_motion(jacobian)
+    longest = np.max(np.abs(step), axis=1, keepdims=True)
+    return np.asarray(step * np.minimum(1.0, config.step_rad / np.maximum(longest, 1e-12)))
+
+
+def next_target(target: Array, motion: Array, q: Array, config: FollowConfig, arm: Arm) -> Array:
+    """Targets (N, 7) of the next tick [rad].
+
+    The motion's joint step is added, the lead over the measured joint and the joint limits are
+    clipped, and last the change itself, so that it never exceeds ``step_rad`` whatever the
+    joints do.
+
+    Args:
+        target: Targets of this tick (N, 7) [rad].
+        motion: What is asked for (N, 7), see :func:`joint_step`.
         q: Measured joints (N, 7) [rad].
         config: Step, lead and margin.
         arm: Joint limits.
     """
     low, high = arm.bounds(config.margin_rad)
-    wish = target + config.step_rad * np.clip(delta, -1.0, 1.0)
+    wish = target + joint_step(target, motion, config, arm)
     wish = np.clip(wish, q - config.lead_rad, q + config.lead_rad)
     wish = np.clip(wish, low, high)
     return target + np.clip(wish - target, -config.step_rad, config.step_rad)

@@ -72,6 +72,46 @@ def tool_jacobian(arm: Arm, q: ArrayLike) -> Array:
     return np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2)
 
 
+def tool_jacobian_t(arm: Arm, q: ArrayLike) -> Array:
+    """The Jacobian (..., 6, 7) of :func:`tool_jacobian` in the axes of the tool."""
+    frames = joint_poses(q)
+    T_wt = frames[..., 6, :, :] @ flange_to_tool(arm)
+    axes = frames[..., :, :3, 2]
+    linear = np.cross(axes, T_wt[..., None, :3, 3] - frames[..., :, :3, 3])
+    turn = T_wt[..., :3, :3]
+    return np.swapaxes(np.concatenate([linear @ turn, axes @ turn], axis=-1), -1, -2)
+
+
+def self_motion(jacobian: Array) -> Array:
+    """Unit joint motion (..., 7) that leaves the tool where it is, for Jacobians (..., 6, 7).
+
+    Its components are the signed minors of the Jacobian (the generalised cross product of its
+    rows), so that its sign changes nowhere but at singular poses, where it fades to 0.
+    """
+    columns = np.arange(7)
+    minors = np.stack([jacobian[..., columns != i] for i in columns], axis=-3)
+    out = np.linalg.det(minors) * (-1.0) ** columns
+    length = np.linalg.norm(out, axis=-1, keepdims=True)
+    return np.asarray(out / np.maximum(length, 1e-4))
+
+
+def resolve_motion(jacobian: Array, twist: Array, *, damping: float = 0.02) -> Array:
+    """Smallest joint motion (..., 7) [rad] that moves the tool by ``twist`` (..., 6).
+
+    Damped least squares (Wampler 1986): short of what is asked for by a share of
+    damping^2 / sigma^2 along a direction of singular value sigma, and never large near a
+    singular pose.
+
+    Args:
+        jacobian: Of the tool (..., 6, 7), in the frame of ``twist``.
+        twist: Small motion of the tool: [m], then a rotation vector [rad].
+        damping: Singular value at which the motion is halved.
+    """
+    transposed = np.swapaxes(jacobian, -1, -2)
+    gram = jacobian @ transposed + damping**2 * np.eye(6)
+    return np.asarray((transposed @ np.linalg.solve(gram, twist[..., None]))[..., 0])
+
+
 @dataclass(frozen=True)
 class IkResult:
     """What inverse kinematics found for a batch of N poses."""
@@ -149,6 +189,15 @@ def _pose_error(goal: Array, now: Array) -> Array:
     angle = rotation_angle(rot)[..., None]
     turn = np.where(length > 1e-9, skew / np.where(length > 1e-9, length, 1.0) * angle, 0.5 * skew)
     return np.concatenate([goal[..., :3, 3] - now[..., :3, 3], turn], axis=-1)
+
+
+def small_twist(T: Array) -> Array:
+    """Motion (..., 6) of poses (..., 4, 4) near the identity: [m], then a rotation vector [rad].
+
+    The vector has the length of the angle's sine, which is the angle to 1 % below 0.25 rad.
+    """
+    turn = [T[..., 2, 1] - T[..., 1, 2], T[..., 0, 2] - T[..., 2, 0], T[..., 1, 0] - T[..., 0, 1]]
+    return np.concatenate([T[..., :3, 3], 0.5 * np.stack(turn, axis=-1)], axis=-1)
 
 
 def relative(T_wa: Array, T_wb: Array) -> Array:

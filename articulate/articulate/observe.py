@@ -8,7 +8,7 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.follow import HandState
-from articulate.kinematics import relative, tool_pose
+from articulate.kinematics import relative, small_twist, tool_pose
 from articulate.layout import Field, Layout
 from articulate.transforms import Array
 
@@ -17,6 +17,7 @@ OBSERVATION = Layout(
         Field(name="joint_pos", size=7, unit="rad", frame="-", source="robot"),
         Field(name="joint_vel", size=7, unit="rad/s", frame="-", source="robot"),
         Field(name="target_lead", size=7, unit="0.1 rad", frame="-", source="plant"),
+        Field(name="tool_lead", size=6, unit="0.05 m, 0.2 rad", frame="tool", source="plant"),
         Field(name="handle_pos", size=3, unit="0.2 m", frame="tool", source="estimator"),
         Field(name="handle_axes", size=6, unit="1", frame="tool", source="estimator"),
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
@@ -34,13 +35,13 @@ OBSERVATION = Layout(
 
 ACTION = Layout(
     (
-        Field(
-            name="joint_delta", size=7, unit="step_rad", frame="-", source="policy", low=-1, high=1
-        ),
+        Field(name="move", size=3, unit="move_m", frame="tool", source="policy", low=-1, high=1),
+        Field(name="turn", size=3, unit="turn_rad", frame="tool", source="policy", low=-1, high=1),
+        Field(name="elbow", size=1, unit="step_rad", frame="-", source="policy", low=-1, high=1),
         Field(name="hand", size=1, unit="1", frame="-", source="policy", low=-1, high=1),
     )
 )
-"""What a policy says: changes of the joint targets, and a number whose sign closes the hand."""
+"""What a policy says: how the tool and the elbow move, and a number whose sign closes the hand."""
 
 SINCE_S = 2.0
 """Time after a hand's command that is told apart [s]: its latency and its dwell lie within."""
@@ -86,7 +87,9 @@ def observation(
         last_action: The policy's last action (N, 8).
         time_left: Share of the episode that is left (N,).
     """
-    T_th = relative(tool_pose(arm, q), estimate.T_wh)
+    T_wt = tool_pose(arm, q)
+    T_th = relative(T_wt, estimate.T_wh)
+    lead = small_twist(relative(T_wt, tool_pose(arm, target)))
     axes = np.concatenate([T_th[:, :3, 2], T_th[:, :3, 0]], axis=1)
     since = np.minimum(hand.since_s, SINCE_S) / SINCE_S
     return OBSERVATION.pack(
@@ -94,6 +97,7 @@ def observation(
             "joint_pos": q,
             "joint_vel": dq,
             "target_lead": 10.0 * (target - q),
+            "tool_lead": lead * np.repeat([20.0, 5.0], 3),
             "handle_pos": 5.0 * T_th[:, :3, 3],
             "handle_axes": axes,
             "part_open": estimate.opened,

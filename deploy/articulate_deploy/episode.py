@@ -92,7 +92,7 @@ def run_episode(
         robot: Connected, at rest.
         estimator: What is known of the object.
         manifest: Task, plant, limits.
-        delay_ticks: Age of the joint deltas that are used.
+        delay_ticks: Age of the motions that are used.
         recording: Takes what happens at each tick.
 
     Raises:

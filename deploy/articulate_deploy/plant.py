@@ -21,7 +21,7 @@ class Plant:
         Args:
             manifest: Step, lead, margins, hand.
             q: Angles of the arm (7,) [rad].
-            delay_ticks: Age of the joint deltas that are used: a slow link, for stand-ins.
+            delay_ticks: Age of the motions that are used: a slow link, for stand-ins.
         """
         self._follow, self._arm = manifest.control.follow, manifest.robot
         self.target: Array = np.asarray(q, dtype=np.float64).copy()
@@ -33,8 +33,8 @@ class Plant:
     def tick(self, action: Array, q: Array) -> tuple[Array, float]:
         """Targets (7,) [rad] and opening of the hand [m] for an action (8,), at angles (7,)."""
         self._late.append(action[:7])
-        delta = self._late.pop(0)
-        target = next_target(self.target[None], delta[None], q[None], self._follow, self._arm)
+        motion = self._late.pop(0)
+        target = next_target(self.target[None], motion[None], q[None], self._follow, self._arm)
         self.hand = hand_tick(
             self.hand, action[7:8], _NO_LATENCY, self._arm.hand, self._follow.tick_s
         )

@@ -20,7 +20,7 @@ from articulate.observe import ACTION, observation
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.rewards import TERMS, RewardConfig, reward_terms
+from articulate_envs.rewards import TERMS, RewardConfig, free_along, reward_terms
 from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
 
 
@@ -90,6 +90,7 @@ class Episodes:
         self._drawn = draw(draws, self._rng, n)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
         self._judgement = judgement_start(n)
+        self._along = free_along(scene.asset.handle_of(scene.task.joint))
         self._tick = np.zeros(n, dtype=np.int64)
         self._home = np.zeros(n, dtype=bool)
         self._last = np.zeros((n, ACTION.size))
@@ -177,7 +178,7 @@ class Episodes:
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         state = self.engine.step(action)
         terms = reward_terms(
-            self.reward, scene.task, scene.arm, before, state, action, self.progress
+            self.reward, scene.task, scene.arm, before, state, action, self.progress, self._along
         )
         self._judgement = judge_tick(
             self._judgement,

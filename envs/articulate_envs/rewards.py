@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from articulate.arm import Arm
+from articulate.asset import Handle
 from articulate.judgement import COLUMN
 from articulate.kinematics import tool_pose
 from articulate.task import Task, at_target
@@ -14,7 +15,7 @@ from articulate.transforms import Array, rotation_angle
 from articulate_envs.engine import State
 
 TERMS = (
-    "reach", "align", "grip", "early", "open", "progress", "rest",
+    "approach", "reach", "align", "grip", "early", "open", "progress", "rest",
     "force", "speed", "action", "violation",
 )  # fmt: skip
 """Names of the terms, in the order of :func:`reward_terms`."""
@@ -24,26 +25,36 @@ TERMS = (
 class RewardConfig:
     """Weights. A tick's reward is the sum of the terms."""
 
+    approach: float = 100.0
+    """For each metre that the tool comes nearer to the handle in one tick: a potential, what is
+    gained on the way is lost on the way back (Ng, Harada and Russell 1999)."""
+    approach_across: float = 2.0
+    """How much more a metre across the fingers counts in it: they straddle the handle first."""
+    approach_turn_m: float = 0.1
+    """What a radian between hand and handle counts in it [m/rad]."""
     reach: float = 0.8
     """For the tool being at the handle: the mean of 1 / (1 + (d / scale)^2) over two scales."""
     reach_m: tuple[float, float] = (0.08, 0.015)
     """Those scales [m]: one draws the hand near, the other onto the handle."""
-    align: float = 0.25
-    """For the hand being turned like the handle, cos of the angle, weighted by closeness."""
+    align: float = 0.4
+    """For the hand being turned like the handle, weighted by closeness."""
+    align_rad: float = 0.35
+    """Angle at which that has fallen to 1/e [rad]."""
     grip: float = 0.5
     """For a hand that is told to close, and for one that is closed, at the handle."""
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.75
     """For a hand that is told to close, or is closed, away from the handle."""
-    open: float = 2.0
-    """For the fraction of the way to the target."""
+    open: float = 0.6
+    """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
+    the hand on the way and pulls before it has closed."""
     margin: float = 0.08
     """Opening is paid for up to the target and this share of it beyond: what is known of the part
     is noisy, and one who aims at the target itself stops short of it."""
-    progress: float = 40.0
+    progress: float = 60.0
     """For each change of that fraction."""
-    rest: float = 1.5
+    rest: float = 0.6
     """For resting at or beyond the target."""
     force: float = -0.02
     """For each newton of filtered force beyond ``force_free_n``, at the beginning of training."""
@@ -56,12 +67,50 @@ class RewardConfig:
     speed_free: float = 0.15
     """Speed of the part that costs nothing [m/s]."""
     action: float = -0.01
-    """For the mean square of the joint deltas."""
+    """For the mean square of the motion."""
     violation: float = -20.0
     """Once, when a limit of the task is broken, at the end of training; in proportion before."""
     spoiled: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""
+
+
+FINGER_M = 0.022
+"""Width of a finger along the handle that it holds [m]; franka_description, finger.stl."""
+MOST_ALONG_M = 0.05
+"""Largest distance from a handle's middle that counts as its middle [m]."""
+
+
+def free_along(handle: Handle | None) -> float:
+    """Distance from the handle's middle along its long axis at which fingers still hold it [m]."""
+    if handle is None:
+        return 0.0
+    return min(max(0.0, 0.9 * (handle.extent[0] - FINGER_M) / 2.0), MOST_ALONG_M)
+
+
+def grip_distance(T_wt: Array, T_wh: Array, along_m: float) -> Array:
+    """Distance (N,) [m] of tools from the nearest point of handles where a grip is as good.
+
+    Args:
+        T_wt: Poses of the tools (N, 4, 4).
+        T_wh: Poses of the handles (N, 4, 4); their x axis is the long one.
+        along_m: Half the length of the segment about the handle's middle that counts as one.
+    """
+    return np.asarray(np.linalg.norm(_grip_offset(T_wt, T_wh, along_m), axis=1))
+
+
+def _grip_offset(T_wt: Array, T_wh: Array, along_m: float) -> Array:
+    """The same as a vector (N, 3) in the axes of the handle."""
+    offset = np.einsum("nij,ni->nj", T_wh[:, :3, :3], T_wt[:, :3, 3] - T_wh[:, :3, 3])
+    offset[:, 0] -= np.clip(offset[:, 0], -along_m, along_m)
+    return np.asarray(offset)
+
+
+def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
+    """How far tools are from handles, place and turn in one (N,) [m]; see ``approach``."""
+    offset = _grip_offset(T_wt, T_wh, along_m) * np.array([1.0, config.approach_across, 1.0])
+    angle = rotation_angle(np.swapaxes(T_wt[:, :3, :3], -1, -2) @ T_wh[:, :3, :3])
+    return np.asarray(np.linalg.norm(offset, axis=1) + config.approach_turn_m * angle)
 
 
 def reward_terms(
@@ -72,6 +121,7 @@ def reward_terms(
     after: State,
     action: Array,
     progress: float = 0.0,
+    along_m: float = 0.0,
 ) -> Array:
     """Weighted terms (N, len(TERMS)) of one tick.
 
@@ -83,12 +133,16 @@ def reward_terms(
         after: State after it.
         action: What the policy said (N, 8).
         progress: Share of the training that is done, in [0, 1].
+        along_m: How far along the handle from its middle a grip is as good, see
+            :func:`free_along`.
     """
     T_wt = tool_pose(arm, after.q)
-    distance = np.linalg.norm(T_wt[:, :3, 3] - after.T_wh[:, :3, 3], axis=1)
+    nearer = away_from(config, tool_pose(arm, before.q), before.T_wh, along_m)
+    nearer -= away_from(config, T_wt, after.T_wh, along_m)
+    distance = grip_distance(T_wt, after.T_wh, along_m)
     near, at = (1.0 / (1.0 + (distance / scale) ** 2) for scale in config.reach_m)
     turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
-    aligned = np.maximum(np.cos(rotation_angle(turn)), -1.0)
+    aligned = np.exp(-((rotation_angle(turn) / config.align_rad) ** 2))
     goal = min(task.target * (1.0 + config.margin), 1.0)
     way = np.clip(after.opened / goal, 0.0, 1.0)
     change = way - np.clip(before.opened / goal, 0.0, 1.0)
@@ -108,6 +162,7 @@ def reward_terms(
     left = np.where(done, 1.0 + progress * (config.spoiled - 1.0), 1.0)
     dear = config.force + progress * (config.force_last - config.force)
     terms = (
+        config.approach * nearer,
         config.reach * 0.5 * (near + at),
         config.align * near * aligned,
         config.grip * close * told,

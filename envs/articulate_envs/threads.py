@@ -164,8 +164,8 @@ class ThreadEngine:
         self._actions = np.roll(self._actions, 1, axis=0)
         self._actions[0] = action[:, :7]
         delay = self._draw[:, COLUMNS.index("delay_ticks")].astype(np.int64)
-        delta = self._actions[delay, np.arange(self.n_envs)]
-        b.target[:] = next_target(b.target, delta, b.q, scene.follow, scene.arm)
+        motion = self._actions[delay, np.arange(self.n_envs)]
+        b.target[:] = next_target(b.target, motion, b.q, scene.follow, scene.arm)
         tick_s = scene.follow.tick_s
         latency = self._draw[:, COLUMNS.index("hand_latency_s")]
         self._hand = hand_tick(self._hand, action[:, 7], latency, scene.arm.hand, tick_s)

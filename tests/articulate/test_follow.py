@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -14,10 +16,13 @@ from articulate.follow import (
     follow_start,
     hand_start,
     hand_tick,
+    joint_step,
     next_target,
     response,
     worst_case,
 )
+from articulate.kinematics import relative, small_twist, tool_pose
+from articulate.observe import ACTION
 from articulate.task import Limits
 
 CONFIG = FollowConfig()
@@ -121,26 +126,64 @@ def joints(low=-3.0, high=3.0):
     return arrays(np.float64, (3, 7), elements=st.floats(low, high))
 
 
-@given(target=joints(), delta=joints(-5, 5), q=joints(-4, 4))
-def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, delta, q):
+@given(target=joints(), motion=joints(-5, 5), q=joints(-4, 4))
+def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, motion, q):
     low, high = PANDA.bounds(CONFIG.margin_rad)
     target = np.clip(target, low, high)
-    new = next_target(target, delta, q, CONFIG, PANDA)
+    new = next_target(target, motion, q, CONFIG, PANDA)
     assert np.all(np.abs(new - target) <= CONFIG.step_rad + 1e-12)
     assert np.all((new >= low - 1e-12) & (new <= high + 1e-12))
 
 
-@given(delta=joints(-1, 1), lead=joints(-1, 1))
-def test_target_does_not_run_away_from_a_joint_that_is_held(delta, lead):
+@given(motion=joints(-1, 1), lead=joints(-1, 1))
+def test_target_does_not_run_away_from_a_joint_that_is_held(motion, lead):
     q = np.tile(PANDA.home, (3, 1))
-    new = next_target(q + CONFIG.lead_rad * lead, delta, q, CONFIG, PANDA)
+    new = next_target(q + CONFIG.lead_rad * lead, motion, q, CONFIG, PANDA)
     assert np.all(np.abs(new - q) <= CONFIG.lead_rad + 1e-12)
 
 
-def test_free_target_moves_by_the_delta():
-    q = np.asarray(PANDA.home)[None]
-    new = next_target(q, 0.5 * np.ones((1, 7)), q, CONFIG, PANDA)
-    assert_allclose(new - q, 0.5 * CONFIG.step_rad)
+HOME = np.asarray(PANDA.home)[None]
+
+
+def moved(motion, config=CONFIG):
+    """What a motion of one field does to the tool at home (6,), in its own frame."""
+    vector = np.zeros((1, ACTION.size))
+    vector[:, ACTION.slice(motion[0])] = motion[1]
+    new = next_target(HOME, vector[:, :7], HOME, config, PANDA)
+    return small_twist(relative(tool_pose(PANDA, HOME), tool_pose(PANDA, new)))[0]
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_tool_moves_and_turns_along_its_own_axes_by_what_is_asked(axis):
+    """At a fifth of a step nothing is scaled down, and curvature is below a hundredth."""
+    unit = np.eye(3)[axis]
+    move, turn = moved(("move", 0.2 * unit)), moved(("turn", 0.2 * unit))
+    assert_allclose(move, [*(0.2 * CONFIG.move_m * unit), 0, 0, 0], atol=2e-5)
+    assert_allclose(turn, [0, 0, 0, *(0.2 * CONFIG.turn_rad * unit)], atol=5e-5)
+
+
+def test_elbow_moves_by_its_step_and_leaves_the_tool_where_it_is():
+    new = next_target(HOME, np.eye(7)[6][None], HOME, CONFIG, PANDA)
+    assert np.linalg.norm(new - HOME) == pytest.approx(CONFIG.step_rad)
+    assert_allclose(moved(("elbow", 1.0)), 0, atol=3e-4)
+
+
+def test_motion_that_is_too_large_for_a_joint_is_scaled_down_as_a_whole():
+    config = dataclasses.replace(CONFIG, move_m=0.05)
+    ask = np.array([0.3, -0.5, 0.8])
+    got = moved(("move", ask), config)[:3]
+    assert np.linalg.norm(got) < 0.5 * config.move_m * np.linalg.norm(ask)
+    assert np.dot(got, ask) / np.linalg.norm(got) / np.linalg.norm(ask) > 0.999
+
+
+@given(motion=joints(-1, 1), seed=st.integers(0, 1000))
+def test_same_motion_asked_near_a_singular_pose_stays_small(motion, seed):
+    """The arm stretched out: the elbow at its bound nearest to straight, wrist in line."""
+    rng = np.random.default_rng(seed)
+    q = np.clip(0.01 * rng.normal(size=(3, 7)), *PANDA.bounds(CONFIG.margin_rad))
+    step = joint_step(q, motion, CONFIG, PANDA)
+    assert np.isfinite(step).all()
+    assert np.all(np.abs(step) <= CONFIG.step_rad + 1e-12)
 
 
 def run_hand(commands, *, latency_s=0.0, hand=HAND, tick_s=TICK_S):

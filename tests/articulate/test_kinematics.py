@@ -8,11 +8,15 @@ from articulate.kinematics import (
     joint_poses,
     manipulability,
     relative,
+    resolve_motion,
+    self_motion,
+    small_twist,
     solve_ik,
     tool_jacobian,
+    tool_jacobian_t,
     tool_pose,
 )
-from articulate.transforms import pose, rotation_angle
+from articulate.transforms import axis_angle_to_matrix, pose, rotation_angle
 
 LOW, HIGH = PANDA.bounds()
 
@@ -102,3 +106,58 @@ def test_stretched_elbow_is_singular_and_home_is_not():
 def test_relative_pose_carries_a_point_from_one_frame_to_the_other():
     T_wa, T_wb = tool_pose(PANDA, angles(3, 2))
     assert_allclose(T_wa @ relative(T_wa, T_wb), T_wb, atol=1e-12)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_jacobian_in_the_tools_axes_is_the_worlds_turned(seed):
+    q = angles(seed)
+    turn = np.swapaxes(tool_pose(PANDA, q)[:, :3, :3], 1, 2)
+    world, tool = tool_jacobian(PANDA, q), tool_jacobian_t(PANDA, q)
+    for rows in (slice(0, 3), slice(3, 6)):
+        assert_allclose(tool[:, rows], turn @ world[:, rows], atol=1e-12)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_self_motion_has_length_one_and_leaves_the_tool_where_it_is(seed):
+    q = angles(seed, 4)
+    jacobian = tool_jacobian_t(PANDA, q)
+    motion = self_motion(jacobian)
+    assert_allclose(np.einsum("nij,nj->ni", jacobian, motion), 0, atol=1e-9)
+    regular = manipulability(PANDA, q) > 0.05
+    assert_allclose(np.linalg.norm(motion[regular], axis=1), 1.0)
+
+
+def test_self_motion_keeps_its_sign_along_a_path():
+    """From home to a reaching pose in a hundred steps; a sign that flips would give about -1."""
+    way = np.array([0.4, 0.5, -0.3, 0.6, 0.3, 0.4, -0.5])
+    path = np.asarray(PANDA.home) + np.linspace(0.0, 1.0, 100)[:, None] * way
+    motion = self_motion(tool_jacobian_t(PANDA, path))
+    assert np.all(np.einsum("ni,ni->n", motion[1:], motion[:-1]) > 0.99)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_resolved_motion_moves_the_tool_as_asked_and_has_no_part_that_does_not(seed):
+    rng = np.random.default_rng(seed)
+    q = np.asarray(PANDA.home) + rng.uniform(-0.3, 0.3, (4, 7))
+    jacobian = tool_jacobian_t(PANDA, q)
+    twist = 1e-4 * rng.normal(size=(4, 6))
+    step = resolve_motion(jacobian, twist, damping=1e-6)
+    seen = small_twist(relative(tool_pose(PANDA, q), tool_pose(PANDA, q + step)))
+    assert_allclose(seen, twist, atol=1e-6)
+    assert_allclose(np.einsum("ni,ni->n", step, self_motion(jacobian)), 0, atol=1e-12)
+
+
+def test_resolved_motion_is_halved_where_the_singular_value_is_the_damping():
+    jacobian = np.eye(6, 7)
+    jacobian[0, 0] = 0.1
+    step = resolve_motion(jacobian, np.array([1.0, 0, 0, 0, 0, 0]), damping=0.1)
+    assert_allclose(step[0], 0.5 / 0.1)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_small_twist_is_the_translation_and_the_rotation_vector(seed):
+    rng = np.random.default_rng(seed)
+    move, axis = rng.normal(size=3), rng.normal(size=3)
+    turn = 0.01 * axis / np.linalg.norm(axis)
+    T = pose(move, axis_angle_to_matrix(turn / 0.01, 0.01))
+    assert_allclose(small_twist(T), [*move, *turn], atol=1e-6)

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA
 from articulate.follow import hand_start
-from articulate.kinematics import tool_pose
+from articulate.kinematics import resolve_motion, tool_jacobian_t, tool_pose
 from articulate.observe import ACTION, OBSERVATION, SINCE_S, Estimate, observation
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -55,6 +55,14 @@ def test_robot_and_object_turned_together_about_the_base_look_the_same(angle, se
     assert_allclose(a, b, atol=1e-9)
 
 
+def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
+    """A target 1 mm along the tool's z and turned by 0.004 rad about its x."""
+    twist = np.array([[0, 0, 0.001, 0.004, 0, 0]])
+    target = HOME + resolve_motion(tool_jacobian_t(PANDA, HOME), twist)
+    seen = field(observe(target=target), "tool_lead")
+    assert_allclose(seen, [0, 0, 0.02, 0.02, 0, 0], atol=3e-4)
+
+
 @pytest.mark.parametrize(
     ("name", "values", "expected"),
     [
@@ -94,7 +102,7 @@ def test_values_out_of_bounds_are_clipped():
     assert np.all((far >= OBSERVATION.low) & (far <= OBSERVATION.high))
 
 
-def test_action_is_seven_deltas_and_a_hand_within_one():
+def test_action_is_a_motion_of_seven_numbers_and_a_hand_within_one():
     assert ACTION.size == 8
     assert ACTION.slice("hand") == slice(7, 8)
     assert (ACTION.low.min(), ACTION.high.max()) == (-1, 1)

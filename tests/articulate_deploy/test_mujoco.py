@@ -11,7 +11,6 @@ from articulate.errors import BundleError, ConfigError
 from articulate.judgement import COLUMN, judge_sample, judgement_start
 from articulate.kinematics import solve_ik, tool_pose
 from articulate.placing import handle_in_world
-from articulate.transforms import pose
 from articulate_deploy.deploy import one_size
 from articulate_deploy.plant import Plant
 from articulate_deploy.robots import ROBOTS, robot_named
@@ -117,15 +116,10 @@ def test_the_stand_in_is_the_plant_of_training_while_it_pulls(engine, robot, bun
         flip=manifest.place.flip,
     )
     grip = solve_ik(manifest.robot, goal, np.asarray(manifest.start.q), iterations=80)
-    pulled = goal @ pose(np.array([[0.0, 0.0, -0.12]]))
-    back = solve_ik(manifest.robot, pulled, grip.q, iterations=80)
     assert grip.reached.all()
-    assert back.reached.all()
     actions = np.zeros((60, 8))
     actions[:, 7] = 1.0
-    steps = (back.q[0] - grip.q[0]) / manifest.control.follow.step_rad
-    count = int(np.ceil(np.abs(steps).max() / 0.5))
-    actions[25 : 25 + count, :7] = steps / count
+    actions[25:55, 2] = -0.12 / (30 * manifest.control.follow.move_m)
     start = Start(
         draw=Draw(values),
         q=grip.q,

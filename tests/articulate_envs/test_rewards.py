@@ -8,13 +8,21 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA
+from articulate.asset import Handle
 from articulate.follow import HandState
 from articulate.judgement import COLUMN, WIDTH
 from articulate.kinematics import tool_pose
 from articulate.task import Task
 from articulate.transforms import axis_angle_to_matrix, pose
 from articulate_envs.engine import State
-from articulate_envs.rewards import TERMS, RewardConfig, reward_terms
+from articulate_envs.rewards import (
+    MOST_ALONG_M,
+    TERMS,
+    RewardConfig,
+    free_along,
+    grip_distance,
+    reward_terms,
+)
 
 CONFIG = RewardConfig()
 TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)
@@ -50,14 +58,71 @@ SHUT = np.array([[0.0] * 7 + [1.0]])
 """The hand is told to close."""
 
 
-def terms(after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0):
-    values = reward_terms(config, task, PANDA, before, after, action, progress)
+def terms(after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0, along_m=0.0):
+    values = reward_terms(config, task, PANDA, before, after, action, progress, along_m)
     assert values.shape == (1, len(TERMS))
     return dict(zip(TERMS, values[0], strict=True))
 
 
 def test_far_away_and_idle_nothing_is_gained_or_lost():
     assert_allclose(list(terms(AWAY).values()), 0.0, atol=1e-3)
+
+
+def handle(along_m):
+    """A bar of a length."""
+    return Handle(
+        name="h",
+        link="l",
+        joint="j",
+        pos_l=(0.0, 0.0, 0.0),
+        normal_l=(-1.0, 0.0, 0.0),
+        along_l=(0.0, 1.0, 0.0),
+        extent=(along_m, 0.01, 0.01),
+        kind="bar",
+        source="given",
+    )
+
+
+def test_distance_to_a_long_handle_is_that_to_its_nearest_point():
+    """Along the bar the first 4 cm are free; across it nothing is."""
+    T_wh = tool_pose(PANDA, HOME)
+    for offset, expected in (
+        ([0.04, 0.0, 0.0], 0.0),
+        ([-0.04, 0.0, 0.0], 0.0),
+        ([0.05, 0.0, 0.0], 0.01),
+        ([0.0, 0.03, 0.0], 0.03),
+        ([-0.07, 0.0, 0.04], 0.05),
+    ):
+        T_wt = T_wh @ pose(np.array(offset))
+        assert_allclose(grip_distance(T_wt, T_wh, 0.04), expected, atol=1e-12)
+
+
+def test_fingers_must_fit_on_the_part_of_a_handle_that_counts_as_its_middle():
+    assert free_along(None) == free_along(handle(0.02)) == 0.0
+    assert free_along(handle(0.1)) == pytest.approx(0.9 * (0.05 - 0.011))
+    assert free_along(handle(0.6)) == MOST_ALONG_M
+
+
+def test_approach_pays_for_coming_nearer_and_takes_it_back():
+    near, far = state(offset=[0, 0, 0.1]), state(offset=[0, 0, 0.13])
+    gained = terms(near, before=far)["approach"]
+    assert gained == pytest.approx(0.03 * CONFIG.approach)
+    assert terms(far, before=near)["approach"] == pytest.approx(-gained)
+
+
+def test_approach_counts_the_way_across_the_fingers_and_the_turn_by_their_weights():
+    beside, turned = state(offset=[0, 0.02, 0]), state(turn=0.3)
+    across = terms(state(), before=beside)["approach"]
+    assert across == pytest.approx(0.02 * CONFIG.approach_across * CONFIG.approach)
+    back = terms(state(), before=turned)["approach"]
+    assert back == pytest.approx(0.3 * CONFIG.approach_turn_m * CONFIG.approach)
+
+
+def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
+    beside = state(offset=[0.03, 0, 0], smooth=1.0, closing=1.0)
+    assert terms(beside, action=SHUT)["early"] < -0.3
+    assert terms(beside, action=SHUT, along_m=0.03)["early"] == pytest.approx(0.0, abs=1e-9)
+    assert terms(beside, action=SHUT, along_m=0.03)["grip"] == pytest.approx(CONFIG.grip)
 
 
 def test_tool_at_the_handle_earns_the_whole_of_reach():
@@ -79,8 +144,10 @@ def test_reach_grows_all_the_way_to_the_handle():
     assert np.all(np.diff(way) > 0)
 
 
-@pytest.mark.parametrize(("turn", "share"), [(0.0, 1.0), (np.pi / 3, 0.5), (np.pi, -1.0)])
-def test_hand_turned_like_the_handle_earns_the_cosine_of_the_angle(turn, share):
+@pytest.mark.parametrize(
+    ("turn", "share"), [(0.0, 1.0), (CONFIG.align_rad, np.exp(-1.0)), (np.pi, 0.0)]
+)
+def test_hand_turned_like_the_handle_earns_and_turned_away_does_not(turn, share):
     assert terms(state(turn=turn))["align"] == pytest.approx(share * CONFIG.align, abs=1e-9)
 
 
@@ -176,7 +243,7 @@ def test_speed_of_the_part_costs_beyond_what_is_free_in_both_directions(kind, le
         assert terms(state(speed=fast), task=task)["speed"] == pytest.approx(0.1 * CONFIG.speed)
 
 
-def test_joint_deltas_cost_their_mean_square_and_the_hand_is_free():
+def test_motions_cost_their_mean_square_and_the_hand_is_free():
     action = np.zeros((1, 8))
     action[0, 0], action[0, 7] = 1.0, 1.0
     assert terms(AWAY, action=action)["action"] == pytest.approx(CONFIG.action / 7)
@@ -191,7 +258,7 @@ def test_violation_costs_once_and_in_proportion_to_the_progress(progress):
 
 
 def test_what_is_wished_is_rewarded_and_what_is_not_costs():
-    for name in ("reach", "align", "grip", "open", "progress", "rest"):
+    for name in ("approach", "reach", "align", "grip", "open", "progress", "rest"):
         assert getattr(CONFIG, name) >= 0, name
     for name in {"early", "force", "speed", "action", "violation"} & set(TERMS):
         assert getattr(CONFIG, name) <= 0, name
@@ -200,7 +267,7 @@ def test_what_is_wished_is_rewarded_and_what_is_not_costs():
 @pytest.mark.parametrize("progress", [0.0, 0.25, 1.0])
 def test_opening_after_a_violation_earns_less_the_further_training_is(progress):
     after = {"opened": TASK.target, "code": 3.0}
-    whole = terms(state(opened=TASK.target), progress=progress)
+    whole = terms(state(opened=TASK.target), before=state(), progress=progress)
     spoiled = terms(state(**after), before=state(code=3.0), progress=progress)
     left = 1 + progress * (CONFIG.spoiled - 1)
     for name in ("open", "progress", "rest"):
