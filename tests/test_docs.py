@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from articulate.asset import Asset, Handle, Joint, Link
+from articulate.commands.check import CheckFlags
 from articulate.commands.flags import parse
 from articulate.draw import DrawConfig
 from articulate.follow import FollowConfig
@@ -44,6 +45,8 @@ PAGES = sorted(
 )
 OURS = "articulate|benchmarks|configs|deploy|docs|envs|scripts|tests|train"
 FLAGS = {
+    "check-asset": CheckFlags,
+    "check": CheckFlags,
     "train": TrainFlags,
     "evaluate": EvaluateFlags,
     "export-policy": ExportFlags,
@@ -208,7 +211,7 @@ def test_tables_of_fields_are_those_of_the_code(head, cls, without):
     assert sorted(told) == sorted({f.name for f in dataclasses.fields(cls)} - without)
 
 
-@pytest.mark.parametrize("command", ["train", "evaluate", "export-policy", "deploy"])
+@pytest.mark.parametrize("command", ["check-asset", "train", "evaluate", "export-policy", "deploy"])
 def test_pages_of_commands_name_flags_that_exist(command):
     known = {f"--{f.name.replace('_', '-')}" for f in dataclasses.fields(FLAGS[command])}
     page = (ROOT / "docs" / "commands" / f"{command}.md").read_text(encoding="utf-8")

@@ -28,6 +28,8 @@ from articulate.transforms import Array, axis_angle_to_matrix, pose, quat_to_mat
 
 SCHEMA = "articulate.asset"
 SCHEMA_VERSION = 1
+ABOUT = frozenset({"proof.json", "proof.html", "proof.webp"})
+"""Files of an asset's folder that say something about it and are no part of it."""
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
@@ -199,9 +201,10 @@ class Asset:
         return self.T_ol(joint_name, q) @ handle_frame(handle)
 
     def content_id(self) -> str:
-        """SHA-256 over every file of the folder, names included."""
+        """SHA-256 over every file of the folder, names included, but for those about it."""
         digest = hashlib.sha256()
-        for path in sorted(p for p in self.folder.rglob("*") if p.is_file()):
+        files = (p for p in self.folder.rglob("*") if p.is_file() and p.name not in ABOUT)
+        for path in sorted(files):
             digest.update(path.relative_to(self.folder).as_posix().encode() + b"\0")
             digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()

@@ -13,12 +13,12 @@ from PIL import Image
 
 from articulate.errors import MissingError
 from articulate.files import whole_file
+from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
+from articulate.render.view import View, camera_axes, fitted_view
 from articulate.transforms import Array, matrix_to_quat
-from articulate_envs.canvas import GEOM_GROUPS, Canvas, Pixels
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, Scene, scene_spec
 from articulate_envs.stage import set_stage
-from articulate_envs.view import View, camera_axes, fitted_view
 
 FRAMES_PER_S = 20
 """Frames of a clip in a second; a tick of the default rate is one."""

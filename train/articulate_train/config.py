@@ -22,11 +22,11 @@ class PpoConfig:
     """Environments stepped side by side."""
     n_steps: int = 64
     """Ticks of each environment between updates."""
-    batch_size: int = 512
+    batch_size: int = 256
     """Samples in a minibatch."""
     n_epochs: int = 8
     """Passes over the samples of an update."""
-    learning_rate: float = 5e-4
+    learning_rate: float = 4e-4
     """Learning rate at the beginning."""
     learning_rate_last: float = 2e-5
     """Learning rate at the end; it falls linearly."""

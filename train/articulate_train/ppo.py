@@ -203,7 +203,8 @@ class _Asymmetric(MlpExtractor):
         self.policy_net = actor.policy_net
 
     def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
-        return self.policy_net(features[:, : OBSERVATION.size])
+        latent: torch.Tensor = self.policy_net(features[:, : OBSERVATION.size])
+        return latent
 
 
 class _Nothing(BaseCallback):

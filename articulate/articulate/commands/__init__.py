@@ -28,6 +28,7 @@ INTERRUPT_EXIT = 130
 Main = Callable[[Sequence[str]], int]
 
 SUMMARIES = {
+    "check": "convert an object and prove it ready for simulation",
     "train": "train a policy on an object",
     "evaluate": "evaluate a run again",
     "export": "write a run's policy as a bundle for robots",
@@ -78,6 +79,11 @@ def version() -> str:
         return metadata.version(DISTRIBUTION)
     except metadata.PackageNotFoundError:
         return "unknown (not installed)"
+
+
+def check_asset() -> int:
+    """Entry of ``check-asset``, short for ``articulate check``."""
+    return main(["check", *sys.argv[1:]])
 
 
 def train() -> int:

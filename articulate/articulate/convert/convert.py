@@ -17,13 +17,16 @@ from articulate.asset import Asset, Joint, Link, load_asset, save_asset
 from articulate.convert.collision import collision_shapes
 from articulate.convert.config import ConvertConfig
 from articulate.convert.contacts import excludes_of
+from articulate.convert.expand import expand
 from articulate.convert.grasps import handles_of
 from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
 from articulate.convert.mesh import Loader, PartGeometry, bounds
 from articulate.convert.origin import ORIGIN_FILE, origin_of
 from articulate.convert.presets import density, given_dynamics, joint_preset
-from articulate.convert.read import SourceObject, read_urdf
+from articulate.convert.read import SourceObject, free_name, read_urdf
+from articulate.convert.read_mjcf import read_mjcf
+from articulate.convert.read_mjcf_files import is_mjcf
 from articulate.convert.size import category_of, is_normalised, scale_of
 from articulate.convert.tree import Part, build_parts, poses_at
 from articulate.convert.write import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
@@ -31,8 +34,10 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "3"
+VERSION = "4"
 """Enters every cache key; change it with anything that changes what is written."""
+SIZE_M = (0.005, 300.0)
+"""Shortest and longest object [m] that is taken for one in metres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +77,8 @@ def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Ass
     """
     config = config or ConvertConfig()
     _check_out(out)
-    asset, bodies, mimics = _built(_read(urdf_in(source), config), config)
-    return _written(asset, bodies, mimics, out)
+    asset, bodies, mimics = build_asset(read_input(urdf_in(source), config), config)
+    return write_asset(asset, bodies, mimics, out)
 
 
 def cached_asset(source: Path, cache_dir: Path, config: ConvertConfig | None = None) -> Asset:
@@ -92,34 +97,52 @@ def cached_asset(source: Path, cache_dir: Path, config: ConvertConfig | None = N
     if config.cache_dir is None:
         config = replace(config, cache_dir=cache_dir)
     path = urdf_in(source)
-    reading = _read(path, config)
-    folder = cache_dir / "assets" / f"{reading.source.name[:40]}-{_key(reading, config)[:20]}"
+    reading = read_input(path, config)
+    folder = cache_dir / "assets" / f"{reading.source.name[:40]}-{input_key(reading, config)[:20]}"
     if (folder / "asset.json").is_file():
         return load_asset(folder)
-    asset, bodies, mimics = _built(reading, config)
-    return _written(asset, bodies, mimics, folder)
+    asset, bodies, mimics = build_asset(reading, config)
+    return write_asset(asset, bodies, mimics, folder)
 
 
 def urdf_in(source: Path) -> Path:
-    """The URDF that ``source`` is or holds.
+    """The URDF or MJCF file that ``source`` is or holds; a folder's only URDF comes first.
 
     Raises:
         AssetError: There is none, or more than one.
     """
     if not source.exists():
-        raise AssetError(f"{source}: does not exist; give a URDF or a folder that holds one")
+        raise AssetError(
+            f"{source}: does not exist; give a URDF, an MJCF file or a folder that holds one"
+        )
     if not source.is_dir():
         return source
-    found = sorted(source.glob("*.urdf"))
+    urdfs = sorted(source.glob("*.urdf"))
+    found = urdfs or sorted(p for p in source.iterdir() if p.suffix.lower() in {".xml", ".mjcf"})
     if len(found) != 1:
         names = ", ".join(p.name for p in found[:6]) or "none"
-        raise AssetError(f"{source}: holds {len(found)} URDFs ({names}); name one")
+        kind = "URDFs" if urdfs else "URDF or MJCF files"
+        raise AssetError(f"{source}: holds {len(found)} {kind} ({names}); name one")
     return found[0]
 
 
-def _read(path: Path, config: ConvertConfig) -> Reading:
-    source = read_urdf(path)
-    parts = build_parts(source)
+def read_source(path: Path) -> SourceObject:
+    """What stands in the URDF or MJCF file at ``path``.
+
+    Raises:
+        AssetError: It cannot be read, or holds no object.
+    """
+    return read_mjcf(path) if is_mjcf(path) else read_urdf(path)
+
+
+def read_input(path: Path, config: ConvertConfig) -> Reading:
+    """What the URDF or MJCF at ``path`` says, with its geometry.
+
+    Raises:
+        AssetError: It cannot be read, or nothing in it has geometry.
+    """
+    source = read_source(path)
+    parts = build_parts(expand(source))
     loader = Loader(source, config.mesh_dirs, config.allow_missing)
     geometry = {part.name: loader.part(part) for part in parts}
     parts = _without_empty(parts, geometry, source)
@@ -130,9 +153,8 @@ def _read(path: Path, config: ConvertConfig) -> Reading:
         for part in parts
         if part.joint is not None
     }
-    return Reading(
-        source=source, parts=parts, geometry=geometry, travels=travels, files=loader.files
-    )
+    files = {**source.files, **loader.files}
+    return Reading(source=source, parts=parts, geometry=geometry, travels=travels, files=files)
 
 
 def _without_empty(
@@ -152,7 +174,8 @@ def _without_empty(
             kept.remove(part)
 
 
-def _key(reading: Reading, config: ConvertConfig) -> str:
+def input_key(reading: Reading, config: ConvertConfig) -> str:
+    """Content hash of all that an asset is made from: files, options, version of the converter."""
     digest = hashlib.sha256(f"convert {VERSION}\0".encode())
     options = dataclasses.asdict(config)
     del options["cache_dir"], options["decompose_s"]
@@ -166,7 +189,12 @@ def _key(reading: Reading, config: ConvertConfig) -> str:
     return digest.hexdigest()
 
 
-def _placement(reading: Reading, config: ConvertConfig) -> Placement:
+def placement_of(reading: Reading, config: ConvertConfig) -> Placement:
+    """Size and place of the object frame.
+
+    Raises:
+        AssetError: The object has no extent.
+    """
     closed = {
         part.joint.name: reading.travels[part.name].closed
         for part in reading.parts
@@ -181,6 +209,12 @@ def _placement(reading: Reading, config: ConvertConfig) -> Placement:
     if longest <= 0.0:
         raise AssetError(f"{reading.source.path}: all geometry lies in one point")
     scale, rule = scale_of(reading.source.path, config, longest)
+    low_m, high_m = SIZE_M
+    if not low_m <= scale * longest <= high_m:
+        raise AssetError(
+            f"{reading.source.path}: the closed object is {scale * longest:.3g} m long; {low_m:g} "
+            f"to {high_m:g} m are accepted: is it in metres? else give its longest side (size_m)"
+        )
     T_os = np.eye(4)
     T_os[:3, 3] = -scale * np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     return Placement(scale=scale, rule=rule, T_os=T_os)
@@ -192,15 +226,20 @@ def _scaled_pose(T: Array, scale: float) -> Array:
     return out
 
 
-def _built(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], list[Mimic]]:
+def build_asset(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], list[Mimic]]:
+    """The asset with its bodies and followers, not written yet."""
     source = reading.source
-    place = _placement(reading, config)
+    place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
     bodies, T_ob = _bodies(reading, place, category, config)
+    if not any(body.shapes for body in bodies):
+        raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
     joints = tuple(body.joint for body in bodies if body.joint is not None)
     links = tuple(_link(body, T_ob[body.name]) for body in bodies)
     mimics = _mimics(reading, place)
+    if not joints:
+        source.repairs.note("no joint moves: the object is rigid")
     asset = Asset(
         name=config.name or source.name,
         category=category,
@@ -225,17 +264,23 @@ def _bodies(
     bodies: list[Body] = []
     T_ob: dict[str, Array] = {}
     names: dict[str, str] = {}
+    rescaled = abs(place.scale - 1.0) > 1e-9
     for part in reading.parts:
         geometry = reading.geometry[part.name].scaled(place.scale)
+        specks = len(reading.geometry[part.name].visuals) - len(geometry.visuals)
+        if specks:
+            repairs.add(f"part {part.name}: {specks} visual pieces of next to no area left out")
         T_op = place.T_os @ _scaled_pose(part.T_sp, place.scale)
-        members = part.members
+        members = tuple((link, _scaled_pose(T, place.scale)) for link, T in part.members)
         if part.joint is None:  # the fixed body has the object frame for its own
             geometry = geometry.moved(T_op)
             members = tuple((link, T_op @ T_pl) for link, T_pl in members)
             T_op = np.eye(4)
-        name = names[part.name] = f"{part.name}_link" if part.name == "world" else part.name
+        name = part.name  # MuJoCo keeps the name "world" for itself
+        if name == "world":
+            name = free_name("world_link", reading.source.links)
+        names[part.name] = name
         shapes = collision_shapes(geometry, name, config, repairs)
-        rescaled = abs(place.scale - 1.0) > 1e-9
         inertial = inertial_of(
             members,
             shapes,
@@ -252,7 +297,8 @@ def _bodies(
         armature = 0.0
         if travel is not None and parent is not None and part.joint is not None:
             preset = joint_preset(travel.kind, inertial.mass_kg)
-            armature = preset.armature
+            said = part.joint.armature
+            armature = said if said and not rescaled else preset.armature
             joint = _joint(part.joint.name, name, parent, travel, place.scale, T_op)
             given = (part.joint.damping, part.joint.friction)
             damping, friction = given_dynamics(preset, *given, rescaled=rescaled)
@@ -268,9 +314,29 @@ def _bodies(
                 joint=joint,
                 axis_l=None if travel is None else travel.axis,
                 armature=armature,
+                frames=tuple(
+                    (link.name, T) for link, T in members if link.name not in {part.name, "world"}
+                ),
             )
         )
+    _note_inertia(reading, bodies, category, rescaled=rescaled)
     return bodies, T_ob
+
+
+def _note_inertia(
+    reading: Reading, bodies: Sequence[Body], category: str, *, rescaled: bool
+) -> None:
+    """Say where masses come from that do not stand in the source."""
+    repairs = reading.source.repairs
+    said = any(link.inertial is not None for link in reading.source.links.values())
+    computed = sum(not body.inertial.given for body in bodies)
+    if said and rescaled:
+        repairs.add("masses, damping and friction of the file left out, for it is not metric")
+    if computed and (rescaled or not said):
+        repairs.add(
+            f"mass and inertia of {computed} links computed from their shapes at "
+            f"{density(category):g} kg/m3"
+        )
 
 
 def _joint(name: str, link: str, parent: str, travel: Travel, scale: float, T_ol: Array) -> Joint:
@@ -313,15 +379,16 @@ def _link(body: Body, T_ol: Array) -> Link:
 
 def _mimics(reading: Reading, place: Placement) -> list[Mimic]:
     kinds = {p.joint.name: reading.travels[p.name].kind for p in reading.parts if p.joint}
+    leaders = {p.joint.name: p.joint.mimic[0] for p in reading.parts if p.joint and p.joint.mimic}
     out = []
     for part in reading.parts:
         if part.joint is None or part.joint.mimic is None:
             continue
         leader, multiplier, offset = part.joint.mimic
-        if leader not in kinds:
-            reading.source.repairs.add(
-                f"joint {part.joint.name} mimics {leader}, which does not move: made independent"
-            )
+        if leader not in kinds or _circular(part.joint.name, leaders):
+            why = "itself" if leader in kinds else f"{leader}, which does not move"
+            reading.source.repairs.add(f"joint {part.joint.name} mimics {why}: made independent")
+            del leaders[part.joint.name]
             continue
         own, other = kinds[part.joint.name], kinds[leader]
         unit = place.scale if own == "slide" else 1.0
@@ -337,6 +404,17 @@ def _mimics(reading: Reading, place: Placement) -> list[Mimic]:
     return out
 
 
+def _circular(joint: str, leaders: Mapping[str, str]) -> bool:
+    """Whether following leaders from ``joint`` leads back to it."""
+    seen = {joint}
+    while joint in leaders:
+        joint = leaders[joint]
+        if joint in seen:
+            return True
+        seen.add(joint)
+    return False
+
+
 def _check_out(out: Path) -> None:
     if out.exists() and not (out / "asset.json").is_file():
         empty = out.is_dir() and not any(out.iterdir())
@@ -344,7 +422,7 @@ def _check_out(out: Path) -> None:
             raise UsageError(f"{out}: exists and is not an asset; choose another --out")
 
 
-def _written(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path) -> Asset:
+def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path) -> Asset:
     """Write everything beside ``out`` and move it there in one step."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

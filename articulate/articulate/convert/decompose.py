@@ -2,13 +2,15 @@
 
 Run as a module it reads vertices and faces and writes the corners of the parts::
 
-    python -m articulate.convert.decompose IN.npz OUT.npz TOLERANCE
+    python -m articulate.convert.decompose IN.npz OUT.npz TOLERANCE SECONDS
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -24,6 +26,8 @@ VERSION = "coacd-3"
 """Enters the cache key; change it with the options below."""
 MAX_HULLS = 16
 MAX_FACES = 60_000
+PATIENCE = 10.0
+"""After so many times its limit by the clock a decomposition is given up."""
 
 
 def decompose(
@@ -34,7 +38,7 @@ def decompose(
     Args:
         mesh: What is to be cut.
         tol: How concave a part may stay [m].
-        time_s: Time limit [s].
+        time_s: Time limit [s] of the processor, so that a busy machine finds the same.
         cache_dir: Where results are kept.
     """
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
@@ -51,12 +55,16 @@ def decompose(
         source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"
         np.savez(source, vertices=vertices, faces=faces)
         command = [sys.executable, "-m", "articulate.convert.decompose"]
-        command += [str(source), str(target), f"{tol:.6f}"]
+        command += [str(source), str(target), f"{tol:.6f}", str(math.ceil(time_s))]
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
         try:
             done = subprocess.run(  # our own module, a list of arguments
-                command, timeout=time_s, capture_output=True, env=environment, check=False
+                command,
+                timeout=PATIENCE * time_s,
+                capture_output=True,
+                env=environment,
+                check=False,
             )
         except subprocess.TimeoutExpired:
             return None
@@ -74,9 +82,12 @@ def _load(path: Path) -> list[Array] | None:
     return parts or None
 
 
-def _run(source: Path, target: Path, tol: float) -> None:
+def _run(source: Path, target: Path, tol: float, time_s: int) -> None:
     import coacd  # heavy and native: only in the child process
 
+    used = math.ceil(sum(resource.getrusage(resource.RUSAGE_SELF)[:2]))
+    resource.setrlimit(resource.RLIMIT_CPU, (used + time_s, used + time_s + 1))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with np.load(source, allow_pickle=False) as content:
         mesh = coacd.Mesh(content["vertices"], content["faces"])
     coacd.set_log_level("error")
@@ -97,4 +108,4 @@ def _run(source: Path, target: Path, tol: float) -> None:
 
 
 if __name__ == "__main__":
-    _run(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]))
+    _run(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4]))

@@ -26,6 +26,8 @@ class Inertial:
     """Centre of mass (3,) [m]."""
     inertia_p: Array
     """About the centre of mass, axes of the part (3, 3) [kg m2]."""
+    given: bool = False
+    """Whether they stand in the source; computed from its shapes otherwise."""
 
 
 def inertial_of(
@@ -128,7 +130,7 @@ def _given(
         high = np.max([s.bounds[1] for s in shapes], axis=0)
         if np.any(com < low - 1e-3) or np.any(com > high + 1e-3):
             return None
-    return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia)
+    return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, given=True)
 
 
 def _positive(inertia: Array) -> Array:

@@ -62,6 +62,8 @@ def travel_of(
 
 def _limits(joint: SourceJoint, kind: str, repairs: Repairs) -> tuple[float | None, float | None]:
     if joint.kind == "continuous":
+        if joint.lower is not None or joint.upper is not None:
+            repairs.note(f"limits of the continuous joint {joint.name} left out: it turns")
         return None, None
     lower, upper = joint.lower, joint.upper
     if lower is None and upper is None:

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from articulate.convert.paths import resolve
+from articulate.convert.meshfile import TEXTURES, Group, read_mesh
+from articulate.convert.paths import found_elsewhere, resolve
 from articulate.convert.read import SourceGeometry, SourceObject
+from articulate.convert.texture import mean_colour
 from articulate.convert.tree import Part
 from articulate.errors import AssetError
 from articulate.transforms import Array
 
-logging.getLogger("trimesh").setLevel(logging.ERROR)
-
-FORMATS = (".obj", ".stl", ".dae", ".glb", ".gltf", ".ply", ".off")
-MAX_BYTES = 300_000_000
-"""Largest mesh file that is read."""
 LEAST_AREA_M2 = 1e-9
 """Pieces of a smaller area are left out: a speck of 0.03 mm [m2]."""
 GREY = (0.7, 0.7, 0.7, 1.0)
@@ -110,7 +105,7 @@ class Loader:
         self.allow_missing = allow_missing
         self.files: dict[str, Path] = {}
         """Mesh files in use, by reference."""
-        self._cache: dict[Path, list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]] = {}
+        self._cache: dict[Path, list[Group]] = {}
 
     def part(self, part: Part) -> PartGeometry:
         """Geometry of one part.
@@ -159,6 +154,12 @@ class Loader:
                     element=element.where,
                 )
             ]
+        if element.triangles is not None:
+            mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(element.triangles))
+            mesh.apply_transform(T_pg)
+            names = f"{link} {element.name}"
+            rgba = element.rgba or GREY
+            return [Piece(name=names, mesh=mesh, rgba=rgba, link=link, element=element.where)]
         try:
             path = resolve(element.filename, self.source.path, self.mesh_dirs)
             loaded = self._load(path)
@@ -166,6 +167,10 @@ class Loader:
             missing.append(AssetError(f"{element.where}: {error}"))
             return []
         self.files[element.filename] = path
+        if found_elsewhere(element.filename, self.source.path, path):
+            said, at = element.filename, _short(path, self.source.path)
+            self.source.repairs.add(f"mesh {said!r} was found at {at}")
+        painted = self._painted(element)
         pieces = []
         for group, mesh, colour in loaded:
             vertices = mesh.vertices * np.array(element.scale)
@@ -174,101 +179,36 @@ class Loader:
                 faces = faces[:, ::-1]
                 self.source.repairs.add(f"mirrored mesh {path.name}: winding turned back")
             copy = trimesh.Trimesh(trimesh.transform_points(vertices, T_pg), faces, process=False)
-            rgba = element.rgba or (_four(colour) if colour else GREY)
+            rgba = element.rgba or (_four(colour) if colour else painted) or GREY
             names = f"{link} {element.name} {path.stem} {group}"
             pieces.append(Piece(name=names, mesh=copy, rgba=rgba, link=link, element=element.where))
         return pieces
 
-    def _load(self, path: Path) -> list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]:
+    def _painted(self, element: SourceGeometry) -> tuple[float, float, float, float] | None:
+        """Mean colour of the picture that the element names, if there is one."""
+        if not element.texture or element.rgba:
+            return None
+        try:
+            path = resolve(element.texture, self.source.path, self.mesh_dirs)
+            colour = mean_colour(path)
+        except AssetError as error:
+            self.source.repairs.add(f"left out: {str(error).replace('mesh', 'texture', 1)}")
+            return None
+        self.files[element.texture] = path
+        self.source.repairs.note(TEXTURES)
+        return (*colour, 1.0)
+
+    def _load(self, path: Path) -> list[Group]:
         if path not in self._cache:
-            self._cache[path] = _read_mesh(path, self.source)
+            self._cache[path] = read_mesh(path, self.source.repairs)
         return self._cache[path]
 
 
-def _read_mesh(
-    path: Path, source: SourceObject
-) -> list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]:
-    if path.suffix.lower() not in FORMATS:
-        raise AssetError(f"mesh {path.name}: format not known; {', '.join(FORMATS)} are")
-    if path.stat().st_size > MAX_BYTES:
-        raise AssetError(f"mesh {path.name}: larger than {MAX_BYTES} bytes")
-    options: dict[str, Any] = {}
-    if path.suffix.lower() == ".obj":
-        options = {"split_objects": True, "group_material": True}
+def _short(path: Path, urdf: Path) -> str:
     try:
-        scene = trimesh.load_scene(path, **options)
-        meshes = [(name, mesh) for name, mesh in _placed(scene) if len(mesh.faces)]
-    except Exception as error:  # noqa: BLE001  # readers of foreign formats raise anything
-        text = (str(error).splitlines() or [""])[0][:200]
-        raise AssetError(
-            f"mesh {path.name}: cannot be read ({type(error).__name__}: {text})"
-        ) from None
-    if not meshes:
-        raise AssetError(f"mesh {path.name}: has no triangles")
-    out: list[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]] = []
-    for name, mesh in meshes:
-        plain = _plain(mesh)
-        if plain is None:
-            source.repairs.add(f"mesh {path.name}: a group without area left out")
-            continue
-        if any(_same_faces(plain, other) for _, other, _ in out):
-            continue  # the back of a sheet in another material
-        out.append((name, plain, _colour(mesh)))
-    if not out:
-        raise AssetError(f"mesh {path.name}: has no area")
-    return out
-
-
-def _placed(scene: trimesh.Scene) -> list[tuple[str, trimesh.Trimesh]]:
-    found = []
-    for node in scene.graph.nodes_geometry:
-        T, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if isinstance(geometry, trimesh.Trimesh):
-            mesh = geometry.copy()
-            mesh.apply_transform(T)
-            found.append((str(name), mesh))
-    return found
-
-
-def _plain(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
-    """Triangles alone, equal vertices merged, double and empty faces gone."""
-    vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    faces = np.asarray(mesh.faces)
-    faces = faces[np.isfinite(vertices[faces]).all(axis=(1, 2))]
-    plain = trimesh.Trimesh(np.where(np.isfinite(vertices), vertices, 0.0), faces, process=False)
-    plain.merge_vertices()
-    _, first = np.unique(np.sort(plain.faces, axis=1), axis=0, return_index=True)
-    keep = np.zeros(len(plain.faces), dtype=bool)
-    keep[first] = True
-    keep &= plain.area_faces > 1e-14 * max(plain.scale, 1e-9) ** 2
-    plain.update_faces(keep)
-    plain.remove_unreferenced_vertices()
-    if len(plain.faces) == 0 or plain.area <= 0.0:
-        return None
-    return plain
-
-
-def _same_faces(one: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
-    """Whether both consist of the same triangles, turned round or not."""
-    if len(one.faces) != len(other.faces) or not np.allclose(one.bounds, other.bounds):
-        return False
-    centres = [np.sort(m.triangles_center.round(6), axis=0) for m in (one, other)]
-    return bool(np.allclose(centres[0], centres[1], atol=1e-5))
-
-
-def _colour(mesh: trimesh.Trimesh) -> tuple[float, ...] | None:
-    material = getattr(mesh.visual, "material", None)
-    if material is None:
-        colours = getattr(mesh.visual, "main_color", None)
-        defined = getattr(mesh.visual, "defined", False)
-        return tuple(float(c) / 255.0 for c in colours) if defined and colours is not None else None
-    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    colour = np.asarray(material.main_color, dtype=np.float64) / 255.0
-    if image is not None:
-        mean = np.asarray(image.convert("RGB").resize((8, 8))).reshape(-1, 3).mean(axis=0) / 255.0
-        colour[:3] = mean
-    return tuple(float(c) for c in colour)
+        return path.relative_to(urdf.parent).as_posix()
+    except ValueError:
+        return str(path)
 
 
 def _four(colour: tuple[float, ...]) -> tuple[float, float, float, float]:

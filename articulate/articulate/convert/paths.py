@@ -39,21 +39,41 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
     raise AssetError(f"mesh {reference!r} not found; looked in {where}{ros}. Put it there")
 
 
-def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iterator[Path]:
+def found_elsewhere(reference: str, urdf: Path, found: Path) -> bool:
+    """Whether ``found`` is not where ``reference`` says; a package may lie anywhere."""
+    text, packaged = _plain(reference)
+    if packaged:
+        return not found.as_posix().endswith("/".join(PurePosixPath(text).parts[1:]))
+    said = Path(text) if PurePosixPath(text).is_absolute() else urdf.parent / text
+    try:
+        return not (said.is_file() and said.samefile(found))
+    except OSError:
+        return True
+
+
+def _plain(reference: str) -> tuple[str, bool]:
+    """``reference`` as a path with slashes, and whether its first part names a package."""
     text = unquote(reference.strip()).replace("\\", "/")
-    base = urdf.parent
     packaged = False
     for scheme in ("package://", "model://"):
         if text.startswith(scheme):
-            text, packaged = text[len(scheme) :], True
+            text, packaged = text[len(scheme) :].lstrip("/"), True
     if text.startswith("file://"):
-        text = text[len("file://") :]
+        text = text[len("file://") :].removeprefix("localhost")
     if len(text) > 1 and text[1] == ":":  # a drive letter
         text = text[2:]
+    return text, packaged
+
+
+def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iterator[Path]:
+    text, packaged = _plain(reference)
+    base = urdf.parent
     path = PurePosixPath(text)
-    if path.is_absolute() and not packaged:
+    if not path.name or "\0" in text:
+        return
+    if path.is_absolute():
         yield Path(path)
-        path = path.relative_to("/")
+        path = path.relative_to(path.anchor)
     inside = PurePosixPath(*path.parts[1:]) if len(path.parts) > 1 else path
     roots = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     if packaged:
@@ -63,6 +83,8 @@ def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iter
                 yield folder / inside
         for root in roots:
             yield root / path
+            if root.name.lower() == path.parts[0].lower():
+                yield root / inside
     else:
         yield base / path
     for folder in (*mesh_dirs, base, base.parent):
@@ -74,8 +96,11 @@ def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iter
 
 def _existing(path: Path) -> Path | None:
     """``path`` itself, or the only one that differs in case."""
-    if path.is_file():
-        return path
+    try:
+        if path.is_file():
+            return path
+    except OSError:  # a name that is too long, a folder that is closed
+        return None
     current = Path(path.anchor) if path.is_absolute() else Path()
     for part in path.parts[1:] if path.is_absolute() else path.parts:
         step = current / part

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from lxml import etree
 
+from articulate.convert.markup import (
+    Element,
+    child_of,
+    children_of,
+    read_markup,
+    tag_of,
+)
 from articulate.convert.repairs import Repairs
 from articulate.errors import AssetError
 from articulate.transforms import Array, pose, rpy_to_matrix
 
-MAX_BYTES = 20_000_000
-"""Largest URDF that is read."""
-JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed")
+MAX_LINKS = 400
+"""Most links of an object."""
+LARGEST = 1e9
+"""A mass, limit or coefficient of this size or more says nothing."""
+JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating", "screw")
 
 _HASH = re.compile(r"(partnet_)?u?(?=[a-f-]*[0-9])[0-9a-f][0-9a-f-]{14,}")
 """Names that say nothing to people, as PartNet-Mobility gives them to its robots."""
-
-# Element of a third-party library without stubs.
-Element = Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +46,11 @@ class SourceGeometry:
     """Full sides of a box; radius and length of a cylinder or capsule; radius of a sphere."""
     filename: str = ""
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    triangles: Array | None = None
+    """Corners (N, 3, 3) of a mesh in the file itself; takes the place of ``filename``."""
     rgba: tuple[float, float, float, float] | None = None
+    texture: str = ""
+    """Picture that the file names for a mesh without a colour of its own."""
     where: str = ""
     """File and line, for messages."""
 
@@ -79,20 +91,26 @@ class SourceJoint:
     upper: float | None = None
     damping: float | None = None
     friction: float | None = None
+    armature: float | None = None
+    """Inertia added to the joint [kg or kg m2]; a URDF has none."""
     mimic: tuple[str, float, float] | None = None
     """Joint that is followed, multiplier, offset."""
+    pitch: float | None = None
+    """Way along the axis for one turn of a screw, in units of the source."""
     where: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SourceObject:
-    """What a URDF says."""
+    """What a URDF or an MJCF file says."""
 
     name: str
     path: Path
     links: dict[str, SourceLink]
     joints: tuple[SourceJoint, ...]
     repairs: Repairs = field(default_factory=Repairs)
+    files: Mapping[str, Path] = field(default_factory=dict)
+    """Files read beside ``path`` and the meshes, by reference."""
 
 
 def read_urdf(path: Path) -> SourceObject:
@@ -102,28 +120,82 @@ def read_urdf(path: Path) -> SourceObject:
         AssetError: It cannot be read, is no URDF, or its tree is broken.
     """
     repairs = Repairs()
-    root = _parse(path, repairs)
-    if _tag(root) != "robot":
+    root = read_markup(path, repairs)
+    if tag_of(root) != "robot":
         raise AssetError(
-            f"{path}: not a URDF: its root element is <{_tag(root)}>, <robot> was expected"
+            f"{path}: not a URDF: its root element is <{tag_of(root)}>, <robot> was expected"
         )
     reader = _Reader(path, root, repairs)
-    links: dict[str, SourceLink] = {}
-    for element in _children(root, "link"):
-        link = reader.link(element)
-        if link.name in links:
-            raise AssetError(f"{reader.at(element)}: a second link is called {link.name!r}")
-        links[link.name] = link
-    if not links:
-        raise AssetError(f"{path}: not a URDF: it has no <link>")
-    joints: list[SourceJoint] = []
-    for element in _children(root, "joint"):
-        joint = reader.joint(element)
-        if joint.name in {other.name for other in joints}:
-            raise AssetError(f"{reader.at(element)}: a second joint is called {joint.name!r}")
-        joints.append(joint)
+    links = _links(reader, root)
+    joints = _joints(reader, root)
+    for joint in joints:
+        if joint.parent not in links and joint.parent.lower() == "world":
+            repairs.add(f"link {joint.parent} is not declared: taken as the ground")
+            links[joint.parent] = SourceLink(name=joint.parent)
+    _note_macros(root, repairs)
     name = _object_name(path, root.get("name") or "")
     return SourceObject(name=name, path=path, links=links, joints=tuple(joints), repairs=repairs)
+
+
+def _links(reader: _Reader, root: Element) -> dict[str, SourceLink]:
+    links: dict[str, SourceLink] = {}
+    elements: dict[str, Element] = {}
+    for element in children_of(root, "link"):
+        link = reader.link(element)
+        if link.name not in links:
+            links[link.name], elements[link.name] = link, element
+        elif _alike(element, elements[link.name]):
+            reader.repairs.add(f"link {link.name} stands twice in the file, alike: read once")
+        else:
+            raise AssetError(
+                f"{reader.at(element)}: a second link is called {link.name!r} and differs from the "
+                "first; rename one, and say in its joints which is meant"
+            )
+    if not links:
+        raise AssetError(f"{reader.path}: not a URDF: it has no <link>")
+    if len(links) > MAX_LINKS:
+        raise AssetError(f"{reader.path}: {len(links)} links; at most {MAX_LINKS} are accepted")
+    return links
+
+
+def _joints(reader: _Reader, root: Element) -> list[SourceJoint]:
+    joints: dict[str, SourceJoint] = {}
+    elements: dict[str, Element] = {}
+    taken = {(e.get("name") or "").strip() for e in children_of(root, "joint")}
+    for element in children_of(root, "joint"):
+        joint = reader.joint(element)
+        if joint.name in joints:
+            if _alike(element, elements[joint.name]):
+                reader.repairs.add(f"joint {joint.name} stands twice in the file, alike: read once")
+                continue
+            name = free_name(joint.name, taken)
+            reader.repairs.add(
+                f"a second joint is called {joint.name}: renamed {name} (line {element.sourceline})"
+            )
+            joint = replace(joint, name=name)
+        taken.add(joint.name)
+        joints[joint.name], elements[joint.name] = joint, element
+    return list(joints.values())
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """``name``, or ``name`` with the first number from 2 on that makes it free."""
+    names = itertools.chain([name], (f"{name}_{i}" for i in itertools.count(2)))
+    return next(candidate for candidate in names if candidate not in taken)
+
+
+def _alike(one: Element, two: Element) -> bool:
+    """Whether two elements say the same in the same words."""
+    texts = [etree.tostring(element, with_tail=False) for element in (one, two)]
+    return len({re.sub(rb"\s+", b"", text) for text in texts}) == 1
+
+
+def _note_macros(root: Element, repairs: Repairs) -> None:
+    """Note what only the xacro program would expand."""
+    names = (str(e.tag) for e in root.iter() if isinstance(e.tag, str))
+    left = sorted({name.rsplit("}", 1)[-1] for name in names if "xacro" in name})
+    if left:
+        repairs.add(f"macros are not expanded ({', '.join(left[:6])}): run xacro on the file first")
 
 
 def _object_name(path: Path, robot: str) -> str:
@@ -136,60 +208,9 @@ def _object_name(path: Path, robot: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)
 
 
-def _parse(path: Path, repairs: Repairs) -> Element:
-    try:
-        size = path.stat().st_size
-        content = path.read_bytes() if size <= MAX_BYTES else b""
-    except OSError as error:
-        raise AssetError(f"{path}: cannot be read ({error.strerror})") from None
-    if size > MAX_BYTES:
-        raise AssetError(f"{path}: {size} bytes; a URDF of at most {MAX_BYTES} is accepted")
-    if re.search(rb"<!\s*(DOCTYPE|ENTITY)", content, re.IGNORECASE):
-        raise AssetError(f"{path}: has a DOCTYPE or entities, which are refused; remove them")
-    start = content.find(b"<")
-    if start < 0:
-        raise AssetError(f"{path}: not a URDF: no XML in it")
-    if content[:start].strip(b"\xef\xbb\xbf \t\r\n"):
-        repairs.add("text before the first element was skipped")
-    lead = content[:start].count(b"\n")
-    content = content[start:]
-    parser = etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-        recover=True,
-        remove_comments=True,
-    )
-    try:
-        root = etree.fromstring(content, parser)
-    except (etree.XMLSyntaxError, ValueError) as error:
-        raise AssetError(f"{path}: not XML: {_first_line(error)}") from None
-    for entry in parser.error_log:
-        if entry.domain_name == "NAMESPACE":
-            repairs.add(f"undeclared XML prefix ignored (line {entry.line + lead})")
-            continue
-        raise AssetError(f"{path}:{entry.line + lead}: not XML: {entry.message.strip()}")
-    if root is None:
-        raise AssetError(f"{path}: not a URDF: no XML in it")
-    return root
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
-
-
-def _tag(element: Element) -> str:
-    return str(element.tag).rsplit("}", 1)[-1] if isinstance(element.tag, str) else ""
-
-
-def _children(element: Element, tag: str) -> list[Element]:
-    return [child for child in element if _tag(child) == tag]
-
-
-def _child(element: Element, tag: str) -> Element | None:
-    found = _children(element, tag)
-    return found[0] if found else None
+def _texture(material: Element) -> str:
+    texture = child_of(material, "texture")
+    return "" if texture is None else (texture.get("filename") or "").strip()
 
 
 class _Reader:
@@ -199,11 +220,14 @@ class _Reader:
         self.path = path
         self.repairs = repairs
         self.colours: dict[str, tuple[float, float, float, float]] = {}
+        self.textures: dict[str, str] = {}
         for material in root.iter():
-            if _tag(material) == "material" and material.get("name"):
+            if tag_of(material) == "material" and material.get("name"):
                 rgba = self._rgba(material)
                 if rgba is not None:
                     self.colours.setdefault(material.get("name"), rgba)
+                if _texture(material):
+                    self.textures.setdefault(material.get("name"), _texture(material))
 
     def at(self, element: Element) -> str:
         return f"{self.path}:{element.sourceline}"
@@ -216,24 +240,24 @@ class _Reader:
             self.repairs.add(f"commas between numbers read as spaces (line {element.sourceline})")
             text = text.replace(",", " ")
         try:
-            values = tuple(float(word) for word in text.split())
+            values = tuple(float(word.replace("_", "?")) for word in text.split())
         except ValueError:
             raise AssetError(
-                f"{self.at(element)}: {key}={text!r} of <{_tag(element)}> is not made of numbers"
+                f"{self.at(element)}: {key}={text!r} of <{tag_of(element)}> is not made of numbers"
             ) from None
         if len(values) != len(default):
             raise AssetError(
-                f"{self.at(element)}: {key}={text!r} of <{_tag(element)}> has {len(values)} "
+                f"{self.at(element)}: {key}={text!r} of <{tag_of(element)}> has {len(values)} "
                 f"numbers; {len(default)} were expected"
             )
         return values
 
-    def number(self, element: Element | None, key: str) -> float | None:
-        """A single number, or None where it is absent or not finite."""
+    def number(self, element: Element | None, key: str, most: float = math.inf) -> float | None:
+        """A single number, or None where it is absent, not finite or of size ``most``."""
         if element is None or element.get(key) is None:
             return None
         value = self.numbers(element, key, (0.0,))[0]
-        if not math.isfinite(value):
+        if not (math.isfinite(value) and abs(value) < most):
             self.repairs.add(
                 f"{key}={element.get(key)} taken as absent (line {element.sourceline})"
             )
@@ -244,18 +268,19 @@ class _Reader:
         values = self.numbers(element, key, default)
         if not all(math.isfinite(v) and abs(v) < 1e6 for v in values):
             raise AssetError(
-                f"{self.at(element)}: {key}={element.get(key)!r} of <{_tag(element)}> is not finite"
+                f"{self.at(element)}: {key}={element.get(key)!r} of <{tag_of(element)}> is not "
+                "finite, or far beyond any object"
             )
         return values
 
     def name(self, element: Element) -> str:
         name = (element.get("name") or "").strip()
         if not name:
-            raise AssetError(f"{self.at(element)}: <{_tag(element)}> without a name")
+            raise AssetError(f"{self.at(element)}: <{tag_of(element)}> without a name")
         return name
 
     def origin(self, element: Element) -> Array:
-        origin = _child(element, "origin")
+        origin = child_of(element, "origin")
         if origin is None:
             return pose(np.zeros(3))
         xyz = self.finite(origin, "xyz", (0.0, 0.0, 0.0))
@@ -263,18 +288,17 @@ class _Reader:
         return pose(np.array(xyz), rpy_to_matrix(np.array(rpy)))
 
     def link(self, element: Element) -> SourceLink:
-        inertial = _child(element, "inertial")
         return SourceLink(
             name=self.name(element),
             visuals=self.geometries(element, "visual"),
             collisions=self.geometries(element, "collision"),
-            inertial=None if inertial is None else self.inertial(inertial),
+            inertial=self.inertial(element),
         )
 
     def geometries(self, link: Element, tag: str) -> tuple[SourceGeometry, ...]:
         found = []
-        for element in _children(link, tag):
-            geometry = _child(element, "geometry")
+        for element in children_of(link, tag):
+            geometry = child_of(element, "geometry")
             shape = (
                 None
                 if geometry is None
@@ -287,7 +311,7 @@ class _Reader:
         return tuple(found)
 
     def geometry(self, element: Element, shape: Element) -> SourceGeometry:
-        kind = _tag(shape)
+        kind = tag_of(shape)
         size: tuple[float, ...] = ()
         if kind == "box":
             size = self.finite(shape, "size", (1.0, 1.0, 1.0))
@@ -321,17 +345,25 @@ class _Reader:
             filename=(shape.get("filename") or "").strip(),
             scale=(factors[0], factors[1], factors[2]),
             rgba=self.colour(element),
+            texture=self.texture(element),
             where=self.at(shape),
         )
 
     def colour(self, element: Element) -> tuple[float, float, float, float] | None:
-        material = _child(element, "material")
+        material = child_of(element, "material")
         if material is None:
             return None
         return self._rgba(material) or self.colours.get(material.get("name") or "")
 
+    def texture(self, element: Element) -> str:
+        material = child_of(element, "material")
+        if material is None:
+            return ""
+        own = _texture(material)
+        return own or self.textures.get(material.get("name") or "", "")
+
     def _rgba(self, material: Element) -> tuple[float, float, float, float] | None:
-        colour = _child(material, "color")
+        colour = child_of(material, "color")
         if colour is None or colour.get("rgba") is None:
             return None
         try:
@@ -343,15 +375,22 @@ class _Reader:
             values.append(1.0)
         return (values[0], values[1], values[2], values[3]) if len(values) == 4 else None
 
-    def inertial(self, element: Element) -> SourceInertial | None:
-        mass = self.number(_child(element, "mass"), "value")
-        tensor = _child(element, "inertia")
-        if mass is None or tensor is None:
+    def inertial(self, link: Element) -> SourceInertial | None:
+        element = child_of(link, "inertial")
+        if element is None:
             return None
-        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        xx, xy, xz, yy, yz, zz = (self.number(tensor, key) or 0.0 for key in keys)
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return SourceInertial(mass=mass, T_li=self.origin(element), inertia=inertia)
+        try:
+            mass = self.number(child_of(element, "mass"), "value", LARGEST)
+            tensor = child_of(element, "inertia")
+            if mass is None or tensor is None:
+                return None
+            keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+            xx, xy, xz, yy, yz, zz = (self.number(tensor, key, LARGEST) or 0.0 for key in keys)
+            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            return SourceInertial(mass=mass, T_li=self.origin(element), inertia=inertia)
+        except AssetError as error:  # it can be computed, so that nothing hangs on it
+            self.repairs.add(f"inertial of link {link.get('name')} left out: {error}")
+            return None
 
     def joint(self, element: Element) -> SourceJoint:
         name = self.name(element)
@@ -360,18 +399,19 @@ class _Reader:
             self.repairs.add(f"type {kind!r} of joint {name} read as {kind.lower()!r}")
             kind = kind.lower()
         if kind not in JOINT_KINDS:
+            hint = "; write a ball joint as three revolute ones" if "spher" in kind.lower() else ""
             raise AssetError(
                 f"{self.at(element)}: joint {name!r} is of type {kind!r}; "
-                f"{', '.join(JOINT_KINDS)} are accepted"
+                f"{', '.join(JOINT_KINDS)} are accepted{hint}"
             )
-        ends = [_child(element, "parent"), _child(element, "child")]
+        ends = [child_of(element, "parent"), child_of(element, "child")]
         parent, child = ("" if e is None else (e.get("link") or "").strip() for e in ends)
         if not parent or not child:
             raise AssetError(f"{self.at(element)}: joint {name!r} lacks a parent or a child")
-        axis = _child(element, "axis")
-        limit = _child(element, "limit")
-        dynamics = _child(element, "dynamics")
-        mimic = _child(element, "mimic")
+        axis = child_of(element, "axis")
+        limit = child_of(element, "limit")
+        dynamics = child_of(element, "dynamics")
+        mimic = child_of(element, "mimic")
         direction = (1.0, 0.0, 0.0) if axis is None else self.finite(axis, "xyz", (1.0, 0.0, 0.0))
         return SourceJoint(
             name=name,
@@ -382,19 +422,30 @@ class _Reader:
             axis=(direction[0], direction[1], direction[2]),
             lower=self.number(limit, "lower"),
             upper=self.number(limit, "upper"),
-            damping=self.number(dynamics, "damping"),
-            friction=self.number(dynamics, "friction"),
+            damping=self.number(dynamics, "damping", LARGEST),
+            friction=self.number(dynamics, "friction", LARGEST),
             mimic=None if mimic is None else self.mimic(mimic),
+            pitch=self.pitch(element),
             where=self.at(element),
         )
 
+    def pitch(self, element: Element) -> float | None:
+        """Way of a screw for one turn: ``<thread_pitch value="…"/>`` under any prefix."""
+        for child in element:
+            if tag_of(child).rsplit(":", 1)[-1] in {"thread_pitch", "screw_thread_pitch"}:
+                if child.get("value") is None and child.text:
+                    child.set("value", child.text.strip())
+                return self.number(child, "value", 1e3)
+        return self.number(element, "pitch", 1e3)
+
     def mimic(self, element: Element) -> tuple[str, float, float] | None:
-        multiplier = self.number(element, "multiplier")
+        multiplier = self.number(element, "multiplier", LARGEST)
         joint = (element.get("joint") or "").strip()
         if not joint:
+            self.repairs.add(f"<mimic> without a joint left out (line {element.sourceline})")
             return None
         return (
             joint,
             1.0 if multiplier is None else multiplier,
-            self.number(element, "offset") or 0,
+            self.number(element, "offset", LARGEST) or 0.0,
         )

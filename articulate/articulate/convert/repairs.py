@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+NOTE = "note: "
+"""Begins a sentence about something that was put another way, without changing what it means."""
+
 
 class Repairs:
     """Sentences in the order of work, each once."""
@@ -13,7 +16,16 @@ class Repairs:
         """Note one change."""
         self._sentences.setdefault(sentence)
 
+    def note(self, sentence: str) -> None:
+        """Note what is worth knowing but changes nothing."""
+        self._sentences.setdefault(NOTE + sentence)
+
     @property
     def sentences(self) -> tuple[str, ...]:
-        """All changes noted so far."""
+        """All changes and notes so far."""
         return tuple(self._sentences)
+
+
+def is_note(sentence: str) -> bool:
+    """Whether a sentence of the list tells of no change."""
+    return sentence.startswith(NOTE)

@@ -67,11 +67,12 @@ def build_parts(source: SourceObject) -> tuple[Part, ...]:
 
 
 def _without_empty_range(joint: SourceJoint, repairs: Repairs) -> SourceJoint:
-    limited = joint.kind in {"revolute", "prismatic"}
-    if limited and joint.lower == 0.0 and joint.upper == 0.0:
-        repairs.add(f"joint {joint.name} has lower = upper = 0: fixed")
-        return replace(joint, kind="fixed")
-    return joint
+    q = joint.lower
+    if joint.kind not in {"revolute", "prismatic"} or q is None or q != joint.upper:
+        return joint
+    repairs.add(f"joint {joint.name} has lower = upper = {q:g}: fixed")
+    T_pc = joint.T_pc if q == 0.0 else joint.T_pc @ motion(joint, q)
+    return replace(joint, kind="fixed", T_pc=T_pc)
 
 
 def _walk(
@@ -93,8 +94,8 @@ def _walk(
         for joint in by_parent.get(link_name, ()):
             T_pc = T_pl @ joint.T_pc
             if joint.kind == "fixed":
-                if joint.child != link_name and source.links[joint.child].visuals:
-                    source.repairs.add(f"link {joint.child} is fixed to {part_name}: one body")
+                if source.links[joint.child].visuals:
+                    source.repairs.note(f"link {joint.child} is fixed to {part_name}: one body")
                 stack.append((joint.child, part_name, T_pc))
                 continue
             parts[joint.child] = Part(

@@ -20,6 +20,7 @@ from articulate.convert.presets import (
     SLIDING_FRICTION,
     TORSIONAL_FRICTION_M,
 )
+from articulate.convert.read import free_name
 from articulate.convert.shapes import Shape
 from articulate.transforms import Array, matrix_to_quat, matrix_to_rpy
 
@@ -41,6 +42,8 @@ class Body:
     axis_l: Array | None
     """Axis of its joint in its own frame (3,)."""
     armature: float = 0.0
+    frames: tuple[tuple[str, Array], ...] = ()
+    """Links of the source that are fixed in it: names and poses (4, 4)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +161,10 @@ def _mjcf_body(
             lines.append(
                 f'{pad}  <site name={quoteattr(handle.name)}{frame} size="0.005" group="4"/>'
             )
+    taken = {handle.name for handle in handles}
+    for name, T_bf in body.frames:
+        free = free_name(name, taken)
+        lines.append(f'{pad}  <site name={quoteattr(free)}{_frame(T_bf)} size="0.002" group="5"/>')
     for child in bodies:
         if child.parent == body.name:
             lines += _mjcf_body(child, bodies, handles, depth + 1)
@@ -224,7 +231,10 @@ def urdf(name: str, bodies: Sequence[Body], mimics: Sequence[Mimic] = ()) -> str
         for k, shape in enumerate(body.shapes):
             lines += ["    <collision>", *_urdf_shape(shape, b, k), "    </collision>"]
         lines.append("  </link>")
+    taken = {body.joint.name for body in bodies if body.joint is not None}
     for body in bodies:
+        for frame, T_bf in body.frames:
+            lines += _urdf_frame(body.name, frame, free_name(f"{frame}_fixed", taken), T_bf)
         if body.joint is not None and body.axis_l is not None:
             lines += _urdf_joint(body, body.joint, body.axis_l, mimics)
     lines.append("</robot>")
@@ -246,6 +256,21 @@ def _urdf_shape(shape: Shape, b: int, k: int) -> list[str]:
     else:
         inner = f'<sphere radius="{numbers(shape.half[0])}"/>'
     return [f"      {_origin(shape.T_ps)}", f"      <geometry>{inner}</geometry>"]
+
+
+def _urdf_frame(body: str, frame: str, joint: str, T_bf: Array) -> list[str]:
+    """A link without mass, said aloud because PyBullet takes 1 kg where nothing is said."""
+    return [
+        f"  <link name={quoteattr(frame)}>",
+        '    <inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
+        "</inertial>",
+        "  </link>",
+        f'  <joint name={quoteattr(joint)} type="fixed">',
+        f"    {_origin(T_bf)}",
+        f"    <parent link={quoteattr(body)}/>",
+        f"    <child link={quoteattr(frame)}/>",
+        "  </joint>",
+    ]
 
 
 def _urdf_joint(body: Body, joint: Joint, axis_l: Array, mimics: Sequence[Mimic]) -> list[str]:

@@ -153,3 +153,11 @@ def test_decompositions_are_kept_by_content(tmp_path: Path) -> None:
 def test_a_decomposition_that_takes_too_long_is_given_up() -> None:
     mesh = trimesh.creation.torus(0.2, 0.05)
     assert decompose(mesh, 0.02, time_s=1e-3) is None
+
+
+@pytest.mark.slow
+def test_the_time_of_a_decomposition_is_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock of a busy machine decides nothing."""
+    monkeypatch.setattr("articulate.convert.decompose.PATIENCE", 1e6)
+    mesh = trimesh.creation.torus(0.2, 0.05, major_sections=96, minor_sections=64)
+    assert decompose(mesh, 0.002, time_s=1.0) is None

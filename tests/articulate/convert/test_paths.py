@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from articulate.convert.paths import resolve
+from articulate.convert.paths import found_elsewhere, resolve
 from articulate.errors import AssetError
 
 
@@ -22,6 +22,9 @@ def urdf(tmp_path: Path) -> Path:
     [
         "package://cabinet/meshes/Drawer.obj",
         "package://CABINET/meshes/drawer.OBJ",
+        "package:///cabinet/meshes/Drawer.obj",
+        "package://cabinet/cabinet/meshes/Drawer.obj",
+        "file://localhost/somewhere/meshes/Drawer.obj",
         "model://cabinet/meshes/Drawer.obj",
         "package://elsewhere/meshes/Drawer.obj",
         "../meshes/Drawer.obj",
@@ -69,3 +72,50 @@ def test_an_absent_mesh_is_refused_in_one_line_that_lists_what_was_tried(urdf: P
     assert "lid.obj" in message
     assert "meshes" in message
     assert "Put it there" in message
+
+
+def test_a_package_may_have_blanks_in_its_name(tmp_path: Path) -> None:
+    folder = tmp_path / "my cabinet"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "meshes" / "a.obj").write_text("v 0 0 0\n")
+    for reference in ("package://my cabinet/meshes/a.obj", "package://my%20cabinet/meshes/a.obj"):
+        assert resolve(reference, folder / "x.urdf").name == "a.obj"
+
+
+def test_a_package_path_may_name_the_package_itself(
+    urdf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "ros" / "door").mkdir(parents=True)
+    (tmp_path / "ros" / "door" / "leaf.stl").write_text("solid\n")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros" / "door"))
+    assert resolve("package://door/leaf.stl", urdf).name == "leaf.stl"
+
+
+@pytest.mark.parametrize(
+    "reference",
+    ["package://", "package:///", "/", "..", "x" * 5000, "a\0b.obj", "C:", "http://a/b.obj"],
+)
+def test_what_names_no_file_is_refused(urdf: Path, reference: str) -> None:
+    with pytest.raises(AssetError, match="not found"):
+        resolve(reference, urdf)
+
+
+def test_devices_are_no_meshes(urdf: Path) -> None:
+    with pytest.raises(AssetError, match="not found"):
+        resolve("/dev/zero", urdf)
+
+
+@pytest.mark.parametrize(
+    ("reference", "elsewhere"),
+    [
+        ("../meshes/Drawer.obj", False),
+        ("package://cabinet/meshes/Drawer.obj", False),
+        ("package://elsewhere/meshes/Drawer.obj", False),
+        ("../meshes/drawer.obj", True),
+        ("package://cabinet/meshes/drawer.obj", True),
+        ("../../meshes/Drawer.obj", True),
+        ("/home/me/meshes/Drawer.obj", True),
+    ],
+)
+def test_meshes_found_elsewhere_are_told_apart(urdf: Path, reference: str, elsewhere: bool) -> None:
+    assert found_elsewhere(reference, urdf, resolve(reference, urdf)) is elsewhere

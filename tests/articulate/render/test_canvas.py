@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from articulate.errors import MissingError
-from articulate_envs.canvas import DRIVER, Canvas
+from articulate.render.canvas import DRIVER, Canvas
 
 BALL = """
 <mujoco><visual><global offwidth="64" offheight="48"/></visual><worldbody>

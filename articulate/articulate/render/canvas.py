@@ -11,6 +11,7 @@ import importlib
 import os
 import sys
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -23,7 +24,7 @@ Pixels = NDArray[np.uint8]
 DRIVER = "MUJOCO_GL"
 """Environment variable that names the driver: egl (the default on Linux), osmesa or glfw."""
 GEOM_GROUPS = (0, 1, 2)
-"""Groups of geoms that are drawn."""
+"""Groups of geoms that are drawn by default."""
 
 
 class Canvas:
@@ -46,16 +47,21 @@ class Canvas:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 100)
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[:] = [int(g in GEOM_GROUPS) for g in range(mujoco.mjNGROUP)]
         self._option.sitegroup[:] = 0
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = int(shadows)
         flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         flags[mujoco.mjtRndFlag.mjRND_HAZE] = 1
 
-    def draw(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> Pixels:
-        """What ``camera`` sees, shape (height, width, 3)."""
+    def draw(
+        self,
+        data: mujoco.MjData,
+        camera: mujoco.MjvCamera,
+        groups: Sequence[int] = GEOM_GROUPS,
+    ) -> Pixels:
+        """What ``camera`` sees of the geoms in ``groups``, shape (height, width, 3)."""
         width, height = self._size
+        self._option.geomgroup[:] = [int(g in groups) for g in range(mujoco.mjNGROUP)]
         self._gl.make_current()
         every = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._model, data, self._option, None, camera, every, self._scene)

@@ -1,0 +1,215 @@
+"""``check-asset``: convert objects, prove them, and say what came of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from articulate.commands.flags import parse
+from articulate.errors import ConfigError
+from articulate.prove.batch import Batch, Checked, items_in, write_junit
+from articulate.prove.clauses import explained
+from articulate.prove.record import PAGE_FILE, content_of
+from articulate.prove.store import default_cache
+
+REFUSED = 3
+BAR = 24
+"""Letters of the progress bar."""
+NOTE = "note: "
+"""Begins what changes nothing in the list of repairs."""
+LONGEST = 100
+"""Letters of a reason in the table."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckFlags:
+    """Convert a URDF or MJCF object into a simulation-ready folder, and prove it.
+
+    Example: check-asset cabinet.urdf --out checked/cabinet
+    """
+
+    asset: Annotated[Path | None, tyro.conf.Positional] = None
+    """URDF or MJCF file, a folder that holds one, an asset folder, or a folder of such."""
+    out: Path | None = None
+    """Folder for the asset, its proof and the page; with a folder for each of many."""
+    jobs: int = 1
+    """Objects that are checked side by side; 0: one for each processor."""
+    limit: float = 300.0
+    """Time after which an object is refused [s]."""
+    against: Path | None = None
+    """Input that an asset folder was made from: it is compared with it."""
+    fresh: bool = False
+    """Check anew what was checked before."""
+    json: bool = False
+    """Print the result as JSON and nothing else on standard output."""
+    junit: Path | None = None
+    """Also write the result as JUnit XML to this file."""
+    explain: str | None = None
+    """Say what a clause means, why it matters and how to mend it, and do nothing else."""
+    size: float | None = None
+    """Longest side of the closed object [m]; by default the rule of its category, or as it is."""
+    category: str | None = None
+    """Category that decides presets; by default what the source says."""
+    closed: Literal["auto", "lower", "upper"] = "auto"
+    """Which limit is the closed position; auto: the one nearer to 0."""
+    mesh_dirs: tuple[Path, ...] = ()
+    """Further folders in which meshes are looked for."""
+    max_geoms: int | None = None
+    """Largest number of collision geoms of one link."""
+    licence: str | None = None
+    """Licence of the object, where the source does not say it."""
+
+    def __post_init__(self) -> None:
+        if self.explain is not None:
+            return
+        if self.asset is None:
+            raise ConfigError("missing: ASSET; give a URDF, an MJCF file or a folder, or --explain")
+        if self.out is None:
+            raise ConfigError("missing: --out; give the folder to write")
+        if self.jobs < 0:
+            raise ConfigError(f"--jobs is {self.jobs}; it must be 0 or more")
+        if not self.limit > 0.0:
+            raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
+
+    def options(self) -> dict[str, Any]:
+        """The configuration of the conversion, as far as it is not the default."""
+        given = {
+            "against": None if self.against is None else str(self.against.resolve()),
+            "size_m": self.size,
+            "category": self.category,
+            "closed": None if self.closed == "auto" else self.closed,
+            "mesh_dirs": [str(path.resolve()) for path in self.mesh_dirs] or None,
+            "max_geoms": self.max_geoms,
+            "licence": self.licence,
+        }
+        return {key: value for key, value in given.items() if value is not None}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Check and print; 3 if anything was refused."""
+    flags = parse(CheckFlags, argv, prog="check-asset")
+    if flags.explain is not None:
+        print(explained(flags.explain))
+        return 0
+    assert flags.asset is not None
+    assert flags.out is not None
+    if flags.against is not None and not flags.against.exists():
+        raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
+    items, single = items_in(flags.asset)
+    batch = Batch(
+        out=flags.out,
+        cache=default_cache(),
+        options=flags.options(),
+        limit_s=flags.limit,
+        single=single,
+        fresh=flags.fresh,
+    )
+    jobs = min(flags.jobs or os.cpu_count() or 1, len(items))
+    results = list(_shown(batch.run(items, jobs), 0 if single else len(items)))
+    results.sort(key=lambda r: [item.name for item in items].index(r.item.name))
+    if flags.junit is not None:
+        write_junit(results, flags.junit)
+    if not single:
+        _write_index(results, flags.out / "index.html")
+    if flags.json:
+        print(json.dumps(_content(results, single=single), indent=1, allow_nan=False))
+    else:
+        print(_one(results[0]) if single else _table(results, flags.out / "index.html"))
+    return REFUSED if any(r.proof.verdict == "refused" for r in results) else 0
+
+
+def _shown(results: Iterator[Checked], total: int) -> Iterator[Checked]:
+    """The same results, with progress on stderr where there are many: ``total`` above 0."""
+    counts: Counter[str] = Counter()
+    live = sys.stderr.isatty()
+    for done, result in enumerate(results, 1):
+        counts[result.proof.verdict] += 1
+        if total and live:
+            bar = "#" * (BAR * done // total)
+            told = ", ".join(f"{n} {verdict}" for verdict, n in sorted(counts.items()))
+            line = f"[{bar:<{BAR}}] {done}/{total}  {told}  {result.item.name}"
+            print(f"\r{line[:110]:<110}", end="", file=sys.stderr, flush=True)
+        elif total:
+            line = f"{done}/{total} {result.item.name}: {result.proof.verdict}"
+            print(f"{line} ({result.proof.seconds:.1f} s)", file=sys.stderr, flush=True)
+        yield result
+    if total and live:
+        print(file=sys.stderr)
+
+
+def _write_index(results: Sequence[Checked], path: Path) -> None:
+    from articulate.prove.index import IndexRow, write_index  # MuJoCo; a cached check does without
+
+    rows = [
+        IndexRow(proof=r.proof, category=_category(r.folder), page=r.folder / PAGE_FILE)
+        for r in results
+    ]
+    write_index(rows, path, title=f"{len(rows)} objects")
+
+
+def _category(folder: Path) -> str:
+    try:
+        content = json.loads((folder / "asset.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return "unknown"
+    return str(content.get("category", "unknown"))
+
+
+def _content(results: Sequence[Checked], *, single: bool) -> dict[str, Any]:
+    if single:
+        return content_of(results[0].proof)
+    counts = Counter(r.proof.verdict for r in results)
+    assets = []
+    for r in results:
+        content = content_of(r.proof)
+        del content["clauses"]
+        assets.append({"name": r.item.name, **content})
+    return {v: counts[v] for v in ("proven", "repaired", "refused")} | {"assets": assets}
+
+
+def _one(result: Checked) -> str:
+    """What is said about one object."""
+    proof = result.proof
+    held = sum(clause.outcome == "passed" for clause in proof.clauses)
+    tried = sum(clause.outcome != "not_applicable" for clause in proof.clauses)
+    lines = [f"{proof.asset}: {proof.verdict}"]
+    if tried:
+        lines[0] += f" ({held} of {tried} measurements hold, {proof.seconds:.1f} s)"
+    lines += [f"  because  {reason}" for reason in proof.reasons]
+    lines += [f"  {_mark(repair)}  {repair.removeprefix(NOTE)}" for repair in proof.repairs]
+    for joint in proof.joints:
+        unit = "m" if joint.kind == "slide" else "rad"
+        opened = "" if joint.opened is None else f", opened by 30 N {joint.opened:.0%}"
+        needs = f", needs {' and '.join(joint.needs)} open" if joint.needs else ""
+        way = f"{joint.kind} of {abs(joint.span):.3g} {unit}"
+        lines.append(f"  joint    {joint.name}: {way}, free {joint.swept:.0%}{opened}{needs}")
+    return "\n".join([*lines, f"  page     {result.folder / PAGE_FILE}"])
+
+
+def _mark(repair: str) -> str:
+    return "note   " if repair.startswith(NOTE) else "changed"
+
+
+def _table(results: Sequence[Checked], index: Path) -> str:
+    """One line for each object, and the sums."""
+    width = max(len(r.item.name) for r in results)
+    lines = [f"{'object':<{width}}  verdict   joints  colliders  seconds  why"]
+    for r in results:
+        p = r.proof
+        why = next(iter(p.reasons or ()), "")
+        why = why if len(why) <= LONGEST else f"{why[: LONGEST - 1]}…"
+        lines.append(
+            f"{r.item.name:<{width}}  {p.verdict:<8}  {len(p.joints):>6}  {p.colliders:>9}  "
+            f"{p.seconds:>7.1f}  {why}".rstrip()
+        )
+    counts = Counter(r.proof.verdict for r in results)
+    told = ", ".join(f"{counts[v]} {v}" for v in ("proven", "repaired", "refused"))
+    return "\n".join([*lines, f"{len(results)} objects: {told}", f"page: {index}"])

@@ -1,0 +1,181 @@
+"""One mesh file as plain triangles by group and material, whatever its format."""
+
+from __future__ import annotations
+
+import logging
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from articulate.convert.msh import read_msh
+from articulate.convert.repairs import Repairs
+from articulate.convert.texture import MAX_PIXELS
+from articulate.errors import AssetError
+
+logging.getLogger("trimesh").setLevel(logging.ERROR)
+
+FORMATS = (".obj", ".stl", ".dae", ".glb", ".gltf", ".ply", ".off", ".msh")
+MAX_BYTES = 300_000_000
+"""Largest mesh file that is read."""
+MAX_FACES = 3_000_000
+"""Most triangles of a mesh file."""
+MAX_GROUPS = 500
+"""An OBJ of more objects, groups and materials is read without them."""
+FARTHEST = 1e6
+"""Triangles with a corner farther out than this are left out, in units of the file."""
+TEXTURES = "textures were replaced by the mean colour of each"
+
+Group = tuple[str, trimesh.Trimesh, tuple[float, ...] | None]
+"""Name of the group, its triangles, and its colour if the file gives one."""
+
+
+def read_mesh(path: Path, repairs: Repairs) -> list[Group]:
+    """The groups of the mesh file at ``path``.
+
+    Raises:
+        AssetError: It cannot be read, or nothing of it has an area.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise AssetError(f"mesh {path.name}: format not known; {', '.join(FORMATS)} are")
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # readers complain of what is judged here
+            return _groups(path, repairs)
+    except AssetError:
+        raise
+    except Exception as error:  # noqa: BLE001  # readers of foreign formats raise anything
+        text = (str(error).splitlines() or [""])[0][:200]
+        raise AssetError(
+            f"mesh {path.name}: cannot be read ({type(error).__name__}: {text})"
+        ) from None
+
+
+def _groups(path: Path, repairs: Repairs) -> list[Group]:
+    if path.stat().st_size > MAX_BYTES:
+        raise AssetError(f"mesh {path.name}: larger than {MAX_BYTES} bytes")
+    unit = _collada_unit(path, repairs) if path.suffix.lower() == ".dae" else 1.0
+    meshes = [(name, mesh) for name, mesh in _placed(_scene(path), path.name) if len(mesh.faces)]
+    faces = sum(len(mesh.faces) for _, mesh in meshes)
+    if not meshes:
+        raise AssetError(f"mesh {path.name}: has no triangles")
+    if faces > MAX_FACES:
+        raise AssetError(f"mesh {path.name}: {faces} triangles; at most {MAX_FACES} are accepted")
+    out: list[Group] = []
+    for name, mesh in meshes:
+        plain = _plain(mesh, path.name, repairs)
+        if plain is None:
+            repairs.add(f"mesh {path.name}: a group without area left out")
+            continue
+        if any(_same_faces(plain, other) for _, other, _ in out):
+            repairs.note(f"mesh {path.name}: the same triangles in another material left out")
+            continue  # the back of a sheet
+        if unit != 1.0:
+            plain.apply_scale(unit)
+        out.append((name, plain, _colour(mesh, path.name, repairs)))
+    if not out:
+        raise AssetError(f"mesh {path.name}: has no area")
+    return out
+
+
+def _scene(path: Path) -> trimesh.Scene:
+    if path.suffix.lower() == ".msh":
+        return trimesh.Scene(read_msh(path))
+    if path.suffix.lower() != ".obj":
+        return trimesh.load_scene(path)
+    scene = trimesh.load_scene(path, split_objects=True, split_groups=True, group_material=True)
+    return scene if len(scene.geometry) <= MAX_GROUPS else trimesh.load_scene(path)
+
+
+def _collada_unit(path: Path, repairs: Repairs) -> float:
+    """Length of the unit of a COLLADA file [m]; its markup is checked before anything reads it."""
+    content = path.read_bytes()
+    if content[:2] == b"PK":
+        raise AssetError(f"mesh {path.name}: an archive; unpack it first")
+    content = content.replace(b"\0", b"")  # whatever the encoding
+    if re.search(rb"<!\s*(DOCTYPE|ENTITY|ELEMENT|ATTLIST)", content, re.IGNORECASE):
+        raise AssetError(f"mesh {path.name}: has a DOCTYPE or entities, which are refused")
+    axis = re.search(rb"<up_axis>\s*([XY]_UP)", content)
+    if axis:
+        repairs.note(f"mesh {path.name} says {axis.group(1).decode()}: taken as it is, as in ROS")
+    said = re.search(rb"<unit[^>]*?meter\s*=\s*[\"']\s*([\d.eE+-]+)", content)
+    unit = float(said.group(1)) if said else 1.0
+    if not 1e-6 <= unit <= 1e6 or abs(unit - 1.0) < 1e-9:
+        return 1.0
+    repairs.note(f"mesh {path.name} is measured in units of {unit:g} m")
+    return unit
+
+
+def _placed(scene: trimesh.Scene, file: str) -> list[tuple[str, trimesh.Trimesh]]:
+    found = []
+    for node in scene.graph.nodes_geometry:
+        T, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if isinstance(geometry, trimesh.Trimesh):
+            mesh = geometry.copy()
+            if mesh.vertices.ndim != 2 or mesh.vertices.shape[1] != 3:
+                raise AssetError(f"mesh {file}: a corner without three coordinates")
+            mesh.apply_transform(T)
+            found.append((str(name), mesh))
+    return found
+
+
+def _plain(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> trimesh.Trimesh | None:
+    """Triangles alone, equal vertices merged, double and empty faces gone."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    faces: NDArray[np.int64] = np.asarray(mesh.faces)
+    if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise AssetError(f"mesh {name}: a face names a corner that does not exist")
+    finite, close = np.isfinite(vertices), np.abs(vertices) < FARTHEST
+    near: NDArray[np.bool_] = np.asarray((finite & close).all(axis=1))
+    if not near[faces].all():
+        repairs.add(f"mesh {name}: triangles with corners at infinity left out")
+    faces = faces[near[faces].all(axis=1)]
+    plain = trimesh.Trimesh(np.where(near[:, None], vertices, 0.0), faces, process=False)
+    plain.merge_vertices()
+    _, first = np.unique(np.sort(plain.faces, axis=1), axis=0, return_index=True)
+    keep = np.zeros(len(plain.faces), dtype=bool)
+    keep[first] = True
+    keep &= plain.area_faces > 1e-14 * max(plain.scale, 1e-9) ** 2
+    plain.update_faces(keep)
+    plain.remove_unreferenced_vertices()
+    if len(plain.faces) == 0 or plain.area <= 0.0:
+        return None
+    return plain
+
+
+def _same_faces(one: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
+    """Whether both consist of the same triangles, turned round or not."""
+    if len(one.faces) != len(other.faces) or not np.allclose(one.bounds, other.bounds):
+        return False
+    centres = [np.sort(m.triangles_center.round(6), axis=0) for m in (one, other)]
+    return bool(np.allclose(centres[0], centres[1], atol=1e-5))
+
+
+def _colour(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> tuple[float, ...] | None:
+    material = getattr(mesh.visual, "material", None)
+    if material is None:
+        colours = getattr(mesh.visual, "main_color", None)
+        defined = getattr(mesh.visual, "defined", False)
+        return tuple(float(c) / 255.0 for c in colours) if defined and colours is not None else None
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    colour = np.asarray(material.main_color, dtype=np.float64) / 255.0
+    if image is not None:
+        try:
+            colour[:3] = _mean(image)
+            repairs.note(TEXTURES)
+        except (OSError, ValueError, SyntaxError, AssetError):
+            repairs.add(f"mesh {name}: a texture that cannot be read left out")
+    return tuple(float(c) for c in colour)
+
+
+def _mean(image: Any) -> NDArray[np.float64]:
+    """Mean colour of a picture of PIL (3,)."""
+    if image.width * image.height > MAX_PIXELS:
+        raise AssetError("too large")
+    pixels = np.asarray(image.convert("RGB").resize((8, 8)), dtype=np.float64)
+    return np.asarray(pixels.reshape(-1, 3).mean(axis=0) / 255.0)

@@ -1,0 +1,1 @@
+"""Evidence about an asset: clauses measured one by one, and a verdict."""

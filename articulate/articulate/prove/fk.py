@@ -1,0 +1,283 @@
+"""Clause ``fk``: the MJCF moves its links to where other readers of the same object put them.
+
+Judges are yourdfpy and PyBullet on the canonical URDF, and yourdfpy or MuJoCo on the input
+itself. Each judge takes joint positions and gives poses of links; what differs lies here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import yourdfpy
+
+from articulate.proof import Clause
+from articulate.prove.model import Model, ObjectModel
+from articulate.transforms import Array, inverse, normalised, pose, quat_to_matrix
+
+STATES = 100
+"""Random joint states that are compared."""
+ALLOWED = 1e-6
+"""Largest difference in position [m] and angle [rad]."""
+BASE = -1
+"""PyBullet's index of the root link."""
+
+Judge = Callable[[Mapping[str, float]], dict[str, Array]]
+"""From joint positions [m or rad] to poses (4, 4) of links, all in one frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputFrame:
+    """How the input's lengths and root frame became those of the asset."""
+
+    scale: float
+    """Metres for one unit of the input."""
+    T_os: Array
+    """Pose of the input's root frame, already in metres, in the object frame (4, 4)."""
+
+
+def fk(model: ObjectModel) -> tuple[Clause, ...]:
+    """Compare the MJCF with yourdfpy and PyBullet on the URDF beside it."""
+    path = model.asset.folder / "object.urdf"
+    clauses = []
+    for name, make in (("yourdfpy", urdf_judge), ("PyBullet", bullet_judge)):
+        try:
+            clauses.append(_compared(model, make(path), f"{name} on the canonical URDF"))
+        except ModuleNotFoundError as error:
+            message = f"not compared with {name}: {error.name} is not installed"
+            clauses.append(Clause(name="fk", outcome="not_applicable", message=message))
+        except Exception as error:  # noqa: BLE001  foreign readers raise anything
+            message = f"{name} does not read the canonical URDF: {_line(error)}"
+            clauses.append(Clause(name="fk", outcome="failed", message=message))
+    return tuple(clauses)
+
+
+def fk_input(model: ObjectModel, source: Path, frame: InputFrame) -> tuple[Clause, ...]:
+    """Compare the MJCF with the input that it was made from, where it can be read as it is.
+
+    Args:
+        model: The asset.
+        source: URDF or MJCF that went in.
+        frame: Scale and root frame, which conversion may choose.
+    """
+    judges = {".xml": (("MuJoCo", mjcf_judge),)}.get(
+        source.suffix.lower(), (("yourdfpy", urdf_judge), ("MuJoCo", mjcf_judge))
+    )
+    for name, make in judges:
+        try:
+            judge = make(source)
+        except Exception as error:  # noqa: BLE001  the input may be anything
+            reason = f"{name}: {_line(error)}"
+            continue
+        return (_compared_input(model, judge, frame, f"{name} on the input"),)
+    message = f"the input cannot be read as it is ({reason})"
+    return (Clause(name="fk_input", outcome="not_applicable", message=message),)
+
+
+def urdf_judge(path: Path) -> Judge:
+    """Yourdfpy's poses of the links of a URDF, in the frame of its first root link."""
+    with _quiet_log("yourdfpy"):
+        robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
+    unknown = _below(robot.robot.joints, {"floating", "planar"})
+    for joint in robot.robot.joints:
+        # It multiplies positions with the axis as it stands; the standard says unit vector.
+        joint.axis = normalised(joint.axis)
+    moving = set(robot.actuated_joint_names)
+    links = [link.name for link in robot.robot.links if link.name not in unknown]
+
+    def poses(q: Mapping[str, float]) -> dict[str, Array]:
+        robot.update_cfg({name: float(q[name]) for name in moving if name in q})
+        return {name: np.asarray(robot.get_transform(name)) for name in links}
+
+    return poses
+
+
+def bullet_judge(path: Path) -> Judge:
+    """PyBullet's poses of the links of a URDF, in its world frame."""
+    with _unheard():
+        import pybullet  # announces itself below Python
+
+        client = pybullet.connect(pybullet.DIRECT)
+        robot = pybullet.loadURDF(str(path), useFixedBase=True, physicsClientId=client)
+        count = pybullet.getNumJoints(robot, physicsClientId=client)
+        info = [pybullet.getJointInfo(robot, j, physicsClientId=client) for j in range(count)]
+        base = pybullet.getBodyInfo(robot, physicsClientId=client)[0].decode()
+    joints = {entry[1].decode(): j for j, entry in enumerate(info)}
+    links = {entry[12].decode(): j for j, entry in enumerate(info)}
+
+    def poses(q: Mapping[str, float]) -> dict[str, Array]:
+        for name, j in joints.items():
+            if name in q:
+                pybullet.resetJointState(robot, j, float(q[name]), physicsClientId=client)
+        options = {"computeForwardKinematics": True, "physicsClientId": client}
+        states = pybullet.getLinkStates(robot, list(links.values()), **options) if links else ()
+        found = {n: _bullet_pose(s[4], s[5]) for n, s in zip(links, states, strict=True)}
+        centre = pybullet.getBasePositionAndOrientation(robot, physicsClientId=client)
+        local = pybullet.getDynamicsInfo(robot, BASE, physicsClientId=client)[3:5]
+        found[base] = _bullet_pose(*centre) @ inverse(_bullet_pose(*local))
+        return found
+
+    return poses
+
+
+def mjcf_judge(path: Path) -> Judge:
+    """MuJoCo's own poses of the bodies of a file that it reads as it is, on their joints."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    names = {model.body(b).name: b for b in range(1, model.nbody)}
+    addresses = {model.joint(j).name: int(model.jnt_qposadr[j]) for j in range(model.njnt)}
+    # A URDF has the frame of a link on its joint, so that is where conversion puts it.
+    T_bl = {n: pose(_anchor(model, b)) for n, b in names.items()}
+
+    def poses(q: Mapping[str, float]) -> dict[str, Array]:
+        for name, position in q.items():
+            if name in addresses:
+                data.qpos[addresses[name]] = position
+        mujoco.mj_kinematics(model, data)
+        return {
+            n: pose(data.xpos[b], data.xmat[b].reshape(3, 3)) @ T_bl[n] for n, b in names.items()
+        }
+
+    return poses
+
+
+def _anchor(model: Model, body: int) -> Array:
+    """Where the last joint of ``body`` sits, in its frame (3,) [m]; the origin without one."""
+    count = int(model.body_jntnum[body])
+    last = int(model.body_jntadr[body]) + count - 1
+    return np.array(model.jnt_pos[last]) if count else np.zeros(3)
+
+
+def _compared(model: ObjectModel, judge: Judge, who: str) -> Clause:
+    """The clause ``fk`` against one judge, which sees the same numbers as the model does."""
+    names = [link.name for link in model.asset.links]
+    error = np.zeros((0, len(names)))
+    for q, own in _states(model):
+        theirs = judge(q)
+        lost = [name for name in names if name not in theirs]
+        if lost:
+            message = f"{who} knows no link {', '.join(lost[:3])}"
+            return Clause(name="fk", outcome="failed", subject=lost[0], message=message)
+        T_root = inverse(theirs[model.root])
+        row = [_difference(own[n], T_root @ theirs[n]) for n in names]
+        error = np.vstack([error, row])
+    return _clause("fk", model, names, error, who)
+
+
+def _compared_input(model: ObjectModel, judge: Judge, frame: InputFrame, who: str) -> Clause:
+    """The clause ``fk_input``: positions of slides and of links are scaled before comparing."""
+    unit = {j.name: frame.scale if j.kind == "slide" else 1.0 for j in model.asset.joints}
+    known = judge({})
+    names = [x.name for x in model.asset.links if x.parent is not None and x.name in known]
+    if not names:
+        message = f"{who}: no moving link has kept its name"
+        return Clause(name="fk_input", outcome="not_applicable", message=message)
+    error = np.zeros((0, len(names)))
+    for q, own in _states(model):
+        theirs = judge({name: value / unit.get(name, 1.0) for name, value in q.items()})
+        row = []
+        for name in names:
+            T_sl = np.array(theirs[name])
+            T_sl[:3, 3] *= frame.scale
+            row.append(_difference(own[name], frame.T_os @ T_sl))
+        error = np.vstack([error, row])
+    who = f"{who}, {len(names)} of {len(model.asset.links) - 1} moving links"
+    return _clause("fk_input", model, names, error, who)
+
+
+def _states(model: ObjectModel) -> Iterator[tuple[dict[str, float], dict[str, Array]]]:
+    """Random joint positions and where the MJCF puts the links; one state if nothing moves."""
+    rng = np.random.default_rng(0)
+    data = model.data()
+    for _ in range(STATES if model.asset.joints else 1):
+        q = model.random_joints(rng)
+        model.set_joints(data, q)
+        yield q, {link.name: model.T_ol(data, link.name) for link in model.asset.links}
+
+
+def _difference(one: Array, other: Array) -> float:
+    """The larger of the distance [m] and the angle [rad] between two poses."""
+    distance = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
+    chord = float(np.linalg.norm(one[:3, :3] - other[:3, :3])) / np.sqrt(8.0)
+    return max(distance, 2.0 * float(np.arcsin(min(chord, 1.0))))
+
+
+def _clause(name: str, model: ObjectModel, names: list[str], error: Array, who: str) -> Clause:
+    """The clause about ``error`` (states, links), blamed on the first link that strays."""
+    worst = error.max(axis=0, initial=0.0)
+    largest = float(worst.max(initial=0.0))
+    states = f"{len(error)} joint states against {who}"
+    wrong = [link for link, value in zip(names, worst, strict=True) if not value <= ALLOWED]
+    message = f"{states}: largest difference {largest:.2g} m or rad"
+    if wrong:
+        joint = next((j.name for j in model.asset.joints if j.link == wrong[0]), "the root")
+        message += (
+            f"; {len(wrong)} links stray, the first is {wrong[0]}, moved by {joint}: "
+            "compare its origin, axis and limits with the input"
+        )
+    return Clause(
+        name=name,
+        outcome="failed" if wrong else "passed",
+        subject=wrong[0] if wrong else "",
+        measured=largest,
+        allowed=ALLOWED,
+        unit="m or rad",
+        message=message,
+    )
+
+
+def _below(joints: Sequence[Any], kinds: set[str]) -> set[str]:
+    """Links moved, at any remove, by a joint of one of ``kinds``."""
+    found = {j.child for j in joints if j.type in kinds}
+    while True:
+        further = {j.child for j in joints if j.parent in found} - found
+        if not further:
+            return found
+        found |= further
+
+
+def _bullet_pose(pos: Sequence[float], quat_xyzw: Sequence[float]) -> Array:
+    return pose(np.array(pos), quat_to_matrix(np.roll(np.array(quat_xyzw), 1)))
+
+
+def _line(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+@contextmanager
+def _quiet_log(name: str) -> Iterator[None]:
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Keep what libraries print below Python off the standard streams."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(stream) for stream in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for stream in (1, 2):
+            os.dup2(nowhere, stream)
+        yield
+        ctypes.CDLL(None).fflush(None)  # what C has kept back goes nowhere, too
+    finally:
+        for stream, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, stream)
+            os.close(copy)
+        os.close(nowhere)

@@ -1,0 +1,157 @@
+"""Clauses ``openness`` and ``fingers``: what is hollow to the eye is hollow to the engine."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from articulate.asset import Handle, handle_frame
+from articulate.proof import Clause
+from articulate.prove.authored import surface_of
+from articulate.prove.model import Data, ObjectModel
+from articulate.prove.solids import inside_any, solids_of
+from articulate.prove.surface import escapes, winding_numbers
+from articulate.transforms import Array, Mask, apply, inverse
+
+SAMPLES = 2000
+"""Points in the convex hull of what a link shows."""
+HOLLOW = 0.5
+"""Points with a smaller winding number lie in the cavity."""
+LEAST_WIDTH_M = 0.01
+"""Links thinner than this hold nothing, whatever their back looks like [m]."""
+LEAST_CAVITY = 0.05
+"""Links whose cavity is a smaller share of their hull count as solid."""
+ALLOWED_OPEN = 0.85
+"""Least share of the cavity that must lie outside the collision shapes."""
+
+FINGER_M = 0.008
+"""Room that a finger needs beside a handle [m]."""
+FINGER_WIDTH_M = 0.02
+"""Width of a finger along the handle [m]."""
+REACH_M = 0.1
+"""Room beyond this is not measured [m]."""
+
+
+def openness(model: ObjectModel) -> tuple[Clause, ...]:
+    """How much of each link's cavity the engine leaves free, and room for fingers."""
+    hollow = [_open(model, link.name) for link in model.asset.links]
+    data = model.data()
+    return (*hollow, *(_fingers(model, data, handle) for handle in model.asset.handles))
+
+
+def _open(model: ObjectModel, link: str) -> Clause:
+    corners, faces = surface_of(model, link)
+    hull = _hull(corners)
+    if hull is None:
+        return _not_hollow(link, f"{link} has no volume")
+    if width(hull) < LEAST_WIDTH_M:
+        return _not_hollow(link, f"{link} is thinner than {1000 * LEAST_WIDTH_M:.0f} mm")
+    points = hull_points(hull, SAMPLES)
+    cavity = points[is_cavity(points, corners[faces])]
+    share = len(cavity) / len(points)
+    if share <= LEAST_CAVITY:
+        return _not_hollow(link, f"{link} is solid: its cavity is {share:.1%} of its convex hull")
+    free = ~inside_any(solids_of(model, link), cavity)
+    measured = float(free.mean())
+    passed = measured >= ALLOWED_OPEN
+    message = f"{measured:.1%} of the cavity of {link} ({share:.0%} of its hull) is free"
+    if not passed:
+        message += ": its collision shapes seal it; decompose it more finely"
+    return Clause(
+        name="openness",
+        outcome="passed" if passed else "failed",
+        subject=link,
+        measured=measured,
+        allowed=ALLOWED_OPEN,
+        unit="1",
+        message=message,
+    )
+
+
+def _not_hollow(link: str, message: str) -> Clause:
+    return Clause(name="openness", outcome="not_applicable", subject=link, message=message)
+
+
+def is_cavity(points: Array, triangles: Array) -> Mask:
+    """Whether ``points`` (N, 3) in the hull of ``triangles`` lie in a hollow that is open (N,).
+
+    The winding number says what lies outside the material. Where a mesh is turned inside out in
+    places it says so of solid parts, too; from inside those no ray gets out, so that a point
+    counts only if one does. A void that is closed all round is no cavity, then.
+    """
+    hollow = np.abs(winding_numbers(points, triangles)) < HOLLOW
+    found = np.flatnonzero(hollow)
+    hollow[found] = escapes(points[found], triangles)
+    return np.asarray(hollow)
+
+
+def _hull(corners: Array) -> ConvexHull | None:
+    if len(corners) < 4:
+        return None
+    try:
+        return ConvexHull(corners)
+    except (QhullError, ValueError):
+        return None
+
+
+def width(hull: ConvexHull) -> float:
+    """Least distance of two parallel planes that hold ``hull`` between them, one along a face."""
+    planes = np.unique(hull.equations.round(9), axis=0)
+    corners = hull.points[hull.vertices]
+    return float(-(corners @ planes[:, :3].T + planes[:, 3]).min(axis=0).max(initial=-np.inf))
+
+
+def hull_points(hull: ConvexHull, count: int) -> Array:
+    """Up to ``count`` points (N, 3) spread evenly in ``hull``."""
+    planes = np.unique(hull.equations.round(9), axis=0)
+    rng = np.random.default_rng(0)
+    low, high = hull.min_bound, hull.max_bound
+    found = np.zeros((0, 3))
+    for _ in range(50):
+        points = rng.uniform(low, high, (2 * count, 3))
+        inside = (points @ planes[:, :3].T + planes[:, 3] <= 0.0).all(axis=1)
+        found = np.vstack([found, points[inside]])
+        if len(found) >= count:
+            break
+    return found[:count]
+
+
+def _fingers(model: ObjectModel, data: Data, handle: Handle) -> Clause:
+    """Room on both sides of a handle, where the fingers of a gripper go, all joints closed."""
+    T_oh = model.T_ol(data, handle.link) @ handle_frame(handle)
+    room = min(_room(model, data, T_oh, handle, side) for side in (-1.0, 1.0))
+    passed = room >= FINGER_M
+    most = " or more" if room >= REACH_M else ""
+    message = (
+        f"{handle.name}, a {handle.kind}: {1000 * room:.0f} mm{most} free beside it for fingers"
+    )
+    if not passed:
+        message += f"; {1000 * FINGER_M:.0f} mm are needed to hold it with everything closed"
+    return Clause(
+        name="fingers",
+        outcome="passed" if passed else "not_applicable",
+        subject=handle.joint,
+        measured=room,
+        allowed=FINGER_M,
+        unit="m",
+        message=message,
+    )
+
+
+def _room(model: ObjectModel, data: Data, T_oh: Array, handle: Handle, side: float) -> float:
+    """Free way [m] from the handle's flank along its closing axis, at most ``REACH_M``."""
+    solids = {link.name: solids_of(model, link.name) for link in model.asset.links}
+    along = min(FINGER_WIDTH_M, handle.extent[0]) / 2.0
+    steps = np.arange(0.0005, REACH_M, 0.001)
+    least = REACH_M
+    for x in (-along, 0.0, along):
+        points_h = np.zeros((len(steps), 3))
+        points_h[:, 0] = x
+        points_h[:, 1] = side * (handle.extent[1] / 2.0 + steps)
+        taken = np.zeros(len(steps), dtype=bool)
+        for link in model.asset.links:
+            T_lh = inverse(model.T_ol(data, link.name)) @ T_oh
+            taken |= inside_any(solids[link.name], apply(T_lh, points_h))
+        if taken.any():
+            least = min(least, float(steps[int(taken.argmax())]))
+    return least

@@ -1,0 +1,53 @@
+"""What an asset was made from, as far as a proof compares the two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from articulate.convert.config import ConvertConfig
+from articulate.convert.convert import Reading, placement_of
+from articulate.convert.mesh import PartGeometry
+from articulate.prove.fk import InputFrame
+from articulate.transforms import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """The input of an asset."""
+
+    source: Path
+    """URDF or MJCF file."""
+    frame: InputFrame
+    root: str
+    """Part that does not move."""
+    shown: Mapping[str, Array]
+    """Triangles (F, 3, 3) that each part shows, in metres; the root's in the object frame, those
+    of the others in their own."""
+
+
+def origin_of_reading(reading: Reading, config: ConvertConfig) -> Origin:
+    """The input that was read, placed as ``config`` asks for."""
+    place = placement_of(reading, config)
+    shown = {}
+    for part in reading.parts:
+        geometry = reading.geometry[part.name].scaled(place.scale)
+        if part.joint is None:
+            T_sp = np.array(part.T_sp)
+            T_sp[:3, 3] *= place.scale
+            geometry = geometry.moved(place.T_os @ T_sp)
+        shown[part.name] = _triangles(geometry)
+    return Origin(
+        source=reading.source.path,
+        frame=InputFrame(scale=place.scale, T_os=place.T_os),
+        root=reading.parts[0].name,
+        shown=shown,
+    )
+
+
+def _triangles(geometry: PartGeometry) -> Array:
+    found = [np.asarray(piece.mesh.triangles, dtype=np.float64) for piece in geometry.shown]
+    return np.concatenate([np.zeros((0, 3, 3)), *found])

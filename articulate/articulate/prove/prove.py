@@ -1,0 +1,290 @@
+"""From an asset to its proof, and from an input to an asset with its proof."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from articulate.asset import Asset, load_asset
+from articulate.convert.config import ConvertConfig
+from articulate.convert.convert import (
+    Reading,
+    build_asset,
+    input_key,
+    read_input,
+    urdf_in,
+    write_asset,
+)
+from articulate.convert.counts import counts_of
+from articulate.convert.origin import ORIGIN_FILE
+from articulate.convert.repairs import is_note
+from articulate.errors import AssetError
+from articulate.proof import Clause, JointProof, Proof, Verdict
+from articulate.prove import store
+from articulate.prove.clauses import meanings
+from articulate.prove.coverage import coverage
+from articulate.prove.fk import fk, fk_input
+from articulate.prove.force import force
+from articulate.prove.inertia import inertia
+from articulate.prove.limits import limits
+from articulate.prove.model import ObjectModel, load_model
+from articulate.prove.openness import openness
+from articulate.prove.origin import Origin, origin_of_reading
+from articulate.prove.page import write_page
+from articulate.prove.record import PAGE_FILE, load_proof, save_proof
+from articulate.prove.settle import settle
+from articulate.prove.shown import shown
+from articulate.prove.sweep import sweep
+
+TIMED_STEPS = 100
+"""Physics steps that are timed together."""
+TIMINGS = 7
+"""So often; the median counts."""
+
+Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
+
+
+def prove(asset: Asset, origin: Origin | None = None) -> Proof:
+    """Measure every clause on ``asset`` and say what comes of it.
+
+    Args:
+        asset: Asset in a folder.
+        origin: The input, to compare with it.
+    """
+    start = time.perf_counter()
+    try:
+        model = load_model(asset)
+    except AssetError as error:
+        clause = Clause(name="loads", outcome="failed", message=str(error))
+        return _judged(asset, (clause,), (), time.perf_counter() - start)
+    clauses: list[Clause] = [
+        Clause(name="loads", outcome="passed", message=f"MuJoCo {mujoco.__version__} loads it")
+    ]
+    for name, measure in (
+        ("fk", fk),
+        ("limits", limits),
+        ("inertia", inertia),
+        ("openness", openness),
+        ("coverage", coverage),
+    ):
+        clauses += _tried(name, measure, model)
+    if origin is not None:
+        clauses += _tried("fk_input", lambda m: fk_input(m, origin.source, origin.frame), model)
+        clauses += _tried("shown", lambda m: shown(m, origin), model)
+    joints: tuple[JointProof, ...] = ()
+    if asset.joints:
+        more, joints = _moved(asset, model)
+        clauses += more
+    else:
+        message = "no joint moves: proven as a rigid object"
+        clauses.append(Clause(name="rigid", outcome="passed", message=message))
+    proof = _judged(asset, tuple(clauses), joints, 0.0)
+    colliders = sum(len(model.collision_geoms(link.name)) for link in asset.links)
+    step_us = _step_us(model)
+    return replace(proof, colliders=colliders, step_us=step_us, seconds=time.perf_counter() - start)
+
+
+def check(
+    source: Path,
+    out: Path,
+    config: ConvertConfig | None = None,
+    *,
+    against: Path | None = None,
+) -> Proof:
+    """Convert ``source``, prove the result, and write both into ``out``, whole or absent.
+
+    What cannot be converted is refused: ``out`` holds the proof alone then. With a ``cache_dir``
+    in the configuration, the same input is converted and proven once.
+
+    Args:
+        source: URDF or MJCF file, a folder that holds one, or an asset folder.
+        out: Folder to write; replaced if it holds an earlier result.
+        config: What to do otherwise than by default.
+        against: URDF or MJCF that an asset folder was made from, to compare it with.
+
+    Raises:
+        UsageError: ``out`` cannot be written, or ``source`` does not exist.
+    """
+    store.check_out(out)
+    config = config or ConvertConfig()
+    with tempfile.TemporaryDirectory(prefix="articulate-") as temporary:
+        cache = config.cache_dir or Path(temporary)
+        options = options_of(config)
+        if against is not None:
+            options["against"] = str(against.resolve())
+        file = source if (source / "asset.json").is_file() else urdf_in(source)
+        folder = store.find(file, options, cache)
+        if folder is None:
+            folder = checked(file, replace(config, cache_dir=cache), options, against)
+        store.hand_over(folder, out)
+        return load_proof(out)
+
+
+def options_of(config: ConvertConfig) -> dict[str, Any]:
+    """What a verdict depends on besides the input: all that is not as by default."""
+    plain = dataclasses.asdict(ConvertConfig())
+    given = dataclasses.asdict(config)
+    return {k: v for k, v in given.items() if v != plain[k] and k != "cache_dir"}
+
+
+def checked(
+    file: Path, config: ConvertConfig, options: Mapping[str, Any], against: Path | None = None
+) -> Path:
+    """Folder of the cache with the asset made from ``file`` and its proof, which is noted.
+
+    Args:
+        file: URDF or MJCF file, or an asset folder.
+        config: With a ``cache_dir``.
+        options: The configuration as it enters the record.
+        against: URDF or MJCF file that an asset folder is to be compared with.
+    """
+    assert config.cache_dir is not None
+    cache = config.cache_dir
+    start = time.perf_counter()
+    inputs: list[Path] = []
+    try:
+        if file.is_dir():
+            folder = cache / "assets" / f"{file.name[:40]}-{store.ticket(file, options)[:20]}"
+            shutil.copytree(file, folder, dirs_exist_ok=True)
+            origin = None
+            if against is not None:
+                reading = read_input(urdf_in(against), config)
+                inputs = [reading.source.path, *_inputs(reading)]
+                origin = origin_of_reading(reading, config)
+            proof = prove(load_asset(folder), origin)
+        else:
+            reading = read_input(file, config)
+            inputs = _inputs(reading)
+            folder = (
+                cache / "assets" / f"{reading.source.name[:40]}-{input_key(reading, config)[:20]}"
+            )
+            proof = _converted(reading, config, folder)
+    except AssetError as error:
+        return refuse(file, str(error), options, cache, seconds=time.perf_counter() - start)
+    proof = replace(proof, seconds=time.perf_counter() - start)
+    write_page(proof, load_asset(folder), folder / PAGE_FILE, meanings=meanings())
+    save_proof(proof, folder)
+    store.keep(file, options, cache, inputs, folder)
+    return folder
+
+
+def _converted(reading: Reading, config: ConvertConfig, folder: Path) -> Proof:
+    """Proof of the asset in ``folder``, which is made from ``reading`` if it is not there."""
+    if (folder / "asset.json").is_file():
+        asset = load_asset(folder)
+    else:
+        asset = write_asset(*build_asset(reading, config), folder)
+    proof = prove(asset, origin_of_reading(reading, config))
+    return replace(proof, counts=counts_of(reading.source, asset))
+
+
+def refuse(
+    file: Path,
+    reason: str,
+    options: Mapping[str, Any],
+    cache: Path,
+    *,
+    seconds: float = 0.0,
+    lasting: bool = True,
+) -> Path:
+    """Folder of the cache with a refusal of ``file``.
+
+    Args:
+        file: What was to be checked.
+        reason: Why it is refused.
+        options: The configuration as it enters the record.
+        cache: Cache folder.
+        seconds: Time it took [s].
+        lasting: Note it, so that the same file is refused at once the next time.
+    """
+    name = file.parent.name if file.stem == "mobility" else file.stem
+    proof = Proof(asset=name, verdict="refused", reasons=(reason,), seconds=seconds)
+    folder = cache / "refused" / f"{name[:40]}-{store.ticket(file, options)[:20]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_page(proof, None, folder / PAGE_FILE, meanings=meanings())
+    save_proof(proof, folder)
+    if lasting:
+        store.keep(file, options, cache, (), folder)
+    return folder
+
+
+def _inputs(reading: Reading) -> list[Path]:
+    """Files that were read besides the source itself, with what stands beside meshes."""
+    found = set(reading.files.values())
+    found |= {path.with_suffix(".mtl") for path in found}
+    folder = reading.source.path.parent
+    found |= {folder / name for name in ("meta.json", "semantics.txt", ORIGIN_FILE)}
+    return [path for path in found if path.is_file()]
+
+
+def _moved(asset: Asset, model: ObjectModel) -> Measured:
+    """The clauses about motion."""
+    try:
+        clauses, joints = sweep(asset, model)
+    except Exception as error:  # noqa: BLE001  evidence or refusal, never a trace
+        return (_unmeasured("sweep", error),), ()
+    clauses = (*clauses, *_tried("settle", lambda m: settle(asset, m), model))
+    try:
+        more, joints = force(asset, model, joints)
+    except Exception as error:  # noqa: BLE001
+        more = (_unmeasured("open", error),)
+    return (*clauses, *more), joints
+
+
+def _tried(
+    name: str, measure: Callable[[ObjectModel], tuple[Clause, ...]], model: ObjectModel
+) -> tuple[Clause, ...]:
+    """Clauses of ``measure``, or a failed one that says why there are none."""
+    try:
+        return measure(model)
+    except Exception as error:  # noqa: BLE001  evidence or refusal, never a trace
+        return (_unmeasured(name, error),)
+
+
+def _unmeasured(name: str, error: Exception) -> Clause:
+    text = " ".join(str(error).split())[:300]
+    message = f"could not be measured ({type(error).__name__}: {text}); please report it"
+    return Clause(name=name, outcome="failed", message=message)
+
+
+def _judged(
+    asset: Asset, clauses: tuple[Clause, ...], joints: tuple[JointProof, ...], seconds: float
+) -> Proof:
+    failed = [clause for clause in clauses if clause.outcome == "failed"]
+    reasons = tuple(
+        f"{c.name}{f' of {c.subject}' if c.subject else ''}: {c.message}" for c in failed
+    )
+    changed = any(not is_note(sentence) for sentence in asset.repairs)
+    verdict: Verdict = "refused" if failed else "repaired" if changed else "proven"
+    return Proof(
+        asset=asset.name,
+        verdict=verdict,
+        reasons=reasons,
+        repairs=asset.repairs,
+        clauses=clauses,
+        joints=joints,
+        source=asset.source,
+        licence=asset.licence,
+        seconds=seconds,
+    )
+
+
+def _step_us(model: ObjectModel) -> float:
+    """Median time of a physics step of the object alone, closed and at rest [us]."""
+    data = model.data()
+    mujoco.mj_step(model.model, data, TIMED_STEPS)
+    times = []
+    for _ in range(TIMINGS):
+        start = time.perf_counter()
+        mujoco.mj_step(model.model, data, TIMED_STEPS)
+        times.append((time.perf_counter() - start) / TIMED_STEPS)
+    return 1e6 * float(np.median(times))

@@ -1,0 +1,175 @@
+"""What was checked before, by content: found again without loading a mesh or a simulator.
+
+A record lies in ``checks/`` of the cache. Its name is a hash of the source file, the options and
+this package's own code; it says which other files were read and what their hashes were, and in
+which folder of the cache the result lies. The result counts only while all of that still holds.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from articulate.errors import UsageError
+from articulate.files import sha256, write_json
+from articulate.prove.record import PROOF_FILE
+
+CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
+"""What decides about a verdict, inside the package."""
+MOST_NAMES = 5000
+"""So many file names beside a source are looked at for files that came or went."""
+MOST_BYTES = 64_000_000
+"""Larger source files are not read here."""
+
+
+def default_cache() -> Path:
+    """Where results are kept: ``articulate`` in the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "articulate"
+
+
+@functools.cache
+def code_id() -> str:
+    """Hash of the code that converts and proves."""
+    package = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256()
+    for name in CODE:
+        path = package / name
+        files = sorted(path.rglob("*")) if path.is_dir() else [path]
+        for file in files:
+            if file.is_file() and file.suffix != ".pyc":
+                digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
+
+
+def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
+    """Folder with the result of an earlier check of ``source``, or None.
+
+    Args:
+        source: File or asset folder that is checked.
+        options: All that the result depends on besides.
+        cache: Cache folder.
+    """
+    try:
+        record = json.loads(_record(source, options, cache).read_text(encoding="utf-8"))
+        folder = cache / str(record["folder"])
+        if record["listing"] != _listing(source) or not (folder / PROOF_FILE).is_file():
+            return None
+        if any(sha256(Path(path)) != known for path, known in record["inputs"].items()):
+            return None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return folder
+
+
+def keep(
+    source: Path, options: Mapping[str, Any], cache: Path, inputs: Iterable[Path], folder: Path
+) -> None:
+    """Note that the result of ``source`` lies in ``folder`` of the cache.
+
+    Args:
+        source: File or asset folder that was checked.
+        options: All that the result depends on besides.
+        cache: Cache folder.
+        inputs: Further files that were read.
+        folder: Folder below ``cache``.
+    """
+    known = {}
+    for path in sorted(set(inputs)):
+        with suppress(OSError):
+            known[str(path.resolve())] = sha256(path)
+    content = {
+        "source": str(source.resolve()),
+        "inputs": known,
+        "listing": _listing(source),
+        "folder": folder.relative_to(cache).as_posix(),
+    }
+    write_json(_record(source, options, cache), content)
+
+
+def ticket(source: Path, options: Mapping[str, Any]) -> str:
+    """Hash of ``source``, where it lies, the ``options`` and the code."""
+    digest = hashlib.sha256(f"{code_id()}\0{source.resolve()}\0".encode())
+    digest.update(json.dumps(dict(options), sort_keys=True, default=str).encode() + b"\0")
+    if source.is_dir():
+        for path in sorted(p for p in source.rglob("*") if p.is_file()):
+            digest.update(f"{path.relative_to(source)}\0{sha256(path)}\0".encode())
+    else:
+        digest.update(_content(source))
+    return digest.hexdigest()
+
+
+def _content(source: Path) -> bytes:
+    """Bytes of a file; what is too large to be an object is told by its size and date."""
+    try:
+        state = source.stat()
+        if state.st_size > MOST_BYTES:
+            return f"{state.st_size} {state.st_mtime_ns}".encode()
+        return source.read_bytes()
+    except OSError as error:
+        return f"unreadable: {error.errno}".encode()
+
+
+def _record(source: Path, options: Mapping[str, Any], cache: Path) -> Path:
+    return cache / "checks" / f"{ticket(source, options)[:32]}.json"
+
+
+def _listing(source: Path) -> str:
+    """Hash of the names beside and below ``source``: a mesh that was absent may have come."""
+    digest = hashlib.sha256()
+    count = 0
+    for base, folders, files in os.walk(source if source.is_dir() else source.parent):
+        folders.sort()
+        for name in sorted(files):
+            digest.update(f"{base}/{name}\0".encode(errors="surrogateescape"))
+        count += len(files)
+        if count > MOST_NAMES:
+            break
+    return digest.hexdigest()
+
+
+def hand_over(folder: Path, out: Path) -> None:
+    """Copy ``folder`` to ``out``, whole or not at all; an earlier result there is replaced.
+
+    Raises:
+        UsageError: ``out`` is something else, or cannot be written.
+    """
+    check_out(out)
+    temporary = None
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+        fresh = temporary / "new"
+        shutil.copytree(folder, fresh)
+        fresh.chmod(0o755)
+        if out.exists():
+            out.rename(temporary / "old")
+        fresh.rename(out)
+    except OSError as error:
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_out(out: Path) -> None:
+    """Refuse an ``out`` that holds something other than an earlier result.
+
+    Raises:
+        UsageError: It does.
+    """
+    if not out.exists():
+        return
+    ours = (out / "asset.json").is_file() or (out / PROOF_FILE).is_file()
+    if not ours and not (out.is_dir() and not any(out.iterdir())):
+        raise UsageError(f"{out}: exists and is not an asset; choose another --out")

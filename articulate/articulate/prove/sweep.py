@@ -1,0 +1,224 @@
+"""Clause: every joint goes through its range without parts going through each other.
+
+By distance queries on the collision shapes, whatever the engine leaves out. What counts is how
+much deeper a shape lies in another part than it does with everything closed: parts of real
+objects touch, and their shapes overlap a little, while they are at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from articulate.asset import Asset, Joint
+from articulate.proof import Clause, JointProof
+from articulate.prove.model import ObjectModel
+from articulate.prove.sweeper import LIMIT_M, Meeting, Sweeper, Way
+
+DRAWS = 8
+"""Draws of the other joints for each joint."""
+DRAW_STATES = 32
+"""Most states along one way for each of them."""
+MAX_REDRAWS = 24
+"""So often are the others drawn again where authored parts meet."""
+MAX_NEEDS = 3
+"""So many joints may have to be open before another one can move."""
+ONLY_SHAPES = "; only the collision shapes meet there: the conversion made them too large"
+AUTHORED = "; the authored parts meet there too: mend the limits, the axis or the mesh"
+
+
+def sweep(asset: Asset, model: ObjectModel) -> tuple[tuple[Clause, ...], tuple[JointProof, ...]]:
+    """Clauses ``sweep``, ``sweep_authored`` and ``sweep_random``, and how far each joint went.
+
+    ``sweep_authored`` appears, failed, where the authored parts meet in the same place: then the
+    object itself is at fault and not its shapes.
+    """
+    sweeper = Sweeper(model=model)
+    followers = {f.joint: f.leader for f in model.followers}
+    clauses: list[Clause] = []
+    joints: dict[str, JointProof] = {}
+    for name in model.free_joints:
+        joint = asset.joint(name)
+        way, needs = _needed(sweeper, joint)
+        alone, passes = _alone(sweeper, joint, way, needs)
+        clauses += alone
+        if passes and len(model.free_joints) > 1:
+            clauses.append(_together(sweeper, joint, way, needs))
+        joints[name] = JointProof(
+            name=name,
+            kind=joint.kind,
+            span=joint.span,
+            swept=way.free,
+            blocked=bool(way.meetings),
+            needs=needs,
+        )
+    for name, proof in _locked(joints).items():
+        clauses.append(_deadlock(proof))
+        joints[name] = replace(proof, blocked=True, swept=0.0)
+    for joint in asset.joints:
+        if joint.name in followers:
+            leader = joints.get(_leader(joint.name, followers))
+            joints[joint.name] = JointProof(
+                name=joint.name,
+                kind=joint.kind,
+                span=joint.span,
+                swept=leader.swept if leader else 0.0,
+                blocked=leader.blocked if leader else True,
+                needs=leader.needs if leader else (),
+            )
+    return tuple(clauses), tuple(joints[joint.name] for joint in asset.joints)
+
+
+def _leader(name: str, followers: Mapping[str, str]) -> str:
+    for _ in followers:
+        name = followers.get(name, name)
+    return name
+
+
+def _needed(sweeper: Sweeper, joint: Joint) -> tuple[Way, tuple[str, ...]]:
+    """The way of a joint, and the joints that had to be opened for it.
+
+    Another joint is opened only where the authored parts meet as well: shapes alone that
+    meet are a fault of the shapes. What no other joint can change is left as it is.
+    """
+    alone = way = sweeper.way(joint.name, {})
+    opened: dict[str, float] = {}
+    while len(opened) < MAX_NEEDS and _foreign(sweeper, way):
+        stopper = _stopper(sweeper, joint, way, opened)
+        if stopper is None:
+            return alone, ()
+        opened[stopper.name] = stopper.open
+        way = sweeper.way(joint.name, opened)
+    if _foreign(sweeper, way):
+        return alone, ()
+    for name in list(opened):
+        fewer = {k: v for k, v in opened.items() if k != name}
+        if fewer and not _foreign(sweeper, sweeper.way(joint.name, fewer)):
+            opened = fewer
+    return way, tuple(opened)
+
+
+def _foreign(sweeper: Sweeper, way: Way) -> list[Meeting]:
+    """The meetings that another joint could change."""
+    return [meeting for meeting in way.meetings if not sweeper.is_own(meeting)]
+
+
+def _stopper(sweeper: Sweeper, joint: Joint, way: Way, opened: Mapping[str, float]) -> Joint | None:
+    """The joint that moves what is in the way, if there is one for every meeting."""
+    free = set(sweeper.model.free_joints)
+    kept = set(sweeper.chains[joint.link]) | sweeper.moved_with(joint.name)
+    stoppers = []
+    for meeting in _foreign(sweeper, way):
+        chain = [c for c in sweeper.chains[meeting.other] if c in free and c not in kept]
+        if not chain or chain[-1] in opened or not sweeper.authored(meeting):
+            return None
+        stoppers.append(chain[-1])
+    return sweeper.model.asset.joint(stoppers[0])
+
+
+def _locked(joints: Mapping[str, JointProof]) -> dict[str, JointProof]:
+    """The joints that need each other open, so that none of them can be the first."""
+    waiting = dict(joints)
+    while True:
+        free = [j for j in waiting.values() if not set(j.needs) & set(waiting)]
+        if not free:
+            return waiting
+        for joint in free:
+            del waiting[joint.name]
+
+
+def _deadlock(joint: JointProof) -> Clause:
+    return Clause(
+        name="sweep_authored",
+        outcome="failed",
+        subject=joint.name,
+        message=f"needs {' and '.join(joint.needs)} open, which needs this one open first: "
+        "mend the limits or the axes",
+    )
+
+
+def _alone(
+    sweeper: Sweeper, joint: Joint, way: Way, needs: Sequence[str]
+) -> tuple[list[Clause], bool]:
+    """Clauses about a joint on its own, and whether its shapes let it through.
+
+    What the authored parts do themselves is told apart from what the shapes make of them.
+    """
+    authored = [meeting for meeting in way.meetings if sweeper.authored(meeting)]
+    shapes = [meeting for meeting in way.meetings if meeting not in authored]
+    clauses = []
+    if shapes:
+        clauses.append(_failed("sweep", shapes[0], f"{_words(shapes[0], joint)}{ONLY_SHAPES}"))
+    if authored:
+        text = f"{_words(authored[0], joint)}{AUTHORED}"
+        clauses.append(_failed("sweep_authored", authored[0], text))
+    if not clauses:
+        extra = f"with {' and '.join(needs)} open" if needs else "with the others closed"
+        clauses.append(_passed("sweep", joint, f"goes through its whole range {extra}"))
+    return clauses, not shapes
+
+
+def _together(sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]) -> Clause:
+    """The same with the other joints anywhere in their ranges.
+
+    What nothing but the joint itself decides, and what it met ``alone``, does not count again.
+    """
+    known = {(meeting.one, meeting.other) for meeting in alone.meetings}
+    done = redrawn = 0
+    while done < DRAWS and redrawn < MAX_REDRAWS:
+        others = sweeper.model.random_joints(sweeper.rng)
+        others = {k: v for k, v in others.items() if k in sweeper.model.free_joints}
+        del others[joint.name]
+        others.update({name: sweeper.model.asset.joint(name).open for name in needs})
+        way = sweeper.way(joint.name, others, DRAW_STATES)
+        new = [
+            meeting
+            for meeting in way.meetings
+            if (meeting.one, meeting.other) not in known and not sweeper.is_own(meeting)
+        ]
+        bad = [meeting for meeting in new if not sweeper.authored(meeting)]
+        if bad:
+            text = f"with the others at random: {_words(bad[0], joint)}{ONLY_SHAPES}"
+            return _failed("sweep_random", bad[0], text)
+        redrawn += bool(new)
+        done += not new
+    again = f"; {redrawn} states in which authored parts meet were drawn again" if redrawn else ""
+    text = f"goes through its whole range with the others at {done} random states{again}"
+    clause = _passed("sweep_random", joint, text)
+    if done:
+        return clause
+    text = f"in all of {redrawn} random states of the others the authored parts themselves meet"
+    return replace(clause, outcome="not_applicable", measured=None, message=text)
+
+
+def _failed(name: str, meeting: Meeting, message: str) -> Clause:
+    return Clause(
+        name=name,
+        outcome="failed",
+        subject=meeting.joint,
+        measured=meeting.excess_m,
+        allowed=LIMIT_M,
+        unit="m",
+        message=message,
+    )
+
+
+def _passed(name: str, joint: Joint, message: str) -> Clause:
+    return Clause(
+        name=name,
+        outcome="passed",
+        subject=joint.name,
+        measured=0.0,
+        allowed=LIMIT_M,
+        unit="m",
+        message=message,
+    )
+
+
+def _words(worst: Meeting, joint: Joint) -> str:
+    """What meets what, and where."""
+    where = f"{worst.q[joint.name]:.3g} {'m' if joint.kind == 'slide' else 'rad'}"
+    return (
+        f"{worst.one} goes {1e3 * worst.excess_m:.1f} mm deeper into {worst.other} at {where} "
+        "than at rest"
+    )

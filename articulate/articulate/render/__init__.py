@@ -1,0 +1,1 @@
+"""Pictures without a screen: where MuJoCo draws, and where a camera stands."""

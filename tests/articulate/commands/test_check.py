@@ -1,0 +1,129 @@
+import json
+import shutil
+
+import pytest
+from tests.articulate.convert.cabinets import write_cabinet
+
+from articulate.commands import run_command
+from articulate.commands.check import main
+
+RIGID = """<robot name="stone"><link name="body">
+<visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link></robot>"""
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory):
+    """Three objects, of which one is a letter, and the cache of all tests; not to be changed."""
+    folder = tmp_path_factory.mktemp("objects")
+    write_cabinet(folder / "in")
+    (folder / "in" / "stone.urdf").write_text(RIGID)
+    (folder / "in" / "letter.urdf").write_text("Dear Sir or Madam\n")
+    return folder
+
+
+@pytest.fixture
+def call(objects, tmp_path, monkeypatch, capsys):
+    """``call(words)``: exit code, stdout and stderr of ``check-asset words``."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(objects / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        capsys.readouterr()
+        code = run_command(main, [str(word) for word in words])
+        return (code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.mark.render
+def test_one_object_is_converted_proven_and_told(objects, call, tmp_path):
+    source = objects / "in" / "little" / "little.urdf"
+    code, out, err = call(source, "--out", "cabinet")
+    assert code == 0
+    assert err == ""
+    assert out.startswith("little: repaired (")
+    assert "joint    drawer_joint: slide of 0.3 m, free 100%, opened by 30 N" in out
+    assert {"asset.json", "object.xml", "object.urdf", "meshes", "proof.json", "proof.html"} <= {
+        path.name for path in (tmp_path / "cabinet").iterdir()
+    }
+    code, out, _ = call(source, "--out", "cabinet", "--json")
+    content = json.loads(out)
+    assert code == 0
+    assert content == json.loads((tmp_path / "cabinet" / "proof.json").read_text())
+    assert set(content) >= {
+        "verdict",
+        "reasons",
+        "repairs",
+        "joints",
+        "fk_max_error_m",
+        "openness_min",
+        "colliders",
+        "step_us",
+        "seconds",
+    }
+    assert set(content["joints"][0]) >= {"name", "type", "range", "swept", "blocked"}
+
+
+@pytest.mark.render
+def test_a_folder_of_objects_ends_with_a_table_and_an_index(objects, call, tmp_path):
+    words = (objects / "in", "--out", "all", "--jobs", "2", "--junit", "report.xml")
+    code, out, err = call(*words)
+    assert code == 3
+    assert err.count("\n") == 3
+    assert "3 objects: 0 proven, 2 repaired, 1 refused" in out
+    assert [line.split()[:2] for line in out.splitlines()[1:4]] == [
+        ["letter", "refused"],
+        ["little", "repaired"],
+        ["stone", "repaired"],
+    ]
+    assert 'failures="1"' in (tmp_path / "report.xml").read_text()
+    assert "letter" in (tmp_path / "all" / "index.html").read_text()
+    shutil.rmtree(tmp_path / "all" / "stone")
+    code, out, _ = call(*words, "--json")
+    content = json.loads(out)
+    assert code == 3
+    assert [a["name"] for a in content["assets"]] == ["letter", "little", "stone"]
+    assert (tmp_path / "all" / "stone" / "object.xml").is_file()
+
+
+def test_an_unreadable_object_is_refused_with_three(objects, call):
+    code, out, _ = call(objects / "in" / "letter.urdf", "--out", "letter")
+    assert code == 3
+    assert "letter: refused" in out
+    assert "no XML in it" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "missing: ASSET"),
+        (("a.urdf",), "missing: --out"),
+        (("nowhere.urdf", "--out", "x"), "does not exist"),
+        (("nowhere.urdf", "--out", "x", "--jobs", "-1"), "--jobs is -1"),
+        (("nowhere.urdf", "--out", "x", "--limit", "0"), "--limit is 0 s"),
+        (("--explain", "opennes"), "did you mean openness?"),
+        (("nowhere.urdf", "--ot", "x"), "did you mean --out?"),
+    ],
+)
+def test_wrong_usage_is_told_in_one_line_and_writes_nothing(call, tmp_path, words, said):
+    code, out, err = call(*words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_options_that_the_conversion_refuses_are_wrong_usage(objects, call, tmp_path):
+    code, _, err = call(objects / "in" / "stone.urdf", "--out", "x", "--size", "-1")
+    assert code == 2
+    assert "size is -1.0 m" in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_clause_is_explained(call):
+    code, out, _ = call("--explain", "openness")
+    assert code == 0
+    assert [p.split(".")[0] for p in out.split("\n\n")[1:]] == [
+        "What it means",
+        "Why it matters",
+        "How to mend it",
+    ]

@@ -1,0 +1,716 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from articulate.asset import Asset
+from articulate.convert import ConvertConfig, cached_asset, convert, read_mjcf_child
+from articulate.convert import read_mjcf as reading
+from articulate.convert.convert import urdf_in
+from articulate.convert.mesh import Loader
+from articulate.convert.read import SourceGeometry, SourceJoint, SourceObject
+from articulate.convert.read_mjcf import read_mjcf
+from articulate.convert.read_mjcf_files import is_mjcf, root_tag
+from articulate.convert.read_mjcf_text import read_text
+from articulate.convert.tree import build_parts, poses_at
+from articulate.errors import AssetError
+from articulate.transforms import Array, apply, pose
+
+DRAWER = """<mujoco model="little">
+  <compiler angle="radian"/>
+  <default>
+    <geom density="400"/>
+    <default class="runner"><joint type="slide" axis="-1 0 0" range="0 0.3" damping="7"/></default>
+  </default>
+  <worldbody>
+    <body name="carcass">
+      <geom type="box" size="0.2 0.25 0.01" pos="0 0 0.01"/>
+      <geom type="box" size="0.2 0.25 0.01" pos="0 0 0.39"/>
+      <geom type="box" size="0.01 0.25 0.18" pos="0.19 0 0.2"/>
+      <body name="drawer" pos="-0.19 0 0.2" childclass="runner">
+        <joint name="slide" frictionloss="3" armature="0.2"/>
+        <geom type="box" size="0.01 0.24 0.15"/>
+        <geom type="box" size="0.16 0.2 0.01" pos="0.17 0 -0.1"/>
+        <geom type="capsule" fromto="-0.05 -0.06 0 -0.05 0.06 0" size="0.008"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+
+def model(body: str, *, head: str = "", compiler: str = 'angle="radian"') -> str:
+    """An MJCF text round what stands in the world."""
+    return (
+        f'<mujoco model="thing"><compiler {compiler}/>{head}<worldbody>{body}</worldbody></mujoco>'
+    )
+
+
+def moving(inside: str, *, joint: str = '<joint name="j"/>') -> str:
+    """A fixed box with one moving body that holds ``inside``."""
+    return (
+        '<body name="base"><geom type="box" size=".1 .1 .1"/>'
+        f'<body name="part" pos="0.2 0 0.3">{joint}{inside}</body></body>'
+    )
+
+
+@pytest.fixture
+def in_child() -> None:
+    """For tests in which MuJoCo reads in a process of its own, as it does outside of tests."""
+
+
+@pytest.fixture(autouse=True)
+def quick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the others it reads here: a process takes 0.4 s."""
+    if "in_child" not in request.fixturenames:
+        monkeypatch.setattr(
+            reading, "asked", lambda text, meshes: read_mjcf_child.answer(text.text, meshes)
+        )
+
+
+BALL = '<geom type="sphere" size="0.05"/>'
+
+
+def write(folder: Path, text: str, name: str = "thing.xml") -> Path:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def read(folder: Path, text: str) -> SourceObject:
+    return read_mjcf(write(folder, text))
+
+
+def joint_of(source: SourceObject, name: str) -> SourceJoint:
+    return next(joint for joint in source.joints if joint.name == name)
+
+
+def said(source: SourceObject, words: str) -> bool:
+    return any(words in sentence for sentence in source.repairs.sentences)
+
+
+def anchors(raw: mujoco.MjModel) -> dict[str, Array]:
+    """Point of each body that its last hinge turns about, in its own frame."""
+    out = {raw.body(b).name: np.zeros(3) for b in range(raw.nbody)}
+    for j in range(raw.njnt):
+        if int(raw.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE):
+            out[raw.body(int(raw.jnt_bodyid[j])).name] = raw.jnt_pos[j]
+    return out
+
+
+def raw_poses(raw: mujoco.MjModel, q: dict[str, float]) -> dict[str, Array]:
+    """Pose of each body in the world, moved to the point that it turns about."""
+    data = mujoco.MjData(raw)
+    for name, value in q.items():
+        data.qpos[raw.joint(name).qposadr[0]] = value
+    mujoco.mj_kinematics(raw, data)
+    shift = anchors(raw)
+    bodies = range(1, raw.nbody)
+    named = {raw.body(b).name: b for b in bodies}
+    return {
+        name: pose(data.xpos[b], data.xmat[b].reshape(3, 3)) @ pose(shift[name])
+        for name, b in named.items()
+    }
+
+
+def written_poses(asset: Asset, q: dict[str, float]) -> dict[str, Array]:
+    """Pose of each link by the ``object.xml`` that was written."""
+    made = mujoco.MjModel.from_xml_path(str(asset.folder / "object.xml"))
+    data = mujoco.MjData(made)
+    for name, value in q.items():
+        data.qpos[made.joint(name).qposadr[0]] = value
+    mujoco.mj_kinematics(made, data)
+    out = {}
+    for link in asset.links:
+        b = made.body(link.name).id
+        out[link.name] = pose(data.xpos[b], data.xmat[b].reshape(3, 3))
+    return out
+
+
+def states(source: SourceObject, count: int) -> list[dict[str, float]]:
+    """Random joint states within the limits."""
+    rng = np.random.default_rng(7)
+    out = []
+    for _ in range(count):
+        q = {}
+        for joint in source.joints:
+            if joint.kind != "fixed":
+                low = -1.0 if joint.lower is None else joint.lower
+                high = 1.0 if joint.upper is None else joint.upper
+                q[joint.name] = float(rng.uniform(low, high))
+        out.append(q)
+    return out
+
+
+TWISTED = """<mujoco model="twisted">
+  <compiler angle="degree" eulerseq="zyx"/>
+  <default><default class="turned"><geom euler="0 10 20"/><joint axis="1 2 3"/></default></default>
+  <worldbody>
+    <body name="base" pos="0.4 0.1 0.3" euler="30 0 0">
+      <geom type="box" size="0.2 0.2 0.1"/>
+      <frame pos="0 0 0.2" euler="0 40 0">
+        <body name="door" pos="0.3 0 0" childclass="turned">
+          <joint name="door_hinge" pos="0.05 -0.1 0" range="-60 90" ref="15"/>
+          <geom type="box" size="0.1 0.02 0.1" pos="-0.1 0 0"/>
+          <body name="plate" axisangle="0 0 1 25"><geom type="box" size="0.02 0.03 0.04"/>
+            <body name="wagon" pos="0 0.1 0.1" xyaxes="0 1 0 -1 0 0">
+              <joint name="along" type="slide" axis="0 1 0" range="-0.1 0.2" ref="0.05"/>
+              <joint name="round" type="hinge" axis="0 0 1" pos="0.02 0.03 0" range="-45 45"/>
+              <joint name="tilt" type="hinge" axis="1 0 0" pos="0 0.01 0.04" range="-45 45"/>
+              <geom type="cylinder" size="0.03 0.05" zaxis="1 0 1"/>
+            </body>
+          </body>
+        </body>
+      </frame>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+
+def test_every_way_to_write_a_frame_moves_as_muJoCo_moves_it(tmp_path: Path) -> None:
+    """Classes, frames, degrees, anchors, references and several joints of one body."""
+    source = read(tmp_path, TWISTED)
+    raw = mujoco.MjModel.from_xml_string(TWISTED)
+    parts = build_parts(source)
+    for q in states(source, 50):
+        here, there = poses_at(parts, q), raw_poses(raw, q)
+        for name in ("door", "wagon"):
+            np.testing.assert_allclose(here[name], there[name], atol=1e-12)
+
+
+@pytest.mark.usefixtures("in_child")
+def test_written_asset_moves_as_the_input_up_to_the_object_frame(tmp_path: Path) -> None:
+    asset = convert(write(tmp_path, TWISTED), tmp_path / "out")
+    source, raw = read_mjcf(tmp_path / "thing.xml"), mujoco.MjModel.from_xml_string(TWISTED)
+    names = [link.name for link in asset.links]
+    assert names == ["base", "door", "wagon_along", "wagon_round", "wagon"]
+    first = states(source, 1)[0]
+    offset = written_poses(asset, first)["door"][:3, 3] - raw_poses(raw, first)["door"][:3, 3]
+    T_ow = pose(offset)
+    for q in states(source, 20):
+        here, there = written_poses(asset, q), raw_poses(raw, q)
+        for name in ("door", "wagon"):
+            np.testing.assert_allclose(here[name], T_ow @ there[name], atol=1e-6)
+
+
+def test_drawer_becomes_an_asset_that_keeps_what_its_author_said(tmp_path: Path) -> None:
+    asset = convert(write(tmp_path, DRAWER), tmp_path / "out", ConvertConfig(decompose=False))
+    joint = asset.joint("slide")
+    assert (joint.kind, joint.lower, joint.upper) == ("slide", 0.0, 0.3)
+    np.testing.assert_allclose(joint.axis_o, (-1.0, 0.0, 0.0))
+    assert (joint.damping, joint.frictionloss) == (7.0, 3.0)
+    made = mujoco.MjModel.from_xml_path(str(asset.folder / "object.xml"))
+    assert made.dof_armature[0] == pytest.approx(0.2)
+    rod = math.pi * 0.008**2 * (0.12 + 4.0 / 3.0 * 0.008)
+    volume = 8.0 * (0.01 * 0.24 * 0.15 + 0.16 * 0.2 * 0.01) + rod
+    assert asset.link("drawer").mass_kg == pytest.approx(400.0 * volume, rel=1e-6)
+
+
+# what is made of joints
+
+
+def test_body_with_a_free_joint_is_fixed_and_said_so(tmp_path: Path) -> None:
+    source = read(tmp_path, model(f'<body name="cup"><freejoint/>{BALL}</body>'))
+    assert list(source.links) == ["cup"]
+    assert not source.joints
+    assert said(source, "body cup is free to move: fixed where it stands")
+
+
+def test_range_of_an_unlimited_joint_is_taken_and_said(tmp_path: Path) -> None:
+    joint = '<joint name="j" limited="false" range="0 1.5"/>'
+    source = read(tmp_path, model(moving(BALL, joint=joint)))
+    assert (joint_of(source, "j").lower, joint_of(source, "j").upper) == (0.0, 1.5)
+    assert said(source, "joint j has a range but limited=false")
+
+
+def test_joints_without_a_range_have_no_limits(tmp_path: Path) -> None:
+    body = moving(BALL) + '<body name="b"><joint name="s" type="slide"/>' + BALL + "</body>"
+    source = read(tmp_path, model(body))
+    hinge, slide = joint_of(source, "j"), joint_of(source, "s")
+    assert (hinge.kind, hinge.lower, hinge.upper) == ("continuous", None, None)
+    assert (slide.kind, slide.lower, slide.upper) == ("prismatic", None, None)
+
+
+def test_swapped_range_does_not_stop_the_reader(tmp_path: Path) -> None:
+    source = read(tmp_path, model(moving(BALL, joint='<joint name="j" range="1 -1"/>')))
+    assert (joint_of(source, "j").lower, joint_of(source, "j").upper) == (1.0, -1.0)
+
+
+def test_linear_equality_between_joints_becomes_a_mimic(tmp_path: Path) -> None:
+    """q - ref = a + b (q_leader - ref_leader) is q = b q_leader + (ref + a - b ref_leader)."""
+    body = (
+        f'<body name="a"><joint name="lead" ref="0.2"/>{BALL}</body>'
+        f'<body name="b"><joint name="follow" ref="0.5"/>{BALL}</body>'
+        f'<body name="c"><joint name="bent"/>{BALL}</body>'
+    )
+    text = model(body).replace(
+        "</worldbody>",
+        '</worldbody><equality><joint joint1="follow" joint2="lead" polycoef="0.1 3 0 0 0"/>'
+        '<joint joint1="bent" joint2="lead" polycoef="0 1 2 0 0"/>'
+        '<weld body1="a" body2="b"/></equality>',
+    )
+    source = read(tmp_path, text)
+    assert joint_of(source, "follow").mimic == pytest.approx(("lead", 3.0, 0.5 + 0.1 - 0.6))
+    assert joint_of(source, "bent").mimic is None
+    assert said(source, "coupling of joint bent to lead is not linear")
+    assert said(source, "1 constraints between bodies left out")
+
+
+def test_equality_without_a_leader_holds_the_joint_where_it_says(tmp_path: Path) -> None:
+    slide = '<joint name="j" type="slide" axis="0 0 1" ref="0.1"/>'
+    text = model(moving(BALL, joint=slide)).replace(
+        "</worldbody>",
+        '</worldbody><equality><joint joint1="j" polycoef="0.3 0 0 0 0"/></equality>',
+    )
+    held = joint_of(read(tmp_path, text), "j")
+    assert held.kind == "fixed"
+    np.testing.assert_allclose(held.T_pc[:3, 3], (0.2, 0.0, 0.6))
+
+
+def test_spring_is_left_out_and_said(tmp_path: Path) -> None:
+    source = read(tmp_path, model(moving(BALL, joint='<joint name="j" stiffness="5"/>')))
+    assert said(source, "spring of joint j left out")
+
+
+def test_nameless_bodies_and_joints_are_named_after_each_other_and_the_model(
+    tmp_path: Path,
+) -> None:
+    body = f'<body>{BALL}<body><joint name="lid"/>{BALL}</body><body><joint/>{BALL}</body></body>'
+    source = read(tmp_path, model(body))
+    assert list(source.links) == ["thing", "lid_link", "thing_2"]
+    assert [joint.name for joint in source.joints] == ["lid", "thing_2_joint"]
+
+
+def test_repeated_names_are_made_different(tmp_path: Path) -> None:
+    twin = f'<body name="twin"><joint name="j"/>{BALL}</body>'
+    source = read(tmp_path, model(f'<body name="base">{BALL}{twin}{twin}</body>'))
+    assert list(source.links) == ["base", "twin", "twin_2"]
+    assert said(source, "a second joint is called j: renamed j_2")
+
+
+# what is made of geometry
+
+
+def test_primitives_keep_their_sizes_and_an_ellipsoid_becomes_triangles(tmp_path: Path) -> None:
+    geoms = (
+        '<geom name="b" type="box" size=".1 .2 .3"/><geom type="cylinder" size=".1 .2"/>'
+        '<geom type="capsule" size=".1 .2"/><geom type="sphere" size=".1"/>'
+        '<geom type="ellipsoid" size=".1 .2 .3" pos="1 0 0"/>'
+    )
+    found = read(tmp_path, model(f'<body name="base">{geoms}</body>')).links["base"].visuals
+    assert [(g.kind, g.size) for g in found[:4]] == [
+        ("box", (0.2, 0.4, 0.6)),
+        ("cylinder", (0.1, 0.4)),
+        ("capsule", (0.1, 0.4)),
+        ("sphere", (0.1,)),
+    ]
+    assert found[0].name == "b"
+    corners = np.asarray(found[4].triangles).reshape(-1, 3)
+    np.testing.assert_allclose(corners.max(axis=0), (0.1, 0.2, 0.3), rtol=0.01)
+    assert found[4].T_lg[0, 3] == 1.0
+
+
+def test_meshes_stand_where_muJoCo_puts_them(tmp_path: Path) -> None:
+    """With refpos, refquat and scale, from a file and from the text; MuJoCo itself recentres."""
+    (tmp_path / "parts").mkdir()
+    trimesh.creation.icosahedron().export(tmp_path / "parts" / "ball.stl")
+    head = (
+        '<asset><mesh file="ball.stl" scale="0.1 0.1 0.1" refpos="1 2 3" refquat="1 1 0 0"/>'
+        '<mesh name="text" vertex="0 0 0 1 0 0 0 2 0 0 0 3" refpos="0.1 0 0.2" '
+        'refquat="1 0 2 0" scale="1 0.5 2"/></asset>'
+    )
+    body = (
+        '<body name="base" pos="0.3 0 0"><geom type="mesh" mesh="ball" euler="0.1 0.2 0.3" '
+        'pos="0 1 0"/><geom type="mesh" mesh="text"/></body>'
+    )
+    text = model(body, head=head, compiler='angle="radian" meshdir="parts"')
+    source = read(tmp_path, text)
+    raw = mujoco.MjModel.from_xml_path(str(tmp_path / "thing.xml"))
+    data = mujoco.MjData(raw)
+    mujoco.mj_kinematics(raw, data)
+    part = build_parts(source)[0]
+    for g, piece in enumerate(Loader(source, (), allow_missing=False).part(part).visuals):
+        mesh = raw.geom_dataid[g]
+        start = raw.mesh_vertadr[mesh]
+        corners = raw.mesh_vert[start : start + raw.mesh_vertnum[mesh]]
+        T_wg = pose(data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3))
+        corners_w = apply(T_wg, corners)
+        distance = np.linalg.norm(corners_w[:, None] - piece.mesh.vertices[None], axis=-1)
+        assert distance.min(axis=0).max() < 1e-6
+        assert distance.min(axis=1).max() < 1e-6
+
+
+def test_turned_mesh_with_uneven_scale_is_refused(tmp_path: Path) -> None:
+    trimesh.creation.box().export(tmp_path / "a.stl")
+    head = '<asset><mesh name="a" file="a.stl" scale="1 1 2" refquat="1 1 0 0"/></asset>'
+    text = model('<body name="b"><geom type="mesh" mesh="a"/></body>', head=head)
+    with pytest.raises(AssetError, match="refquat and a scale that differs by axis"):
+        read(tmp_path, text)
+
+
+def test_planes_are_ground_and_left_out(tmp_path: Path) -> None:
+    ground = '<geom type="plane" size="1 1 1"/>'
+    source = read(tmp_path, model(f'{ground}<body name="base">{BALL}</body>'))
+    assert list(source.links) == ["base"]
+    assert said(source, "a plane, the ground, left out")
+
+
+GROUPS = {
+    "all plain": ('<geom name="x" type="box" size="1 1 1"/>', ["x"], ["x"]),
+    "robosuite": (
+        '<geom name="look" size="1" group="1" contype="0" conaffinity="0"/>'
+        '<geom name="touch" size="1" group="0"/>',
+        ["look"],
+        ["touch"],
+    ),
+    "menagerie": (
+        '<geom name="look" size="1" group="2" contype="0" conaffinity="0"/>'
+        '<geom name="touch" size="1" group="3"/>',
+        ["look"],
+        ["touch"],
+    ),
+    "one side of the mask": (
+        '<geom name="look" size="1" contype="0" conaffinity="0"/>'
+        '<geom name="touch" size="1" contype="0" conaffinity="1" group="4"/>',
+        ["look"],
+        ["touch"],
+    ),
+    "clear": (
+        '<geom name="look" size="1"/><geom name="touch" size="1" rgba="1 1 1 0"/>'
+        '<geom name="mark" size="1" rgba="1 0 0 0" contype="0" conaffinity="0"/>',
+        ["look"],
+        ["look", "touch"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", GROUPS)
+def test_looks_and_contact_are_told_apart_by_masks_and_groups(tmp_path: Path, case: str) -> None:
+    geoms, looks, touches = GROUPS[case]
+    link = read(tmp_path, model(f'<body name="base">{geoms}</body>')).links["base"]
+    assert [g.name for g in link.visuals] == looks
+    assert [g.name for g in link.collisions] == touches
+
+
+def test_colours_come_from_geom_material_and_texture(tmp_path: Path) -> None:
+    Image.new("RGB", (16, 16), (0, 51, 255)).save(tmp_path / "blue.png")
+    head = (
+        '<asset><texture name="t" type="2d" file="blue.png"/>'
+        '<material name="m" texture="t" rgba="1 1 0.5 0.25"/>'
+        '<texture name="gone" type="2d" file="gone.png"/><material name="g" texture="gone"/>'
+        "</asset>"
+    )
+    body = (
+        '<body name="base"><geom size="1" rgba="1 0 0 1" material="m"/>'
+        '<geom size="1" material="m"/><geom size="1"/><geom size="1" material="elsewhere"/>'
+        '<geom size="1" material="g"/></body>'
+    )
+    source = read(tmp_path, model(body, head=head))
+    colours = [g.rgba for g in source.links["base"].visuals]
+    assert colours[0] == (1.0, 0.0, 0.0, 1.0)
+    assert colours[1] == pytest.approx((0.0, 0.2, 0.5, 0.25))
+    assert colours[2:4] == [None, None]
+    assert colours[4] == (1.0, 1.0, 1.0, 1.0)
+    assert said(source, "material 'elsewhere' is not defined: grey instead")
+    assert said(source, "texture gone.png not found: plain colour instead")
+
+
+# what is made of masses
+
+
+def test_inertial_elements_are_kept_however_they_are_turned(tmp_path: Path) -> None:
+    inertial = '<inertial pos="0 0 0.1" euler="0 0 90" mass="2" diaginertia="1 2 2.5"/>'
+    joint = '<joint name="j" pos="0 0 0.05"/>'
+    text = model(moving(inertial + BALL, joint=joint), compiler='angle="degree"')
+    given = read(tmp_path, text).links["part"].inertial
+    assert given is not None
+    assert given.mass == 2.0
+    np.testing.assert_allclose(given.T_li[:3, 3], (0.0, 0.0, 0.05))
+    turned = given.T_li[:3, :3] @ given.inertia @ given.T_li[:3, :3].T
+    np.testing.assert_allclose(np.diag(turned), (2.0, 1.0, 2.5), atol=1e-12)
+
+
+def test_mass_of_geoms_is_kept_where_the_author_gave_one(tmp_path: Path) -> None:
+    """A box of 0.1 x 0.2 x 0.3 and 6 kg: Ixx = m (b2 + c2) / 12."""
+    box = '<geom type="box" size=".05 .1 .15" mass="6"/><geom size="1" mass="0"/>'
+    given = read(tmp_path, model(moving(box))).links["part"].inertial
+    assert given is not None
+    assert given.mass == pytest.approx(6.0)
+    T = given.T_li[:3, :3]
+    np.testing.assert_allclose(
+        np.diag(T @ given.inertia @ T.T), 0.5 * np.array([0.13, 0.10, 0.05]), rtol=1e-9
+    )
+
+
+def test_masses_that_nobody_gave_are_left_to_the_presets(tmp_path: Path) -> None:
+    """MuJoCo's 1000 kg/m3 is no statement of the author's."""
+    assert read(tmp_path, model(moving(BALL))).links["part"].inertial is None
+
+
+def test_mass_of_a_mesh_counts_and_one_that_is_missing_does_not_stop_the_reader(
+    tmp_path: Path,
+) -> None:
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "cube.stl")
+    head = '<asset><mesh file="cube.stl"/></asset>'
+    text = model(moving('<geom type="mesh" mesh="cube" density="500"/>'), head=head)
+    given = read(tmp_path, text).links["part"].inertial
+    assert given is not None
+    assert given.mass == pytest.approx(0.5, rel=1e-5)
+    (tmp_path / "cube.stl").unlink()
+    source = read(tmp_path, text)
+    assert source.links["part"].inertial is None
+    assert said(source, "masses by geometry could not be had from MuJoCo")
+
+
+# what stands round the object
+
+
+def test_scene_that_is_included_is_left_out(tmp_path: Path) -> None:
+    scene = (
+        '<mujocoinclude><worldbody><light pos="0 0 1"/><body name="table">'
+        f'{BALL}</body><geom type="plane" size="1 1 1"/></worldbody></mujocoinclude>'
+    )
+    write(tmp_path, scene, "scene/room.xml")
+    write(tmp_path, f"<mujocoinclude>{moving(BALL)}</mujocoinclude>", "parts/body.xml")
+    text = model('<include file="parts/body.xml"/>', head='<include file="scene/room.xml"/>')
+    source = read(tmp_path, text)
+    assert set(source.links) == {"base", "part"}
+    assert said(source, "scene room.xml with table left out")
+    assert joint_of(source, "j").where == "body.xml:1"
+    assert set(source.files) == {"scene/room.xml", "parts/body.xml"}
+
+
+def test_fragment_is_read_as_a_model_with_its_angles_in_radians(tmp_path: Path) -> None:
+    source = read(
+        tmp_path,
+        "<mujocoinclude><geom type='box' size='.1 .1 .1' euler='0 1.5708 0'/>"
+        f"<body name='lid'><joint name='j' range='0 1.2'/>{BALL}</body></mujocoinclude>",
+    )
+    assert joint_of(source, "j").upper == 1.2
+    assert said(source, "a fragment that other files include")
+    assert said(source, "no unit of angles is given, none is above 1.571: read as radians")
+
+
+def test_angles_without_a_unit_are_degrees_where_one_is_large(tmp_path: Path) -> None:
+    text = model(moving(BALL, joint='<joint name="j" range="0 90"/>'), compiler="")
+    assert joint_of(read(tmp_path, text), "j").upper == pytest.approx(math.pi / 2)
+
+
+def test_what_does_not_belong_to_the_object_is_left_out_with_a_word(tmp_path: Path) -> None:
+    text = model(
+        f'<body name="base">{BALL}<site name="s"/><region name="r"/><camera name="c"/></body>'
+        f'<body name="goal" mocap="true">{BALL}</body>',
+        head='<option timestep="1"/><size njmax="3"/><extension/><asset>'
+        '<texture name="t" builtin="flat"/><texture name="t" builtin="flat"/>'
+        '<material name="m"/><material name="m"/></asset>',
+    ).replace("</worldbody>", '</worldbody><contact><pair geom1="a" geom2="b"/></contact>')
+    source = read(tmp_path, text)
+    assert list(source.links) == ["base"]
+    for words in ("unknown element <region>", "1 contact pairs", "a second material called 'm'"):
+        assert said(source, words)
+    assert said(source, "body goal is moved by hand (mocap): left out")
+
+
+# what is refused
+
+CHAIN = "".join(f'<body name="l{i}"><joint name="q{i}"/>{BALL}' for i in range(5)) + "</body>" * 5
+REFUSED = {
+    "ball joint": (model(moving(BALL, joint='<joint name="j" type="ball"/>')), "is a ball joint"),
+    "several free bodies": (
+        model(2 * f"<body><freejoint/>{BALL}</body>"),
+        "a scene with 2 free bodies",
+    ),
+    "robot": (
+        model(CHAIN).replace(
+            "</worldbody>",
+            "</worldbody><actuator>"
+            + "".join(f'<motor joint="q{i}"/>' for i in range(5))
+            + "</actuator>",
+        ),
+        "holds a robot",
+    ),
+    "attached model": (
+        model("<attach model='a' body='b' prefix='c'/>"),
+        "has another model attached to it",
+    ),
+    "entities": ('<!DOCTYPE x [<!ENTITY a "b">]>' + model(BALL), "DOCTYPE or entities"),
+    "no MJCF": ("<html/>", "not MJCF"),
+    "unknown class": (model('<geom class="nobody" size="1"/>'), "MuJoCo does not accept it"),
+    "words for numbers": (model('<geom size="one"/>'), "is not made of numbers"),
+    "not finite": (model('<geom size="nan"/>'), "is not finite"),
+    "undefined mesh": (model('<geom type="mesh" mesh="m"/>'), "mesh 'm' is not defined"),
+    "zero axis": (
+        model(moving(BALL, joint='<joint axis="0 0 0"/>')),
+        "MuJoCo does not accept it",
+    ),
+    "absent include": (model('<include file="no.xml"/>'), "included file 'no.xml' not found"),
+    "global coordinates": (model(BALL, compiler='coordinate="global"'), "coordinate='global'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
+    text, reason = REFUSED[case]
+    with pytest.raises(AssetError) as caught:
+        read(tmp_path, text)
+    assert reason in str(caught.value)
+    assert str(tmp_path / "thing.xml") in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_world_without_a_body_makes_no_asset(tmp_path: Path) -> None:
+    path = write(tmp_path, model('<light/><geom type="plane" size="1 1 1"/>'))
+    with pytest.raises(AssetError, match="no link has geometry"):
+        convert(path, tmp_path / "out")
+
+
+# what a hostile file cannot do
+
+
+def test_nothing_that_names_a_file_or_a_plugin_reaches_muJoCo(tmp_path: Path) -> None:
+    secret = "/etc/passwd"
+    head = (
+        f'<extension><plugin plugin="{secret}"/></extension><custom><text data="{secret}"/>'
+        f'</custom><asset><mesh name="m" file="{secret}" content_type="model/obj"/>'
+        f'<texture name="t" file="{secret}"/><hfield name="h" file="{secret}"/>'
+        f'<skin file="{secret}"/></asset>'
+    )
+    text = read_text(write(tmp_path, model('<geom type="mesh" mesh="m"/><site/>', head=head)))
+    assert "passwd" not in text.text
+    assert "plugin" not in text.text
+    with pytest.raises(AssetError, match="format not known"):
+        convert(text.path, tmp_path / "out")
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_file_that_includes_itself_is_refused(tmp_path: Path, times: int) -> None:
+    text = "<mujoco>" + times * '<include file="thing.xml"/>' + "</mujoco>"
+    with pytest.raises(AssetError, match="includes more than 64 files"):
+        read(tmp_path, text)
+
+
+def test_bodies_that_multiply_are_stopped(tmp_path: Path) -> None:
+    bomb = BALL
+    for _ in range(3):
+        bomb = f'<replicate count="60" offset="1 0 0">{bomb}</replicate>'
+    with pytest.raises(AssetError, match="more than 20000 elements with <replicate>"):
+        read(tmp_path, model(bomb))
+
+
+def test_bodies_that_multiply_a_little_have_each_a_name(tmp_path: Path) -> None:
+    knob = f'<body name="knob" pos="0 0 1"><joint name="turn"/>{BALL}</body>'
+    source = read(
+        tmp_path, model(f'{BALL}<replicate count="3" offset="0.3 0 0">{knob}</replicate>')
+    )
+    assert list(source.links) == ["world", "knob0", "knob1", "knob2"]
+    np.testing.assert_allclose([j.T_pc[0, 3] for j in source.joints], [0.0, 0.3, 0.6])
+
+
+@pytest.mark.usefixtures("in_child")
+def test_crash_of_the_native_reader_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = write(tmp_path, "import os\nos.abort()\n", "crash.py")
+    monkeypatch.setattr(read_mjcf_child, "__file__", str(script))
+    with pytest.raises(AssetError, match=r"MuJoCo's reader stopped \(exit -6\)"):
+        read(tmp_path, DRAWER)
+
+
+@pytest.mark.usefixtures("in_child")
+def test_reader_that_takes_too_long_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = write(tmp_path, "import time\ntime.sleep(60)\n", "slow.py")
+    monkeypatch.setattr(read_mjcf_child, "__file__", str(script))
+    monkeypatch.setattr(reading, "TIME_S", 0.3)
+    with pytest.raises(AssetError, match=r"MuJoCo took more than 0\.3 s"):
+        read(tmp_path, DRAWER)
+
+
+@pytest.mark.usefixtures("in_child")
+def test_process_of_its_own_answers_as_this_one_would(tmp_path: Path) -> None:
+    text = read_text(write(tmp_path, DRAWER))
+    found = reading.described(text)
+    assert found == read_mjcf_child.described(text.text, {})
+    assert [body["name"] for body in found["bodies"]] == ["world", "carcass", "drawer"]
+    assert found["bodies"][2]["joints"][0]["range"] == [0.0, 0.3]
+
+
+@pytest.mark.usefixtures("in_child")
+def test_refusal_of_the_process_of_its_own_is_an_answer_too(tmp_path: Path) -> None:
+    with pytest.raises(AssetError, match="MuJoCo does not accept it"):
+        read(tmp_path, model('<geom class="nobody" size="1"/>'))
+
+
+# which file is meant
+
+
+def test_root_tells_mjcf_from_urdf_whatever_the_file_is_called(tmp_path: Path) -> None:
+    licence = "<!--" + 20_000 * "licence " + "-->"
+    assert is_mjcf(write(tmp_path, f"<?xml version='1.0'?>{licence}{DRAWER}", "a.urdf"))
+    assert is_mjcf(write(tmp_path, "<mujocoinclude/>", "b.xml"))
+    assert not is_mjcf(write(tmp_path, "<robot name='mujoco'/>", "c.xml"))
+    assert root_tag(write(tmp_path, "no XML", "d.xml")) == ""
+    assert root_tag(tmp_path / "absent.xml") == ""
+
+
+def test_folder_with_one_xml_is_that_object_and_with_two_none(tmp_path: Path) -> None:
+    path = write(tmp_path, DRAWER, "little/object.xml")
+    assert urdf_in(path.parent) == path
+    write(tmp_path, DRAWER, "little/other.mjcf")
+    with pytest.raises(AssetError, match=r"holds 2 URDF or MJCF files \(object.xml, other.mjcf\)"):
+        urdf_in(path.parent)
+    urdf = write(tmp_path, "<robot name='r'/>", "little/r.urdf")
+    assert urdf_in(path.parent) == urdf
+
+
+def test_cache_knows_when_an_included_file_changes(tmp_path: Path) -> None:
+    inner = write(tmp_path, f"<mujocoinclude>{moving(BALL)}</mujocoinclude>", "inner.xml")
+    path = write(tmp_path, model('<include file="inner.xml"/>'))
+    first = cached_asset(path, tmp_path / "cache")
+    assert cached_asset(path, tmp_path / "cache").folder == first.folder
+    inner.write_text(inner.read_text().replace("0.2 0 0.3", "0.2 0 0.4"))
+    assert cached_asset(path, tmp_path / "cache").folder != first.folder
+
+
+def test_geometry_says_file_and_line(tmp_path: Path) -> None:
+    source = read(tmp_path, DRAWER)
+    first: SourceGeometry = source.links["drawer"].visuals[0]
+    assert first.where == f"{tmp_path / 'thing.xml'}:14 (geom 3)"
+
+
+@pytest.mark.dataset
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_child")
+def test_all_objects_of_the_index_move_as_muJoCo_moves_them(
+    data_folder: Path, data_index: list[dict[str, object]]
+) -> None:
+    """Every MJCF object that MuJoCo loads as it is; one, eight kettles, is a scene."""
+    compared = 0
+    for entry in data_index:
+        if entry["format"] != "mjcf" or entry["id"] == "furniture_sim_kettle":
+            continue
+        path = data_folder / str(entry["path"])
+        source = read_mjcf(path)
+        parts = build_parts(source)
+        assert len(parts) > 0
+        try:
+            raw = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError:
+            continue
+        known = {raw.joint(j).name for j in range(raw.njnt)}
+        named = {raw.body(b).name for b in range(raw.nbody)}
+        for q in states(source, 10):
+            here = poses_at(parts, q)
+            there = raw_poses(raw, {n: v for n, v in q.items() if n in known})
+            for part in parts[1:]:
+                if set(q) <= known and part.name in named:
+                    np.testing.assert_allclose(here[part.name], there[part.name], atol=1e-9)
+                    compared += 1
+    assert compared > 500

@@ -1,0 +1,153 @@
+import shutil
+
+import numpy as np
+import pytest
+from tests.articulate.convert.cabinets import write_cabinet
+
+from articulate.asset import load_asset
+from articulate.convert import ConvertConfig, convert
+from articulate.convert.convert import placement_of, read_input
+from articulate.prove.fk import InputFrame, fk, fk_input, urdf_judge
+from articulate.prove.model import load_model
+from articulate.transforms import axis_angle_to_matrix, pose
+
+MIMIC = """<robot name="pair">
+  <link name="body"><visual><origin xyz="0 0 0.1"/><geometry><box size="1 1 0.2"/></geometry>
+  </visual></link>
+  <link name="lead"><visual><geometry><box size="0.1 0.2 0.3"/></geometry></visual></link>
+  <link name="tail"><visual><geometry><box size="0.3 0.2 0.1"/></geometry></visual></link>
+  <joint name="slide" type="prismatic"><parent link="body"/><child link="lead"/>
+    <origin xyz="0 0 1" rpy="0.3 -0.2 0.5"/><axis xyz="0 0 -2"/>
+    <limit lower="0" upper="0.3" effort="1" velocity="1"/></joint>
+  <joint name="turn" type="revolute"><parent link="lead"/><child link="tail"/>
+    <origin xyz="0.3 0 0"/><axis xyz="1 1 0"/>
+    <limit lower="-1" upper="2" effort="1" velocity="1"/>
+    <mimic joint="slide" multiplier="-4" offset="0.25"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Input and asset of a cabinet that is halved in size; not to be changed."""
+    folder = tmp_path_factory.mktemp("fk")
+    source = write_cabinet(folder)
+    config = ConvertConfig(size_m=0.25, decompose=False)
+    return source, convert(source, folder / "asset", config), frame_of(source, config)
+
+
+def frame_of(source, config):
+    place = placement_of(read_input(source, config), config)
+    return InputFrame(scale=place.scale, T_os=place.T_os)
+
+
+def changed(asset, folder, old, new):
+    """A copy of the asset with one thing changed in its MJCF."""
+    shutil.copytree(asset.folder, folder)
+    path = folder / "object.xml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return load_model(load_asset(folder))
+
+
+def test_both_judges_agree_with_a_converted_cabinet(made):
+    clauses = fk(load_model(made[1]))
+    assert [c.outcome for c in clauses] == ["passed", "passed"]
+    assert ["yourdfpy" in c.message or "PyBullet" in c.message for c in clauses] == [True, True]
+    assert [c.measured for c in clauses] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_the_input_agrees_up_to_scale_and_frame(made):
+    source, asset, frame = made
+    assert frame.scale == pytest.approx(0.5, abs=0.05)
+    (clause,) = fk_input(load_model(asset), source, frame)
+    assert clause.outcome == "passed"
+    assert clause.measured == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_wrong_scale_is_found_and_blamed_on_a_link(made):
+    source, asset, frame = made
+    wrong = InputFrame(scale=1.01 * frame.scale, T_os=frame.T_os)
+    (clause,) = fk_input(load_model(asset), source, wrong)
+    assert clause.outcome == "failed"
+    assert clause.subject == "drawer"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('axis="0 0 1"', 'axis="0 0.0872 0.9962"'),  # 5 degrees
+        ('<joint name="door_joint"', '<joint name="door_joint" pos="0 0.01 0"'),
+    ],
+)
+def test_a_turned_axis_and_a_moved_pivot_are_found_by_every_judge(made, tmp_path, old, new):
+    source, asset, frame = made
+    model = changed(asset, tmp_path / "bad", old, new)
+    clauses = (*fk(model), *fk_input(model, source, frame))
+    assert [c.outcome for c in clauses] == ["failed"] * 3
+    assert {c.subject for c in clauses} == {"door"}
+    assert all("door_joint" in c.message for c in clauses)
+
+
+def test_a_link_that_the_judge_does_not_know_is_found(made, tmp_path):
+    model = changed(made[1], tmp_path / "bad", "<mujoco", "<mujoco")
+    path = tmp_path / "bad" / "object.urdf"
+    path.write_text(path.read_text().replace('"drawer"', '"tray"'))
+    assert {(c.outcome, c.subject) for c in fk(model)} == {("failed", "drawer")}
+
+
+def test_an_urdf_that_cannot_be_read_fails(made, tmp_path):
+    model = changed(made[1], tmp_path / "bad", "<mujoco", "<mujoco")
+    (tmp_path / "bad" / "object.urdf").write_text("<robot")
+    assert [c.outcome for c in fk(model)] == ["failed", "failed"]
+
+
+def test_mimic_offset_and_an_axis_that_is_no_unit_vector(tmp_path):
+    source = tmp_path / "pair.urdf"
+    source.write_text(MIMIC)
+    config = ConvertConfig(decompose=False)
+    model = load_model(convert(source, tmp_path / "asset", config))
+    assert [f.joint for f in model.followers] == ["turn"]
+    clauses = (*fk(model), *fk_input(model, source, frame_of(source, config)))
+    assert [c.outcome for c in clauses] == ["passed"] * 3, [c.message for c in clauses]
+
+
+def test_yourdfpy_is_asked_for_positions_along_unit_axes(tmp_path):
+    source = tmp_path / "pair.urdf"
+    source.write_text(MIMIC)
+    poses = urdf_judge(source)({"slide": 0.2})
+    turn = (
+        axis_angle_to_matrix([0, 0, 1], 0.5)
+        @ axis_angle_to_matrix([0, 1, 0], -0.2)
+        @ axis_angle_to_matrix([1, 0, 0], 0.3)
+    )
+    expected = pose([0.0, 0.0, 1.0], turn) @ pose([0.0, 0.0, -0.2])
+    np.testing.assert_allclose(poses["lead"], expected, atol=1e-12)
+
+
+def test_an_input_that_nobody_reads_is_not_compared(made, tmp_path):
+    source = tmp_path / "broken.urdf"
+    source.write_text("<robot")
+    (clause,) = fk_input(load_model(made[1]), source, made[2])
+    assert clause.outcome == "not_applicable"
+
+
+def test_nothing_is_printed(made, capfd):
+    fk(load_model(made[1]))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_mjcf_input_with_a_joint_off_the_origin_of_its_body_agrees(tmp_path):
+    source = tmp_path / "door.xml"
+    source.write_text(
+        '<mujoco model="door"><worldbody><body name="frame">'
+        '<geom type="box" size="0.05 0.4 0.5" pos="0 0 0.5"/>'
+        '<body name="leaf" pos="-0.1 0 0.5"><joint name="hinge" type="hinge" axis="0 0 1" '
+        'pos="0 0.3 0" range="0 1.5"/><geom type="box" size="0.01 0.3 0.4"/></body>'
+        "</body></worldbody></mujoco>"
+    )
+    config = ConvertConfig(decompose=False)
+    model = load_model(convert(source, tmp_path / "asset", config))
+    (clause,) = fk_input(model, source, frame_of(source, config))
+    assert clause.outcome == "passed", clause.message

@@ -1,0 +1,106 @@
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import ConvexHull
+from tests.articulate.prove.objects import Part, make_object
+
+from articulate.prove.model import load_model
+from articulate.prove.openness import hull_points, is_cavity, openness, width
+
+TRAY = (
+    ((0.0, 0.0, -0.09), (0.2, 0.2, 0.01)),
+    ((-0.19, 0.0, 0.0), (0.01, 0.2, 0.1)),
+    ((0.19, 0.0, 0.0), (0.01, 0.2, 0.1)),
+    ((0.0, -0.19, 0.0), (0.2, 0.01, 0.1)),
+    ((0.0, 0.19, 0.0), (0.2, 0.01, 0.1)),
+)
+"""0.4 by 0.4 by 0.2, walls of 0.02, open above."""
+BLOCK = (((0.0, 0.0, 0.0), (0.2, 0.2, 0.1)),)
+CAVITY = 0.36 * 0.36 * 0.18 / (0.4 * 0.4 * 0.2)
+"""Share of the tray's hull that is hollow."""
+
+
+def clause_of(folder, boxes, shown, **more):
+    part = Part(name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=boxes, shown=shown, **more)
+    clauses = openness(load_model(make_object(folder / "object", part)))
+    return {(c.name, c.subject): c for c in clauses}
+
+
+def test_a_tray_of_five_walls_is_open(tmp_path):
+    clause = clause_of(tmp_path, TRAY, TRAY)["openness", "part"]
+    assert clause.outcome == "passed"
+    assert clause.measured == 1.0
+    (share,) = re.findall(r"\((\d+)% of its hull\)", clause.message)
+    assert int(share) == pytest.approx(100.0 * CAVITY, abs=3.0)
+
+
+def test_a_sealed_tray_is_refused(tmp_path):
+    clause = clause_of(tmp_path, BLOCK, TRAY)["openness", "part"]
+    assert clause.outcome == "failed"
+    assert clause.measured == 0.0
+
+
+def test_a_tray_half_filled_is_half_open(tmp_path):
+    half = (*TRAY, ((0.0, 0.0, -0.035), (0.18, 0.18, 0.045)))
+    clause = clause_of(tmp_path, half, TRAY)["openness", "part"]
+    assert clause.outcome == "failed"
+    assert clause.measured == pytest.approx(0.5, abs=0.04)
+
+
+def test_a_solid_block_and_a_thin_plate_have_no_cavity(tmp_path):
+    thin = (((0.0, 0.0, 0.0), (0.2, 0.2, 0.004)),)
+    for name, boxes in (("block", BLOCK), ("plate", thin)):
+        clause = clause_of(tmp_path / name, boxes, boxes)["openness", "part"]
+        assert clause.outcome == "not_applicable"
+
+
+def test_a_block_that_is_turned_inside_out_in_places_is_still_solid():
+    triangles = np.array(trimesh.creation.box((1.0, 1.0, 1.0)).triangles)
+    triangles[::2] = triangles[::2, ::-1]
+    points = np.random.default_rng(0).uniform(-0.45, 0.45, (200, 3))
+    assert not is_cavity(points, triangles).any()
+
+
+def test_the_inside_of_a_bowl_is_a_cavity_and_its_wall_is_none():
+    outer, inner = (trimesh.creation.icosphere(4, radius) for radius in (1.0, 0.8))
+    bowl = trimesh.util.concatenate([outer, inner]).triangles.copy()
+    bowl[len(outer.faces) :] = bowl[len(outer.faces) :, ::-1]
+    bowl = bowl[bowl.mean(axis=1)[:, 2] < 0.2]  # without lid; the rim is open, too
+    inside = np.array([[0.0, 0.0, 0.0], [0.3, 0.2, -0.3]])
+    wall = np.array([[0.0, 0.0, -0.9], [0.0, -0.9 * np.sqrt(0.5), -0.9 * np.sqrt(0.5)]])
+    assert is_cavity(inside, bowl).all()
+    assert not is_cavity(wall, bowl).any()
+
+
+def test_points_of_a_hull_are_spread_evenly():
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    points = hull_points(ConvexHull(corners), 2000)
+    assert points.shape == (2000, 3)
+    assert (points.sum(axis=1) <= 1.0).all()
+    np.testing.assert_allclose(points.mean(axis=0), 0.25, atol=0.02)
+
+
+def test_width_of_a_turned_box_is_its_least_side():
+    box = trimesh.creation.box((0.3, 0.2, 0.05))
+    box.apply_transform(trimesh.transformations.euler_matrix(0.1, 0.7, 0.4))
+    assert width(ConvexHull(box.vertices)) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_room_for_fingers_is_the_gap_beside_the_handle(tmp_path):
+    bar = ((0.0, 0.0, 0.05), (0.005, 0.05, 0.005))
+    lid = ((0.0, 0.0, 0.085), (0.2, 0.2, 0.01))  # 20 mm above the bar
+    part = Part(
+        name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(bar, lid), handle=(0.0, 0.0, 0.05)
+    )
+    asset = make_object(tmp_path / "object", part)
+    (clause,) = [c for c in openness(load_model(asset)) if c.name == "fingers"]
+    assert clause.outcome == "passed"
+    assert clause.measured == pytest.approx(0.020, abs=0.001)
+    wide = dataclasses.replace(asset.handles[0], extent=(0.1, 0.04, 0.01))
+    asset = dataclasses.replace(asset, handles=(wide,))
+    (clause,) = [c for c in openness(load_model(asset)) if c.name == "fingers"]
+    assert clause.outcome == "not_applicable"
+    assert clause.measured == pytest.approx(0.005, abs=0.001)

@@ -1,0 +1,147 @@
+import dataclasses
+import shutil
+
+import pytest
+from tests.articulate.convert.cabinets import write_cabinet
+from tests.articulate.prove.objects import Part, make_object
+
+from articulate.asset import load_asset
+from articulate.convert import ConvertConfig
+from articulate.errors import UsageError
+from articulate.prove import prove as proving
+from articulate.prove.clauses import CLAUSES
+from articulate.prove.prove import check, prove
+from articulate.prove.record import load_proof
+
+CONFIG = ConvertConfig(decompose=False, licence="MIT")
+
+
+@pytest.fixture(scope="module")
+def checked(tmp_path_factory):
+    """Folder, proof and cache of the little cabinet; not to be changed."""
+    folder = tmp_path_factory.mktemp("check")
+    source = write_cabinet(folder)
+    config = dataclasses.replace(CONFIG, cache_dir=folder / "cache")
+    return source, folder / "out", check(source, folder / "out", config), config
+
+
+@pytest.mark.render
+def test_a_cabinet_is_proven_with_all_its_evidence(checked):
+    _, out, proof, _ = checked
+    assert proof.reasons == ()
+    assert proof.verdict == "repaired"  # two links without inertia
+    assert {c.name for c in proof.clauses} <= set(CLAUSES)
+    assert {"fk", "fk_input", "limits", "inertia", "openness", "coverage", "sweep", "open"} <= {
+        c.name for c in proof.clauses if c.outcome == "passed"
+    }
+    assert [(j.name, j.blocked, j.swept) for j in proof.joints] == [
+        ("drawer_joint", False, 1.0),
+        ("door_joint", False, 1.0),
+    ]
+    assert proof.counts is not None
+    assert proof.counts.links == (4, 3)
+    assert proof.licence == "MIT"
+    assert proof.colliders == sum(x.collisions for x in load_asset(out).links)
+    assert load_proof(out) == proof
+    assert (out / "proof.html").stat().st_size > 10_000
+
+
+@pytest.mark.render
+def test_the_same_input_is_not_checked_twice(checked, tmp_path, monkeypatch):
+    source, out, proof, config = checked
+    monkeypatch.setattr(proving, "checked", None)
+    assert check(source, tmp_path / "again", config) == proof
+    assert (tmp_path / "again" / "object.xml").read_bytes() == (out / "object.xml").read_bytes()
+
+
+@pytest.mark.render
+def test_an_asset_folder_is_proven_as_it_is(checked, tmp_path):
+    _, out, proof, _ = checked
+    again = check(out, tmp_path / "again", CONFIG)
+    assert again.verdict == proof.verdict
+    assert {c.name for c in proof.clauses} - {c.name for c in again.clauses} == {
+        "fk_input",
+        "shown",
+    }
+
+
+@pytest.mark.render
+def test_a_damaged_asset_folder_is_judged_against_its_input(checked, tmp_path):
+    source, out, _, _ = checked
+    assert check(out, tmp_path / "whole", CONFIG, against=source).verdict == "repaired"
+    shutil.copytree(out, tmp_path / "damaged")
+    path = tmp_path / "damaged" / "object.xml"
+    text = path.read_text()
+    assert 'axis="0 0 1"' in text
+    path.write_text(text.replace('axis="0 0 1"', 'axis="0 0.0872 0.9962"'))
+    proof = check(tmp_path / "damaged", tmp_path / "judged", CONFIG, against=source)
+    assert proof.verdict == "refused"
+    failed = {(c.name, c.subject) for c in proof.clauses if c.outcome == "failed"}
+    assert {("fk", "door"), ("fk_input", "door")} <= failed
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("", "no XML in it"), ("<robot name='a'><link name='b'/></robot>", "no link has geometry")],
+)
+def test_what_cannot_be_converted_is_refused_with_a_reason(tmp_path, text, reason):
+    source = tmp_path / "bad.urdf"
+    source.write_text(text)
+    proof = check(source, tmp_path / "out", CONFIG)
+    assert proof.verdict == "refused"
+    assert reason in proof.reasons[0]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["proof.html", "proof.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.urdf", "out"]
+
+
+def test_a_source_that_does_not_exist_and_an_out_in_the_way_are_usage_errors(tmp_path):
+    with pytest.raises(UsageError, match="does not exist"):
+        check(tmp_path / "none.urdf", tmp_path / "out", CONFIG)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "letter").write_text("")
+    with pytest.raises(UsageError, match="is not an asset"):
+        check(tmp_path / "none.urdf", tmp_path / "full", CONFIG)
+
+
+def test_a_failed_clause_refuses_with_its_name_and_joint(tmp_path):
+    box = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+    wall = ((0.4, 0.0, 0.0), (0.05, 0.2, 0.2))
+    part = Part(name="drawer", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(box,))
+    asset = make_object(tmp_path / "object", part, body=(wall,))
+    proof = prove(asset)
+    assert proof.verdict == "refused"
+    assert any(reason.startswith("sweep_authored of drawer_joint: ") for reason in proof.reasons)
+    assert {c.name for c in proof.clauses} <= set(CLAUSES)
+    assert proof.joints[0].blocked
+
+
+def test_an_object_without_joints_is_proven_as_rigid_and_says_so(tmp_path):
+    box = ((0.0, 0.0, 0.5), (0.1, 0.2, 0.5))
+    asset = make_object(tmp_path / "stone", body=(box,))
+    names = {c.name: c for c in prove(asset).clauses}
+    assert "rigid" in names["rigid"].message
+    assert "sweep" not in names
+    assert "open" not in names
+
+
+def test_a_model_that_does_not_load_is_refused(tmp_path):
+    asset = make_object(tmp_path / "object")
+    asset.mjcf_path.write_text("<mujoco><nonsense/></mujoco>")
+    proof = prove(asset)
+    assert proof.verdict == "refused"
+    assert proof.reasons[0].startswith("loads: ")
+
+
+def test_a_clause_that_cannot_be_measured_refuses_and_leaves_the_others(tmp_path, monkeypatch):
+    def broken(model):
+        raise RuntimeError("over\nthere")
+
+    monkeypatch.setattr(proving, "inertia", broken)
+    proof = prove(make_object(tmp_path / "object"))
+    assert any("could not be measured (RuntimeError: over there)" in r for r in proof.reasons)
+    assert any(c.name == "coverage" for c in proof.clauses)
+
+
+def test_every_clause_is_explained_in_three_parts():
+    for clause in CLAUSES.values():
+        assert all(len(text) > 30 for text in (clause.means, clause.matters, clause.mend))

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+import trimesh
+from tests.articulate.convert.cabinets import write_cabinet
+
+from articulate.asset import load_asset
+from articulate.convert import ConvertConfig, convert
+from articulate.convert.convert import read_input
+from articulate.prove.model import load_model
+from articulate.prove.origin import origin_of_reading
+from articulate.prove.shown import shares, shown
+
+CONFIG = ConvertConfig(decompose=False, size_m=0.4)
+
+
+@pytest.fixture
+def made(tmp_path):
+    source = write_cabinet(tmp_path)
+    asset = convert(source, tmp_path / "asset", CONFIG)
+    return asset, origin_of_reading(read_input(source, CONFIG), CONFIG)
+
+
+def test_a_fresh_asset_shows_what_its_input_shows(made):
+    asset, origin = made
+    clauses = shown(load_model(asset), origin)
+    assert [(c.subject, c.outcome, c.measured) for c in clauses] == [
+        ("body", "passed", 1.0),
+        ("drawer", "passed", 1.0),
+        ("door", "passed", 1.0),
+    ]
+
+
+@pytest.mark.parametrize("scale", ["1 -1 1", "1.05 1 1"])
+def test_a_mirrored_or_stretched_mesh_is_found(made, scale):
+    asset, origin = made
+    text = asset.mjcf_path.read_text()
+    (file,) = {word for word in text.split() if word.startswith('file="v02_000')}
+    asset.mjcf_path.write_text(text.replace(file, f'{file[:-2]} scale="{scale}"/>'))
+    clauses = shown(load_model(load_asset(asset.folder)), origin)
+    assert [c.subject for c in clauses if c.outcome == "failed"] == ["door"]
+
+
+def test_a_lost_visual_is_found(made):
+    asset, origin = made
+    lines = asset.mjcf_path.read_text().splitlines(keepends=True)
+    kept = [line for line in lines if not ("<geom" in line and 'mesh="v01_000"' in line)]
+    assert len(kept) == len(lines) - 1
+    asset.mjcf_path.write_text("".join(kept))
+    failed = [c for c in shown(load_model(asset), origin) if c.outcome == "failed"]
+    assert [c.subject for c in failed] == ["drawer"]
+
+
+def test_a_link_that_is_absent_is_found(made):
+    asset, origin = made
+    extra = {**origin.shown, "shelf": origin.shown["door"]}
+    from_elsewhere = type(origin)(
+        source=origin.source, frame=origin.frame, root=origin.root, shown=extra
+    )
+    failed = [c for c in shown(load_model(asset), from_elsewhere) if c.outcome == "failed"]
+    assert [c.subject for c in failed] == ["shelf"]
+
+
+def test_shares_of_two_boxes_are_those_of_their_common_faces():
+    one = np.asarray(trimesh.creation.box((1.0, 1.0, 1.0)).triangles)
+    other = one.copy()
+    other[other[:, :, 2] > 0.0] += [0.0, 0.0, 1.0]  # twice as high
+    kept, new = shares(one, other)
+    assert kept == pytest.approx(5.0 / 6.0, abs=0.02)
+    assert new == pytest.approx(5.0 / 10.0, abs=0.03)
