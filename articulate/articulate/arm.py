@@ -89,10 +89,10 @@ LIBFRANKA_STIFFNESS: Seven = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 """Stiffness of libfranka's ``joint_impedance_control`` example [Nm/rad]."""
 LIBFRANKA_DAMPING: Seven = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
 """Damping of the same example [Nm s/rad]."""
-STIFFNESS_SHARE = 0.10
-"""Share of the example's stiffness that we ask for; chosen by ``benchmarks/gains.py``."""
-DAMPING_SHARE = 1.5 * STIFFNESS_SHARE**0.5
-"""Share of its damping: half as much again as keeps the damping ratio, against late pulls."""
+STIFFNESS_SHARE = 0.15
+"""Share of the example's stiffness that we ask for: ``benchmarks/gains.py``, docs/results.md."""
+DAMPING_SHARE = 1.1 * STIFFNESS_SHARE**0.5
+"""Share of its damping: a tenth more than keeps the damping ratio."""
 
 PANDA = Arm(
     name="panda",
