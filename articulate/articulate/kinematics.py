@@ -65,19 +65,21 @@ def tool_pose(arm: Arm, q: ArrayLike) -> Array:
 
 def tool_jacobian(arm: Arm, q: ArrayLike) -> Array:
     """Geometric Jacobian (..., 6, 7) of the tool frame in the world: linear rows, then angular."""
-    frames = joint_poses(q)
-    tip = (frames[..., 6, :, :] @ flange_to_tool(arm))[..., :3, 3]
-    axes = frames[..., :, :3, 2]
-    linear = np.cross(axes, tip[..., None, :] - frames[..., :, :3, 3])
+    _, linear, axes = _joint_motions(arm, q)
     return np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2)
+
+
+def _joint_motions(arm: Arm, q: ArrayLike) -> tuple[Array, Array, Array]:
+    """Pose of the tool, and what each joint moves and turns it by (..., 7, 3), in the world."""
+    frames = joint_poses(q)
+    T_wt = frames[..., 6, :, :] @ flange_to_tool(arm)
+    axes = frames[..., :, :3, 2]
+    return T_wt, np.cross(axes, T_wt[..., None, :3, 3] - frames[..., :, :3, 3]), axes
 
 
 def tool_jacobian_t(arm: Arm, q: ArrayLike) -> Array:
     """The Jacobian (..., 6, 7) of :func:`tool_jacobian` in the axes of the tool."""
-    frames = joint_poses(q)
-    T_wt = frames[..., 6, :, :] @ flange_to_tool(arm)
-    axes = frames[..., :, :3, 2]
-    linear = np.cross(axes, T_wt[..., None, :3, 3] - frames[..., :, :3, 3])
+    T_wt, linear, axes = _joint_motions(arm, q)
     turn = T_wt[..., :3, :3]
     return np.swapaxes(np.concatenate([linear @ turn, axes @ turn], axis=-1), -1, -2)
 

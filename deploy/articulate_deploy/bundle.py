@@ -10,6 +10,7 @@ import hashlib
 import re
 import stat
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -117,7 +118,14 @@ def _from_zip(path: Path) -> dict[str, bytes]:
                 total += item.file_size
                 _check_size(path, total, len(contents))
                 contents[item.filename] = archive.read(item)  # its size is that of the directory
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        NotImplementedError,
+        RuntimeError,
+        EOFError,
+        OSError,
+    ) as error:
         raise BundleError(f"{path}: not a bundle ({error})") from None
     return contents
 

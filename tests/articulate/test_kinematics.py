@@ -142,8 +142,10 @@ def test_resolved_motion_moves_the_tool_as_asked_and_has_no_part_that_does_not(s
     jacobian = tool_jacobian_t(PANDA, q)
     twist = 1e-4 * rng.normal(size=(4, 6))
     step = resolve_motion(jacobian, twist, damping=1e-6)
+    assert_allclose(np.einsum("nij,nj->ni", jacobian, step), twist, atol=1e-10)
     seen = small_twist(relative(tool_pose(PANDA, q), tool_pose(PANDA, q + step)))
-    assert_allclose(seen, twist, atol=1e-6)
+    # What is left over a straight step is of second order in it.
+    assert np.all(np.abs(seen - twist).max(axis=1) <= np.square(step).sum(axis=1) + 1e-12)
     assert_allclose(np.einsum("ni,ni->n", step, self_motion(jacobian)), 0, atol=1e-12)
 
 

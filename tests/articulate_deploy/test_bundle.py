@@ -66,6 +66,20 @@ def test_a_bundle_that_is_not_there_is_refused(tmp_path, error_line):
     error_line("load_bundle: absent", lambda: load_bundle(tmp_path / "none.zip"))
 
 
+def test_a_zip_whose_content_does_not_inflate_is_refused(tmp_path):
+    """Every byte of the compressed content flipped; the directory stays whole."""
+    path = tmp_path / "b.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("manifest.json", bytes(range(256)) * 40)
+    content = bytearray(path.read_bytes())
+    begin = 30 + len("manifest.json")
+    for i in range(begin, begin + 40):
+        content[i] ^= 0xFF
+    path.write_bytes(bytes(content))
+    with pytest.raises(BundleError, match="not a bundle"):
+        load_bundle(path)
+
+
 def test_a_file_that_is_no_zip_is_refused(tmp_path, error_line):
     (tmp_path / "b.zip").write_text("hello")
     error_line("load_bundle: no zip", lambda: load_bundle(tmp_path / "b.zip"))
