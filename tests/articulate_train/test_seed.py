@@ -92,6 +92,13 @@ def test_seed_that_is_interrupted_goes_on_with_the_same_bits(tiny, process, whol
     same_checkpoints(folder, whole)
 
 
+def test_seed_whose_run_was_killed_saves_and_stops(tiny, process, monkeypatch):
+    first = process()
+    monkeypatch.setattr("os.getppid", lambda: 1)
+    assert not first.train()
+    assert json.loads(read_checkpoint(tiny.seed_folder(0))["plain"])["num_timesteps"] == 32
+
+
 def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits(
     tiny, process, whole
 ):

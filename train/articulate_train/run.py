@@ -29,9 +29,10 @@ import numpy as np
 from articulate.arm import PANDA, Arm, Hand
 from articulate.asset import Asset, load_asset
 from articulate.config import load_config, to_yaml
-from articulate.convert import ConvertConfig, cached_asset
+from articulate.convert import ConvertConfig
 from articulate.errors import AssetError, ReachError, RunError
 from articulate.files import write_json, write_text
+from articulate.prove.prove import proven_asset
 from articulate.task import Limits, Task, make_task, matching_joints, no_joint_error
 from articulate_envs.place import Place, find_place, handle_way
 from articulate_envs.reach import check_grasp
@@ -147,7 +148,7 @@ HOME_HEIGHT_M = 0.78
 def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
     """The object of ``config``, converted or taken from the cache."""
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
-    return cached_asset(Path(config.asset), cache, wish)
+    return proven_asset(Path(config.asset), cache, wish)
 
 
 def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:

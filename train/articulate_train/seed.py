@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import signal
 import sys
 import time
@@ -42,6 +43,7 @@ class SeedProcess:
         self.folder.mkdir(exist_ok=True)
         self._every = run.config.checkpoint_updates
         self._stop = False
+        self._parent = os.getppid()
         self.learner = Learner(run.scene(), run.config, seed, threads=threads)
         self._before_s = 0.0
         self._updates = 0
@@ -95,6 +97,8 @@ class SeedProcess:
             self._report()
         if self._updates % self._every == 0:
             learner.save(self.folder)
+        if os.getppid() != self._parent:  # the run was killed: its next one must find none at work
+            self._stop = True
         return not self._stop
 
     def _report(self) -> None:

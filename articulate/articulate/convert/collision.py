@@ -15,6 +15,7 @@ from articulate.convert.fit import box_shares, fitted, hull, is_near, thick
 from articulate.convert.mesh import PartGeometry, Piece, joined
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
+from articulate.convert.shells import shell_shapes
 from articulate.transforms import Array
 
 HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECASE)
@@ -24,12 +25,22 @@ SMALL_M = 0.01
 SHOWN_AREA = 0.96
 """Share of a component's area that its facets must make up; the small rest is left out."""
 PANEL_M = 0.03
-"""Panels up to this thickness are boxes in spite of mouldings and recesses [m]."""
+"""Panels up to this thickness are boxes in spite of recesses unless that is too coarse [m]."""
 COMPACT_M = 0.07
-"""Concave components up to this size collide as their hull: too small to reach into [m]."""
+"""Concave components up to this size collide as their hull unless that is too coarse [m]."""
+FEW_ATOMS = 16
+"""Up to so many facets of a component are put together by hand first."""
 MAX_ATOMS = 64
 """Most facets of a component that are put together by hand instead of decomposing it."""
-MAX_REFUSED = 4000
+FINER = 2.0
+"""What is to be finer is so by this factor."""
+MAX_HULLS = 16
+"""Most convex parts of a decomposition, twice that where it is to be finer."""
+SPARE_LEAST = 0.97
+"""Share of what is seen that stays covered when shapes over the budget are left out."""
+SPARE_SAMPLES = 2000
+"""Points that decide about it."""
+MAX_REFUSED = 800
 """After this many pairs that cannot be joined the rest is left as it is."""
 HOPEFUL_SHARE = 0.25
 """Two shapes are joined only if this share of their common upright box lies near the surface."""
@@ -65,11 +76,18 @@ def collision_shapes(
     if not shapes:  # everything is small
         one = hull(thick(np.vstack([p.mesh.vertices for p in seen])), seen[0].name)
         return () if one is None else (one,)
-    tol = tolerance(joined([p.mesh for p in seen]))
+    tol = tolerance(joined([p.mesh for p in seen])) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
     plain = without_hidden(merged(plain, joined([p.mesh for p in seen]), tol))
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
-    return (*within_budget(plain, config.max_geoms - len(handles), part, repairs), *handles)
+    budget = round(fineness(part, config) * config.max_geoms) - len(handles)
+    plain = without_spare(plain, joined([p.mesh for p in seen]), budget)
+    return (*within_budget(plain, budget, part, repairs), *handles)
+
+
+def fineness(part: str, config: ConvertConfig) -> float:
+    """How many times finer than usual the shapes of ``part`` are to be."""
+    return FINER if part in config.finer else 1.0
 
 
 def by_element(pieces: list[Piece]) -> list[Piece]:
@@ -93,16 +111,21 @@ def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
     return low if handle else float(np.clip(0.015 * mesh.scale, low, high))
 
 
+def surface_tolerance(mesh: trimesh.Trimesh) -> float:
+    """How far shapes may lie from what is seen, as the proof judges it [m]."""
+    return max(0.003, 0.01 * float(mesh.scale))
+
+
 def piece_shapes(piece: Piece, part: str, config: ConvertConfig, repairs: Repairs) -> list[Shape]:
     """Convex shapes for one visual or collision element."""
     if piece.primitive is not None:
         return [_from_primitive(piece)]
     handle = is_handle(piece.name)
-    tol = tolerance(piece.mesh, handle=handle)
+    tol = tolerance(piece.mesh, handle=handle) / fineness(part, config)
     least = 0.2 * SMALL_M if handle else SMALL_M
     if float(np.ptp(piece.mesh.vertices, axis=0).max()) < least:
         return []
-    panel_m = 0.0 if handle else PANEL_M
+    panel_m = 0.0 if handle or fineness(part, config) > 1.0 else PANEL_M
     whole = fitted(piece.mesh.vertices, piece.mesh, tol, piece.name, panel_m=panel_m)
     if whole is not None:
         return [whole]
@@ -143,17 +166,33 @@ def _concave(
     repairs: Repairs,
 ) -> list[Shape]:
     """Shapes for a concave component: facets put together, else a decomposition."""
-    if float(np.ptp(mesh.vertices, axis=0).max()) <= COMPACT_M:
+    if fineness(part, config) == 1.0 and float(np.ptp(mesh.vertices, axis=0).max()) <= COMPACT_M:
         one = hull(thick(mesh.vertices), piece.name)
         return [] if one is None else [one]
+    most = round(fineness(part, config) * config.max_geoms)
+    near = min(fineness(part, config) * tol, surface_tolerance(mesh))
     atoms = _facets(mesh)
-    if len(atoms) <= MAX_ATOMS:
-        shapes = [s for points in atoms for s in _flat_shapes(points, mesh, tol, piece.name)]
-        shapes = merged(shapes, mesh, tol)
-        if 0 < len(shapes) <= config.max_geoms:
+    if len(atoms) <= FEW_ATOMS:
+        shapes = _of_facets(atoms, mesh, tol, piece.name)
+        if 0 < len(shapes) <= most:
+            return shapes
+    shells = shell_shapes(mesh, near, piece.name, 2 * most)
+    if shells is not None:
+        shells = merged(shells, mesh, near)
+        if len(shells) <= most:
+            return shells
+    if FEW_ATOMS < len(atoms) <= MAX_ATOMS:
+        shapes = _of_facets(atoms, mesh, tol, piece.name)
+        if 0 < len(shapes) <= most:
             return shapes
     if config.decompose:
-        hulls = decompose(mesh, 1.2 * tol, time_s=config.decompose_s, cache_dir=config.cache_dir)
+        hulls = decompose(
+            mesh,
+            1.2 * tol,
+            round(MAX_HULLS * fineness(part, config)),
+            time_s=config.decompose_s,
+            cache_dir=config.cache_dir,
+        )
         if hulls is not None:
             found = [
                 fitted(points, mesh, tol, piece.name) or hull(thick(points), piece.name)
@@ -163,6 +202,13 @@ def _concave(
     one = hull(thick(mesh.vertices), piece.name)
     repairs.add(f"part {part}: a concave piece ({piece.name.strip()}) collides as its convex hull")
     return [] if one is None else [one]
+
+
+def _of_facets(
+    atoms: list[trimesh.Trimesh], mesh: trimesh.Trimesh, tol: float, piece: str
+) -> list[Shape]:
+    """Shapes of the facets of a component, put together where that fits."""
+    return merged([s for facet in atoms for s in _flat_shapes(facet, mesh, tol, piece)], mesh, tol)
 
 
 def _facets(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
@@ -243,6 +289,28 @@ def without_hidden(shapes: list[Shape]) -> list[Shape]:
         if not any(float(other.outside(shape.corners).max()) < 1e-3 for other in kept):
             kept.append(shape)
     return kept
+
+
+def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) -> list[Shape]:
+    """At most ``budget`` shapes, as long as those left out stand for next to nothing alone.
+
+    Trims and rims lie close to panels: what they cover of ``surface`` is covered twice.
+    """
+    if len(shapes) <= budget:
+        return shapes
+    points, _ = sample_surface(surface, SPARE_SAMPLES)
+    near = surface_tolerance(surface)
+    covers = np.array([shape.outside(points) <= near for shape in shapes])
+    count = covers.sum(axis=0)
+    kept = list(range(len(shapes)))
+    while len(kept) > budget:
+        alone = (covers[kept] & (count == 1)).mean(axis=1)
+        least = int(np.argmin(alone))
+        if float((count > 0).mean() - alone[least]) < SPARE_LEAST:
+            break
+        count = count - covers[kept[least]]
+        del kept[least]
+    return [shapes[k] for k in kept]
 
 
 def within_budget(

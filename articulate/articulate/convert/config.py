@@ -23,11 +23,13 @@ class ConvertConfig:
     """Further folders in which meshes are looked for."""
     allow_missing: bool = True
     """Go on without an absent mesh where its link keeps other geometry."""
-    max_geoms: int = 24
+    max_geoms: int = 48
     """Largest number of collision geoms of one link."""
+    finer: tuple[str, ...] = ()
+    """Links whose shapes may stray half as far as usual, and be twice as many."""
     decompose: bool = True
     """Decompose concave pieces; False: take their convex hulls."""
-    decompose_s: float = 60.0
+    decompose_s: float = 30.0
     """Time limit of one decomposition [s]."""
     cache_dir: Path | None = None
     """Where decompositions are kept; None: nowhere."""

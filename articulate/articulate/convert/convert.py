@@ -27,6 +27,8 @@ from articulate.convert.presets import density, given_dynamics, joint_preset
 from articulate.convert.read import SourceObject, free_name, read_urdf
 from articulate.convert.read_mjcf import read_mjcf
 from articulate.convert.read_mjcf_files import is_mjcf
+from articulate.convert.repairs import Repairs
+from articulate.convert.shapes import Shape
 from articulate.convert.size import category_of, is_normalised, scale_of
 from articulate.convert.tree import Part, build_parts, poses_at
 from articulate.convert.write import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
@@ -34,7 +36,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "4"
+VERSION = "5"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -226,13 +228,25 @@ def _scaled_pose(T: Array, scale: float) -> Array:
     return out
 
 
-def build_asset(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Body], list[Mimic]]:
-    """The asset with its bodies and followers, not written yet."""
+Shaped = dict[tuple[str, bool], tuple[tuple[Shape, ...], tuple[str, ...]]]
+"""Collision shapes of links, and what was said of them, by name and whether they are finer."""
+
+
+def build_asset(
+    reading: Reading, config: ConvertConfig, known: Shaped | None = None
+) -> tuple[Asset, list[Body], list[Mimic]]:
+    """The asset with its bodies and followers, not written yet.
+
+    Args:
+        reading: The source.
+        config: What to do otherwise than by default.
+        known: Shapes of an earlier call for the same reading; those of this one are added.
+    """
     source = reading.source
     place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
-    bodies, T_ob = _bodies(reading, place, category, config)
+    bodies, T_ob = _bodies(reading, place, category, config, {} if known is None else known)
     if not any(body.shapes for body in bodies):
         raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
     joints = tuple(body.joint for body in bodies if body.joint is not None)
@@ -257,7 +271,7 @@ def build_asset(reading: Reading, config: ConvertConfig) -> tuple[Asset, list[Bo
 
 
 def _bodies(
-    reading: Reading, place: Placement, category: str, config: ConvertConfig
+    reading: Reading, place: Placement, category: str, config: ConvertConfig, known: Shaped
 ) -> tuple[list[Body], dict[str, Array]]:
     """Bodies in metres and their poses in the object frame with every joint at 0."""
     repairs = reading.source.repairs
@@ -280,7 +294,13 @@ def _bodies(
         if name == "world":
             name = free_name("world_link", reading.source.links)
         names[part.name] = name
-        shapes = collision_shapes(geometry, name, config, repairs)
+        key = (name, name in config.finer)
+        if key not in known:
+            own = Repairs()
+            known[key] = collision_shapes(geometry, name, config, own), own.sentences
+        shapes, said = known[key]
+        for sentence in said:
+            repairs.add(sentence)
         inertial = inertial_of(
             members,
             shapes,

@@ -2,7 +2,7 @@
 
 Run as a module it reads vertices and faces and writes the corners of the parts::
 
-    python -m articulate.convert.decompose IN.npz OUT.npz TOLERANCE SECONDS
+    python -m articulate.convert.decompose IN.npz OUT.npz TOLERANCE HULLS SECONDS
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ import trimesh
 from articulate.files import whole_file
 from articulate.transforms import Array
 
-VERSION = "coacd-3"
+VERSION = "coacd-4"
 """Enters the cache key; change it with the options below."""
-MAX_HULLS = 16
 MAX_FACES = 60_000
 PATIENCE = 10.0
 """After so many times its limit by the clock a decomposition is given up."""
 
 
 def decompose(
-    mesh: trimesh.Trimesh, tol: float, *, time_s: float, cache_dir: Path | None = None
+    mesh: trimesh.Trimesh, tol: float, most: int, *, time_s: float, cache_dir: Path | None = None
 ) -> list[Array] | None:
     """Corners (N, 3) of convex parts, or None where it failed or took too long.
 
     Args:
         mesh: What is to be cut.
         tol: How concave a part may stay [m].
+        most: So many parts at most.
         time_s: Time limit [s] of the processor, so that a busy machine finds the same.
         cache_dir: Where results are kept.
     """
@@ -46,7 +46,7 @@ def decompose(
     if len(faces) > MAX_FACES:
         return None
     key = hashlib.sha256(
-        f"{VERSION} {tol:.6f} ".encode() + vertices.round(7).tobytes() + faces.tobytes()
+        f"{VERSION} {tol:.6f} {most} ".encode() + vertices.round(7).tobytes() + faces.tobytes()
     ).hexdigest()
     kept = None if cache_dir is None else cache_dir / "decompositions" / f"{key}.npz"
     if kept is not None and kept.is_file():
@@ -55,7 +55,7 @@ def decompose(
         source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"
         np.savez(source, vertices=vertices, faces=faces)
         command = [sys.executable, "-m", "articulate.convert.decompose"]
-        command += [str(source), str(target), f"{tol:.6f}", str(math.ceil(time_s))]
+        command += [str(source), str(target), f"{tol:.6f}", str(most), str(math.ceil(time_s))]
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
         try:
@@ -82,7 +82,7 @@ def _load(path: Path) -> list[Array] | None:
     return parts or None
 
 
-def _run(source: Path, target: Path, tol: float, time_s: int) -> None:
+def _run(source: Path, target: Path, tol: float, most: int, time_s: int) -> None:
     import coacd  # heavy and native: only in the child process
 
     used = math.ceil(sum(resource.getrusage(resource.RUSAGE_SELF)[:2]))
@@ -94,7 +94,7 @@ def _run(source: Path, target: Path, tol: float, time_s: int) -> None:
     parts = coacd.run_coacd(
         mesh,
         threshold=tol,
-        max_convex_hull=MAX_HULLS,
+        max_convex_hull=most,
         preprocess_resolution=60,
         mcts_nodes=10,
         mcts_iterations=60,
@@ -108,4 +108,5 @@ def _run(source: Path, target: Path, tol: float, time_s: int) -> None:
 
 
 if __name__ == "__main__":
-    _run(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4]))
+    numbers = float(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
+    _run(Path(sys.argv[1]), Path(sys.argv[2]), *numbers)

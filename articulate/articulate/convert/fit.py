@@ -16,6 +16,8 @@ NEAR_SHARE = 0.94
 """Share of a shape's surface that must lie near the surface it stands for."""
 MAX_CORNERS = 32
 """Most corners of a hull."""
+LIFT_M = 0.002
+"""Rays start this far above a shape: one of few corners lies below what it stands for [m]."""
 CLEARLY_NOT = 0.75
 """With less than this among the first rays the rest is not asked."""
 
@@ -60,11 +62,9 @@ def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
     Rays go inwards from points on the shape. The mouth of a drawer, the gap behind a handle or
     the hole of a frame leave their rays without a hit. A few rays decide the clear cases.
     """
-    points, normals = shape.samples
-    first = np.arange(0, len(points), 8)
-    if _near_share(points[first], normals[first], surface, tol) < CLEARLY_NOT:
+    if _near_share(*shape.samples(every=8), surface, tol) < CLEARLY_NOT:
         return False
-    return _near_share(points, normals, surface, tol) >= NEAR_SHARE
+    return _near_share(*shape.samples(), surface, tol) >= NEAR_SHARE
 
 
 def box_shares(boxes: Array, surface: trimesh.Trimesh, tol: float) -> Array:
@@ -97,7 +97,7 @@ def _is_close(
     points: Array, normals: Array, surface: trimesh.Trimesh, tol: float
 ) -> NDArray[np.bool_]:
     """Whether a ray inwards from each point meets ``surface`` within ``tol`` (N,)."""
-    lift = 1e-3
+    lift = LIFT_M
     origins = points + lift * normals
     hits, rays, _ = surface.ray.intersects_location(origins, -normals, multiple_hits=False)
     depth = np.full(len(points), np.inf)

@@ -130,6 +130,9 @@ def _given(
         high = np.max([s.bounds[1] for s in shapes], axis=0)
         if np.any(com < low - 1e-3) or np.any(com > high + 1e-3):
             return None
+        squares = np.maximum(np.maximum(high - com, com - low), 1e-3) ** 2
+        if np.any(np.diag(inertia) > mass * (squares.sum() - squares)):
+            return None  # even with all of it in the corners of its box it would be less
     return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, given=True)
 
 

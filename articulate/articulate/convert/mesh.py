@@ -36,7 +36,7 @@ class Piece:
     link: str = ""
     """Link of the source it belongs to."""
     element: str = ""
-    """Where the element stands that it comes from; one per material otherwise."""
+    """Number of the link's visual or collision element that it comes from."""
 
     def scaled(self, factor: float) -> Piece:
         """The same piece, ``factor`` times as large about the origin of its part."""
@@ -118,10 +118,12 @@ class Loader:
         same = True
         for link, T_pl in part.members:
             missing: list[AssetError] = []
-            for element in link.visuals:
-                visuals += self._pieces(element, link.name, T_pl, missing)
-            for element in link.collisions:
-                collisions += self._pieces(element, link.name, T_pl, missing)
+            for k, element in enumerate(link.visuals):
+                own = self._pieces(element, link.name, T_pl, missing)
+                visuals += [replace(piece, element=str(k)) for piece in own]
+            for k, element in enumerate(link.collisions):
+                own = self._pieces(element, link.name, T_pl, missing)
+                collisions += [replace(piece, element=str(k)) for piece in own]
             kept = any(piece.link == link.name for piece in (*visuals, *collisions))
             if missing and not (kept and self.allow_missing):
                 raise missing[0]
@@ -151,7 +153,6 @@ class Loader:
                     rgba=rgba,
                     primitive=placed,
                     link=link,
-                    element=element.where,
                 )
             ]
         if element.triangles is not None:
@@ -159,7 +160,7 @@ class Loader:
             mesh.apply_transform(T_pg)
             names = f"{link} {element.name}"
             rgba = element.rgba or GREY
-            return [Piece(name=names, mesh=mesh, rgba=rgba, link=link, element=element.where)]
+            return [Piece(name=names, mesh=mesh, rgba=rgba, link=link)]
         try:
             path = resolve(element.filename, self.source.path, self.mesh_dirs)
             loaded = self._load(path)
@@ -181,7 +182,7 @@ class Loader:
             copy = trimesh.Trimesh(trimesh.transform_points(vertices, T_pg), faces, process=False)
             rgba = element.rgba or (_four(colour) if colour else painted) or GREY
             names = f"{link} {element.name} {path.stem} {group}"
-            pieces.append(Piece(name=names, mesh=copy, rgba=rgba, link=link, element=element.where))
+            pieces.append(Piece(name=names, mesh=copy, rgba=rgba, link=link))
         return pieces
 
     def _painted(self, element: SourceGeometry) -> tuple[float, float, float, float] | None:

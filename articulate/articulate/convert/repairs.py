@@ -20,6 +20,10 @@ class Repairs:
         """Note what is worth knowing but changes nothing."""
         self._sentences.setdefault(NOTE + sentence)
 
+    def restore(self, sentences: tuple[str, ...]) -> None:
+        """Go back to the ``sentences`` of an earlier time."""
+        self._sentences = dict.fromkeys(sentences)
+
     @property
     def sentences(self) -> tuple[str, ...]:
         """All changes and notes so far."""

@@ -86,8 +86,8 @@ class Shape:
         return np.asarray(self.mesh.vertices)
 
     @cached_property
-    def samples(self) -> tuple[Array, Array]:
-        """Points on its surface by area and their outward normals, (S, 3) each."""
+    def _surface(self) -> tuple[Array, Array, Array]:
+        """Triangles (F, 3, 3), outward normals (F, 3) and shares of the area up to each (F,)."""
         if self.kind == "hull":
             faces = ConvexHull(self.vertices)
             triangles = faces.points[faces.simplices]
@@ -100,9 +100,18 @@ class Shape:
         area = np.linalg.norm(
             np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
         )
-        index = np.searchsorted(np.cumsum(area) / area.sum(), QUASI[:, 0])
-        index = np.minimum(index, len(area) - 1)
-        a, b = QUASI[:, 1], QUASI[:, 2]
+        return triangles, normals, np.cumsum(area) / area.sum()
+
+    def samples(self, every: int = 1) -> tuple[Array, Array]:
+        """Points on its surface by area and their outward normals, (S, 3) each.
+
+        Args:
+            every: Take only every so many of them.
+        """
+        triangles, normals, shares = self._surface
+        quasi = QUASI[::every]
+        index = np.minimum(np.searchsorted(shares, quasi[:, 0]), len(shares) - 1)
+        a, b = quasi[:, 1], quasi[:, 2]
         flip = a + b > 1.0
         a, b = np.where(flip, 1.0 - a, a), np.where(flip, 1.0 - b, b)
         t = triangles[index]

@@ -78,14 +78,16 @@ CLAUSES: dict[str, Meaning] = {
         matters="A part that runs into the body is stuck, or is let through only by contacts "
         "that were switched off.",
         mend="If the authored parts meet as well, which sweep_authored says, mend those first. "
-        "If only the shapes meet, they are too coarse: raise --max-geoms.",
+        "If only the shapes meet, they are too coarse: raise --max-geoms. What less than 5 % of "
+        "the visible surface costs is cut away by itself.",
     ),
     "sweep_authored": Meaning(
         means="Where collision shapes meet on the way of a joint, the parts as they were authored "
         "meet there, too, or two joints each need the other one open first. It is listed only "
         "where it fails.",
         matters="No collision shape can mend an object whose parts run through each other.",
-        mend="Mend the limits, the axis or the meshes of the two parts that are named.",
+        mend="A way of which half or 75 degrees are left is shortened by itself; otherwise mend "
+        "the limits, the axis or the meshes of the two parts that are named.",
     ),
     "sweep_random": Meaning(
         means="The same with the other joints anywhere in their ranges. States in which the "
@@ -109,7 +111,8 @@ CLAUSES: dict[str, Meaning] = {
     ),
     "coverage": Meaning(
         means="At least 95 % of points on each link's visual surface lie within 3 mm, or 1 % of "
-        "its diagonal, of its collision shapes, and the other way round.",
+        "its diagonal, of its collision shapes, and the other way round. Where shapes lie against "
+        "each other inside the material there is no surface to compare.",
         matters="A hand would reach through what has no collision shape, and stop in the air "
         "where a shape stands for nothing.",
         mend="Raise --max-geoms, or remove the <collision> elements that do not fit.",

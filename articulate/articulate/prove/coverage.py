@@ -8,7 +8,7 @@ from articulate.proof import Clause
 from articulate.prove.authored import surface_of
 from articulate.prove.model import ObjectModel
 from articulate.prove.solids import Solid, solids_of, union_surface, within_any
-from articulate.prove.surface import is_near, sample
+from articulate.prove.surface import is_near, sample, winding_numbers
 from articulate.transforms import Array, Mask
 
 SAMPLES = 1000
@@ -19,6 +19,8 @@ NEAR_M = 0.003
 """Points this near are near for links of any size [m]."""
 NEAR_SHARE = 0.01
 """Points this share of the link's diagonal away are near as well."""
+INSIDE = 0.5
+"""Points that the surface winds round more often than this lie inside the material."""
 
 
 def coverage(model: ObjectModel) -> tuple[Clause, ...]:
@@ -62,6 +64,9 @@ def _covered(model: ObjectModel, link: str) -> Clause:
 def shares(triangles: Array, solids: tuple[Solid, ...], near_m: float) -> tuple[float, float]:
     """Share of the surface within ``near_m`` of the solids, and of the solids' of the surface.
 
+    Where shapes end inside the material, as they do where two of them lie against each other,
+    there is nothing to be seen and nothing to be touched: such points are left out.
+
     Args:
         triangles: What is seen (F, 3, 3) [m].
         solids: What can be touched.
@@ -71,6 +76,9 @@ def shares(triangles: Array, solids: tuple[Solid, ...], near_m: float) -> tuple[
     touch_points = union_surface(solids, SAMPLES)
     touchable = within_any(solids, seen_points, near_m)
     seen = is_near(touch_points, triangles, near_m)
+    doubtful = np.flatnonzero(~seen)
+    inside = winding_numbers(touch_points[doubtful], triangles) > INSIDE
+    seen = np.delete(seen, doubtful[inside])
     return _share(touchable), _share(seen)
 
 

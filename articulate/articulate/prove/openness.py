@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -11,7 +14,7 @@ from articulate.prove.authored import surface_of
 from articulate.prove.model import Data, ObjectModel
 from articulate.prove.solids import inside_any, solids_of
 from articulate.prove.surface import escapes, winding_numbers
-from articulate.transforms import Array, Mask, apply, inverse
+from articulate.transforms import Array, Ints, Mask, apply, inverse
 
 SAMPLES = 2000
 """Points in the convex hull of what a link shows."""
@@ -46,8 +49,8 @@ def _open(model: ObjectModel, link: str) -> Clause:
         return _not_hollow(link, f"{link} has no volume")
     if width(hull) < LEAST_WIDTH_M:
         return _not_hollow(link, f"{link} is thinner than {1000 * LEAST_WIDTH_M:.0f} mm")
-    points = hull_points(hull, SAMPLES)
-    cavity = points[is_cavity(points, corners[faces])]
+    points, inside = _cavity(_Surface(corners=corners, faces=faces))
+    cavity = points[inside]
     share = len(cavity) / len(points)
     if share <= LEAST_CAVITY:
         return _not_hollow(link, f"{link} is solid: its cavity is {share:.1%} of its convex hull")
@@ -66,6 +69,34 @@ def _open(model: ObjectModel, link: str) -> Clause:
         unit="1",
         message=message,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Surface:
+    """What a link shows, told from another by its content."""
+
+    corners: Array
+    faces: Ints
+
+    def __hash__(self) -> int:
+        return hash((self.corners.tobytes(), self.faces.tobytes()))
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, _Surface)
+            and np.array_equal(self.corners, other.corners)
+            and np.array_equal(self.faces, other.faces)
+        )
+
+
+@functools.lru_cache(maxsize=64)
+def _cavity(surface: _Surface) -> tuple[Array, Mask]:
+    """Points (N, 3) in the hull of a surface, and which of them lie in a cavity (N,).
+
+    Kept, for shapes are made more than once for the same surface.
+    """
+    points = hull_points(ConvexHull(surface.corners), SAMPLES)
+    return points, is_cavity(points, surface.corners[surface.faces])
 
 
 def _not_hollow(link: str, message: str) -> Clause:

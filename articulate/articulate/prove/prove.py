@@ -18,6 +18,7 @@ from articulate.asset import Asset, load_asset
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import (
     Reading,
+    Shaped,
     build_asset,
     input_key,
     read_input,
@@ -27,7 +28,7 @@ from articulate.convert.convert import (
 from articulate.convert.counts import counts_of
 from articulate.convert.origin import ORIGIN_FILE
 from articulate.convert.repairs import is_note
-from articulate.errors import AssetError
+from articulate.errors import AssetError, UsageError
 from articulate.proof import Clause, JointProof, Proof, Verdict
 from articulate.prove import store
 from articulate.prove.clauses import meanings
@@ -36,6 +37,7 @@ from articulate.prove.fk import fk, fk_input
 from articulate.prove.force import force
 from articulate.prove.inertia import inertia
 from articulate.prove.limits import limits
+from articulate.prove.mend import mend
 from articulate.prove.model import ObjectModel, load_model
 from articulate.prove.openness import openness
 from articulate.prove.origin import Origin, origin_of_reading
@@ -49,6 +51,9 @@ TIMED_STEPS = 100
 """Physics steps that are timed together."""
 TIMINGS = 7
 """So often; the median counts."""
+
+PASSES = 2
+"""Shapes are made so often, finer the second time where they seal or miss what is seen."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
 
@@ -129,6 +134,36 @@ def check(
         return load_proof(out)
 
 
+def proven_asset(source: Path, cache: Path, config: ConvertConfig | None = None) -> Asset:
+    """The asset made of ``source``, converted and proven once for each content and configuration.
+
+    Args:
+        source: URDF or MJCF file, a folder that holds one, or an asset folder.
+        cache: Where assets and proofs are kept.
+        config: What to do otherwise than by default.
+
+    Raises:
+        AssetError: It cannot be read, or the proof refuses it.
+        UsageError: The cache cannot be written.
+    """
+    config = replace(config or ConvertConfig(), cache_dir=cache)
+    file = source if (source / "asset.json").is_file() else urdf_in(source)
+    options = options_of(config)
+    try:
+        folder = store.find(file, options, cache) or checked(file, config, options)
+    except OSError as error:
+        raise UsageError(f"{cache}: cannot be written ({error.strerror})") from None
+    proof = load_proof(folder)
+    if proof.verdict != "refused":
+        return load_asset(folder)
+    if not proof.clauses:
+        raise AssetError(proof.reasons[0])
+    more = f" (and {len(proof.reasons) - 1} more)" if len(proof.reasons) > 1 else ""
+    raise AssetError(
+        f"{source}: refused: {proof.reasons[0]}{more}; check-asset {source} --out DIR shows it"
+    )
+
+
 def options_of(config: ConvertConfig) -> dict[str, Any]:
     """What a verdict depends on besides the input: all that is not as by default."""
     plain = dataclasses.asdict(ConvertConfig())
@@ -182,9 +217,38 @@ def _converted(reading: Reading, config: ConvertConfig, folder: Path) -> Proof:
     if (folder / "asset.json").is_file():
         asset = load_asset(folder)
     else:
-        asset = write_asset(*build_asset(reading, config), folder)
+        asset = _made(reading, config, folder)
     proof = prove(asset, origin_of_reading(reading, config))
     return replace(proof, counts=counts_of(reading.source, asset))
+
+
+def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
+    """The asset of ``reading`` in ``folder``.
+
+    Its collision shapes are as fine as they have to be for what is hollow to be open and what
+    is seen to be covered, and cut back where parts do not pass each other.
+    """
+    repairs = reading.source.repairs
+    read, shaped = repairs.sentences, Shaped()
+    with tempfile.TemporaryDirectory(prefix="articulate-") as temporary:
+        for _ in range(PASSES):
+            repairs.restore(read)
+            asset, bodies, mimics = build_asset(reading, config, shaped)
+            first = write_asset(asset, bodies, mimics, Path(temporary) / folder.name)
+            try:
+                model = load_model(first)
+            except AssetError:  # the clause "loads" says why
+                return write_asset(asset, bodies, mimics, folder)
+            clauses = (*openness(model), *coverage(model))
+            coarse = {clause.subject for clause in clauses if clause.outcome == "failed"}
+            if coarse <= set(config.finer):
+                break
+            config = replace(config, finer=tuple(sorted({*config.finer, *coarse})))
+        if not asset.joints:
+            return write_asset(asset, bodies, mimics, folder)
+        mended = mend(asset, bodies, mimics, model)
+    sentences = (*asset.repairs, *mended.repairs)
+    return write_asset(replace(mended.asset, repairs=sentences), mended.bodies, mimics, folder)
 
 
 def refuse(
@@ -229,10 +293,11 @@ def _inputs(reading: Reading) -> list[Path]:
 def _moved(asset: Asset, model: ObjectModel) -> Measured:
     """The clauses about motion."""
     try:
-        clauses, joints = sweep(asset, model)
+        swept = sweep(model)
     except Exception as error:  # noqa: BLE001  evidence or refusal, never a trace
         return (_unmeasured("sweep", error),), ()
-    clauses = (*clauses, *_tried("settle", lambda m: settle(asset, m), model))
+    joints = swept.joints
+    clauses = (*swept.clauses, *_tried("settle", lambda m: settle(asset, m), model))
     try:
         more, joints = force(asset, model, joints)
     except Exception as error:  # noqa: BLE001

@@ -11,7 +11,16 @@ from scipy.spatial import ConvexHull, QhullError
 
 from articulate.prove.model import Model, ObjectModel
 from articulate.prove.surface import is_near, sample
-from articulate.transforms import Array, Ints, Mask, apply, inverse, pose, quat_to_matrix
+from articulate.transforms import (
+    Array,
+    Ints,
+    Mask,
+    apply,
+    inverse,
+    normalised,
+    pose,
+    quat_to_matrix,
+)
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "hull"]
 KINDS: dict[int, Kind] = {
@@ -29,6 +38,8 @@ BOX = np.array(
     ]
 )  # fmt: skip
 """Triangles of ``CORNERS``, counter-clockwise from outside."""
+SEAM_M = 0.0005
+"""Solids nearer than this to each other hide the faces between them [m]."""
 ROUND = 32
 """Corners of the polygon that stands for a circle where a surface is sampled."""
 
@@ -102,17 +113,31 @@ def within_any(solids: tuple[Solid, ...], points: Array, distance_m: float) -> M
 
 
 def union_surface(solids: tuple[Solid, ...], count: int) -> Array:
-    """Up to ``count`` points (N, 3) on the surface of the union of ``solids``, by area."""
+    """Up to ``count`` points (N, 3) on the surface of the union of ``solids``, by area.
+
+    Faces with which two solids lie against each other are no part of it.
+    """
     if not solids:
         return np.zeros((0, 3))
-    points, owners = sample(np.concatenate([s.triangles for s in solids]), count)
+    triangles = np.concatenate([s.triangles for s in solids])
+    points, owners = sample(triangles, count)
     ends = np.cumsum([len(s.triangles) for s in solids])
     owner = np.searchsorted(ends, owners, side="right")
+    centres = np.stack([s.triangles.reshape(-1, 3).mean(axis=0) for s in solids])
+    above = points + SEAM_M * _outwards(triangles[owners], centres[owner])
     hidden = np.zeros(len(points), dtype=bool)
     for k, solid in enumerate(solids):
         others = np.flatnonzero((owner != k) & ~hidden)
-        hidden[others] = solid.outside_m(points[others]) < -1e-6
+        hidden[others] = solid.outside_m(above[others]) < 0.0
     return np.asarray(points[~hidden])
+
+
+def _outwards(triangles: Array, centres: Array) -> Array:
+    """Unit normals (N, 3) of triangles (N, 3, 3) of convex solids, away from points inside."""
+    edges = triangles[:, 1:] - triangles[:, :1]
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    inwards = np.einsum("ni,ni->n", normals, triangles[:, 0] - centres) < 0.0
+    return normalised(np.where(inwards[:, None], -normals, normals))
 
 
 def _rounded(over: Array) -> Array:

@@ -8,9 +8,9 @@ objects touch, and their shapes overlap a little, while they are at rest.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from articulate.asset import Asset, Joint
+from articulate.asset import Joint
 from articulate.proof import Clause, JointProof
 from articulate.prove.model import ObjectModel
 from articulate.prove.sweeper import LIMIT_M, Meeting, Sweeper, Way
@@ -27,23 +27,53 @@ ONLY_SHAPES = "; only the collision shapes meet there: the conversion made them 
 AUTHORED = "; the authored parts meet there too: mend the limits, the axis or the mesh"
 
 
-def sweep(asset: Asset, model: ObjectModel) -> tuple[tuple[Clause, ...], tuple[JointProof, ...]]:
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A way on which parts meet that should not."""
+
+    joint: str
+    """Joint that is moved."""
+    others: Mapping[str, float]
+    """Positions of the joints that are not closed [m or rad]."""
+    way: Way
+    authored: tuple[tuple[str, str], ...]
+    """Pairs of links that meet as authored, too."""
+    alone: bool
+    """Whether all other joints stand where they have to."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swept:
+    """What sweeping the joints of an object brought to light."""
+
+    clauses: tuple[Clause, ...]
+    joints: tuple[JointProof, ...]
+    faults: tuple[Fault, ...]
+
+
+def sweep(model: ObjectModel) -> Swept:
     """Clauses ``sweep``, ``sweep_authored`` and ``sweep_random``, and how far each joint went.
 
     ``sweep_authored`` appears, failed, where the authored parts meet in the same place: then the
     object itself is at fault and not its shapes.
     """
+    asset = model.asset
     sweeper = Sweeper(model=model)
     followers = {f.joint: f.leader for f in model.followers}
     clauses: list[Clause] = []
+    faults: list[Fault] = []
     joints: dict[str, JointProof] = {}
     for name in model.free_joints:
         joint = asset.joint(name)
         way, needs = _needed(sweeper, joint)
-        alone, passes = _alone(sweeper, joint, way, needs)
+        alone, fault = _alone(sweeper, joint, way, needs)
         clauses += alone
+        passes = fault is None or len(fault.authored) == len(way.meetings)
+        faults += [] if fault is None else [fault]
         if passes and len(model.free_joints) > 1:
-            clauses.append(_together(sweeper, joint, way, needs))
+            clause, fault = _together(sweeper, joint, way, needs)
+            clauses.append(clause)
+            faults += [] if fault is None else [fault]
         joints[name] = JointProof(
             name=name,
             kind=joint.kind,
@@ -66,7 +96,8 @@ def sweep(asset: Asset, model: ObjectModel) -> tuple[tuple[Clause, ...], tuple[J
                 blocked=leader.blocked if leader else True,
                 needs=leader.needs if leader else (),
             )
-    return tuple(clauses), tuple(joints[joint.name] for joint in asset.joints)
+    proofs = tuple(joints[joint.name] for joint in asset.joints)
+    return Swept(clauses=tuple(clauses), joints=proofs, faults=tuple(faults))
 
 
 def _leader(name: str, followers: Mapping[str, str]) -> str:
@@ -139,8 +170,8 @@ def _deadlock(joint: JointProof) -> Clause:
 
 def _alone(
     sweeper: Sweeper, joint: Joint, way: Way, needs: Sequence[str]
-) -> tuple[list[Clause], bool]:
-    """Clauses about a joint on its own, and whether its shapes let it through.
+) -> tuple[list[Clause], Fault | None]:
+    """Clauses about a joint on its own, and what is at fault.
 
     What the authored parts do themselves is told apart from what the shapes make of them.
     """
@@ -155,10 +186,21 @@ def _alone(
     if not clauses:
         extra = f"with {' and '.join(needs)} open" if needs else "with the others closed"
         clauses.append(_passed("sweep", joint, f"goes through its whole range {extra}"))
-    return clauses, not shapes
+    if not way.meetings:
+        return clauses, None
+    fault = Fault(
+        joint=joint.name,
+        others={name: sweeper.model.asset.joint(name).open for name in needs},
+        way=way,
+        authored=tuple((meeting.one, meeting.other) for meeting in authored),
+        alone=True,
+    )
+    return clauses, fault
 
 
-def _together(sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]) -> Clause:
+def _together(
+    sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]
+) -> tuple[Clause, Fault | None]:
     """The same with the other joints anywhere in their ranges.
 
     What nothing but the joint itself decides, and what it met ``alone``, does not count again.
@@ -179,16 +221,18 @@ def _together(sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]) 
         bad = [meeting for meeting in new if not sweeper.authored(meeting)]
         if bad:
             text = f"with the others at random: {_words(bad[0], joint)}{ONLY_SHAPES}"
-            return _failed("sweep_random", bad[0], text)
+            way = replace(way, meetings=tuple(bad))
+            fault = Fault(joint=joint.name, others=others, way=way, authored=(), alone=False)
+            return _failed("sweep_random", bad[0], text), fault
         redrawn += bool(new)
         done += not new
     again = f"; {redrawn} states in which authored parts meet were drawn again" if redrawn else ""
     text = f"goes through its whole range with the others at {done} random states{again}"
     clause = _passed("sweep_random", joint, text)
     if done:
-        return clause
+        return clause, None
     text = f"in all of {redrawn} random states of the others the authored parts themselves meet"
-    return replace(clause, outcome="not_applicable", measured=None, message=text)
+    return replace(clause, outcome="not_applicable", measured=None, message=text), None
 
 
 def _failed(name: str, meeting: Meeting, message: str) -> Clause:

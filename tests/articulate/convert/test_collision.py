@@ -142,17 +142,17 @@ def test_a_hull_of_flat_points_has_thickness() -> None:
 @pytest.mark.slow
 def test_decompositions_are_kept_by_content(tmp_path: Path) -> None:
     mesh = trimesh.creation.torus(0.2, 0.05, major_sections=24, minor_sections=12)
-    first = decompose(mesh, 0.02, time_s=60.0, cache_dir=tmp_path)
+    first = decompose(mesh, 0.02, 16, time_s=60.0, cache_dir=tmp_path)
     assert first is not None
     assert len(first) > 2
-    again = decompose(mesh, 0.02, time_s=1e-3, cache_dir=tmp_path)
+    again = decompose(mesh, 0.02, 16, time_s=1e-3, cache_dir=tmp_path)
     assert again is not None
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
 
 
 def test_a_decomposition_that_takes_too_long_is_given_up() -> None:
     mesh = trimesh.creation.torus(0.2, 0.05)
-    assert decompose(mesh, 0.02, time_s=1e-3) is None
+    assert decompose(mesh, 0.02, 16, time_s=1e-3) is None
 
 
 @pytest.mark.slow
@@ -160,4 +160,4 @@ def test_the_time_of_a_decomposition_is_the_processors(monkeypatch: pytest.Monke
     """The clock of a busy machine decides nothing."""
     monkeypatch.setattr("articulate.convert.decompose.PATIENCE", 1e6)
     mesh = trimesh.creation.torus(0.2, 0.05, major_sections=96, minor_sections=64)
-    assert decompose(mesh, 0.002, time_s=1.0) is None
+    assert decompose(mesh, 0.002, 16, time_s=1.0) is None

@@ -8,145 +8,28 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from tests.articulate.convert.mjcf import (
+    BALL,
+    DRAWER,
+    joint_of,
+    model,
+    moving,
+    raw_poses,
+    read,
+    said,
+    states,
+    write,
+    written_poses,
+)
 
-from articulate.asset import Asset
-from articulate.convert import ConvertConfig, cached_asset, convert, read_mjcf_child
-from articulate.convert import read_mjcf as reading
-from articulate.convert.convert import urdf_in
+from articulate.convert import ConvertConfig, convert
 from articulate.convert.mesh import Loader
-from articulate.convert.read import SourceGeometry, SourceJoint, SourceObject
 from articulate.convert.read_mjcf import read_mjcf
-from articulate.convert.read_mjcf_files import is_mjcf, root_tag
-from articulate.convert.read_mjcf_text import read_text
 from articulate.convert.tree import build_parts, poses_at
 from articulate.errors import AssetError
-from articulate.transforms import Array, apply, pose
+from articulate.transforms import apply, pose
 
-DRAWER = """<mujoco model="little">
-  <compiler angle="radian"/>
-  <default>
-    <geom density="400"/>
-    <default class="runner"><joint type="slide" axis="-1 0 0" range="0 0.3" damping="7"/></default>
-  </default>
-  <worldbody>
-    <body name="carcass">
-      <geom type="box" size="0.2 0.25 0.01" pos="0 0 0.01"/>
-      <geom type="box" size="0.2 0.25 0.01" pos="0 0 0.39"/>
-      <geom type="box" size="0.01 0.25 0.18" pos="0.19 0 0.2"/>
-      <body name="drawer" pos="-0.19 0 0.2" childclass="runner">
-        <joint name="slide" frictionloss="3" armature="0.2"/>
-        <geom type="box" size="0.01 0.24 0.15"/>
-        <geom type="box" size="0.16 0.2 0.01" pos="0.17 0 -0.1"/>
-        <geom type="capsule" fromto="-0.05 -0.06 0 -0.05 0.06 0" size="0.008"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>"""
-
-
-def model(body: str, *, head: str = "", compiler: str = 'angle="radian"') -> str:
-    """An MJCF text round what stands in the world."""
-    return (
-        f'<mujoco model="thing"><compiler {compiler}/>{head}<worldbody>{body}</worldbody></mujoco>'
-    )
-
-
-def moving(inside: str, *, joint: str = '<joint name="j"/>') -> str:
-    """A fixed box with one moving body that holds ``inside``."""
-    return (
-        '<body name="base"><geom type="box" size=".1 .1 .1"/>'
-        f'<body name="part" pos="0.2 0 0.3">{joint}{inside}</body></body>'
-    )
-
-
-@pytest.fixture
-def in_child() -> None:
-    """For tests in which MuJoCo reads in a process of its own, as it does outside of tests."""
-
-
-@pytest.fixture(autouse=True)
-def quick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the others it reads here: a process takes 0.4 s."""
-    if "in_child" not in request.fixturenames:
-        monkeypatch.setattr(
-            reading, "asked", lambda text, meshes: read_mjcf_child.answer(text.text, meshes)
-        )
-
-
-BALL = '<geom type="sphere" size="0.05"/>'
-
-
-def write(folder: Path, text: str, name: str = "thing.xml") -> Path:
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def read(folder: Path, text: str) -> SourceObject:
-    return read_mjcf(write(folder, text))
-
-
-def joint_of(source: SourceObject, name: str) -> SourceJoint:
-    return next(joint for joint in source.joints if joint.name == name)
-
-
-def said(source: SourceObject, words: str) -> bool:
-    return any(words in sentence for sentence in source.repairs.sentences)
-
-
-def anchors(raw: mujoco.MjModel) -> dict[str, Array]:
-    """Point of each body that its last hinge turns about, in its own frame."""
-    out = {raw.body(b).name: np.zeros(3) for b in range(raw.nbody)}
-    for j in range(raw.njnt):
-        if int(raw.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE):
-            out[raw.body(int(raw.jnt_bodyid[j])).name] = raw.jnt_pos[j]
-    return out
-
-
-def raw_poses(raw: mujoco.MjModel, q: dict[str, float]) -> dict[str, Array]:
-    """Pose of each body in the world, moved to the point that it turns about."""
-    data = mujoco.MjData(raw)
-    for name, value in q.items():
-        data.qpos[raw.joint(name).qposadr[0]] = value
-    mujoco.mj_kinematics(raw, data)
-    shift = anchors(raw)
-    bodies = range(1, raw.nbody)
-    named = {raw.body(b).name: b for b in bodies}
-    return {
-        name: pose(data.xpos[b], data.xmat[b].reshape(3, 3)) @ pose(shift[name])
-        for name, b in named.items()
-    }
-
-
-def written_poses(asset: Asset, q: dict[str, float]) -> dict[str, Array]:
-    """Pose of each link by the ``object.xml`` that was written."""
-    made = mujoco.MjModel.from_xml_path(str(asset.folder / "object.xml"))
-    data = mujoco.MjData(made)
-    for name, value in q.items():
-        data.qpos[made.joint(name).qposadr[0]] = value
-    mujoco.mj_kinematics(made, data)
-    out = {}
-    for link in asset.links:
-        b = made.body(link.name).id
-        out[link.name] = pose(data.xpos[b], data.xmat[b].reshape(3, 3))
-    return out
-
-
-def states(source: SourceObject, count: int) -> list[dict[str, float]]:
-    """Random joint states within the limits."""
-    rng = np.random.default_rng(7)
-    out = []
-    for _ in range(count):
-        q = {}
-        for joint in source.joints:
-            if joint.kind != "fixed":
-                low = -1.0 if joint.lower is None else joint.lower
-                high = 1.0 if joint.upper is None else joint.upper
-                q[joint.name] = float(rng.uniform(low, high))
-        out.append(q)
-    return out
-
+pytestmark = pytest.mark.usefixtures("quick")
 
 TWISTED = """<mujoco model="twisted">
   <compiler angle="degree" eulerseq="zyx"/>
@@ -518,171 +401,6 @@ def test_what_does_not_belong_to_the_object_is_left_out_with_a_word(tmp_path: Pa
 
 
 # what is refused
-
-CHAIN = "".join(f'<body name="l{i}"><joint name="q{i}"/>{BALL}' for i in range(5)) + "</body>" * 5
-REFUSED = {
-    "ball joint": (model(moving(BALL, joint='<joint name="j" type="ball"/>')), "is a ball joint"),
-    "several free bodies": (
-        model(2 * f"<body><freejoint/>{BALL}</body>"),
-        "a scene with 2 free bodies",
-    ),
-    "robot": (
-        model(CHAIN).replace(
-            "</worldbody>",
-            "</worldbody><actuator>"
-            + "".join(f'<motor joint="q{i}"/>' for i in range(5))
-            + "</actuator>",
-        ),
-        "holds a robot",
-    ),
-    "attached model": (
-        model("<attach model='a' body='b' prefix='c'/>"),
-        "has another model attached to it",
-    ),
-    "entities": ('<!DOCTYPE x [<!ENTITY a "b">]>' + model(BALL), "DOCTYPE or entities"),
-    "no MJCF": ("<html/>", "not MJCF"),
-    "unknown class": (model('<geom class="nobody" size="1"/>'), "MuJoCo does not accept it"),
-    "words for numbers": (model('<geom size="one"/>'), "is not made of numbers"),
-    "not finite": (model('<geom size="nan"/>'), "is not finite"),
-    "undefined mesh": (model('<geom type="mesh" mesh="m"/>'), "mesh 'm' is not defined"),
-    "zero axis": (
-        model(moving(BALL, joint='<joint axis="0 0 0"/>')),
-        "MuJoCo does not accept it",
-    ),
-    "absent include": (model('<include file="no.xml"/>'), "included file 'no.xml' not found"),
-    "global coordinates": (model(BALL, compiler='coordinate="global"'), "coordinate='global'"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
-    text, reason = REFUSED[case]
-    with pytest.raises(AssetError) as caught:
-        read(tmp_path, text)
-    assert reason in str(caught.value)
-    assert str(tmp_path / "thing.xml") in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_world_without_a_body_makes_no_asset(tmp_path: Path) -> None:
-    path = write(tmp_path, model('<light/><geom type="plane" size="1 1 1"/>'))
-    with pytest.raises(AssetError, match="no link has geometry"):
-        convert(path, tmp_path / "out")
-
-
-# what a hostile file cannot do
-
-
-def test_nothing_that_names_a_file_or_a_plugin_reaches_muJoCo(tmp_path: Path) -> None:
-    secret = "/etc/passwd"
-    head = (
-        f'<extension><plugin plugin="{secret}"/></extension><custom><text data="{secret}"/>'
-        f'</custom><asset><mesh name="m" file="{secret}" content_type="model/obj"/>'
-        f'<texture name="t" file="{secret}"/><hfield name="h" file="{secret}"/>'
-        f'<skin file="{secret}"/></asset>'
-    )
-    text = read_text(write(tmp_path, model('<geom type="mesh" mesh="m"/><site/>', head=head)))
-    assert "passwd" not in text.text
-    assert "plugin" not in text.text
-    with pytest.raises(AssetError, match="format not known"):
-        convert(text.path, tmp_path / "out")
-
-
-@pytest.mark.parametrize("times", [1, 3])
-def test_file_that_includes_itself_is_refused(tmp_path: Path, times: int) -> None:
-    text = "<mujoco>" + times * '<include file="thing.xml"/>' + "</mujoco>"
-    with pytest.raises(AssetError, match="includes more than 64 files"):
-        read(tmp_path, text)
-
-
-def test_bodies_that_multiply_are_stopped(tmp_path: Path) -> None:
-    bomb = BALL
-    for _ in range(3):
-        bomb = f'<replicate count="60" offset="1 0 0">{bomb}</replicate>'
-    with pytest.raises(AssetError, match="more than 20000 elements with <replicate>"):
-        read(tmp_path, model(bomb))
-
-
-def test_bodies_that_multiply_a_little_have_each_a_name(tmp_path: Path) -> None:
-    knob = f'<body name="knob" pos="0 0 1"><joint name="turn"/>{BALL}</body>'
-    source = read(
-        tmp_path, model(f'{BALL}<replicate count="3" offset="0.3 0 0">{knob}</replicate>')
-    )
-    assert list(source.links) == ["world", "knob0", "knob1", "knob2"]
-    np.testing.assert_allclose([j.T_pc[0, 3] for j in source.joints], [0.0, 0.3, 0.6])
-
-
-@pytest.mark.usefixtures("in_child")
-def test_crash_of_the_native_reader_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    script = write(tmp_path, "import os\nos.abort()\n", "crash.py")
-    monkeypatch.setattr(read_mjcf_child, "__file__", str(script))
-    with pytest.raises(AssetError, match=r"MuJoCo's reader stopped \(exit -6\)"):
-        read(tmp_path, DRAWER)
-
-
-@pytest.mark.usefixtures("in_child")
-def test_reader_that_takes_too_long_is_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    script = write(tmp_path, "import time\ntime.sleep(60)\n", "slow.py")
-    monkeypatch.setattr(read_mjcf_child, "__file__", str(script))
-    monkeypatch.setattr(reading, "TIME_S", 0.3)
-    with pytest.raises(AssetError, match=r"MuJoCo took more than 0\.3 s"):
-        read(tmp_path, DRAWER)
-
-
-@pytest.mark.usefixtures("in_child")
-def test_process_of_its_own_answers_as_this_one_would(tmp_path: Path) -> None:
-    text = read_text(write(tmp_path, DRAWER))
-    found = reading.described(text)
-    assert found == read_mjcf_child.described(text.text, {})
-    assert [body["name"] for body in found["bodies"]] == ["world", "carcass", "drawer"]
-    assert found["bodies"][2]["joints"][0]["range"] == [0.0, 0.3]
-
-
-@pytest.mark.usefixtures("in_child")
-def test_refusal_of_the_process_of_its_own_is_an_answer_too(tmp_path: Path) -> None:
-    with pytest.raises(AssetError, match="MuJoCo does not accept it"):
-        read(tmp_path, model('<geom class="nobody" size="1"/>'))
-
-
-# which file is meant
-
-
-def test_root_tells_mjcf_from_urdf_whatever_the_file_is_called(tmp_path: Path) -> None:
-    licence = "<!--" + 20_000 * "licence " + "-->"
-    assert is_mjcf(write(tmp_path, f"<?xml version='1.0'?>{licence}{DRAWER}", "a.urdf"))
-    assert is_mjcf(write(tmp_path, "<mujocoinclude/>", "b.xml"))
-    assert not is_mjcf(write(tmp_path, "<robot name='mujoco'/>", "c.xml"))
-    assert root_tag(write(tmp_path, "no XML", "d.xml")) == ""
-    assert root_tag(tmp_path / "absent.xml") == ""
-
-
-def test_folder_with_one_xml_is_that_object_and_with_two_none(tmp_path: Path) -> None:
-    path = write(tmp_path, DRAWER, "little/object.xml")
-    assert urdf_in(path.parent) == path
-    write(tmp_path, DRAWER, "little/other.mjcf")
-    with pytest.raises(AssetError, match=r"holds 2 URDF or MJCF files \(object.xml, other.mjcf\)"):
-        urdf_in(path.parent)
-    urdf = write(tmp_path, "<robot name='r'/>", "little/r.urdf")
-    assert urdf_in(path.parent) == urdf
-
-
-def test_cache_knows_when_an_included_file_changes(tmp_path: Path) -> None:
-    inner = write(tmp_path, f"<mujocoinclude>{moving(BALL)}</mujocoinclude>", "inner.xml")
-    path = write(tmp_path, model('<include file="inner.xml"/>'))
-    first = cached_asset(path, tmp_path / "cache")
-    assert cached_asset(path, tmp_path / "cache").folder == first.folder
-    inner.write_text(inner.read_text().replace("0.2 0 0.3", "0.2 0 0.4"))
-    assert cached_asset(path, tmp_path / "cache").folder != first.folder
-
-
-def test_geometry_says_file_and_line(tmp_path: Path) -> None:
-    source = read(tmp_path, DRAWER)
-    first: SourceGeometry = source.links["drawer"].visuals[0]
-    assert first.where == f"{tmp_path / 'thing.xml'}:14 (geom 3)"
 
 
 @pytest.mark.dataset

@@ -167,7 +167,7 @@ def test_a_drawer_behind_a_door_opens_with_it_open(tmp_path):
     far = (((5.0, 0.0, 0.0), (0.1, 0.1, 0.1)),)
     asset = make_object(tmp_path / "a", drawer, front, body=far, excluded=False)
     model = load_model(asset)
-    proofs = sweep(asset, model)[1]
+    proofs = sweep(model).joints
     clauses, joints = force(asset, model, proofs)
     assert {c.outcome for c in clauses} == {"passed"}
     assert joints[0].needs == ("door_joint",)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -49,13 +48,14 @@ def main(argv: Sequence[str]) -> int:
     """Train, evaluate, write the report; 130 when interrupted."""
     flags = parse(TrainFlags, argv, prog="train", default=_resumed(argv))
     # From here on torch and MuJoCo are needed; --help and bad flags are answered without them.
+    from articulate.prove.store import default_cache
     from articulate_train.campaign import train_seeds
     from articulate_train.commands.evaluate import show
     from articulate_train.run import create_run, resume_run
 
     out = _out(flags)
     config = flags.config()
-    run = resume_run(out, config) if flags.resume else create_run(config, out, _cache())
+    run = resume_run(out, config) if flags.resume else create_run(config, out, default_cache())
     _say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
     if not train_seeds(run, _tell):
         _say(f"stopped; go on with: train --resume --out {run.folder}")
@@ -86,11 +86,6 @@ def _out(flags: TrainFlags) -> Path:
         return flags.out
     stem = Path(flags.asset).stem or "asset"
     return Path("runs") / f"{stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
-
-
-def _cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "articulate" / "assets"
 
 
 def _tell(progress: SeedProgress) -> None:

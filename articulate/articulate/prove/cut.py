@@ -1,0 +1,225 @@
+"""Cutting convex collision shapes back, as far as what they stand for stays covered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from articulate.convert.fit import hull
+from articulate.convert.shapes import Shape
+from articulate.convert.write import Body
+from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, NEAR_SHARE, SAMPLES
+from articulate.prove.surface import is_near, sample
+from articulate.transforms import Array, Mask, pose
+
+MARGIN = 0.005
+"""Cuts leave the coverage of a link above what is allowed by this share."""
+THINNEST_M = 0.0005
+"""What is left of a shape is left out if it is thinner than this [m]."""
+APART_M = 0.0002
+"""Shapes that are cut until they do not meet at all are this far apart [m]."""
+MOST_PIECES = 4
+"""So many pieces at most are left of a shape that another one is carved out of."""
+MOST_SHAPES = 4
+"""A link has at most this many times the shapes that it had, and as many more."""
+ALONG = 1.0 - 1e-8
+"""A cut whose normal has this cosine with an axis of a box leaves a box."""
+
+
+def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
+    """What is left of ``shape`` without the ``depth_m`` [m] that reach farthest along ``normal``.
+
+    Args:
+        shape: Convex shape in its part.
+        normal: Unit vector (3,) in the part.
+        depth_m: Thickness of what is cut away [m].
+
+    Returns:
+        The rest, or None if it is next to nothing.
+    """
+    corners = shape.corners
+    heights = corners @ normal
+    limit = float(heights.max()) - depth_m
+    if limit - float(heights.min()) < THINNEST_M:
+        return None
+    if shape.kind == "box":
+        axes = shape.T_ps[:3, :3]
+        along = np.abs(axes.T @ normal)
+        axis = int(np.argmax(along))
+        if along[axis] > ALONG:
+            half = list(shape.half)
+            half[axis] -= depth_m / 2.0
+            way = np.copysign(depth_m / 2.0, axes[:, axis] @ normal) * axes[:, axis]
+            T_ps = pose(shape.T_ps[:3, 3] - way, axes)
+            return replace(shape, T_ps=T_ps, half=(half[0], half[1], half[2]))
+    try:
+        faces = ConvexHull(corners)
+    except QhullError:
+        return None
+    edges = np.vstack([faces.simplices[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    high, low = heights[edges].max(axis=1), heights[edges].min(axis=1)
+    cut = edges[(high > limit) & (low < limit)]
+    start, end = heights[cut[:, 0]], heights[cut[:, 1]]
+    share = ((limit - start) / (end - start))[:, None]
+    crossings = corners[cut[:, 0]] * (1.0 - share) + corners[cut[:, 1]] * share
+    rest = hull(np.vstack([corners[heights <= limit], crossings]), shape.piece)
+    if rest is None or _thickness(rest.corners) < THINNEST_M:
+        return None
+    return rest
+
+
+def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
+    """Convex pieces of ``shape`` that lie outside another convex shape, largest first.
+
+    Args:
+        shape: Convex shape in its part.
+        planes: Half-spaces (M, 4) of the other shape in the same frame, inside where
+            n x + d <= 0.
+    """
+    out: list[Shape] = []
+    rest: Shape | None = shape
+    while rest is not None and len(out) < MOST_PIECES:
+        best: tuple[Shape, Array, float] | None = None
+        for plane in planes:
+            normal, limit = plane[:3], APART_M - float(plane[3])
+            heights = rest.corners @ normal
+            if heights.max() - limit < THINNEST_M:
+                continue
+            below = limit - float(heights.min())
+            piece = rest if below <= 0.0 else cut_back(rest, -normal, below)
+            if piece is not None and (best is None or piece.volume > best[0].volume):
+                best = piece, normal, float(heights.max()) - limit
+        if best is None:
+            break
+        out.append(best[0])
+        rest = None if best[0] is rest else cut_back(rest, best[1], best[2])
+    return tuple(out)
+
+
+def _thickness(corners: Array) -> float:
+    """Extent [m] of points (N, 3) along the direction in which they vary least."""
+    centred = corners - corners.mean(axis=0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    return float(np.ptp(centred @ axes[-1]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Offer:
+    """A cut that could be made."""
+
+    index: int
+    """Which shape of its body."""
+    rest: tuple[Shape, ...]
+    """What would be left of it."""
+    lost: float
+    """Share of the link's visible surface that would lose its cover."""
+    removed_m3: float
+    """Volume that is cut away [m3]."""
+    allowed: bool
+    """Whether enough stays covered."""
+
+
+class Part:
+    """One body with the shapes that are left of it, and how well they cover what it shows.
+
+    Args:
+        body: As converted.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        self.shapes = list(body.shapes)
+        self.removed_m3 = 0.0
+        """Volume that was cut away [m3]."""
+        self.cut_count = 0
+        """Cuts that were made."""
+        self.cuts: set[int] = set()
+        """Shapes that were cut, by the order of the converted body."""
+        self._order = list(range(len(self.shapes)))
+        self._gone: set[int] = set()
+        triangles = [piece.mesh.triangles for piece in body.visuals]
+        self._points = np.zeros((0, 3))
+        near_m = NEAR_M
+        if triangles:
+            every = np.concatenate(triangles)
+            self._points, _ = sample(every, SAMPLES)
+            diagonal = float(np.linalg.norm(np.ptp(every.reshape(-1, 3), axis=0)))
+            near_m = max(NEAR_M, NEAR_SHARE * diagonal)
+        self.near_m = near_m
+        """Points of the surface this near to a shape are covered [m]."""
+        self._covered: list[Mask] = [self._near(shape) for shape in self.shapes]
+        self._least = ALLOWED_SHARE + MARGIN
+        self._most = MOST_SHAPES * (len(self.shapes) + 1)
+
+    def _near(self, shape: Shape) -> Mask:
+        if not len(self._points):
+            return np.zeros(len(self._points), dtype=bool)
+        away = shape.outside(self._points)
+        near = np.asarray(away <= self.near_m)
+        doubtful = np.flatnonzero(near & (away > 0.0))  # near planes, not near a hull for sure
+        if shape.kind == "hull" and len(doubtful):
+            found = is_near(self._points[doubtful], np.asarray(shape.mesh.triangles), self.near_m)
+            near[doubtful] = found
+        return near
+
+    def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:
+        """What leaving only ``rest`` of shape ``index`` would cost."""
+        shape = self.shapes[index]
+        others = np.zeros(len(self._points), dtype=bool)
+        for k, mask in enumerate(self._covered):
+            if k != index:
+                others |= mask
+        before, after = others | self._covered[index], others
+        for piece in rest:
+            after = after | self._near(piece)
+        lost = float((before & ~after).mean()) if len(before) else 0.0
+        share = float(after.mean()) if len(after) else 1.0
+        count = len(self.shapes) - len(self._gone) - 1 + len(rest)
+        return Offer(
+            index=index,
+            rest=rest,
+            lost=lost,
+            removed_m3=shape.volume - sum(piece.volume for piece in rest),
+            allowed=0 < count <= self._most and (lost == 0.0 or share >= self._least),
+        )
+
+    def take(self, offer: Offer) -> None:
+        """Make a cut. Shapes of which nothing is left go with :meth:`tidy`."""
+        self.cut_count += 1
+        whole = self._order[offer.index]
+        self.cuts.add(whole)
+        self.removed_m3 += offer.removed_m3
+        if not offer.rest:
+            self._covered[offer.index] = np.zeros(len(self._points), dtype=bool)
+            self._gone.add(offer.index)
+            return
+        self.shapes[offer.index] = offer.rest[0]
+        self._covered[offer.index] = self._near(offer.rest[0])
+        for piece in offer.rest[1:]:
+            self.shapes.append(piece)
+            self._covered.append(self._near(piece))
+            self._order.append(whole)
+
+    def tidy(self) -> None:
+        """Leave out the shapes of which nothing is left."""
+        keep = [k for k in range(len(self.shapes)) if k not in self._gone]
+        self.shapes = [self.shapes[k] for k in keep]
+        self._covered = [self._covered[k] for k in keep]
+        self._order = [self._order[k] for k in keep]
+        self._gone.clear()
+
+    def state(self) -> tuple[Any, ...]:
+        """All that cutting changes, to come back to with :meth:`restore`."""
+        lists = (list(self.shapes), list(self._covered), list(self._order), set(self.cuts))
+        return (*lists, self.cut_count, self.removed_m3)
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Go back to an earlier ``state``."""
+        self.shapes, self._covered, self._order, self.cuts, self.cut_count, self.removed_m3 = state
+
+    def done(self) -> Body:
+        """The body with the shapes that are left."""
+        return replace(self.body, shapes=tuple(self.shapes))

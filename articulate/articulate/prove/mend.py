@@ -1,0 +1,361 @@
+"""Repairs that need measuring: shapes cut back and limits shortened until parts pass each other.
+
+Where parts meet on a joint's way, two things are sound. What the collision shapes have too much
+is cut away, as long as what is seen stays covered. And where the parts meet as they were
+authored, deeper than a cut can mend, the way ends there: no real part goes through another one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from articulate.asset import Asset, Joint
+from articulate.convert.shapes import Shape
+from articulate.convert.write import Body, Mimic, mesh_files, mjcf
+from articulate.prove.cut import APART_M, Offer, Part, carved, cut_back
+from articulate.prove.force import FORCE_N, Pull, pull_of
+from articulate.prove.model import ObjectModel
+from articulate.prove.sweep import DRAW_STATES, Fault, sweep
+from articulate.prove.sweeper import LIMIT_M, MAX_STATES, Meeting, Sweeper
+from articulate.transforms import Array, inverse, pose
+
+ROUNDS = 6
+"""So often is everything swept again after repairs."""
+AIM_M = 0.001
+"""A cut leaves this much of an overlap, beyond that at rest [m]."""
+MOST_PLANES = 16
+"""Nothing is carved round shapes with more faces than this."""
+TRIES = 12
+"""Cuts at one state before it is given up."""
+LEAST_WAY = 0.5
+"""A shortened joint keeps at least this share of its way ..."""
+LEAST_TURN = math.radians(75.0)
+"""... or, if it is a hinge, this much [rad]."""
+SLOW_S = 1.5
+"""Damping alone may make the whole way take this long [s]."""
+MOST_FRICTION = 0.5
+"""Dry friction may take this share of what a hand gives."""
+DIGITS = 4
+"""Shortened limits are rounded inwards to this many decimals."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mended:
+    """An object after repairs."""
+
+    asset: Asset
+    bodies: tuple[Body, ...]
+    repairs: tuple[str, ...]
+    """What was changed, one sentence each; none if nothing was."""
+
+
+def mend(
+    asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], model: ObjectModel
+) -> Mended:
+    """Repair what stands in the way of joints.
+
+    Args:
+        asset: The object.
+        bodies: Its bodies as they were written.
+        mimics: Joints that follow others.
+        model: The object compiled, with what it shows.
+    """
+    bench = Bench(asset=asset, bodies=bodies, mimics=mimics)
+    for name in model.free_joints:
+        bench.ease(pull_of(asset, model, name))
+    for _ in range(ROUNDS):
+        faults = sweep(model).faults
+        if not faults:
+            break
+        changed = False
+        for fault in faults:
+            changed |= bench.mend(fault, model)
+        if not changed:
+            break
+        model = bench.model(shown=True)
+    return bench.done()
+
+
+class Bench:
+    """An object under repair.
+
+    Args:
+        asset: The object.
+        bodies: Its bodies as converted.
+        mimics: Joints that follow others.
+    """
+
+    def __init__(self, *, asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic]) -> None:
+        self.asset = asset
+        self.parts = {body.name: Part(body) for body in bodies}
+        self.mimics = mimics
+        self._shortened: dict[str, str] = {}
+        self._eased: list[str] = []
+
+    def ease(self, pull: Pull) -> None:
+        """Lower damping and dry friction against which a hand could not open a joint in time."""
+        joint = pull.joint
+        if pull.way <= 0.0 or pull.effort <= 0.0:
+            return
+        units = ("N s/m", "N") if joint.kind == "slide" else ("Nm s/rad", "Nm")
+        damping = min(joint.damping, SLOW_S * pull.effort / pull.way)
+        friction = min(joint.frictionloss, MOST_FRICTION * pull.effort)
+        for what, old, new, unit in (
+            ("damping", joint.damping, damping, units[0]),
+            ("dry friction", joint.frictionloss, friction, units[1]),
+        ):
+            if new < old:
+                self._eased.append(
+                    f"{what} of joint {joint.name} lowered from {old:.4g} to {new:.4g} {unit}: "
+                    f"{FORCE_N:g} N at {pull.where} would not open it in time"
+                )
+        if (damping, friction) != (joint.damping, joint.frictionloss):
+            self._set(replace(joint, damping=damping, frictionloss=friction))
+
+    def mend(self, fault: Fault, model: ObjectModel) -> bool:
+        """Repair one fault; whether anything was changed.
+
+        Args:
+            fault: What meets, and where.
+            model: The object as it is now.
+        """
+        deep = {
+            (meeting.one, meeting.other)
+            for meeting in fault.way.meetings
+            if (meeting.one, meeting.other) in fault.authored and self._is_deep(meeting)
+        }
+        if deep and fault.alone and self._shorten(fault, deep, model):
+            return True
+        if self._cut(fault):
+            return True
+        met = set(fault.authored)
+        return bool(met) and fault.alone and self._shorten(fault, met, model)
+
+    def _is_deep(self, meeting: Meeting) -> bool:
+        """Whether two parts meet deeper than their shapes may stray from what they show."""
+        near = max(self.parts[name].near_m for name in (meeting.one, meeting.other))
+        return meeting.excess_m > near
+
+    def _shorten(self, fault: Fault, pairs: set[tuple[str, str]], model: ObjectModel) -> bool:
+        """End the way of a joint where any of ``pairs`` of links meets; False if little is left."""
+        joint = self.asset.joint(fault.joint)
+        low, high = reach(Sweeper(model=model), fault, pairs)
+        lower, upper = _range(joint)
+        low, high = max(low, lower), min(high, upper)
+        scale = 10.0**DIGITS
+        if low > lower:
+            low = math.ceil(low * scale) / scale
+        if high < upper:
+            high = math.floor(high * scale) / scale
+        kept = (low, high) if joint.span > 0.0 else (-high, -low)
+        closed = min(max(joint.closed, low), high)
+        far = min(max(joint.open, low), high)
+        way = abs(far - closed)
+        enough = way >= LEAST_WAY * abs(joint.span)
+        if joint.kind == "hinge":
+            enough = enough or way >= LEAST_TURN
+        if not (enough and kept[1] - kept[0] > 0.0) or (low, high) == (lower, upper):
+            return False
+        self._set(replace(joint, lower=low, upper=high, closed=closed, open=far))
+        others = sorted({other for _, other in pairs})
+        unit = "m" if joint.kind == "slide" else "rad"
+        before = "turned without end" if joint.lower is None else f"{lower:.4g} to {upper:.4g}"
+        self._shortened[joint.name] = (
+            f"way of joint {joint.name} shortened to {low:.4g} to {high:.4g} {unit} "
+            f"(was {before}): beyond it the part goes into {' and '.join(others)}, as authored"
+        )
+        return True
+
+    def _set(self, joint: Joint) -> None:
+        joints = tuple(joint if j.name == joint.name else j for j in self.asset.joints)
+        self.asset = replace(self.asset, joints=joints)
+        part = self.parts[joint.link]
+        part.body = replace(part.body, joint=joint)
+
+    def _cut(self, fault: Fault) -> bool:
+        """Cut shapes back along a way until nothing meets there; else leave all as it is.
+
+        As little as has to be is tried first, then cuts after which two shapes do not meet at
+        all: many small ones can cost more than one that ends it.
+        """
+        before = {name: part.state() for name, part in self.parts.items()}
+        for whole in (False, True):
+            if self._cut_along(fault, whole=whole):
+                return True
+            for name, state in before.items():
+                self.parts[name].restore(state)
+                before[name] = self.parts[name].state()
+        return False
+
+    def _cut_along(self, fault: Fault, *, whole: bool) -> bool:
+        """Cut shapes back along a way; whether that could be done, and anything was cut."""
+        count = sum(part.cut_count for part in self.parts.values())
+        sweeper = Sweeper(model=self.model())
+        most = MAX_STATES if fault.alone else DRAW_STATES
+        pairs = {(meeting.one, meeting.other) for meeting in fault.way.meetings}
+        for positions in sweeper.positions(fault.joint, most):
+            for q in positions:
+                at = {**fault.others, fault.joint: float(q)}
+                found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
+                if found is None:
+                    return False
+                sweeper = found
+        return sum(part.cut_count for part in self.parts.values()) > count
+
+    def _cut_at(
+        self,
+        sweeper: Sweeper,
+        joint: str,
+        q: Mapping[str, float],
+        pairs: set[tuple[str, str]],
+        *,
+        whole: bool,
+    ) -> Sweeper | None:
+        """Cut shapes of ``pairs`` of links back in one state.
+
+        Returns:
+            The sweeper for the result, or None if the links would lose too much.
+        """
+        for _ in range(TRIES):
+            met = [m for m in sweeper.meetings(joint, q) if (m.one, m.other) in pairs]
+            if not met:
+                return sweeper
+            touched: set[int] = set()
+            for meeting in sorted(met, key=lambda m: -m.excess_m):
+                geoms = {meeting.overlap.one, meeting.overlap.other}
+                if touched & geoms:
+                    continue
+                if not self._cut_one(meeting, sweeper, whole=whole):
+                    return None
+                touched |= geoms
+            for part in self.parts.values():
+                part.tidy()
+            sweeper = Sweeper(model=self.model())
+        return None
+
+    def _cut_one(self, meeting: Meeting, sweeper: Sweeper, *, whole: bool) -> bool:
+        """Cut one of two shapes back, where its link loses least of what covers it."""
+        way_out_w = np.asarray(meeting.overlap.way_out_w)
+        pair = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
+        offers: list[tuple[Part, Offer]] = []
+        for (link, geom), other, toward_w in (
+            (pair[0], pair[1], -way_out_w),
+            (pair[1], pair[0], way_out_w),
+        ):
+            part, index = self.parts[link], _index(sweeper.model, geom)
+            rests = self._rests(sweeper, part.shapes[index], geom, other)
+            if not whole:
+                normal = _turn(sweeper, geom).T @ toward_w
+                rest = cut_back(part.shapes[index], normal, meeting.excess_m - AIM_M)
+                rests.append(() if rest is None else (rest,))
+            offers += [(part, part.offer(index, rest)) for rest in rests]
+        allowed = [(part, offer) for part, offer in offers if offer.allowed]
+        if not allowed:
+            return False
+        part, offer = min(
+            allowed, key=lambda o: (round(o[1].lost, 3), len(o[1].rest), o[1].removed_m3)
+        )
+        part.take(offer)
+        return True
+
+    def _rests(
+        self, sweeper: Sweeper, shape: Shape, geom: int, other: tuple[str, int]
+    ) -> list[tuple[Shape, ...]]:
+        """What can be left of ``shape`` so that it does not reach the ``other`` one at all.
+
+        One convex shape, cut by a plane along an axis of either; or several round the other.
+        """
+        theirs = self.parts[other[0]].shapes[_index(sweeper.model, other[1])]
+        T = _relative(sweeper, geom, other[1])
+        corners = theirs.corners @ T[:3, :3].T + T[:3, 3]
+        rests: list[tuple[Shape, ...]] = []
+        axes = np.concatenate([shape.T_ps[:3, :3], T[:3, :3] @ theirs.T_ps[:3, :3]], axis=1).T
+        for normal in np.concatenate([axes, -axes]):
+            depth_m = float((shape.corners @ normal).max() - (corners @ normal).min()) + APART_M
+            if APART_M < depth_m < float(np.ptp(shape.corners @ normal)):
+                rest = cut_back(shape, normal, depth_m)
+                rests.append(() if rest is None else (rest,))
+        planes = theirs.planes
+        if len(planes) <= MOST_PLANES:
+            turned = planes[:, :3] @ T[:3, :3].T
+            offset = planes[:, 3] - turned @ T[:3, 3]
+            rests.append(carved(shape, np.column_stack([turned, offset])))
+        return rests
+
+    def model(self, *, shown: bool = False) -> ObjectModel:
+        """The object as it is now, compiled.
+
+        Args:
+            shown: With what it shows.
+        """
+        bodies = [part.done() for part in self.parts.values()]
+        if not shown:
+            bodies = [replace(body, visuals=()) for body in bodies]
+        text = mjcf(self.asset.name, bodies, (), (), self.mimics)
+        files = {f"meshes/{name}": content for name, content in mesh_files(bodies).items()}
+        spec = mujoco.MjSpec.from_string(text, assets=files)
+        return ObjectModel(self.asset, spec.compile())
+
+    def done(self) -> Mended:
+        """The object with all that was changed."""
+        repairs = [*self._eased, *self._shortened.values()]
+        links = []
+        for link in self.asset.links:
+            part = self.parts[link.name]
+            links.append(replace(link, collisions=len(part.shapes)))
+            if part.cuts:
+                whole = sum(shape.volume for shape in part.body.shapes)
+                share = part.removed_m3 / max(whole, 1e-12)
+                repairs.append(
+                    f"part {link.name}: {len(part.cuts)} collision shapes cut back where parts "
+                    f"pass each other, by {share:.1%} of the volume of all"
+                )
+        return Mended(
+            asset=replace(self.asset, links=tuple(links)),
+            bodies=tuple(part.done() for part in self.parts.values()),
+            repairs=tuple(repairs),
+        )
+
+
+def reach(sweeper: Sweeper, fault: Fault, pairs: set[tuple[str, str]]) -> tuple[float, float]:
+    """How far the joint of a fault goes from closed before ``pairs`` of links meet [m or rad]."""
+    ends = [sweeper.model.closed[fault.joint]]
+    for positions in sweeper.positions(fault.joint, MAX_STATES):
+        for q in positions:
+            met = sweeper.meetings(fault.joint, {**fault.others, fault.joint: float(q)})
+            if any((m.one, m.other) in pairs and m.excess_m > LIMIT_M for m in met):
+                break
+            ends.append(float(q))
+    return min(ends), max(ends)
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    """Limits of a joint [m or rad]; one turn from closed if it has none."""
+    if joint.lower is None or joint.upper is None:
+        return joint.closed - 2.0 * math.pi, joint.closed + 2.0 * math.pi
+    return joint.lower, joint.upper
+
+
+def _relative(sweeper: Sweeper, geom: int, other: int) -> Array:
+    """Pose (4, 4) of the link of ``other`` in that of ``geom``."""
+    m, data = sweeper.model.model, sweeper.data
+    one, two = (
+        pose(data.xpos[b], data.xmat[b].reshape(3, 3)) for b in m.geom_bodyid[[geom, other]]
+    )
+    return inverse(one) @ two
+
+
+def _turn(sweeper: Sweeper, geom: int) -> Array:
+    """Rotation (3, 3) of the link of ``geom`` in the world."""
+    body = int(sweeper.model.model.geom_bodyid[geom])
+    return np.asarray(sweeper.data.xmat[body].reshape(3, 3))
+
+
+def _index(model: ObjectModel, geom: int) -> int:
+    """Which shape of its body ``geom`` is; its name ends with that."""
+    return int(model.model.geom(geom).name.rsplit("_", 1)[1])

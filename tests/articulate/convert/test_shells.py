@@ -1,0 +1,62 @@
+"""Thin curved walls become staves that follow them, not a solid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from articulate.convert.fit import is_near
+from articulate.convert.shapes import sample_surface
+from articulate.convert.shells import shell_shapes
+
+RADIUS, HEIGHT, TOL = 0.15, 0.3, 0.004
+
+
+def bucket(sections: int = 48, wall: float = 0.004) -> trimesh.Trimesh:
+    """A bucket that is open at the top, made by turning its outline."""
+    outline = np.array(
+        [[0, 0], [RADIUS, 0], [RADIUS, HEIGHT], [RADIUS - wall, HEIGHT], [RADIUS - wall, wall],
+         [0, wall]]
+    )  # fmt: skip
+    return trimesh.creation.revolve(outline, sections=sections)
+
+
+@pytest.fixture(scope="module")
+def staves():
+    return shell_shapes(bucket(), TOL, "bucket", 96)
+
+
+def test_a_bucket_stays_hollow(staves):
+    inside = np.array([[0.0, 0.0, 0.1], [0.1, 0.0, 0.2], [0.0, -0.12, 0.29]])
+    assert all(float(shape.outside(inside).min()) > 0.0 for shape in staves)
+
+
+def test_its_whole_surface_is_covered(staves):
+    points, _ = sample_surface(bucket(), 2000)
+    nearest = np.min([shape.outside(points) for shape in staves], axis=0)
+    assert float((nearest <= TOL).mean()) > 0.99
+
+
+def test_every_stave_lies_on_the_wall(staves):
+    mesh = bucket()
+    assert all(is_near(shape, mesh, 2.0 * TOL) for shape in staves)
+    assert len(staves) < 60
+
+
+def test_more_than_allowed_is_given_up():
+    assert shell_shapes(bucket(), TOL, "bucket", 3) is None
+
+
+def test_the_same_mesh_gives_the_same_shapes(staves):
+    again = shell_shapes(bucket(), TOL, "bucket", 96)
+    assert [s.kind for s in again] == [s.kind for s in staves]
+    assert all(np.array_equal(a.corners, b.corners) for a, b in zip(again, staves, strict=True))
+
+
+def test_a_flat_sheet_is_one_shape():
+    sheet = trimesh.Trimesh(
+        vertices=[[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0], [0, 0.2, 0]], faces=[[0, 1, 2], [0, 2, 3]]
+    )
+    (shape,) = shell_shapes(sheet, TOL, "sheet", 8)
+    assert shape.kind == "box"

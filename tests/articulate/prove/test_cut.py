@@ -1,0 +1,139 @@
+"""Cuts leave what lies below a plane, and are refused where they would bare what is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from articulate.convert.inertia import Inertial
+from articulate.convert.mesh import Piece
+from articulate.convert.shapes import Shape
+from articulate.convert.write import Body
+from articulate.prove.cut import Part, carved, cut_back
+from articulate.transforms import axis_angle_to_matrix, pose
+
+BOX = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.0)), half=(0.1, 0.05, 0.02))
+units = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
+
+
+def body(*shapes: Shape) -> Body:
+    """A part that shows what its first shape is."""
+    shown = Piece(mesh=shapes[0].mesh, rgba=(1, 1, 1, 1), name="x", element="x", link="x")
+    inertial = Inertial(mass_kg=1.0, com_p=np.zeros(3), inertia_p=np.eye(3))
+    return Body(
+        name="x",
+        parent=None,
+        T_pc=np.eye(4),
+        visuals=(shown,),
+        shapes=shapes,
+        inertial=inertial,
+        joint=None,
+        axis_l=None,
+    )
+
+
+def rest(depth_m: float) -> tuple[Shape, ...]:
+    """What is left of the box without so much of its top."""
+    return (cut_back(BOX, np.array([0.0, 0.0, 1.0]), depth_m),)
+
+
+def test_a_box_cut_along_its_axis_is_a_shorter_box():
+    rest = cut_back(BOX, np.array([1.0, 0.0, 0.0]), 0.03)
+    assert rest.kind == "box"
+    np.testing.assert_allclose(rest.bounds, [[0.0, -0.05, -0.02], [0.17, 0.05, 0.02]], atol=1e-12)
+
+
+def test_a_turned_box_cut_along_its_axis_is_a_box():
+    turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), np.array(0.4))
+    box = Shape(kind="box", T_ps=pose((0.0, 0.2, 0.0), turn), half=BOX.half)
+    rest = cut_back(box, -turn[:, 1], 0.01)
+    assert rest.kind == "box"
+    assert rest.half == pytest.approx((0.1, 0.045, 0.02))
+
+
+def test_a_corner_that_is_cut_off_has_the_volume_of_a_pyramid():
+    normal = np.ones(3) / np.sqrt(3.0)
+    cube = Shape(kind="box", T_ps=np.eye(4), half=(0.1, 0.1, 0.1))
+    depth = 0.03
+    rest = cut_back(cube, normal, depth)
+    edge = depth * np.sqrt(3.0)  # of the three that meet in the corner
+    assert rest.volume == pytest.approx(0.2**3 - edge**3 / 6.0, rel=1e-9)
+
+
+@given(units, st.floats(0.001, 0.03))
+def test_what_is_left_lies_below_the_plane_and_inside(normal, depth):
+    normal = np.array(normal) / np.linalg.norm(normal)
+    rest = cut_back(BOX, normal, depth)
+    limit = float((BOX.corners @ normal).max()) - depth
+    if rest is not None:
+        assert float((rest.corners @ normal).max()) <= limit + 5e-5  # a box stays a box
+        assert float(BOX.outside(rest.corners).max()) <= 1e-9
+        assert rest.volume < BOX.volume
+
+
+def test_next_to_nothing_is_nothing():
+    assert cut_back(BOX, np.array([0.0, 0.0, 1.0]), 0.0398) is None
+
+
+def test_a_cut_within_the_tolerance_costs_nothing():
+    offer = Part(body(BOX)).offer(0, rest(0.0025))
+    assert offer.allowed
+    assert offer.lost == 0.0
+    assert offer.removed_m3 == pytest.approx(0.2 * 0.1 * 0.0025)
+
+
+def test_a_cut_that_bares_what_is_seen_is_refused():
+    offer = Part(body(BOX)).offer(0, rest(0.01))
+    assert offer.lost > 0.3  # the top and a quarter of the sides
+    assert not offer.allowed
+
+
+def test_what_another_shape_covers_is_not_lost():
+    other = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.015)), half=(0.1, 0.05, 0.005))
+    part = Part(body(BOX, other))
+    offer = part.offer(0, rest(0.01))
+    assert offer.lost == 0.0
+    part.take(offer)
+    part.tidy()
+    assert len(part.done().shapes) == 2
+    assert part.cuts == {0}
+
+
+def test_the_only_shape_of_a_part_never_goes():
+    part = Part(body(Shape(kind="box", T_ps=np.eye(4), half=(0.001, 0.001, 0.001))))
+    assert not part.offer(0, ()).allowed
+
+
+def test_a_shape_carved_out_of_another_leaves_pieces_around_it():
+    cube = Shape(kind="box", T_ps=np.eye(4), half=(0.1, 0.1, 0.1))
+    inner = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.0)), half=(0.05, 0.02, 0.02))
+    pieces = carved(cube, inner.planes)
+    assert len(pieces) == 4
+    assert sum(piece.volume for piece in pieces) > 0.9 * (cube.volume - 0.05 * 0.04 * 0.04) - 1e-4
+    for piece in pieces:
+        assert piece.kind == "box"
+        assert float(np.max(inner.outside(piece.corners))) > 0.0
+        inside = (np.abs(piece.T_ps[:3, 3] - [0.1, 0, 0]) < [0.05, 0.02, 0.02]).all()
+        assert not inside
+
+
+def test_a_shape_inside_another_leaves_nothing():
+    small = Shape(kind="box", T_ps=np.eye(4), half=(0.01, 0.01, 0.01))
+    assert carved(small, BOX.planes[:0]) == ()
+    around = Shape(kind="box", T_ps=np.eye(4), half=(0.1, 0.1, 0.1))
+    assert carved(small, around.planes) == ()
+
+
+def test_a_part_goes_back_to_an_earlier_state():
+    part = Part(body(BOX))
+    state = part.state()
+    part.take(part.offer(0, rest(0.002)))
+    assert part.cut_count == 1
+    part.restore(state)
+    assert part.done().shapes == (BOX,)
+    assert part.cut_count == 0
+    assert not part.cuts
+    assert isinstance(part.done().shapes[0].mesh, trimesh.Trimesh)

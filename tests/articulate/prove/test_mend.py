@@ -1,0 +1,116 @@
+"""Objects whose parts do not pass each other: mended where that is sound, left alone where not."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from tests.articulate.convert.boxes import BODY_BOX, LIMIT, written
+
+from articulate.convert import ConvertConfig
+from articulate.errors import AssetError
+from articulate.proof import Proof
+from articulate.prove.prove import check, proven_asset
+
+
+def checked(path: Path, tmp_path: Path) -> Proof:
+    """The proof of a URDF."""
+    return check(path, tmp_path / "checked", ConvertConfig(cache_dir=tmp_path / "cache"))
+
+
+def plug(near: float, thick: float = 0.3, high: float = 0.4) -> tuple[str, str]:
+    """A second box of the body, whose near side lies ``near`` before the drawer's front."""
+    x = -0.23 - near - thick / 2.0
+    text = (
+        f'</geometry></visual><visual><origin xyz="{x} 0 0"/>'
+        f'<geometry><box size="{thick} 0.1 {high}"/></geometry></visual>'
+    )
+    return BODY_BOX + "</geometry></visual>", BODY_BOX + text
+
+
+def sentences(proof: Proof) -> str:
+    """All that was changed, a sentence a line."""
+    return "\n".join(proof.repairs)
+
+
+def test_a_way_that_ends_at_an_authored_wall_is_shortened(tmp_path):
+    proof = checked(written(tmp_path / "in", plug(0.2)), tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    (joint,) = proof.joints
+    assert 0.2 < joint.span <= 0.2 + 0.002 + 1e-3
+    assert joint.swept == 1.0
+    assert "way of joint slide shortened to 0 to 0.20" in sentences(proof)
+    assert "was 0 to 0.3" in sentences(proof)
+    limits = [c for c in proof.clauses if c.name == "limits"]
+    assert [c.outcome for c in limits] == ["passed"]
+
+
+def test_a_way_of_which_too_little_would_be_left_is_refused(tmp_path):
+    proof = checked(written(tmp_path / "in", plug(0.1)), tmp_path)
+    assert proof.verdict == "refused"
+    assert proof.joints[0].span == pytest.approx(0.3)
+    assert any(reason.startswith("sweep_authored of slide") for reason in proof.reasons)
+    assert "shortened" not in sentences(proof)
+
+
+def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
+    sill = (
+        '</geometry></visual><visual><origin xyz="-0.3 0 -0.053"/>'
+        '<geometry><box size="0.1 0.3 0.012"/></geometry></visual>'
+    )  # its top lies 3 mm above the drawer's lower edge
+    path = written(tmp_path / "in", (BODY_BOX + "</geometry></visual>", BODY_BOX + sill))
+    proof = checked(path, tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    assert proof.joints[0].span == pytest.approx(0.3)
+    assert "collision shapes cut back where parts pass each other" in sentences(proof)
+    coverage = [c for c in proof.clauses if c.name == "coverage"]
+    assert all(c.outcome == "passed" for c in coverage)
+
+
+def test_what_already_passes_is_left_as_it_is(tmp_path):
+    proof = checked(written(tmp_path / "in"), tmp_path)
+    assert proof.verdict != "refused", proof.reasons
+    assert "cut back" not in sentences(proof)
+    assert "shortened" not in sentences(proof)
+
+
+def test_a_door_that_opens_into_a_wall_stops_before_it(tmp_path):
+    door = (
+        (LIMIT, f'<limit lower="0" upper="{math.pi}"/>'),
+        ('type="prismatic"', 'type="revolute"'),
+        ('<origin xyz="-0.22 0 0"/><axis xyz="-1 0 0"/>', '<origin xyz="-0.22 0.16 0"/>'
+         '<axis xyz="0 0 -1"/>'),
+        ('<visual><geometry><box size="0.02 0.3 0.1"/>',
+         '<visual><origin xyz="0 -0.16 0"/><geometry><box size="0.02 0.3 0.1"/>'),
+        (BODY_BOX + "</geometry></visual>",
+         BODY_BOX + '</geometry></visual><visual><origin xyz="-0.4 0.45 0"/>'
+         '<geometry><box size="0.1 0.3 0.4"/></geometry></visual>'),
+    )  # fmt: skip
+    proof = checked(written(tmp_path / "in", *door), tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    (joint,) = proof.joints
+    assert math.radians(90.0) < joint.span < math.radians(170.0)
+    assert "goes into body, as authored" in sentences(proof)
+
+
+def test_a_proven_asset_comes_from_the_cache_the_second_time(tmp_path, monkeypatch):
+    path = written(tmp_path / "in", plug(0.2))
+    asset = proven_asset(path, tmp_path / "cache")
+    assert asset.joint("slide").open == pytest.approx(0.2, abs=0.01)
+    monkeypatch.setattr("articulate.prove.prove.prove", None)
+    assert proven_asset(path, tmp_path / "cache") == asset
+
+
+def test_a_refused_asset_is_no_asset(tmp_path):
+    path = written(tmp_path / "in", plug(0.1))
+    with pytest.raises(AssetError, match=r"refused: sweep_authored of slide.*check-asset"):
+        proven_asset(path, tmp_path / "cache")
+
+
+def test_what_cannot_be_read_keeps_its_own_sentence(tmp_path):
+    path = tmp_path / "no.urdf"
+    path.write_text("nothing")
+    with pytest.raises(AssetError, match=r"no\.urdf") as caught:
+        proven_asset(path, tmp_path / "cache")
+    assert "refused" not in str(caught.value)
