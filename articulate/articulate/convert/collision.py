@@ -15,7 +15,7 @@ from articulate.convert.fit import box_shares, fitted, hull, is_near, thick
 from articulate.convert.mesh import PartGeometry, Piece, joined
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
-from articulate.convert.shells import shell_shapes
+from articulate.convert.shells import PLANES, shell_shapes
 from articulate.transforms import Array
 
 HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECASE)
@@ -33,7 +33,7 @@ FEW_ATOMS = 16
 MAX_ATOMS = 64
 """Most facets of a component that are put together by hand instead of decomposing it."""
 FINER = 2.0
-"""What is to be finer is so by this factor."""
+"""What is to be finer is so by this factor, once for each time that it is named."""
 MAX_HULLS = 16
 """Most convex parts of a decomposition, twice that where it is to be finer."""
 SPARE_LEAST = 0.97
@@ -87,7 +87,7 @@ def collision_shapes(
 
 def fineness(part: str, config: ConvertConfig) -> float:
     """How many times finer than usual the shapes of ``part`` are to be."""
-    return FINER if part in config.finer else 1.0
+    return FINER ** config.finer.count(part)
 
 
 def by_element(pieces: list[Piece]) -> list[Piece]:
@@ -170,17 +170,18 @@ def _concave(
         one = hull(thick(mesh.vertices), piece.name)
         return [] if one is None else [one]
     most = round(fineness(part, config) * config.max_geoms)
-    near = min(fineness(part, config) * tol, surface_tolerance(mesh))
     atoms = _facets(mesh)
     if len(atoms) <= FEW_ATOMS:
         shapes = _of_facets(atoms, mesh, tol, piece.name)
         if 0 < len(shapes) <= most:
             return shapes
-    shells = shell_shapes(mesh, near, piece.name, 2 * most)
-    if shells is not None:
-        shells = merged(shells, mesh, near)
-        if len(shells) <= most:
-            return shells
+    judged = surface_tolerance(mesh)
+    for near in dict.fromkeys((min(tol, judged), judged)):
+        shells = shell_shapes(mesh, near, piece.name, 2 * most)
+        if shells is not None:
+            shells = merged(shells, mesh, near)
+            if len(shells) <= most:
+                return shells
     if FEW_ATOMS < len(atoms) <= MAX_ATOMS:
         shapes = _of_facets(atoms, mesh, tol, piece.name)
         if 0 < len(shapes) <= most:
@@ -195,7 +196,7 @@ def _concave(
         )
         if hulls is not None:
             found = [
-                fitted(points, mesh, tol, piece.name) or hull(thick(points), piece.name)
+                fitted(points, mesh, tol, piece.name) or hull(thick(points, tol), piece.name)
                 for points in hulls
             ]
             return merged([s for s in found if s is not None], mesh, tol)
@@ -231,7 +232,7 @@ def _flat_shapes(
     shape = fitted(facet.vertices, facet, tol, piece)
     if shape is not None:
         return [shape]
-    triangles = [hull(thick(triangle), piece) for triangle in facet.triangles]
+    triangles = [hull(thick(triangle, tol), piece) for triangle in facet.triangles]
     return merged([t for t in triangles if t is not None], facet, tol)
 
 
@@ -299,7 +300,7 @@ def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) ->
     if len(shapes) <= budget:
         return shapes
     points, _ = sample_surface(surface, SPARE_SAMPLES)
-    near = surface_tolerance(surface)
+    near = PLANES * surface_tolerance(surface)
     covers = np.array([shape.outside(points) <= near for shape in shapes])
     count = covers.sum(axis=0)
     kept = list(range(len(shapes)))

@@ -26,7 +26,8 @@ class ConvertConfig:
     max_geoms: int = 48
     """Largest number of collision geoms of one link."""
     finer: tuple[str, ...] = ()
-    """Links whose shapes may stray half as far as usual, and be twice as many."""
+    """Links whose shapes may stray half as far as usual, and be twice as many; named twice, the
+    same once more."""
     decompose: bool = True
     """Decompose concave pieces; False: take their convex hulls."""
     decompose_s: float = 30.0

@@ -228,8 +228,9 @@ def _scaled_pose(T: Array, scale: float) -> Array:
     return out
 
 
-Shaped = dict[tuple[str, bool], tuple[tuple[Shape, ...], tuple[str, ...]]]
-"""Collision shapes of links, and what was said of them, by name and whether they are finer."""
+Shaped = dict[tuple[str, int], tuple[tuple[Shape, ...], tuple[str, ...]]]
+"""Collision shapes of links, and what was said of them, by name and how often they were made
+finer."""
 
 
 def build_asset(
@@ -294,12 +295,12 @@ def _bodies(
         if name == "world":
             name = free_name("world_link", reading.source.links)
         names[part.name] = name
-        key = (name, name in config.finer)
+        key = (name, config.finer.count(name))
         if key not in known:
             own = Repairs()
             known[key] = collision_shapes(geometry, name, config, own), own.sentences
-        shapes, said = known[key]
-        for sentence in said:
+        shapes, sentences = known[key]
+        for sentence in sentences:
             repairs.add(sentence)
         inertial = inertial_of(
             members,

@@ -11,9 +11,11 @@ from articulate.convert.shapes import QUASI, Shape
 from articulate.transforms import Array, pose
 
 THIN_M = 0.002
-"""Least thickness of a collision shape [m]."""
+"""Least thickness of a collision shape at the usual tolerance, half of it at finer ones [m]."""
 NEAR_SHARE = 0.94
-"""Share of a shape's surface that must lie near the surface it stands for."""
+"""Share of a shape's surface that must lie near the surface it stands for ..."""
+USUAL_TOL_M = 0.003
+"""... at this tolerance and above [m]; what strays is less in proportion below it."""
 MAX_CORNERS = 32
 """Most corners of a hull."""
 LIFT_M = 0.002
@@ -42,7 +44,7 @@ def fitted(
         panel_m: Boxes up to this thickness may have relief as deep as they are thick [m]; holes
             right through them still count.
     """
-    points = thick(points)
+    points = thick(points, tol)
     for make in (aligned_box, turned_box, hull):
         if make is turned_box and not turned:
             continue
@@ -64,7 +66,8 @@ def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
     """
     if _near_share(*shape.samples(every=8), surface, tol) < CLEARLY_NOT:
         return False
-    return _near_share(*shape.samples(), surface, tol) >= NEAR_SHARE
+    least = 1.0 - (1.0 - NEAR_SHARE) * min(1.0, tol / USUAL_TOL_M)
+    return _near_share(*shape.samples(), surface, tol) >= least
 
 
 def box_shares(boxes: Array, surface: trimesh.Trimesh, tol: float) -> Array:
@@ -105,15 +108,21 @@ def _is_close(
     return depth <= tol + lift
 
 
-def thick(points: Array) -> Array:
-    """``points`` with flat directions padded to the least thickness."""
+def thin_m(tol: float) -> float:
+    """Least thickness [m] of a shape that may stray by ``tol`` [m]."""
+    return THIN_M * min(1.0, max(0.5, tol / USUAL_TOL_M))
+
+
+def thick(points: Array, tol: float = USUAL_TOL_M) -> Array:
+    """``points`` with flat directions padded to the least thickness at a tolerance [m]."""
+    least = thin_m(tol)
     points = np.asarray(points, dtype=np.float64)
     centred = points - points.mean(axis=0)
     _, _, axes = np.linalg.svd(centred, full_matrices=len(points) < 3)
     spans = np.ptp(centred @ axes.T, axis=0)
     for axis, span in zip(axes, spans, strict=True):
-        if span < THIN_M:
-            pad = (THIN_M - span) / 2.0 * axis
+        if span < least:
+            pad = (least - span) / 2.0 * axis
             points = np.concatenate([points + pad, points - pad])
     return points
 
@@ -121,7 +130,7 @@ def thick(points: Array) -> Array:
 def aligned_box(points: Array, piece: str) -> Shape | None:
     """The box along the axes of the part."""
     low, high = points.min(axis=0), points.max(axis=0)
-    half = np.maximum((high - low) / 2.0, THIN_M / 2.0)
+    half = np.maximum((high - low) / 2.0, THIN_M / 4.0)
     return Shape(
         kind="box", T_ps=pose((low + high) / 2.0), half=(half[0], half[1], half[2]), piece=piece
     )
@@ -133,7 +142,7 @@ def turned_box(points: Array, piece: str) -> Shape | None:
         T_bp, extents = trimesh.bounds.oriented_bounds(points)
     except (QhullError, ValueError):
         return None
-    half = np.maximum(np.asarray(extents) / 2.0, THIN_M / 2.0)
+    half = np.maximum(np.asarray(extents) / 2.0, THIN_M / 4.0)
     T_ps = np.linalg.inv(T_bp)
     return Shape(kind="box", T_ps=T_ps, half=(half[0], half[1], half[2]), piece=piece)
 

@@ -26,6 +26,8 @@ FACING = 0.7
 """Triangles whose normals have this cosine with an axis count as facing along it."""
 SAMPLES = 4000
 """Points on the surface that say what is covered already."""
+PLANES = 0.6
+"""Distances from planes are too short near edges: what is this share of them away is near."""
 SMALL = 3.0
 """Patches up to this many tolerances wide collide as their hull."""
 LEAST_FACES = 2
@@ -63,13 +65,13 @@ def shell_shapes(mesh: trimesh.Trimesh, tol: float, piece: str, most: int) -> li
         _, _, patch = heapq.heappop(waiting)
         points = _corners(mesh, patch.faces)
         inner = np.asarray(spread)[np.isin(owners, patch.faces)]
-        if _covered(np.vstack([points, inner]), done, tol):
+        if _covered(np.vstack([points, inner]), done, PLANES * tol):
             continue
         small = float(np.ptp(points, axis=0).max()) <= SMALL * tol
-        shape = hull(thick(points), piece) if small else fitted(points, mesh, tol, piece)
+        shape = hull(thick(points, tol), piece) if small else fitted(points, mesh, tol, piece)
         parts = _split(mesh, patch) if shape is None else None
         if parts is None:
-            shape = shape or hull(thick(points), piece)
+            shape = shape or hull(thick(points, tol), piece)
             done += [] if shape is None else [shape]
         else:
             for part in parts:

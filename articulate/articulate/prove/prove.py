@@ -52,8 +52,8 @@ TIMED_STEPS = 100
 TIMINGS = 7
 """So often; the median counts."""
 
-PASSES = 2
-"""Shapes are made so often, finer the second time where they seal or miss what is seen."""
+PASSES = 3
+"""Shapes are made so often, each time finer where they seal or miss what is seen."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
 
@@ -241,9 +241,9 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
                 return write_asset(asset, bodies, mimics, folder)
             clauses = (*openness(model), *coverage(model))
             coarse = {clause.subject for clause in clauses if clause.outcome == "failed"}
-            if coarse <= set(config.finer):
+            if not coarse:
                 break
-            config = replace(config, finer=tuple(sorted({*config.finer, *coarse})))
+            config = replace(config, finer=(*config.finer, *sorted(coarse)))
         if not asset.joints:
             return write_asset(asset, bodies, mimics, folder)
         mended = mend(asset, bodies, mimics, model)

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from articulate.convert.fit import is_near
-from articulate.convert.shapes import sample_surface
+from articulate.convert.shapes import Shape, sample_surface
 from articulate.convert.shells import shell_shapes
 
 RADIUS, HEIGHT, TOL = 0.15, 0.3, 0.004
@@ -24,7 +24,14 @@ def bucket(sections: int = 48, wall: float = 0.004) -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def staves():
-    return shell_shapes(bucket(), TOL, "bucket", 96)
+    return made(bucket(), 96)
+
+
+def made(mesh: trimesh.Trimesh, most: int) -> list[Shape]:
+    """The shapes of a mesh, which are not too many."""
+    shapes = shell_shapes(mesh, TOL, "bucket", most)
+    assert shapes is not None
+    return shapes
 
 
 def test_a_bucket_stays_hollow(staves):
@@ -49,7 +56,7 @@ def test_more_than_allowed_is_given_up():
 
 
 def test_the_same_mesh_gives_the_same_shapes(staves):
-    again = shell_shapes(bucket(), TOL, "bucket", 96)
+    again = made(bucket(), 96)
     assert [s.kind for s in again] == [s.kind for s in staves]
     assert all(np.array_equal(a.corners, b.corners) for a, b in zip(again, staves, strict=True))
 
@@ -58,5 +65,5 @@ def test_a_flat_sheet_is_one_shape():
     sheet = trimesh.Trimesh(
         vertices=[[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0], [0, 0.2, 0]], faces=[[0, 1, 2], [0, 2, 3]]
     )
-    (shape,) = shell_shapes(sheet, TOL, "sheet", 8)
+    (shape,) = made(sheet, 8)
     assert shape.kind == "box"
