@@ -4,10 +4,11 @@ import json
 import shutil
 
 import pytest
-from tests.runs import JOINT, write_checkpoint
+from tests.runs import write_checkpoint
 
 from articulate.commands import main
 from articulate.errors import DivergedError, MissingError
+from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate_train import campaign, judge_run
 from articulate_train.run import open_run
 from articulate_train.seed import DONE
@@ -40,16 +41,18 @@ def done(tiny):
     return tiny
 
 
-def test_train_makes_a_run_its_policy_and_its_report(cabinet, tmp_path, capsys):
+def test_train_makes_a_run_its_policy_and_its_report(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    source = embedded_cabinet(tmp_path / "cabinet")
     (tmp_path / "tiny.yaml").write_text(TINY)
     out = tmp_path / "runs" / "one"
-    argv = ["--asset", str(cabinet.folder), "--joint", JOINT, "--out", str(out), "--json"]
+    argv = ["--asset", str(source), "--joint", "drawer_0_slide", "--out", str(out), "--json"]
     assert main(["train", *argv, "--config", str(tmp_path / "tiny.yaml")]) == 0
     printed = capsys.readouterr()
     report = json.loads(printed.out)
     assert report == json.loads((out / "report.json").read_text())
     assert 0 <= report["success_rate"] <= 1
-    assert f"joint {JOINT}" in printed.err
+    assert "joint drawer_0_slide" in printed.err
     assert (out / "report.html").is_file()
     assert json.loads((out / "seed_0" / DONE).read_text()) == {"steps": 64}
     assert [p.name for p in out.parent.iterdir()] == ["one"]

@@ -98,7 +98,22 @@ def test_drawn_poses_out_of_reach_are_refused(cabinet, error_line):
         choose_joint(named, cabinet)
 
 
-def test_run_that_is_made_is_the_run_that_is_opened(cabinet, tmp_path):
+@pytest.fixture
+def proven(cabinet, monkeypatch):
+    """The cabinet is taken as proven: its folder has no URDF to prove it with."""
+    monkeypatch.setattr(runs, "prepare_asset", lambda *_: cabinet)
+    return cabinet
+
+
+def test_a_refused_object_is_not_trained_on(tmp_path):
+    far = make_cabinet(tmp_path / "far")  # lacks the URDF that belongs to an asset
+    with pytest.raises(AssetError, match="refused: fk: yourdfpy does not read the canonical URDF"):
+        create_run(wish(far), tmp_path / "run", tmp_path / "cache")
+    assert not (tmp_path / "run").exists()
+
+
+def test_run_that_is_made_is_the_run_that_is_opened(proven, tmp_path):
+    cabinet = proven
     config = wish(cabinet, joint=JOINT, seeds=(3, 5))
     made = create_run(config, tmp_path / "runs" / "one", tmp_path / "cache")
     assert made == open_run(made.folder)
@@ -130,12 +145,12 @@ def test_file_above_the_run_is_said_before_any_work(cabinet, tmp_path, error_lin
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RunError("no")])
-def test_run_that_cannot_be_written_leaves_nothing(cabinet, tmp_path, monkeypatch, error):
+def test_run_that_cannot_be_written_leaves_nothing(proven, tmp_path, monkeypatch, error):
     def full(*_):
         raise error
 
     monkeypatch.setattr(runs, "write_scene", full)
-    config = wish(cabinet, joint=JOINT)
+    config = wish(proven, joint=JOINT)
     with pytest.raises(UsageError):
         create_run(config, tmp_path / "runs" / "one", tmp_path / "cache")
     assert list((tmp_path / "runs").iterdir()) == []
