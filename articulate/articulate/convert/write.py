@@ -25,6 +25,9 @@ from articulate.convert.shapes import Shape
 from articulate.transforms import Array, matrix_to_quat, matrix_to_rpy
 
 MOVED_M = 1e-12
+DRY = ' solimpfriction="0.9999 0.9999 0.001"'
+"""Makes dry friction hold: by default MuJoCo lets a joint of 0.8 kg creep at 21 mm/s under a third
+of the load that it is said to hold, and at 63 mm/s under nine tenths; so at 0.03 mm/s or less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +190,7 @@ def _mjcf_joint(joint: Joint, axis_l: Array, armature: float, pad: str) -> str:
         text += f' range="{numbers([joint.lower, joint.upper])}"'
     return text + (
         f' damping="{numbers(joint.damping)}" frictionloss="{numbers(joint.frictionloss)}"'
-        f' armature="{numbers(armature)}"/>'
+        f' armature="{numbers(armature)}"{DRY}/>'
     )
 
 
