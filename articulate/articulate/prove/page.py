@@ -307,7 +307,8 @@ def _clause_rows(group: Sequence[Clause], meaning: str) -> list[tuple[str, list[
             )
             mark += f"<small>{of}</small>"
             about = escaped(_worst(passed, sign).subject)
-            message = f"<small>closest to the limit, {about}:</small>{message}" if sign else message
+            about = f", {about}" if about else ""
+            message = f"<small>closest to the limit{about}:</small>{message}" if sign else message
         rows.append(("passed", [title, mark, measured, allowed, message]))
     if not rows:
         *figures, message = _measured_cells(group[0], group)
