@@ -40,7 +40,7 @@ SPARE_LEAST = 0.97
 """Share of what is seen that stays covered when shapes over the budget are left out."""
 SPARE_SAMPLES = 2000
 """Points that decide about it."""
-MAX_REFUSED = 800
+MAX_REFUSED = 300
 """After this many pairs that cannot be joined the rest is left as it is."""
 HOPEFUL_SHARE = 0.25
 """Two shapes are joined only if this share of their common upright box lies near the surface."""
@@ -232,8 +232,11 @@ def _flat_shapes(
     shape = fitted(facet.vertices, facet, tol, piece)
     if shape is not None:
         return [shape]
+    patches = shell_shapes(facet, tol, piece, MAX_ATOMS)
+    if patches is not None:
+        return merged(patches, facet, tol)
     triangles = [hull(thick(triangle, tol), piece) for triangle in facet.triangles]
-    return merged([t for t in triangles if t is not None], facet, tol)
+    return [t for t in triangles if t is not None]
 
 
 def merged(shapes: list[Shape], surface: trimesh.Trimesh, tol: float) -> list[Shape]:
