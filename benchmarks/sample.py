@@ -1,0 +1,29 @@
+"""Ids of a random sample of the objects of ``assets.json``, the same on each call.
+
+python benchmarks/sample.py --data ../shared/data --count 20
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import sys
+from pathlib import Path
+
+
+def main() -> int:
+    """Print the first ids of the shuffled index."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--count", type=int, default=20)
+    flags = parser.parse_args()
+    entries = json.loads((flags.data / "assets.json").read_text(encoding="utf-8"))["assets"]
+    ids = [entry["id"] for entry in entries]
+    random.Random(1).shuffle(ids)
+    print(*ids[: flags.count])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
