@@ -127,8 +127,9 @@ def physics_cost(out: Path, rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     return {r["id"]: round(step_ratio(out / r["id"]), 3) for r in first}
 
 
-def cached_seconds(batch: Batch, items: Sequence[Item]) -> float:
+def cached_seconds(done: Batch, items: Sequence[Item]) -> float:
     """Median time of a second check of the same objects [s]."""
+    batch = Batch(out=done.out, cache=done.cache, options={}, limit_s=done.limit_s, single=False)
     times = []
     for item in items:
         start = time.perf_counter()
