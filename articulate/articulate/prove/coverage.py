@@ -34,9 +34,7 @@ def _covered(model: ObjectModel, link: str) -> Clause:
     if not len(faces) and not solids:
         message = f"{link} has no geometry"
         return Clause(name="coverage", outcome="not_applicable", subject=link, message=message)
-    near_m = NEAR_M
-    if len(corners):
-        near_m = max(NEAR_M, NEAR_SHARE * float(np.linalg.norm(np.ptp(corners, axis=0))))
+    near_m = near_of(corners) if len(corners) else NEAR_M
     touchable, seen = shares(corners[faces], solids, near_m)
     measured = min(touchable, seen)
     passed = measured >= ALLOWED_SHARE
@@ -59,6 +57,11 @@ def _covered(model: ObjectModel, link: str) -> Clause:
         unit="1",
         message=message,
     )
+
+
+def near_of(corners: Array) -> float:
+    """Distance that counts as near [m] for a link that shows ``corners`` (V, 3) [m]."""
+    return max(NEAR_M, NEAR_SHARE * float(np.linalg.norm(np.ptp(corners, axis=0))))
 
 
 def shares(triangles: Array, solids: tuple[Solid, ...], near_m: float) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from articulate.convert.fit import hull
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body
-from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, NEAR_SHARE, SAMPLES
+from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, SAMPLES, near_of
 from articulate.prove.surface import is_near, sample
 from articulate.transforms import Array, Mask, pose
 
@@ -146,8 +146,7 @@ class Part:
         if triangles:
             every = np.concatenate(triangles)
             self._points, _ = sample(every, SAMPLES)
-            diagonal = float(np.linalg.norm(np.ptp(every.reshape(-1, 3), axis=0)))
-            near_m = max(NEAR_M, NEAR_SHARE * diagonal)
+            near_m = near_of(every.reshape(-1, 3))
         self.near_m = near_m
         """Points of the surface this near to a shape are covered [m]."""
         self._covered: list[Mask] = [self._near(shape) for shape in self.shapes]
@@ -213,12 +212,13 @@ class Part:
 
     def state(self) -> tuple[Any, ...]:
         """All that cutting changes, to come back to with :meth:`restore`."""
-        lists = (list(self.shapes), list(self._covered), list(self._order), set(self.cuts))
-        return (*lists, self.cut_count, self.removed_m3)
+        lists = (list(self.shapes), list(self._covered), list(self._order))
+        return (*lists, set(self._gone), set(self.cuts), self.cut_count, self.removed_m3)
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to an earlier ``state``."""
-        self.shapes, self._covered, self._order, self.cuts, self.cut_count, self.removed_m3 = state
+        self.shapes, self._covered, self._order, *rest = state
+        self._gone, self.cuts, self.cut_count, self.removed_m3 = rest
 
     def done(self) -> Body:
         """The body with the shapes that are left."""

@@ -22,7 +22,7 @@ from articulate.prove.force import FORCE_N, Pull, pull_of
 from articulate.prove.model import ObjectModel
 from articulate.prove.sweep import DRAW_STATES, Fault, sweep
 from articulate.prove.sweeper import LIMIT_M, MAX_STATES, Meeting, Sweeper
-from articulate.transforms import Array, inverse, pose
+from articulate.transforms import Array, inverse
 
 ROUNDS = 6
 """So often is everything swept again after repairs."""
@@ -152,14 +152,13 @@ class Bench:
             low = math.ceil(low * scale) / scale
         if high < upper:
             high = math.floor(high * scale) / scale
-        kept = (low, high) if joint.span > 0.0 else (-high, -low)
         closed = min(max(joint.closed, low), high)
         far = min(max(joint.open, low), high)
         way = abs(far - closed)
         enough = way >= LEAST_WAY * abs(joint.span)
         if joint.kind == "hinge":
             enough = enough or way >= LEAST_TURN
-        if not (enough and kept[1] - kept[0] > 0.0) or (low, high) == (lower, upper):
+        if not enough or low >= high or (low, high) == (lower, upper):
             return False
         self._set(replace(joint, lower=low, upper=high, closed=closed, open=far))
         others = sorted({other for _, other in pairs})
@@ -271,7 +270,9 @@ class Bench:
         One convex shape, cut by a plane along an axis of either; or several round the other.
         """
         theirs = self.parts[other[0]].shapes[_index(sweeper.model, other[1])]
-        T = _relative(sweeper, geom, other[1])
+        model, data = sweeper.model, sweeper.data
+        own = sweeper.shapes.link_of[geom]
+        T = inverse(model.T_ol(data, own)) @ model.T_ol(data, other[0])
         corners = theirs.corners @ T[:3, :3].T + T[:3, 3]
         rests: list[tuple[Shape, ...]] = []
         axes = np.concatenate([shape.T_ps[:3, :3], T[:3, :3] @ theirs.T_ps[:3, :3]], axis=1).T
@@ -339,15 +340,6 @@ def _range(joint: Joint) -> tuple[float, float]:
     if joint.lower is None or joint.upper is None:
         return joint.closed - 2.0 * math.pi, joint.closed + 2.0 * math.pi
     return joint.lower, joint.upper
-
-
-def _relative(sweeper: Sweeper, geom: int, other: int) -> Array:
-    """Pose (4, 4) of the link of ``other`` in that of ``geom``."""
-    m, data = sweeper.model.model, sweeper.data
-    one, two = (
-        pose(data.xpos[b], data.xmat[b].reshape(3, 3)) for b in m.geom_bodyid[[geom, other]]
-    )
-    return inverse(one) @ two
 
 
 def _turn(sweeper: Sweeper, geom: int) -> Array:

@@ -114,6 +114,16 @@ def test_the_only_shape_of_a_part_never_goes():
     assert not part.offer(0, ()).allowed
 
 
+def test_going_back_forgets_shapes_that_were_to_go():
+    other = Shape(kind="box", T_ps=BOX.T_ps, half=(0.05, 0.02, 0.01))
+    part = Part(body(BOX, other))
+    state = part.state()
+    part.take(part.offer(1, ()))
+    part.restore(state)
+    part.tidy()
+    assert part.done().shapes == (BOX, other)
+
+
 def test_a_shape_carved_out_of_another_leaves_pieces_around_it():
     cube = Shape(kind="box", T_ps=np.eye(4), half=(0.1, 0.1, 0.1))
     inner = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.0)), half=(0.05, 0.02, 0.02))
