@@ -20,14 +20,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from lxml import etree
 
 from articulate.asset import Asset, load_asset
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import read_input
 from articulate.proof import Proof
+from articulate.prove.model import load_model
 from articulate.prove.origin import Origin, origin_of_reading
 from articulate.prove.prove import prove
+from articulate.transforms import inverse
 from assets import items_of
 
 TURN_RAD = np.radians(5.0)
@@ -187,15 +190,19 @@ def sealed(d: Damaged) -> bool:
 
 
 def blocked(d: Damaged) -> bool:
-    """A box of the fixed body stands in the middle of a part's way."""
+    """A box of the fixed body stands where a part's largest shape is in the middle of its way."""
     joint = next((j for j in d.asset.joints if j.lower is not None), None)
     if joint is None:
         return False
-    link = d.asset.link(joint.link)
-    low, high = np.array(link.bounds_l)
+    low, high = np.array(d.asset.link(joint.link).bounds_l)
     half = max(SHARE * d.diagonal, 0.25 * float((high - low).min()))
-    T_ol = d.asset.T_ol(joint.name, joint.closed + 0.5 * joint.span)
-    centre = T_ol[:3, :3] @ ((low + high) / 2.0) + T_ol[:3, 3]
+    model = load_model(d.asset)
+    data = model.data()
+    model.set_joints(data, {joint.name: joint.closed + 0.5 * joint.span})
+    geoms = model.collision_geoms(joint.link)
+    largest = geoms[np.argmax(model.model.geom_rbound[geoms])]
+    T_ow = inverse(model.T_ol(data, d.asset.links[0].name))
+    centre = T_ow[:3, :3] @ data.geom_xpos[largest] + T_ow[:3, 3]
     root = d.tree.getroot().find("worldbody/body")
     geom = etree.SubElement(root, "geom", {"class": "collision", "type": "box", "name": "plug"})
     write(geom, "pos", centre)
@@ -259,8 +266,9 @@ def _vertices(path: Path, change: Callable[[np.ndarray], np.ndarray], *, flip: b
 
 
 def _largest(d: Damaged) -> Path | None:
+    """The mesh file of largest area that is shown."""
     files = [path for _, path in d.shown() if path.is_file()]
-    return max(files, key=lambda p: p.stat().st_size) if files else None
+    return max(files, key=lambda p: float(trimesh.load_mesh(p).area)) if files else None
 
 
 def mesh_mirrored(d: Damaged) -> bool:

@@ -1,4 +1,4 @@
-"""From a URDF to an asset folder, whole or absent; and the same from a cache."""
+"""From a URDF or MJCF to an asset folder, whole or absent."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "7"
+VERSION = "8"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -81,30 +81,6 @@ def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Ass
     _check_out(out)
     asset, bodies, mimics = build_asset(read_input(urdf_in(source), config), config)
     return write_asset(asset, bodies, mimics, out)
-
-
-def cached_asset(source: Path, cache_dir: Path, config: ConvertConfig | None = None) -> Asset:
-    """The asset of ``source``, converted once for each content and configuration.
-
-    The key covers the URDF, its meshes, the configuration and the version of the converter. A
-    ``source`` that is an asset folder is loaded as it is.
-
-    Raises:
-        AssetError: The source cannot be read or made into an object.
-        UsageError: The cache cannot be written.
-    """
-    if (source / "asset.json").is_file():
-        return load_asset(source)
-    config = config or ConvertConfig()
-    if config.cache_dir is None:
-        config = replace(config, cache_dir=cache_dir)
-    path = urdf_in(source)
-    reading = read_input(path, config)
-    folder = cache_dir / "assets" / f"{reading.source.name[:40]}-{input_key(reading, config)[:20]}"
-    if (folder / "asset.json").is_file():
-        return load_asset(folder)
-    asset, bodies, mimics = build_asset(reading, config)
-    return write_asset(asset, bodies, mimics, folder)
 
 
 def urdf_in(source: Path) -> Path:
@@ -188,6 +164,8 @@ def input_key(reading: Reading, config: ConvertConfig) -> str:
     digest.update(str(is_normalised(reading.source.path)).encode())
     for name, path in files:
         digest.update(name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    colours = [[p.rgba for p in g.shown] for g in reading.geometry.values()]  # of other files too
+    digest.update(json.dumps(colours).encode())
     return digest.hexdigest()
 
 

@@ -45,17 +45,23 @@ def fitted(
             right through them still count.
     """
     points = thick(points, tol)
-    for make in (aligned_box, turned_box, hull):
-        if make is turned_box and not turned:
-            continue
-        shape = make(points, piece)
-        if shape is None:
-            continue
-        thickness = 2.0 * min(shape.half)
-        depth = thickness if 0.0 < thickness <= panel_m else 0.0
-        if is_near(shape, surface, max(tol, depth)):
-            return shape
-    return None
+    box = aligned_box(points, piece)
+    if _is_fit(box, surface, tol, panel_m):
+        return box
+    tight = hull(points, piece)
+    if tight is not None and not _may_be_near(tight, surface, max(tol, panel_m)):
+        return None  # no box about it comes nearer
+    if turned:
+        around = turned_box(points, piece)
+        if around is not None and _is_fit(around, surface, tol, panel_m):
+            return around
+    return tight if tight is not None and _is_fit(tight, surface, tol, panel_m) else None
+
+
+def _is_fit(shape: Shape, surface: trimesh.Trimesh, tol: float, panel_m: float) -> bool:
+    thickness = 2.0 * min(shape.half)
+    depth = thickness if 0.0 < thickness <= panel_m else 0.0
+    return is_near(shape, surface, max(tol, depth))
 
 
 def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
@@ -64,10 +70,14 @@ def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
     Rays go inwards from points on the shape. The mouth of a drawer, the gap behind a handle or
     the hole of a frame leave their rays without a hit. A few rays decide the clear cases.
     """
-    if _near_share(*shape.samples(every=8), surface, tol) < CLEARLY_NOT:
+    if not _may_be_near(shape, surface, tol):
         return False
     least = 1.0 - (1.0 - NEAR_SHARE) * min(1.0, tol / USUAL_TOL_M)
     return _near_share(*shape.samples(), surface, tol) >= least
+
+
+def _may_be_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
+    return _near_share(*shape.samples(every=8), surface, tol) >= CLEARLY_NOT
 
 
 def box_shares(boxes: Array, surface: trimesh.Trimesh, tol: float) -> Array:
@@ -127,7 +137,7 @@ def thick(points: Array, tol: float = USUAL_TOL_M) -> Array:
     return points
 
 
-def aligned_box(points: Array, piece: str) -> Shape | None:
+def aligned_box(points: Array, piece: str) -> Shape:
     """The box along the axes of the part."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2.0, THIN_M / 4.0)

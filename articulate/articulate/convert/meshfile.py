@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import warnings
 from pathlib import Path
@@ -53,6 +54,29 @@ def read_mesh(path: Path, repairs: Repairs) -> list[Group]:
         raise AssetError(
             f"mesh {path.name}: cannot be read ({type(error).__name__}: {text})"
         ) from None
+
+
+def named_by(path: Path) -> list[Path]:
+    """Files that exist and that the mesh file at ``path`` names: materials and pictures."""
+    suffix, found = path.suffix.lower(), []
+    if suffix == ".obj":
+        for name in re.findall(rb"^mtllib\s+(.+?)\s*$", path.read_bytes(), re.MULTILINE):
+            library = path.parent / os.fsdecode(name)
+            if library.is_file():
+                maps = re.findall(rb"^\s*map_\w+\s+(?:.*\s)?(\S+)\s*$", library.read_bytes(), re.M)
+                found += [library, *(library.parent / os.fsdecode(m) for m in maps)]
+    elif suffix in {".dae", ".gltf"}:
+        pattern = rb"<init_from>\s*(.+?)\s*<|\"uri\"\s*:\s*\"([^\"]{1,500})\""
+        for match in re.finditer(pattern, path.read_bytes()):
+            found.append(path.parent / os.fsdecode(match.group(1) or match.group(2)))
+    return [file for file in dict.fromkeys(found) if _is_file(file)]
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, or with a null byte
+        return False
 
 
 def _groups(path: Path, repairs: Repairs) -> list[Group]:

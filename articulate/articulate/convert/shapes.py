@@ -65,13 +65,20 @@ class Shape:
         """Volume [m3]."""
         if self.kind == "box":
             return float(8.0 * np.prod(self.half))
+        if self.kind == "hull":
+            return float(self._hull.volume)
         return abs(float(self.mesh.volume))
+
+    @cached_property
+    def _hull(self) -> ConvexHull:
+        """Its corners' hull, if it is one."""
+        return ConvexHull(self.vertices)
 
     @cached_property
     def planes(self) -> Array:
         """Outward half-spaces (M, 4): normal and offset, inside where n x + d <= 0."""
         if self.kind == "hull":
-            return np.unique(ConvexHull(self.vertices).equations.round(9), axis=0)
+            return np.unique(self._hull.equations.round(9), axis=0)
         mesh = self.mesh
         offsets = -np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles[:, 0])
         return np.unique(np.column_stack([mesh.face_normals, offsets]).round(9), axis=0)
@@ -89,7 +96,7 @@ class Shape:
     def _surface(self) -> tuple[Array, Array, Array]:
         """Triangles (F, 3, 3), outward normals (F, 3) and shares of the area up to each (F,)."""
         if self.kind == "hull":
-            faces = ConvexHull(self.vertices)
+            faces = self._hull
             triangles = faces.points[faces.simplices]
             normals = faces.equations[:, :3]
         else:

@@ -30,6 +30,8 @@ PLANES = 0.6
 """Distances from planes are too short near edges: what is this share of them away is near."""
 SMALL = 3.0
 """Patches up to this many tolerances wide collide as their hull."""
+AHEAD = 3
+"""So many ways to split a patch are judged by what the next split would gain."""
 LEAST_FACES = 2
 """A patch of fewer triangles is not split."""
 
@@ -95,20 +97,24 @@ def _corners(mesh: trimesh.Trimesh, faces: Ints) -> Array:
 
 
 def _split(mesh: trimesh.Trimesh, patch: Patch) -> tuple[Patch, Patch] | None:
-    """The two patches that promise the least hull volume after one more split of each."""
+    """The two patches that promise the least hull volume after one more split of each.
+
+    Only the splits that are best by themselves are looked at so far ahead.
+    """
+    found = [(parts, [_volume(mesh, part) for part in parts]) for parts in _halves(mesh, patch)]
+    found = sorted(found, key=lambda item: sum(item[1]))[:AHEAD]
     best: tuple[float, tuple[Patch, Patch]] | None = None
-    for parts in _halves(mesh, patch):
-        volume = sum(_least_volume(mesh, part) for part in parts)
+    for parts, volumes in found:
+        volume = sum(min(v, _halved(mesh, p)) for p, v in zip(parts, volumes, strict=True))
         if best is None or volume < 0.999 * best[0]:
             best = (volume, parts)
     return None if best is None else best[1]
 
 
-def _least_volume(mesh: trimesh.Trimesh, patch: Patch) -> float:
-    """Volume of the hull of ``patch``, or less of its halves' together [m3]."""
-    volumes = [_volume(mesh, patch)]
-    volumes += [sum(_volume(mesh, part) for part in parts) for parts in _halves(mesh, patch)]
-    return min(volumes)
+def _halved(mesh: trimesh.Trimesh, patch: Patch) -> float:
+    """Volume of the hulls of both halves of ``patch``, as small as a split makes it [m3]."""
+    halves = _halves(mesh, patch)
+    return min((sum(_volume(mesh, part) for part in parts) for parts in halves), default=np.inf)
 
 
 def _halves(mesh: trimesh.Trimesh, patch: Patch) -> Iterator[tuple[Patch, Patch]]:

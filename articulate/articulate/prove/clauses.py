@@ -98,7 +98,8 @@ CLAUSES: dict[str, Meaning] = {
     "openness": Meaning(
         means="Where a link is hollow (more than 5 % of its convex hull lies outside its "
         "material, at winding numbers below 0.5, and can be seen from outside), at least 85 % of "
-        "that cavity is outside the collision shapes, too. Links thinner than 10 mm do not count.",
+        "that cavity is outside the collision shapes, too. Links thinner than 10 mm do not count, "
+        "nor do those where a ball of 10 mm has room in less than 1 % of the hull.",
         matters="A drawer that collides as a solid block cannot be filled, and a cabinet that "
         "does so cannot be opened.",
         mend="Raise --max-geoms, or give <collision> elements of your own: boxes for the walls.",

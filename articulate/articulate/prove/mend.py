@@ -238,29 +238,42 @@ class Bench:
         return None
 
     def _cut_one(self, meeting: Meeting, sweeper: Sweeper, *, whole: bool) -> bool:
-        """Cut one of two shapes back, where its link loses least of what covers it."""
+        """Cut one of two shapes back, where its link loses least of what covers it.
+
+        Where neither can lose as much, both are cut by half.
+        """
         way_out_w = np.asarray(meeting.overlap.way_out_w)
-        pair = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
+        one, other = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
+        sides = ((one, other, -way_out_w), (other, one, way_out_w))
+        depth_m = meeting.excess_m - AIM_M
         offers: list[tuple[Part, Offer]] = []
-        for (link, geom), other, toward_w in (
-            (pair[0], pair[1], -way_out_w),
-            (pair[1], pair[0], way_out_w),
-        ):
-            part, index = self.parts[link], _index(sweeper.model, geom)
-            rests = self._rests(sweeper, part.shapes[index], geom, other)
-            if not whole:
-                normal = _turn(sweeper, geom).T @ toward_w
-                rest = cut_back(part.shapes[index], normal, meeting.excess_m - AIM_M)
-                rests.append(() if rest is None else (rest,))
+        for own, their, toward_w in sides:
+            part, index = self.parts[own[0]], _index(sweeper.model, own[1])
+            rests = self._rests(sweeper, part.shapes[index], own[1], their)
             offers += [(part, part.offer(index, rest)) for rest in rests]
+            if not whole:
+                offers.append(self._shaved(sweeper, own, toward_w, depth_m))
         allowed = [(part, offer) for part, offer in offers if offer.allowed]
-        if not allowed:
+        if allowed:
+            part, offer = min(
+                allowed, key=lambda o: (round(o[1].lost, 3), len(o[1].rest), o[1].removed_m3)
+            )
+            part.take(offer)
+            return True
+        halves = [self._shaved(sweeper, own, way, depth_m / 2.0) for own, _, way in sides]
+        if not all(offer.allowed for _, offer in halves):
             return False
-        part, offer = min(
-            allowed, key=lambda o: (round(o[1].lost, 3), len(o[1].rest), o[1].removed_m3)
-        )
-        part.take(offer)
+        for part, offer in halves:
+            part.take(offer)
         return True
+
+    def _shaved(
+        self, sweeper: Sweeper, own: tuple[str, int], toward_w: Array, depth_m: float
+    ) -> tuple[Part, Offer]:
+        """The part of a link, and what cutting one of its geoms back by a plane would cost."""
+        part, index = self.parts[own[0]], _index(sweeper.model, own[1])
+        rest = cut_back(part.shapes[index], _turn(sweeper, own[1]).T @ toward_w, depth_m)
+        return part, part.offer(index, () if rest is None else (rest,))
 
     def _rests(
         self, sweeper: Sweeper, shape: Shape, geom: int, other: tuple[str, int]

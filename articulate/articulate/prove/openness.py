@@ -13,7 +13,7 @@ from articulate.proof import Clause
 from articulate.prove.authored import surface_of
 from articulate.prove.model import Data, ObjectModel
 from articulate.prove.solids import inside_any, solids_of
-from articulate.prove.surface import escapes, winding_numbers
+from articulate.prove.surface import escapes, is_near, winding_numbers
 from articulate.transforms import Array, Ints, Mask, apply, inverse
 
 SAMPLES = 2000
@@ -24,6 +24,10 @@ LEAST_WIDTH_M = 0.01
 """Links thinner than this hold nothing, whatever their back looks like [m]."""
 LEAST_CAVITY = 0.05
 """Links whose cavity is a smaller share of their hull count as solid."""
+BALL_M = 0.01
+"""A cavity in which no ball of this diameter has room holds nothing: gaps between keys [m]."""
+LEAST_ROOM = 0.01
+"""Least share of the hull in which the middle of such a ball can lie."""
 ALLOWED_OPEN = 0.85
 """Least share of the cavity that must lie outside the collision shapes."""
 
@@ -54,6 +58,13 @@ def _open(model: ObjectModel, link: str) -> Clause:
     share = len(cavity) / len(points)
     if share <= LEAST_CAVITY:
         return _not_hollow(link, f"{link} is solid: its cavity is {share:.1%} of its convex hull")
+    room = float((~is_near(cavity, corners[faces], BALL_M / 2.0)).sum()) / len(points)
+    if room <= LEAST_ROOM:
+        return _not_hollow(
+            link,
+            f"{link} has only gaps: a ball of {1000 * BALL_M:.0f} mm has room in {room:.1%} of its "
+            f"convex hull, of which {share:.0%} is cavity",
+        )
     free = ~inside_any(solids_of(model, link), cavity)
     measured = float(free.mean())
     passed = measured >= ALLOWED_OPEN

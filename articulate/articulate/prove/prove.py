@@ -26,6 +26,7 @@ from articulate.convert.convert import (
     write_asset,
 )
 from articulate.convert.counts import counts_of
+from articulate.convert.meshfile import named_by
 from articulate.convert.origin import ORIGIN_FILE
 from articulate.convert.repairs import is_note
 from articulate.errors import AssetError, UsageError
@@ -284,7 +285,7 @@ def refuse(
 def _inputs(reading: Reading) -> list[Path]:
     """Files that were read besides the source itself, with what stands beside meshes."""
     found = set(reading.files.values())
-    found |= {path.with_suffix(".mtl") for path in found}
+    found |= {other for path in found for other in named_by(path)}
     folder = reading.source.path.parent
     found |= {folder / name for name in ("meta.json", "semantics.txt", ORIGIN_FILE)}
     return [path for path in found if path.is_file()]

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 import trimesh
 import yourdfpy
+from PIL import Image
 from tests.articulate.convert.cabinets import CABINET, write_cabinet
 
 from articulate.asset import Asset, load_asset
-from articulate.convert import ConvertConfig, cached_asset, convert
+from articulate.convert import ConvertConfig, convert
+from articulate.convert.convert import input_key, read_input
+from articulate.convert.meshfile import named_by
 from articulate.convert.read import read_urdf
 from articulate.errors import AssetError, UsageError
 from articulate.transforms import inverse
@@ -256,24 +259,34 @@ def test_objects_are_named_so_that_people_know_them(
     assert read_urdf(path.rename(path.with_name(file))).name == name
 
 
-def test_the_cache_knows_content_and_configuration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def key(path: Path, config: ConvertConfig | None = None) -> str:
+    config = config or ConvertConfig()
+    return input_key(read_input(path, config), config)
+
+
+def test_the_key_of_an_input_knows_content_and_configuration(tmp_path: Path) -> None:
     path = write_cabinet(tmp_path)
-    first = cached_asset(path, tmp_path / "cache")
-    stamp = (first.folder / "asset.json").stat().st_mtime_ns
-    again = cached_asset(path, tmp_path / "cache")
-    assert again == first
-    assert (again.folder / "asset.json").stat().st_mtime_ns == stamp
-    assert cached_asset(first.folder, tmp_path / "cache") == first
-    other = cached_asset(path, tmp_path / "cache", ConvertConfig(closed="upper"))
-    assert other.folder != first.folder
-    assert other.joint("drawer_joint").closed == 0.3
-    moved = tmp_path / "elsewhere"
-    shutil.copytree(path.parent, moved / "little")
-    assert cached_asset(moved / "little", tmp_path / "cache").folder == first.folder
+    first = key(path)
+    assert key(path) == first
+    assert key(path, ConvertConfig(closed="upper")) != first
+    shutil.copytree(path.parent, tmp_path / "elsewhere" / "little")
+    assert key(tmp_path / "elsewhere" / "little" / path.name) == first
     trimesh.creation.box((0.1, 0.1, 0.1)).export(path.parent / "meshes" / "knob.obj")
-    assert cached_asset(path, tmp_path / "cache").folder != first.folder
+    assert key(path) != first
+
+
+def test_the_key_of_an_input_knows_the_colours_of_materials(tmp_path: Path) -> None:
+    path = write_cabinet(tmp_path)
+    knob = path.parent / "meshes" / "knob.obj"
+    knob.write_text("mtllib paint.mtl\nusemtl red\n" + knob.read_text())
+    paint = knob.with_name("paint.mtl")
+    paint.write_text("newmtl red\nKd 1 0 0\nmap_Kd -s 1 1 1 wood.png\n")
+    first = key(path)
+    assert named_by(knob) == [paint]
+    Image.new("RGB", (4, 4), (90, 60, 30)).save(knob.with_name("wood.png"))
+    assert named_by(knob) == [paint, knob.with_name("wood.png")]
+    paint.write_text("newmtl red\nKd 0 1 0\n")
+    assert key(path) != first
 
 
 def test_a_part_without_a_named_handle_is_held_where_it_sticks_out(tmp_path: Path) -> None:

@@ -15,9 +15,9 @@ from tests.articulate.convert.mjcf import (
     write,
 )
 
-from articulate.convert import cached_asset, convert, read_mjcf_child
+from articulate.convert import ConvertConfig, convert, read_mjcf_child
 from articulate.convert import read_mjcf as reading
-from articulate.convert.convert import urdf_in
+from articulate.convert.convert import input_key, read_input, urdf_in
 from articulate.convert.read import SourceGeometry
 from articulate.convert.read_mjcf_files import is_mjcf, root_tag
 from articulate.convert.read_mjcf_text import read_text
@@ -176,13 +176,14 @@ def test_folder_with_one_xml_is_that_object_and_with_two_none(tmp_path: Path) ->
     assert urdf_in(path.parent) == urdf
 
 
-def test_cache_knows_when_an_included_file_changes(tmp_path: Path) -> None:
+def test_key_of_an_input_knows_when_an_included_file_changes(tmp_path: Path) -> None:
     inner = write(tmp_path, f"<mujocoinclude>{moving(BALL)}</mujocoinclude>", "inner.xml")
     path = write(tmp_path, model('<include file="inner.xml"/>'))
-    first = cached_asset(path, tmp_path / "cache")
-    assert cached_asset(path, tmp_path / "cache").folder == first.folder
+    config = ConvertConfig()
+    first = input_key(read_input(path, config), config)
+    assert input_key(read_input(path, config), config) == first
     inner.write_text(inner.read_text().replace("0.2 0 0.3", "0.2 0 0.4"))
-    assert cached_asset(path, tmp_path / "cache").folder != first.folder
+    assert input_key(read_input(path, config), config) != first
 
 
 def test_geometry_says_file_and_line(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,18 @@ def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
     assert "collision shapes cut back where parts pass each other" in sentences(proof)
     coverage = [c for c in proof.clauses if c.name == "coverage"]
     assert all(c.outcome == "passed" for c in coverage)
+
+
+def test_two_parts_that_both_reach_too_far_are_cut_by_half_each(tmp_path):
+    sill = (
+        '</geometry></visual><visual><origin xyz="-0.4 0 -0.056"/>'
+        '<geometry><box size="0.3 0.4 0.03"/></geometry></visual>'
+    )  # its top lies 9 mm above the drawer's lower edge; each strays by 3 to 7 mm at most
+    path = written(tmp_path / "in", (BODY_BOX + "</geometry></visual>", BODY_BOX + sill))
+    proof = checked(path, tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    assert proof.joints[0].span == pytest.approx(0.3)
+    assert len(re.findall("collision shapes cut back where parts pass", sentences(proof))) == 2
 
 
 def test_what_already_passes_is_left_as_it_is(tmp_path):

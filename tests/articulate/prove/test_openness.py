@@ -57,6 +57,21 @@ def test_a_solid_block_and_a_thin_plate_have_no_cavity(tmp_path):
         assert clause.outcome == "not_applicable"
 
 
+def comb(gap):
+    """A plate of 0.4 by 0.4 by 0.02 with ribs of 0.02 on it, at most ``gap`` apart."""
+    at = np.linspace(-0.19, 0.19, 1 + int(np.ceil(0.38 / (0.02 + gap))))
+    ribs = (((float(x), 0.0, 0.02), (0.01, 0.2, 0.02)) for x in at)
+    return (((0.0, 0.0, -0.01), (0.2, 0.2, 0.01)), *ribs)
+
+
+@pytest.mark.parametrize(("gap", "outcome"), [(0.006, "not_applicable"), (0.03, "failed")])
+def test_gaps_in_which_no_small_ball_has_room_are_no_cavity(tmp_path, gap, outcome):
+    clause = clause_of(tmp_path, BLOCK, comb(gap))["openness", "part"]
+    assert clause.outcome == outcome
+    if outcome == "not_applicable":
+        assert "only gaps: a ball of 10 mm has room in 0.0% of its convex hull" in clause.message
+
+
 def test_a_block_that_is_turned_inside_out_in_places_is_still_solid():
     triangles = np.array(trimesh.creation.box((1.0, 1.0, 1.0)).triangles)
     triangles[::2] = triangles[::2, ::-1]
