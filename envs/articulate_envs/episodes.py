@@ -20,7 +20,7 @@ from articulate.observe import ACTION, observation
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.rewards import TERMS, RewardConfig, free_along, reward_terms
+from articulate_envs.rewards import TERMS, RewardConfig, grasp_of, reward_terms
 from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
 
 
@@ -35,13 +35,17 @@ class Ended:
     opened: Mask
     """Whether the part was held open at the end, limits aside (M,)."""
     from_home: Mask
-    """Whether the episode began at home and ran its full length (M,)."""
+    """Whether the episode began at home and ran its full length or was cut at rest (M,)."""
+    cut: Mask
+    """Whether training cut it off while the part rested at the target (M,)."""
     terms: Array
     """Sums of the reward's terms (M, len(TERMS))."""
     peaks: Array
     """Rows of the judgement's samples (M, WIDTH)."""
     observation: Array
     """Last observations (M, size)."""
+    privileged: Array
+    """Last observations of the value function alone (M, size)."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ class Episodes:
         self._drawn = draw(draws, self._rng, n)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
         self._judgement = judgement_start(n)
-        self._along = free_along(scene.asset.handle_of(scene.task.joint))
+        self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
         self._tick = np.zeros(n, dtype=np.int64)
         self._home = np.zeros(n, dtype=bool)
         self._last = np.zeros((n, ACTION.size))
@@ -178,7 +182,7 @@ class Episodes:
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         state = self.engine.step(action)
         terms = reward_terms(
-            self.reward, scene.task, scene.arm, before, state, action, self.progress, self._along
+            self.reward, scene.task, scene.arm, before, state, action, self.progress, self._grasp
         )
         self._judgement = judge_tick(
             self._judgement,
@@ -196,11 +200,12 @@ class Episodes:
         self._terms += terms
         self._tick += 1
         self._estimator.push(state.T_wh, state.opened, state.speed)
-        done = (self._tick >= scene.ticks) | bad
+        cut = self._cut()
+        done = (self._tick >= scene.ticks) | bad | cut
         seen = np.nan_to_num(self._observe())
         ended = None
         if done.any():
-            ended = self._end(np.flatnonzero(done), seen)
+            ended = self._end(np.flatnonzero(done), seen, cut)
             self._begin(ended.rows)
             self._state = self.engine.state()
             self._width = self._width.copy()
@@ -209,16 +214,26 @@ class Episodes:
             seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
 
-    def _end(self, rows: Ints, seen: Array) -> Ended:
+    def _cut(self) -> Mask:
+        """Which episodes of training are cut off now (N,)."""
+        n = self.engine.n_envs
+        if self.starts is None or self.starts.cut <= 0.0:
+            return np.zeros(n, dtype=bool)
+        chosen = self._rng.random(n) < self.starts.cut
+        return np.asarray(chosen & opened_at_end(self._judgement, self.engine.scene.task))
+
+    def _end(self, rows: Ints, seen: Array, cut: Mask) -> Ended:
         task = self.engine.scene.task
         return Ended(
             rows=rows,
             code=verdict(self._judgement, task)[rows],
             opened=opened_at_end(self._judgement, task)[rows],
             from_home=self._home[rows].copy(),
+            cut=(cut & (self._tick < self.engine.scene.ticks))[rows],
             terms=self._terms[rows].copy(),
             peaks=self._judgement.samples[rows].copy(),
             observation=seen[rows],
+            privileged=self.privileged()[rows],
         )
 
     def snapshot(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.asset import Handle
+from articulate.errors import ConfigError
 from articulate.judgement import COLUMN
 from articulate.kinematics import tool_pose
 from articulate.task import Task, at_target
@@ -15,7 +16,7 @@ from articulate.transforms import Array, rotation_angle
 from articulate_envs.engine import State
 
 TERMS = (
-    "approach", "reach", "align", "grip", "early", "open", "progress", "rest",
+    "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",
     "force", "speed", "action", "violation",
 )  # fmt: skip
 """Names of the terms, in the order of :func:`reward_terms`."""
@@ -46,12 +47,25 @@ class RewardConfig:
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.75
     """For a hand that is told to close, or is closed, away from the handle."""
+    aside: float = -100.0
+    """For each metre by which the handle lies beside the way between the fingers, or the hand
+    beyond the handle. ``approach`` pays the same for every path; this is what bends it: across
+    first, then ahead, so that no finger comes down on the handle."""
+    aside_share: float = 0.45
+    """Half as wide is that way at the handle, as a share of the room beside it in an open hand."""
+    aside_from_m: float = 0.035
+    """So far before the handle it begins to widen, as fast as the distance grows [m]."""
+    beyond_m: float = 0.01
+    """So far beyond the handle the hand may be [m]."""
     open: float = 0.6
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
     the hand on the way and pulls before it has closed."""
     margin: float = 0.08
     """Opening is paid for up to the target and this share of it beyond: what is known of the part
     is noisy, and one who aims at the target itself stops short of it."""
+    over: float = 0.5
+    """Share of it that is lost again from there to the end of the range, where the part hits its
+    stop and jerks the hand."""
     progress: float = 60.0
     """For each change of that fraction."""
     rest: float = 0.6
@@ -73,6 +87,21 @@ class RewardConfig:
     spoiled: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""
+    until: float = 0.6
+    """Share of the training after which weights are as at its end."""
+
+    def __post_init__(self) -> None:
+        check_until("reward", self.until)
+
+
+def check_until(name: str, until: float) -> None:
+    """Refuse what is no share of a training.
+
+    Raises:
+        ConfigError: ``until`` is not in (0, 1].
+    """
+    if not 0.0 < until <= 1.0:
+        raise ConfigError(f"{name}.until is {until}; it must be above 0 and at most 1")
 
 
 FINGER_M = 0.022
@@ -81,11 +110,26 @@ MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
 
-def free_along(handle: Handle | None) -> float:
-    """Distance from the handle's middle along its long axis at which fingers still hold it [m]."""
+@dataclass(frozen=True, kw_only=True)
+class Grasp:
+    """What a handle asks of a hand."""
+
+    along_m: float = 0.0
+    """Distance from the handle's middle along its long axis at which fingers hold it [m]."""
+    thick_m: float = 0.0
+    """What has to fit between the fingers [m]."""
+
+
+NO_GRASP = Grasp()
+"""Of a part without a handle: its point is to be reached."""
+
+
+def grasp_of(handle: Handle | None) -> Grasp:
+    """What ``handle`` asks of a hand; None asks for a point."""
     if handle is None:
-        return 0.0
-    return min(max(0.0, 0.9 * (handle.extent[0] - FINGER_M) / 2.0), MOST_ALONG_M)
+        return NO_GRASP
+    along_m = min(max(0.0, 0.9 * (handle.extent[0] - FINGER_M) / 2.0), MOST_ALONG_M)
+    return Grasp(along_m=along_m, thick_m=handle.extent[1])
 
 
 def grip_distance(T_wt: Array, T_wh: Array, along_m: float) -> Array:
@@ -106,11 +150,28 @@ def _grip_offset(T_wt: Array, T_wh: Array, along_m: float) -> Array:
     return np.asarray(offset)
 
 
+def aside(config: RewardConfig, arm: Arm, T_wt: Array, T_wh: Array, grasp: Grasp) -> Array:
+    """By how much tools have left the way that leads to handles (N,) [m]; see ``aside``."""
+    offset_w = np.einsum("nij,nj->ni", T_wh[:, :3, :3], _grip_offset(T_wt, T_wh, grasp.along_m))
+    across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
+    room = max(0.0, arm.hand.max_width_m - grasp.thick_m) / 2.0
+    allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
+    beside = np.maximum(np.abs(across) - allowed, 0.0)
+    return np.asarray(beside + np.maximum(-ahead - config.beyond_m, 0.0))
+
+
 def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
     """How far tools are from handles, place and turn in one (N,) [m]; see ``approach``."""
     offset = _grip_offset(T_wt, T_wh, along_m) * np.array([1.0, config.approach_across, 1.0])
     angle = rotation_angle(np.swapaxes(T_wt[:, :3, :3], -1, -2) @ T_wh[:, :3, :3])
     return np.asarray(np.linalg.norm(offset, axis=1) + config.approach_turn_m * angle)
+
+
+def _paid(config: RewardConfig, task: Task, opened: Array) -> Array:
+    """Share (N,) of the way to the target that is paid for, at most 1."""
+    goal = min(task.target * (1.0 + config.margin), 1.0)
+    over = np.clip((opened - goal) / max(1.0 - goal, 1e-9), 0.0, 1.0)
+    return np.asarray(np.clip(opened / goal, 0.0, 1.0) - config.over * over)
 
 
 def reward_terms(
@@ -121,7 +182,7 @@ def reward_terms(
     after: State,
     action: Array,
     progress: float = 0.0,
-    along_m: float = 0.0,
+    grasp: Grasp = NO_GRASP,
 ) -> Array:
     """Weighted terms (N, len(TERMS)) of one tick.
 
@@ -133,19 +194,18 @@ def reward_terms(
         after: State after it.
         action: What the policy said (N, 8).
         progress: Share of the training that is done, in [0, 1].
-        along_m: How far along the handle from its middle a grip is as good, see
-            :func:`free_along`.
+        grasp: What the handle asks of a hand.
     """
+    progress = min(progress / config.until, 1.0)
     T_wt = tool_pose(arm, after.q)
-    nearer = away_from(config, tool_pose(arm, before.q), before.T_wh, along_m)
-    nearer -= away_from(config, T_wt, after.T_wh, along_m)
-    distance = grip_distance(T_wt, after.T_wh, along_m)
+    nearer = away_from(config, tool_pose(arm, before.q), before.T_wh, grasp.along_m)
+    nearer -= away_from(config, T_wt, after.T_wh, grasp.along_m)
+    distance = grip_distance(T_wt, after.T_wh, grasp.along_m)
     near, at = (1.0 / (1.0 + (distance / scale) ** 2) for scale in config.reach_m)
     turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
     aligned = np.exp(-((rotation_angle(turn) / config.align_rad) ** 2))
-    goal = min(task.target * (1.0 + config.margin), 1.0)
-    way = np.clip(after.opened / goal, 0.0, 1.0)
-    change = way - np.clip(before.opened / goal, 0.0, 1.0)
+    way = _paid(config, task, after.opened)
+    change = way - _paid(config, task, before.opened)
     close = np.exp(-((distance / config.grip_m) ** 2))
     told = (
         0.25 * np.maximum(action[:, 7], 0.0)
@@ -167,6 +227,7 @@ def reward_terms(
         config.align * near * aligned,
         config.grip * close * told,
         config.early * away * told,
+        config.aside * aside(config, arm, T_wt, after.T_wh, grasp),
         config.open * left * way,
         config.progress * left * change,
         config.rest * left * at_target(task, after.opened, after.speed),

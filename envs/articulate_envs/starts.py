@@ -1,4 +1,4 @@
-"""How episodes begin: from home, or along the task while learning."""
+"""How episodes begin: from home, or along the task while learning; and when these are cut."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from articulate.kinematics import solve_ik
 from articulate.placing import handle_in_world, object_pose
 from articulate.transforms import Array, pose
 from articulate_envs.engine import Start
+from articulate_envs.rewards import check_until
 
 if TYPE_CHECKING:  # configurations are light to import, scenes are not
     from articulate_envs.scene import Scene
@@ -19,7 +20,7 @@ if TYPE_CHECKING:  # configurations are light to import, scenes are not
 
 @dataclass(frozen=True, kw_only=True)
 class StartConfig:
-    """Share of training episodes that begin along the task, and how."""
+    """Share of training episodes that begin along the task, how, and when training cuts them."""
 
     share_first: float = 0.8
     """Share of starts along the task at the beginning of training, in [0, 1]."""
@@ -43,6 +44,13 @@ class StartConfig:
     """How far before the handle such a hand is at least, and to either side at most [m]."""
     bank: int = 512
     """How many such starts are prepared."""
+    cut: float = 0.04
+    """Chance, each tick, that an episode of training ends once its part has rested at the target
+    as long as success asks for. It counts as cut off there (a truncation), and the time is spent
+    on the next one: else most of all ticks would show a part at rest."""
+
+    def __post_init__(self) -> None:
+        check_until("starts", self.until)
 
     def share(self, progress: float) -> float:
         """Share of starts along the task when ``progress`` in [0, 1] of the training is done."""

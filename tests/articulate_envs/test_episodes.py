@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from tests.scenes import DRAWS, rows_of
 from articulate.draw import NO_DRAW, nominal_draw
 from articulate.judgement import CODE, REASONS
 from articulate.observe import OBSERVATION
+from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
 from articulate_envs.rewards import TERMS, RewardConfig
 from articulate_envs.starts import StartConfig, bank_of_starts, home_start
@@ -204,6 +206,40 @@ def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
         tick = runs.step(action)
     assert tick.ended is not None
     assert not tick.ended.from_home.any()
+
+
+def open_and_idle(scene, cut):
+    """Episodes that begin with the part open at rest, and what their ticks give."""
+    runs = episodes(scene, starts=dataclasses.replace(STARTS, cut=cut), draws=NO_DRAW)
+    start = home_start(scene, nominal_draw(N))
+    runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
+    return [runs.step(np.zeros((N, 8))) for _ in range(scene.ticks)]
+
+
+def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks(drawer):
+    ticks = open_and_idle(drawer, 1.0)
+    when = [k for k, tick in enumerate(ticks) if tick.done.any()]
+    held = round(drawer.task.hold_s / drawer.follow.tick_s)
+    assert when[0] + 1 == held
+    ended = ticks[when[0]].ended
+    assert ended is not None
+    assert ended.cut.all()
+    assert ended.from_home.all()
+    assert ended.opened.all()
+    rest = ended.privileged[:, PRIVILEGED.slice("rest")]
+    assert_allclose(rest, drawer.task.hold_s, atol=1e-9)
+    assert field(ended.observation, "time_left").min() > 0.0
+
+
+def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
+    ticks = open_and_idle(drawer, 0.0)
+    assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
+    assert not ticks[-1].ended.cut.any()
+    runs = episodes(drawer, starts=None, draws=NO_DRAW)
+    start = home_start(drawer, nominal_draw(N))
+    runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
+    done = [runs.step(np.zeros((N, 8))).done.any() for _ in range(drawer.ticks)]
+    assert done == [False] * (drawer.ticks - 1) + [True]
 
 
 def test_episode_that_diverges_ends_with_that_reason_and_a_new_one_begins(

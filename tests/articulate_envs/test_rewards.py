@@ -1,5 +1,6 @@
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA
 from articulate.asset import Handle
+from articulate.errors import ConfigError
 from articulate.follow import HandState
 from articulate.judgement import COLUMN, WIDTH
 from articulate.kinematics import tool_pose
@@ -18,11 +20,13 @@ from articulate_envs.engine import State
 from articulate_envs.rewards import (
     MOST_ALONG_M,
     TERMS,
+    Grasp,
     RewardConfig,
-    free_along,
+    grasp_of,
     grip_distance,
     reward_terms,
 )
+from articulate_envs.starts import StartConfig
 
 CONFIG = RewardConfig()
 TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)
@@ -58,8 +62,12 @@ SHUT = np.array([[0.0] * 7 + [1.0]])
 """The hand is told to close."""
 
 
-def terms(after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0, along_m=0.0):
-    values = reward_terms(config, task, PANDA, before, after, action, progress, along_m)
+def terms(
+    after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0, along_m=0.0,
+    thick_m=0.0,
+):  # fmt: skip
+    grasp = Grasp(along_m=along_m, thick_m=thick_m)
+    values = reward_terms(config, task, PANDA, before, after, action, progress, grasp)
     assert values.shape == (1, len(TERMS))
     return dict(zip(TERMS, values[0], strict=True))
 
@@ -98,9 +106,10 @@ def test_distance_to_a_long_handle_is_that_to_its_nearest_point():
 
 
 def test_fingers_must_fit_on_the_part_of_a_handle_that_counts_as_its_middle():
-    assert free_along(None) == free_along(handle(0.02)) == 0.0
-    assert free_along(handle(0.1)) == pytest.approx(0.9 * (0.05 - 0.011))
-    assert free_along(handle(0.6)) == MOST_ALONG_M
+    assert grasp_of(None).along_m == grasp_of(handle(0.02)).along_m == 0.0
+    assert grasp_of(handle(0.1)).along_m == pytest.approx(0.9 * (0.05 - 0.011))
+    assert grasp_of(handle(0.6)).along_m == MOST_ALONG_M
+    assert grasp_of(handle(0.6)).thick_m == 0.01
 
 
 def test_approach_pays_for_coming_nearer_and_takes_it_back():
@@ -116,6 +125,28 @@ def test_approach_counts_the_way_across_the_fingers_and_the_turn_by_their_weight
     assert across == pytest.approx(0.02 * CONFIG.approach_across * CONFIG.approach)
     back = terms(state(), before=turned)["approach"]
     assert back == pytest.approx(0.3 * CONFIG.approach_turn_m * CONFIG.approach)
+
+
+@pytest.mark.parametrize(
+    ("across", "ahead", "thick", "out"),
+    [
+        (0.0, 0.0, 0.01, 0.0),
+        (0.030, 0.0, 0.02, 0.030 - 0.45 * 0.03),  # half of 80 mm less 20 mm is beside the handle
+        (-0.030, 0.0, 0.02, 0.030 - 0.45 * 0.03),
+        (0.030, 0.035, 0.02, 0.030 - 0.45 * 0.03),
+        (0.030, 0.045, 0.02, 0.030 - 0.45 * 0.03 - 0.01),  # it widens as the distance grows
+        (0.030, 0.2, 0.02, 0.0),
+        (0.010, 0.0, 0.2, 0.010),  # thicker than the hand opens: straight ahead alone
+        (0.0, -0.01, 0.01, 0.0),
+        (0.0, -0.03, 0.01, 0.02),  # the hand is beyond the handle
+    ],
+)
+def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, thick, out):
+    config = dataclasses.replace(CONFIG, aside=-50.0)
+    for along in (0.0, 0.03):
+        after = state(offset=[along, across, ahead])
+        cost = terms(after, config=config, along_m=0.03, thick_m=thick)["aside"]
+        assert cost == pytest.approx(-50.0 * out, abs=1e-9)
 
 
 def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
@@ -200,9 +231,23 @@ GOAL = TASK.target * (1 + CONFIG.margin)
 """Opening is paid for up to here, a little beyond the target."""
 
 
-@pytest.mark.parametrize(("share", "paid"), [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (1.1, 1.0)])
+@pytest.mark.parametrize(("share", "paid"), [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0)])
 def test_part_earns_the_share_of_its_way_to_a_little_beyond_the_target(share, paid):
     assert terms(state(opened=share * GOAL))["open"] == pytest.approx(paid * CONFIG.open)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.5])
+def test_part_earns_less_the_nearer_it_comes_to_its_stop(share):
+    opened = GOAL + share * (1.0 - GOAL)
+    paid = 1.0 - CONFIG.over * min(share, 1.0)
+    assert terms(state(opened=opened))["open"] == pytest.approx(paid * CONFIG.open)
+    change = terms(state(opened=opened), before=state(opened=GOAL))["progress"]
+    assert change == pytest.approx((paid - 1.0) * CONFIG.progress)
+
+
+def test_part_whose_target_is_the_end_of_its_range_loses_nothing_there():
+    task = dataclasses.replace(TASK, target=1.0)
+    assert terms(state(opened=1.0), task=task)["open"] == pytest.approx(CONFIG.open)
 
 
 @given(way=st.lists(st.floats(-0.2, 1.2), min_size=2, max_size=20))
@@ -210,8 +255,8 @@ def test_progress_telescopes(way):
     """Its sum depends on where the part began and ended, not on the way between."""
     states = [state(opened=o) for o in way]
     total = sum(terms(b, before=a)["progress"] for a, b in itertools.pairwise(states))
-    ends = np.clip(np.array([way[0], way[-1]]) / GOAL, 0, 1)
-    assert total == pytest.approx(CONFIG.progress * (ends[1] - ends[0]), abs=1e-9)
+    first, last = (terms(each)["open"] / CONFIG.open for each in (states[0], states[-1]))
+    assert total == pytest.approx(CONFIG.progress * (last - first), abs=1e-9)
 
 
 def test_rest_is_earned_at_the_target_standing_still_alone():
@@ -228,9 +273,23 @@ def test_force_costs_beyond_what_is_free():
 
 @pytest.mark.parametrize("progress", [0.0, 0.3, 1.0])
 def test_price_of_force_goes_from_the_first_to_the_last_with_training(progress):
-    config = dataclasses.replace(CONFIG, force=-0.1, force_last=-0.5)
+    config = dataclasses.replace(CONFIG, force=-0.1, force_last=-0.5, until=1.0)
     loaded = terms(state(fy=CONFIG.force_free_n + 1), config=config, progress=progress)
     assert loaded["force"] == pytest.approx(-0.1 - 0.4 * progress)
+
+
+def test_weights_stay_as_they_are_after_their_share_of_the_training():
+    config = dataclasses.replace(CONFIG, force=-0.1, force_last=-0.5, until=0.5)
+    loaded = state(fy=CONFIG.force_free_n + 1)
+    costs = [terms(loaded, config=config, progress=p)["force"] for p in (0.25, 0.5, 0.75, 1.0)]
+    assert costs == pytest.approx([-0.3, -0.5, -0.5, -0.5])
+
+
+@pytest.mark.parametrize("until", [0.0, -1.0, 1.1, math.nan])
+def test_a_share_of_the_training_that_is_none_is_refused(until):
+    for config, name in ((RewardConfig, "reward"), (StartConfig, "starts")):
+        with pytest.raises(ConfigError, match=rf"^{name}\.until is "):
+            config(until=until)
 
 
 @pytest.mark.parametrize(("kind", "length"), [("slide", 1.0), ("hinge", 0.2)])
@@ -253,14 +312,14 @@ def test_motions_cost_their_mean_square_and_the_hand_is_free():
 def test_violation_costs_once_and_in_proportion_to_the_progress(progress):
     broken = state(code=3.0)
     cost = terms(broken, progress=progress)["violation"]
-    assert cost == pytest.approx(CONFIG.violation * progress)
+    assert cost == pytest.approx(CONFIG.violation * min(progress / CONFIG.until, 1))
     assert terms(broken, before=broken, progress=progress)["violation"] == 0
 
 
 def test_what_is_wished_is_rewarded_and_what_is_not_costs():
     for name in ("approach", "reach", "align", "grip", "open", "progress", "rest"):
         assert getattr(CONFIG, name) >= 0, name
-    for name in {"early", "force", "speed", "action", "violation"} & set(TERMS):
+    for name in {"early", "aside", "force", "speed", "action", "violation"} & set(TERMS):
         assert getattr(CONFIG, name) <= 0, name
 
 
@@ -269,7 +328,7 @@ def test_opening_after_a_violation_earns_less_the_further_training_is(progress):
     after = {"opened": TASK.target, "code": 3.0}
     whole = terms(state(opened=TASK.target), before=state(), progress=progress)
     spoiled = terms(state(**after), before=state(code=3.0), progress=progress)
-    left = 1 + progress * (CONFIG.spoiled - 1)
+    left = 1 + min(progress / CONFIG.until, 1) * (CONFIG.spoiled - 1)
     for name in ("open", "progress", "rest"):
         assert whole[name] > 0
         assert spoiled[name] == pytest.approx(left * whole[name])

@@ -9,6 +9,7 @@ from articulate.draw import COLUMNS
 from articulate.errors import RunError
 from articulate.judgement import REASONS, WIDTH
 from articulate.observe import OBSERVATION
+from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Ended
 from articulate_envs.rewards import TERMS
 from articulate_train.evaluate import evaluate_seed, first_ends, timelines
@@ -67,6 +68,8 @@ def ends(rows, codes):
         terms=np.zeros((n, len(TERMS))),
         peaks=np.zeros((n, WIDTH)),
         observation=np.zeros((n, OBSERVATION.size)),
+        cut=np.zeros(n, dtype=bool),
+        privileged=np.zeros((n, PRIVILEGED.size)),
     )
 
 

@@ -15,6 +15,7 @@ from tests.runs import tiny_run
 from articulate.errors import DivergedError
 from articulate.judgement import CODE, WIDTH
 from articulate.observe import OBSERVATION
+from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Ended
 from articulate_envs.rewards import TERMS
 from articulate_train import seed as seeds
@@ -174,6 +175,8 @@ def ended(codes, opened, home):
         terms=np.tile(np.arange(len(TERMS), dtype=float), (n, 1)),
         peaks=np.zeros((n, WIDTH)),
         observation=np.zeros((n, OBSERVATION.size)),
+        cut=np.zeros(n, dtype=bool),
+        privileged=np.zeros((n, PRIVILEGED.size)),
     )
 
 

@@ -1,15 +1,18 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tests.scenes import DRAWS
 
+from articulate.draw import nominal_draw
 from articulate.judgement import REASONS
 from articulate.observe import ACTION, OBSERVATION
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
 from articulate_envs.rewards import RewardConfig
-from articulate_envs.starts import StartConfig
+from articulate_envs.starts import StartConfig, home_start
 from articulate_envs.threads import ThreadEngine
 from articulate_train.vecenv import EpisodesVecEnv
 
@@ -69,6 +72,23 @@ def test_end_of_an_episode_is_a_termination_with_its_last_observation_and_reason
                 assert infos[i] == {}
     assert sorted(seen) == list(range(N))
     assert sum(len(e.rows) for e in env.finished) == N
+
+
+def test_episode_cut_at_rest_is_a_truncation_whose_last_observation_can_be_valued(env, drawer):
+    runs = env.episodes
+    runs.starts = dataclasses.replace(runs.starts, cut=1.0)
+    env.reset()
+    start = home_start(drawer, nominal_draw(N))
+    runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
+    for _ in range(drawer.ticks):
+        _, _, done, infos = env.step(np.zeros((N, 8), dtype=np.float32))
+        if done.any():
+            break
+    assert all(info["TimeLimit.truncated"] is True for info in infos)
+    for info in infos:
+        assert env.observation_space.contains(info["terminal_observation"])
+        rest = info["terminal_observation"][OBSERVATION.size :][PRIVILEGED.slice("rest")]
+        assert rest == pytest.approx(drawer.task.hold_s)
 
 
 def test_wrappers_of_stable_baselines_go_around_it(env):

@@ -28,7 +28,7 @@ class PpoConfig:
     """Passes over the samples of an update."""
     learning_rate: float = 4e-4
     """Learning rate at the beginning."""
-    learning_rate_last: float = 2e-5
+    learning_rate_last: float = 6e-5
     """Learning rate at the end; it falls linearly."""
     gamma: float = 0.99
     """Discount per tick."""

@@ -148,6 +148,8 @@ def first_ends(ended: list[Ended], episodes: int) -> Ended:
         terms=take("terms"),
         peaks=take("peaks"),
         observation=take("observation"),
+        cut=take("cut"),
+        privileged=take("privileged"),
     )
 
 

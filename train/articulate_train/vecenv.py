@@ -24,7 +24,8 @@ class EpisodesVecEnv(VecEnv):
 
     Observations are those of the policy followed by those of the value function alone
     (:data:`articulate_envs.critic.PRIVILEGED`). Episodes have a fixed length and the observation
-    holds the time left, so that their end is a termination, not a truncation.
+    holds the time left, so that their end is a termination; being cut off while the part rests at
+    the target is a truncation.
     """
 
     def __init__(self, episodes: Episodes) -> None:
@@ -62,14 +63,13 @@ class EpisodesVecEnv(VecEnv):
         infos: list[dict[str, Any]] = self._infos
         if tick.ended is not None:
             infos = [{} for _ in range(self.num_envs)]
-            # No value is asked for after a termination, so that the rest may be anything.
-            last = np.zeros((len(tick.ended.rows), OBSERVATION.size + PRIVILEGED.size), np.float32)
-            last[:, : OBSERVATION.size] = tick.ended.observation
+            both = (tick.ended.observation, tick.ended.privileged)
+            last = np.concatenate(both, axis=1).astype(np.float32)
             self.finished.append(tick.ended)
             for k, i in enumerate(tick.ended.rows):
                 infos[i] = {
                     "terminal_observation": last[k],
-                    "TimeLimit.truncated": False,
+                    "TimeLimit.truncated": bool(tick.ended.cut[k]),
                     "reason": REASONS[int(tick.ended.code[k])],
                     "is_success": bool(tick.ended.code[k] == 0),
                 }
