@@ -217,9 +217,10 @@ class Episodes:
     def _cut(self) -> Mask:
         """Which episodes of training are cut off now (N,)."""
         n = self.engine.n_envs
-        if self.starts is None or self.starts.cut <= 0.0:
+        chance = 0.0 if self.starts is None else self.starts.cut_now(self.progress)
+        if chance <= 0.0:
             return np.zeros(n, dtype=bool)
-        chosen = self._rng.random(n) < self.starts.cut
+        chosen = self._rng.random(n) < chance
         return np.asarray(chosen & opened_at_end(self._judgement, self.engine.scene.task))
 
     def _end(self, rows: Ints, seen: Array, cut: Mask) -> Ended:

@@ -47,12 +47,13 @@ class RewardConfig:
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.75
     """For a hand that is told to close, or is closed, away from the handle."""
-    aside: float = -100.0
+    aside: float = -60.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
-    beyond the handle. ``approach`` pays the same for every path; this is what bends it: across
-    first, then ahead, so that no finger comes down on the handle."""
+    beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
+    every path; this is what bends it: across first, then ahead, so that no finger comes down on
+    the handle."""
     aside_share: float = 0.45
-    """Half as wide is that way at the handle, as a share of the room beside it in an open hand."""
+    """Half as wide is that way at the handle, as a share of the room between the fingers."""
     aside_from_m: float = 0.035
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
     beyond_m: float = 0.01
@@ -150,11 +151,19 @@ def _grip_offset(T_wt: Array, T_wh: Array, along_m: float) -> Array:
     return np.asarray(offset)
 
 
-def aside(config: RewardConfig, arm: Arm, T_wt: Array, T_wh: Array, grasp: Grasp) -> Array:
-    """By how much tools have left the way that leads to handles (N,) [m]; see ``aside``."""
+def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: Grasp) -> Array:
+    """By how much tools have left the way that leads to handles (N,) [m]; see ``aside``.
+
+    Args:
+        config: How wide that way is.
+        T_wt: Poses of the tools (N, 4, 4).
+        T_wh: Poses of the handles (N, 4, 4).
+        width: Distance between the fingers as they are (N,) [m].
+        grasp: What the handle asks of a hand.
+    """
     offset_w = np.einsum("nij,nj->ni", T_wh[:, :3, :3], _grip_offset(T_wt, T_wh, grasp.along_m))
     across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
-    room = max(0.0, arm.hand.max_width_m - grasp.thick_m) / 2.0
+    room = np.maximum(width - grasp.thick_m, 0.0) / 2.0
     allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
     beside = np.maximum(np.abs(across) - allowed, 0.0)
     return np.asarray(beside + np.maximum(-ahead - config.beyond_m, 0.0))
@@ -227,7 +236,7 @@ def reward_terms(
         config.align * near * aligned,
         config.grip * close * told,
         config.early * away * told,
-        config.aside * aside(config, arm, T_wt, after.T_wh, grasp),
+        config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
         config.open * left * way,
         config.progress * left * change,
         config.rest * left * at_target(task, after.opened, after.speed),

@@ -46,16 +46,23 @@ class StartConfig:
     """How many such starts are prepared."""
     cut: float = 0.04
     """Chance, each tick, that an episode of training ends once its part has rested at the target
-    as long as success asks for. It counts as cut off there (a truncation), and the time is spent
-    on the next one: else most of all ticks would show a part at rest."""
+    as long as success asks for, at the beginning of training; it falls to 0 with the curriculum.
+    Such an end counts as cut off (a truncation), and the time is spent on the next episode: else
+    most of all ticks would show a part at rest. Holding to the end is learnt after that."""
 
     def __post_init__(self) -> None:
         check_until("starts", self.until)
 
     def share(self, progress: float) -> float:
         """Share of starts along the task when ``progress`` in [0, 1] of the training is done."""
-        t = min(max(progress / self.until, 0.0), 1.0)
-        return self.share_first + t * (self.share_last - self.share_first)
+        return self.share_first + self._done(progress) * (self.share_last - self.share_first)
+
+    def cut_now(self, progress: float) -> float:
+        """Chance of a cut when ``progress`` in [0, 1] of the training is done."""
+        return self.cut * (1.0 - self._done(progress))
+
+    def _done(self, progress: float) -> float:
+        return min(max(progress / self.until, 0.0), 1.0)
 
 
 def home_start(scene: Scene, drawn: Draw) -> Start:

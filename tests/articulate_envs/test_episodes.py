@@ -208,9 +208,10 @@ def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
     assert not tick.ended.from_home.any()
 
 
-def open_and_idle(scene, cut):
+def open_and_idle(scene, cut, progress=0.0):
     """Episodes that begin with the part open at rest, and what their ticks give."""
     runs = episodes(scene, starts=dataclasses.replace(STARTS, cut=cut), draws=NO_DRAW)
+    runs.progress = progress
     start = home_start(scene, nominal_draw(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     return [runs.step(np.zeros((N, 8))) for _ in range(scene.ticks)]
@@ -232,9 +233,9 @@ def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks
 
 
 def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
-    ticks = open_and_idle(drawer, 0.0)
-    assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
-    assert not ticks[-1].ended.cut.any()
+    for ticks in (open_and_idle(drawer, 0.0), open_and_idle(drawer, 1.0, STARTS.until)):
+        assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
+        assert not ticks[-1].ended.cut.any()
     runs = episodes(drawer, starts=None, draws=NO_DRAW)
     start = home_start(drawer, nominal_draw(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))

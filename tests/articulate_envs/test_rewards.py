@@ -145,8 +145,19 @@ def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, t
     config = dataclasses.replace(CONFIG, aside=-50.0)
     for along in (0.0, 0.03):
         after = state(offset=[along, across, ahead])
-        cost = terms(after, config=config, along_m=0.03, thick_m=thick)["aside"]
+        cost = terms(after, config=config, along_m=0.03, thick_m=thick, progress=1.0)["aside"]
         assert cost == pytest.approx(-50.0 * out, abs=1e-9)
+
+
+def test_the_way_is_the_narrower_the_less_the_hand_is_open():
+    config = dataclasses.replace(CONFIG, aside=-50.0)
+    after = state(offset=[0.0, 0.03, 0.0])
+    for width, room in ((0.08, 0.03), (0.05, 0.015), (0.02, 0.0), (0.0, 0.0)):
+        half = dataclasses.replace(after, hand_width=np.full(1, width))
+        cost = terms(half, config=config, thick_m=0.02, progress=1.0)["aside"]
+        assert cost == pytest.approx(-50.0 * (0.03 - 0.45 * room))
+    early = terms(after, config=config, thick_m=0.02, progress=0.25 * CONFIG.until)["aside"]
+    assert early == pytest.approx(-50.0 * 0.25 * (0.03 - 0.45 * 0.03))
 
 
 def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
