@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 NOTE = "note: "
 """Begins a sentence about something that was put another way, without changing what it means."""
+
+OF_MESH = re.compile(rf"({NOTE})?mesh ([^:]+): (.+)", re.DOTALL)
+"""A sentence about one mesh: its file, and what is said of it."""
+MOST_NAMES = 3
+"""Of so many files at most the names are given."""
 
 
 class Repairs:
@@ -26,8 +33,22 @@ class Repairs:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """All changes and notes so far."""
-        return tuple(self._sentences)
+        """All changes and notes so far; what is said of many meshes is said once."""
+        meshes: dict[tuple[str, str], list[str]] = {}
+        for sentence in self._sentences:
+            found = OF_MESH.match(sentence)
+            if found:
+                meshes.setdefault((found[1] or "", found[3]), []).append(found[2])
+        out: dict[str, None] = {}
+        for sentence in self._sentences:
+            found = OF_MESH.match(sentence)
+            names = meshes[found[1] or "", found[3]] if found else []
+            if found and len(names) > MOST_NAMES:
+                first = ", ".join(names[:MOST_NAMES])
+                more = len(names) - MOST_NAMES
+                sentence = f"{found[1] or ''}meshes {first} and {more} more: {found[3]}"
+            out.setdefault(sentence)
+        return tuple(out)
 
 
 def is_note(sentence: str) -> bool:
