@@ -46,7 +46,9 @@ class RewardConfig:
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.75
-    """For a hand that is told to close, or is closed, away from the handle."""
+    """For a hand that is told to close, or is closed, away from the handle. A hand that has closed
+    on nothing counts as away wherever it is, and does not grip, as training goes on: it has to
+    open again, and near the handle nothing else would tell it so."""
     aside: float = -60.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
@@ -111,6 +113,10 @@ MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
 
+EMPTY_SHARE = 0.6
+"""Fingers nearer to each other than this share of a handle's thickness hold nothing."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Grasp:
     """What a handle asks of a hand."""
@@ -133,19 +139,14 @@ def grasp_of(handle: Handle | None) -> Grasp:
     return Grasp(along_m=along_m, thick_m=handle.extent[1])
 
 
-def grip_distance(T_wt: Array, T_wh: Array, along_m: float) -> Array:
-    """Distance (N,) [m] of tools from the nearest point of handles where a grip is as good.
+def grip_offset(T_wt: Array, T_wh: Array, along_m: float) -> Array:
+    """Place (N, 3) [m] of tools in the axes of handles, from the nearest point as good to grip.
 
     Args:
         T_wt: Poses of the tools (N, 4, 4).
         T_wh: Poses of the handles (N, 4, 4); their x axis is the long one.
         along_m: Half the length of the segment about the handle's middle that counts as one.
     """
-    return np.asarray(np.linalg.norm(_grip_offset(T_wt, T_wh, along_m), axis=1))
-
-
-def _grip_offset(T_wt: Array, T_wh: Array, along_m: float) -> Array:
-    """The same as a vector (N, 3) in the axes of the handle."""
     offset = np.einsum("nij,ni->nj", T_wh[:, :3, :3], T_wt[:, :3, 3] - T_wh[:, :3, 3])
     offset[:, 0] -= np.clip(offset[:, 0], -along_m, along_m)
     return np.asarray(offset)
@@ -161,7 +162,7 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
         width: Distance between the fingers as they are (N,) [m].
         grasp: What the handle asks of a hand.
     """
-    offset_w = np.einsum("nij,nj->ni", T_wh[:, :3, :3], _grip_offset(T_wt, T_wh, grasp.along_m))
+    offset_w = np.einsum("nij,nj->ni", T_wh[:, :3, :3], grip_offset(T_wt, T_wh, grasp.along_m))
     across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
     room = np.maximum(width - grasp.thick_m, 0.0) / 2.0
     allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
@@ -171,7 +172,7 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
 
 def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
     """How far tools are from handles, place and turn in one (N,) [m]; see ``approach``."""
-    offset = _grip_offset(T_wt, T_wh, along_m) * np.array([1.0, config.approach_across, 1.0])
+    offset = grip_offset(T_wt, T_wh, along_m) * np.array([1.0, config.approach_across, 1.0])
     angle = rotation_angle(np.swapaxes(T_wt[:, :3, :3], -1, -2) @ T_wh[:, :3, :3])
     return np.asarray(np.linalg.norm(offset, axis=1) + config.approach_turn_m * angle)
 
@@ -209,7 +210,7 @@ def reward_terms(
     T_wt = tool_pose(arm, after.q)
     nearer = away_from(config, tool_pose(arm, before.q), before.T_wh, grasp.along_m)
     nearer -= away_from(config, T_wt, after.T_wh, grasp.along_m)
-    distance = grip_distance(T_wt, after.T_wh, grasp.along_m)
+    distance = np.linalg.norm(grip_offset(T_wt, after.T_wh, grasp.along_m), axis=1)
     near, at = (1.0 / (1.0 + (distance / scale) ** 2) for scale in config.reach_m)
     turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
     aligned = np.exp(-((rotation_angle(turn) / config.align_rad) ** 2))
@@ -222,6 +223,9 @@ def reward_terms(
         + 0.5 * (after.hand.closing > 0.0)
     )
     away = 1.0 - np.exp(-((distance / (2.2 * config.grip_m)) ** 2))
+    empty = (after.hand.closing > 0.0) & (after.hand_width < EMPTY_SHARE * grasp.thick_m)
+    close = np.where(empty, (1.0 - progress) * close, close)
+    away = np.where(empty, np.maximum(progress, away), away)
     length = 1.0 if task.kind == "slide" else 0.2
     part_speed = np.abs(after.speed) * length
     force = np.linalg.norm(after.samples[:, 0:3], axis=1)

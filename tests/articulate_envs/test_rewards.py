@@ -23,7 +23,7 @@ from articulate_envs.rewards import (
     Grasp,
     RewardConfig,
     grasp_of,
-    grip_distance,
+    grip_offset,
     reward_terms,
 )
 from articulate_envs.starts import StartConfig
@@ -102,7 +102,8 @@ def test_distance_to_a_long_handle_is_that_to_its_nearest_point():
         ([-0.07, 0.0, 0.04], 0.05),
     ):
         T_wt = T_wh @ pose(np.array(offset))
-        assert_allclose(grip_distance(T_wt, T_wh, 0.04), expected, atol=1e-12)
+        distance = np.linalg.norm(grip_offset(T_wt, T_wh, 0.04), axis=1)
+        assert_allclose(distance, expected, atol=1e-12)
 
 
 def test_fingers_must_fit_on_the_part_of_a_handle_that_counts_as_its_middle():
@@ -158,6 +159,17 @@ def test_the_way_is_the_narrower_the_less_the_hand_is_open():
         assert cost == pytest.approx(-50.0 * (0.03 - 0.45 * room))
     early = terms(after, config=config, thick_m=0.02, progress=0.25 * CONFIG.until)["aside"]
     assert early == pytest.approx(-50.0 * 0.25 * (0.03 - 0.45 * 0.03))
+
+
+@pytest.mark.parametrize(("width", "empty"), [(0.0, True), (0.011, True), (0.013, False)])
+def test_a_hand_closed_on_nothing_at_the_handle_is_early_and_no_grip(width, empty):
+    shut = dataclasses.replace(state(smooth=1.0, closing=1.0), hand_width=np.full(1, width))
+    got = terms(shut, action=SHUT, thick_m=0.02, progress=CONFIG.until)
+    assert got["grip"] == pytest.approx(0.0 if empty else CONFIG.grip)
+    assert got["early"] == pytest.approx(CONFIG.early if empty else 0.0)
+    first = terms(shut, action=SHUT, thick_m=0.02, progress=0.0)
+    assert first["grip"] == pytest.approx(CONFIG.grip)
+    assert first["early"] == pytest.approx(0.0)
 
 
 def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
