@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from articulate.convert.meshfile import MAX_GROUPS, read_mesh
+from articulate.convert.meshfile import MAX_GROUPS, named_by, read_mesh
 from articulate.convert.repairs import Repairs
 from articulate.errors import AssetError
 
@@ -219,3 +219,18 @@ def test_corners_of_two_coordinates_are_refused_in_one_line(tmp_path: Path) -> N
     path.write_text("v 0 0\nv 1 0\nv 0 1\nv 1 1\nf 1 2 3\nf 2 4 3\n")
     with pytest.raises(AssetError, match=r"^mesh flat\.obj: "):
         read(path)
+
+
+def test_files_that_a_mesh_names_are_those_that_exist(tmp_path):
+    (tmp_path / "pic.png").write_bytes(b"1")
+    (tmp_path / "a.bin").write_bytes(b"2")
+    scene = tmp_path / "a.gltf"
+    scene.write_text('{"buffers": [{"uri": "a.bin"}, {"uri": "gone.bin"}, {"uri": "data:x"}]}')
+    assert named_by(scene) == [tmp_path / "a.bin"]
+    collada = tmp_path / "a.dae"
+    names = ("pic.png", "x\0y", "n" * 400, "pic.png")
+    collada.write_text("".join(f"<init_from> {name} </init_from>" for name in names))
+    assert named_by(collada) == [tmp_path / "pic.png"]
+    ply = tmp_path / "a.ply"
+    ply.write_text("pic.png")
+    assert named_by(ply) == []

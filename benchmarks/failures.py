@@ -1,0 +1,151 @@
+"""What happened in each failed episode of a policy: where the hand was when it went wrong.
+
+python benchmarks/failures.py runs/cabinet --seed 0 --episodes 200
+
+One line an episode. The moment is the first tick with more than 40 N, else that of the largest
+force; the handle's place in the hand is that of three ticks before: across the fingers, ahead of
+the tool and along the bar [mm].
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from articulate.judgement import REASONS
+from articulate.kinematics import tool_pose
+from articulate_envs.episodes import Episodes, Tick
+from articulate_envs.rewards import RewardConfig
+from articulate_envs.threads import ThreadEngine
+from articulate_train.policy import load_policy
+from articulate_train.run import open_run
+
+BEFORE = 3
+"""The handle's place is told so many ticks before the moment."""
+FORCE_N = 40.0
+"""The moment is the first with a larger force [N]."""
+DRAWN = ("hand_latency_s", "stiffness", "damping", "delay_ticks", "friction", "joint_friction")
+"""Drawn parameters that are told."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failed episode."""
+
+    episode: int
+    reason: str
+    tick: int
+    """Of the moment."""
+    force_n: float
+    """Largest filtered force of the episode [N]."""
+    across_mm: float
+    ahead_mm: float
+    along_mm: float
+    width_mm: float
+    """Between the fingers, at the moment [mm]."""
+    told_to_close: bool
+    """Whether the hand had acted on a command to close."""
+    opened: float
+    """Fraction open at the moment."""
+    opened_end: float
+    """Fraction open at the end."""
+    drawn: dict[str, float]
+
+
+def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[Failure], int]:
+    """The failed ones of ``episodes`` drawn episodes from home, and how many ticks each has.
+
+    Args:
+        folder: Run.
+        seed: Which of its policies, by its last checkpoint.
+        episodes: So many.
+        draws: Seed of what is drawn.
+    """
+    run = open_run(folder)
+    scene, policy = run.scene(), load_policy(run.seed_folder(seed))
+    engine = ThreadEngine(scene, episodes, threads=2)
+    runs = Episodes(engine, draws=run.config.draw, reward=RewardConfig(), starts=None, seed=draws)
+    seen, drawn = runs.reset(), runs.drawn
+    place, closing, opened, width, force = [], [], [], [], []
+    tick: Tick | None = None
+    for _ in range(scene.ticks):
+        tick = runs.step(policy.act(seen))
+        seen = tick.observation
+        if tick.ended is None:
+            state = engine.state()
+            T_wt = tool_pose(scene.arm, state.q)
+            offset_w = state.T_wh[:, :3, 3] - T_wt[:, :3, 3]
+            place.append(np.einsum("nij,ni->nj", T_wt[:, :3, :3], offset_w))
+            closing.append(state.hand.closing > 0.0)
+            opened.append(state.opened.copy())
+            width.append(state.hand_width.copy())
+            force.append(np.linalg.norm(state.samples[:, :3], axis=1))
+    engine.close()
+    assert tick is not None
+    assert tick.ended is not None
+    out = []
+    for i in np.flatnonzero(tick.ended.code != 0).tolist():
+        forces = np.array([f[i] for f in force])
+        over = np.flatnonzero(forces > FORCE_N)
+        t = int(over[0]) if len(over) else int(forces.argmax())
+        along, across, ahead = 1e3 * place[max(t - BEFORE, 0)][i]
+        out.append(
+            Failure(
+                episode=i,
+                reason=REASONS[int(tick.ended.code[i])],
+                tick=t,
+                force_n=round(float(forces.max()), 1),
+                across_mm=round(float(across), 1),
+                ahead_mm=round(float(ahead), 1),
+                along_mm=round(float(along), 1),
+                width_mm=round(1e3 * float(width[t][i]), 1),
+                told_to_close=bool(closing[t][i]),
+                opened=round(float(opened[t][i]), 3),
+                opened_end=round(float(opened[-1][i]), 3),
+                drawn={name: round(float(drawn[name][i]), 3) for name in DRAWN},
+            )
+        )
+    return out, scene.ticks
+
+
+def line(failure: Failure) -> str:
+    """A failure as people read it."""
+    f = failure
+    return (
+        f"{f.episode:4d} {f.reason:9s} tick {f.tick:3d}  {f.force_n:5.1f} N  handle "
+        f"{f.across_mm:+5.0f} across {f.ahead_mm:+5.0f} ahead {f.along_mm:+5.0f} along mm  "
+        f"fingers {f.width_mm:3.0f} mm {'closing' if f.told_to_close else 'open   '}  "
+        f"open {f.opened:.2f}, at the end {f.opened_end:.2f}  "
+        + " ".join(f"{name} {value:g}" for name, value in f.drawn.items())
+    )
+
+
+def main() -> int:
+    """Print the failed episodes."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--seed", type=int, default=0, help="policy of the run")
+    parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--draws", type=int, default=77, help="seed of what is drawn")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    flags = parser.parse_args()
+    torch.set_num_threads(1)
+    found, ticks = failures(flags.run, flags.seed, flags.episodes, flags.draws)
+    if flags.json:
+        rows = [asdict(f) for f in found]
+        print(json.dumps({"episodes": flags.episodes, "ticks": ticks, "failed": rows}, indent=1))
+        return 0
+    for failure in found:
+        print(line(failure))
+    print(f"{len(found)} of {flags.episodes} failed; an episode has {ticks} ticks")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""The failed episodes of a policy that learned nothing are all there, and told as they were."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+from tests.runs import make_run
+from tests.scenes import make_cabinet
+
+
+@pytest.fixture(scope="module")
+def failures():
+    path = Path(__file__).parents[2] / "benchmarks" / "failures.py"
+    spec = importlib.util.spec_from_file_location("failures", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["failures"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_episode_of_a_policy_that_learned_nothing_is_listed(failures, tmp_path):
+    run = make_run(tmp_path / "run", make_cabinet(tmp_path / "cabinet"), episode_s=1.0)
+    found, ticks = failures.failures(run, 0, 3, 5)
+    assert ticks == 20
+    assert [f.episode for f in found] == [0, 1, 2]
+    again, _ = failures.failures(run, 0, 3, 5)
+    assert again == found
+    for failure in found:
+        assert failure.reason != "success"
+        assert 0 <= failure.tick < ticks - 1
+        assert 0.0 <= failure.width_mm <= 82.0
+        assert failure.drawn["hand_latency_s"] >= 0.1
+        assert failures.line(failure).startswith(f"{failure.episode:4d} {failure.reason}")
