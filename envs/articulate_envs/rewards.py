@@ -46,9 +46,7 @@ class RewardConfig:
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.75
-    """For a hand that is told to close, or is closed, away from the handle. A hand that has closed
-    on nothing counts as away wherever it is, and does not grip, as training goes on: it has to
-    open again, and near the handle nothing else would tell it so."""
+    """For a hand that is told to close, or is closed, away from the handle."""
     aside: float = -60.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
@@ -111,10 +109,6 @@ FINGER_M = 0.022
 """Width of a finger along the handle that it holds [m]: 21 mm in franka's finger.stl, and one."""
 MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
-
-
-EMPTY_SHARE = 0.6
-"""Fingers nearer to each other than this share of a handle's thickness hold nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,9 +217,6 @@ def reward_terms(
         + 0.5 * (after.hand.closing > 0.0)
     )
     away = 1.0 - np.exp(-((distance / (2.2 * config.grip_m)) ** 2))
-    empty = (after.hand.closing > 0.0) & (after.hand_width < EMPTY_SHARE * grasp.thick_m)
-    close = np.where(empty, (1.0 - progress) * close, close)
-    away = np.where(empty, np.maximum(progress, away), away)
     length = 1.0 if task.kind == "slide" else 0.2
     part_speed = np.abs(after.speed) * length
     force = np.linalg.norm(after.samples[:, 0:3], axis=1)

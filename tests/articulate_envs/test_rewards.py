@@ -161,17 +161,6 @@ def test_the_way_is_the_narrower_the_less_the_hand_is_open():
     assert early == pytest.approx(-50.0 * 0.25 * (0.03 - 0.45 * 0.03))
 
 
-@pytest.mark.parametrize(("width", "empty"), [(0.0, True), (0.011, True), (0.013, False)])
-def test_a_hand_closed_on_nothing_at_the_handle_is_early_and_no_grip(width, empty):
-    shut = dataclasses.replace(state(smooth=1.0, closing=1.0), hand_width=np.full(1, width))
-    got = terms(shut, action=SHUT, thick_m=0.02, progress=CONFIG.until)
-    assert got["grip"] == pytest.approx(0.0 if empty else CONFIG.grip)
-    assert got["early"] == pytest.approx(CONFIG.early if empty else 0.0)
-    first = terms(shut, action=SHUT, thick_m=0.02, progress=0.0)
-    assert first["grip"] == pytest.approx(CONFIG.grip)
-    assert first["early"] == pytest.approx(0.0)
-
-
 def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
     beside = state(offset=[0.03, 0, 0], smooth=1.0, closing=1.0)
     assert terms(beside, action=SHUT)["early"] < -0.3
