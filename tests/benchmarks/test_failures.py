@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.assets import make_cabinet
 from tests.runs import make_run
-from tests.scenes import make_cabinet
 
 
 @pytest.fixture(scope="module")
