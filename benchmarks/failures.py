@@ -2,9 +2,9 @@
 
 python benchmarks/failures.py runs/cabinet --seed 0 --episodes 200
 
-One line an episode. The moment is the first tick with more than 40 N, else that of the largest
-force; the handle's place in the hand is that of three ticks before: across the fingers, ahead of
-the tool and along the bar [mm].
+One line an episode. The moment is the first tick beyond the task's limit of force, else that of
+the largest force; the handle's place in the hand is that of three ticks before: across the
+fingers, ahead of the tool and along the bar [mm].
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ from articulate_train.run import open_run
 
 BEFORE = 3
 """The handle's place is told so many ticks before the moment."""
-FORCE_N = 40.0
-"""The moment is the first with a larger force [N]."""
 DRAWN = ("hand_latency_s", "stiffness", "damping", "delay_ticks", "friction", "joint_friction")
 """Drawn parameters that are told."""
 
@@ -92,7 +90,7 @@ def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[F
     out = []
     for i in np.flatnonzero(tick.ended.code != 0).tolist():
         forces = np.array([f[i] for f in force])
-        over = np.flatnonzero(forces > FORCE_N)
+        over = np.flatnonzero(forces > scene.task.limits.force_n)
         t = int(over[0]) if len(over) else int(forces.argmax())
         along, across, ahead = 1e3 * place[max(t - BEFORE, 0)][i]
         out.append(
