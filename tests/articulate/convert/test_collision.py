@@ -12,6 +12,7 @@ from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
 from articulate.convert.fit import fitted, hull, thick
 from articulate.convert.mesh import PartGeometry, Piece
+from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
 
 NO_DECOMPOSITION = ConvertConfig(decompose=False)
@@ -129,8 +130,8 @@ def test_good_collision_geometry_of_the_source_is_kept() -> None:
 
 def test_neighbours_in_one_plane_are_joined() -> None:
     halves = [box((0.2, 0.01, 0.3), (x, 0, 0)) for x in (-0.1, 0.1)]
-    shapes = [s for h in halves if (s := fitted(h.vertices, h, 0.003, "p")) is not None]
-    assert len(merged(shapes, trimesh.util.concatenate(halves), 0.003)) == 1
+    shapes = [s for h in halves if (s := fitted(h.vertices, Surface(h), 0.003, "p")) is not None]
+    assert len(merged(shapes, Surface(trimesh.util.concatenate(halves)), 0.003)) == 1
 
 
 def test_a_hull_of_flat_points_has_thickness() -> None:
