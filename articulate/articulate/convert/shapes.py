@@ -182,13 +182,12 @@ def on_boxes(half: Array, quasi: Array) -> tuple[Array, Array]:
     edges = np.cumsum(area, axis=1) / area.sum(axis=1, keepdims=True)
     axis = (quasi[None, :, 0, None] > edges[:, None, :2]).sum(axis=-1)
     sign = np.where(np.arange(len(quasi)) % 2 == 0, 1.0, -1.0)
-    local = np.empty((len(half), len(quasi), 3))
-    normals = np.zeros_like(local)
-    b, k = np.meshgrid(np.arange(len(half)), np.arange(len(quasi)), indexing="ij")
-    local[b, k, (axis + 1) % 3] = 2.0 * quasi[:, 1] - 1.0
-    local[b, k, (axis + 2) % 3] = 2.0 * quasi[:, 2] - 1.0
-    local[b, k, axis] = sign
-    normals[b, k, axis] = sign
+    local, normals = np.empty((2, *axis.shape, 3))
+    for k in range(3):
+        own, next_ = axis == k, axis == (k + 2) % 3
+        across = np.where(next_, 2.0 * quasi[:, 1] - 1.0, 2.0 * quasi[:, 2] - 1.0)
+        local[..., k] = np.where(own, sign, across)
+        normals[..., k] = np.where(own, sign, 0.0)
     return local * half[:, None], normals
 
 
