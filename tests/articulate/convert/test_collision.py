@@ -7,10 +7,11 @@ import pytest
 import trimesh
 from tests.articulate.convert.cabinets import bar, box, tray
 
-from articulate.convert.collision import collision_shapes, is_handle, merged, piece_shapes
+from articulate.convert.collision import collision_shapes, is_handle, piece_shapes
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
 from articulate.convert.fit import fitted, hull, thick
+from articulate.convert.joining import merged
 from articulate.convert.mesh import PartGeometry, Piece
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
