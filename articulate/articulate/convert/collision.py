@@ -81,7 +81,7 @@ def collision_shapes(
     whole = Surface(joined([p.mesh for p in seen]))
     tol = tolerance(whole.mesh) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
-    plain = without_hidden(merged(plain, whole, tol, across=True))
+    plain = without_hidden(merged(plain, whole, tol))
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     budget = round(fineness(part, config) * config.max_geoms) - len(handles)
     plain = without_spare(plain, whole.mesh, budget)

@@ -29,20 +29,11 @@ def surface_tolerance(mesh: trimesh.Trimesh) -> float:
     return max(0.003, 0.01 * float(mesh.scale))
 
 
-def merged(
-    shapes: list[Shape], surface: Surface, tol: float, *, across: bool = False
-) -> list[Shape]:
-    """Fewer shapes: neighbours are joined as long as the result stays near ``surface``.
-
-    Args:
-        shapes: Convex shapes.
-        surface: What they stand for together.
-        tol: How far a joint shape may stray from it [m].
-        across: Only of different pieces: those of one piece were joined before.
-    """
+def merged(shapes: list[Shape], surface: Surface, tol: float) -> list[Shape]:
+    """Fewer shapes: neighbours are joined as long as the result stays near ``surface``."""
     if not 2 <= len(shapes) <= MAX_JOINED:
         return list(shapes)
-    pairs = _Pairs(shapes, surface, tol, across=across)
+    pairs = _Pairs(shapes, surface, tol)
     while pairs.refused < MAX_REFUSED and pairs.join_one():
         pass
     return pairs.shapes
@@ -51,8 +42,7 @@ def merged(
 class _Pairs:
     """Shapes of which neighbours are to be joined, with what is known of each pair of them."""
 
-    def __init__(self, shapes: list[Shape], surface: Surface, tol: float, *, across: bool) -> None:
-        self._across = across
+    def __init__(self, shapes: list[Shape], surface: Surface, tol: float) -> None:
         self.surface = surface
         self.tol = tol
         self.refused = 0
@@ -73,8 +63,7 @@ class _Pairs:
         self._open = np.pad(self._open, (0, 1))
         self._hopeful = np.pad(self._hopeful, (0, 1))
         gap = np.maximum(self._low - self._high[-1], self._low[-1] - self._high)
-        other = np.array([not self._across or s.piece != shape.piece for s in self.shapes])
-        self._open[:count, count] = (gap[:count] <= 2.0 * self.tol).all(axis=1) & other[:count]
+        self._open[:count, count] = (gap[:count] <= 2.0 * self.tol).all(axis=1)
 
     def _ask(self, i: Ints, j: Ints) -> None:
         """Find out of which pairs the common upright box comes near the surface anywhere."""
