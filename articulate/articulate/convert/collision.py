@@ -365,9 +365,11 @@ def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
         return None
     points, _ = sample_surface(seen, 400)
     outside = np.min([shape.outside(points) for shape in shapes], axis=0)
-    names = " ".join(dict.fromkeys(p.name for p in visuals))
+    told = any(is_handle(s.piece) for s in shapes)  # elements that say themselves what they are
+    names = " ".join(dict.fromkeys(p.name for p in visuals if not (told and is_handle(p.name))))
     ok = float(np.mean(outside <= tol)) >= 0.95
-    return [replace(s, piece=names) for s in shapes] if ok else None
+    named = [s if is_handle(s.piece) else replace(s, piece=names) for s in shapes]
+    return named if ok else None
 
 
 def _from_primitive(piece: Piece) -> Shape:

@@ -1,6 +1,6 @@
 """Where objects come from: a protocol, and procedural objects that are ours to give."""
 
 from articulate.library.library import Library
-from articulate.library.procedural.cabinet import CabinetLibrary
+from articulate.library.procedural.library import ProceduralLibrary
 
-__all__ = ["CabinetLibrary", "Library"]
+__all__ = ["Library", "ProceduralLibrary"]

@@ -7,7 +7,7 @@ hollow stays hollow in every simulator.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET  # noqa: TID251 - it only writes here, reads nothing
@@ -15,6 +15,9 @@ from xml.etree import ElementTree as ET  # noqa: TID251 - it only writes here, r
 from articulate.asset import Vec3
 from articulate.files import write_text
 from articulate.library.procedural.boxes import Box, mass_properties, number, obj_text
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue, opacity, each in [0, 1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +30,10 @@ class Shape:
     """Boxes in the frame of the link."""
     material: str
     """Name of the colour, a key of the ``colours`` given to ``write_urdf``."""
+
+    def seen_from(self, origin: Vec3) -> Shape:
+        """The same shape in a parallel frame whose origin is at ``origin`` [m]."""
+        return replace(self, boxes=tuple(box.seen_from(origin) for box in self.boxes))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +73,15 @@ class Part:
     motion: Motion | None = None
     """None for the root."""
 
+    @classmethod
+    def moving(cls, name: str, motion: Motion, shapes_p: tuple[Shape, ...]) -> Part:
+        """A link from shapes in the frame of its parent, closed."""
+        return cls(
+            name=name,
+            shapes=tuple(shape.seen_from(motion.origin_p) for shape in shapes_p),
+            motion=motion,
+        )
+
     @property
     def boxes(self) -> tuple[Box, ...]:
         """Boxes of all shapes, in the frame of the link."""
@@ -73,7 +89,7 @@ class Part:
 
 
 def write_urdf(
-    name: str, parts: Sequence[Part], colours: Mapping[str, Sequence[float]], folder: Path
+    name: str, parts: Sequence[Part], colours: Mapping[str, Colour], folder: Path
 ) -> Path:
     """Write ``<name>.urdf`` and ``meshes/*.obj`` into ``folder``; return the path of the URDF.
 
@@ -91,7 +107,7 @@ def write_urdf(
     return path
 
 
-def urdf_text(name: str, parts: Sequence[Part], colours: Mapping[str, Sequence[float]]) -> str:
+def urdf_text(name: str, parts: Sequence[Part], colours: Mapping[str, Colour]) -> str:
     """The URDF alone, elements and attributes in a fixed order."""
     robot = ET.Element("robot", name=name)
     for material, rgba in colours.items():
