@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from articulate.library.procedural.build import Piece, around, hinge, linked, shape, shrunk, tray
 from articulate.library.procedural.dimensions import Dimensions, between, one_of
-from articulate.library.procedural.panels import panels, tray
-from articulate.library.procedural.urdf import Colour, Motion, Part
+from articulate.library.procedural.urdf import Part
 
 GAP_M = 0.002
 """Gap between box and lid [m]."""
@@ -25,11 +25,6 @@ class BoxWithLid(Dimensions):
     """
 
     category: ClassVar[str] = "Box"
-    colours: ClassVar[dict[str, Colour]] = {
-        "wood": (0.72, 0.55, 0.36, 1.0),
-        "lid": (0.62, 0.44, 0.27, 1.0),
-        "handle": (0.25, 0.26, 0.28, 1.0),
-    }
 
     width_m: float = between(0.30, 0.50)
     """Width along y without lips [m]."""
@@ -47,48 +42,34 @@ class BoxWithLid(Dimensions):
     """How far the lips stand out [m]."""
     lip_length_m: float = between(0.10, 0.14)
     """Length of the lips along x [m]."""
+    wood: str = one_of("oak", "birch", "walnut")
+    """Material of the boards."""
 
     def parts(self) -> list[Part]:
         """The box, and its lid."""
         x, y = (-self.depth_m / 2, self.depth_m / 2), (-self.width_m / 2, self.width_m / 2)
         rim = self.rim_m if self.lid == "deep" else 0.0
         split = self.height_m - self.board_m - rim
-        body = tray("walls", "wood", (x, y, (0.0, split - GAP_M)), self.board_m, 600.0)
-        top = (split + rim, self.height_m)
-        boards = {"top": (x, y, top)}
+        lid: dict[str, Piece] = {"top": (x, y, (split + rim, self.height_m))}
         if rim:
-            inner = (y[0] + self.board_m, y[1] - self.board_m)
-            z = (split, split + rim)
-            boards |= {
+            inner, z = shrunk(y, self.board_m), (split, split + rim)
+            lid |= {
                 "front": ((x[0], x[0] + self.board_m), inner, z),
                 "rear": ((x[1] - self.board_m, x[1]), inner, z),
                 "left": (x, (inner[1], y[1]), z),
                 "right": (x, (y[0], inner[0]), z),
             }
-        middle = x[1] - LIP_SHARE * self.depth_m
-        lip_x = (middle - self.lip_length_m / 2, middle + self.lip_length_m / 2)
-        lip_z = (split, split + max(self.board_m, 0.012)) if rim else top
-        lip = {
+        lip_x = around(x[1] - LIP_SHARE * self.depth_m, self.lip_length_m)
+        lip_z = (split, split + 0.012) if rim else (split, self.height_m)
+        lips: dict[str, Piece] = {
             "left": (lip_x, (y[1], y[1] + self.lip_m), lip_z),
             "right": (lip_x, (y[0] - self.lip_m, y[0]), lip_z),
         }
-        motion = Motion(
-            name="lid_hinge",
-            kind="revolute",
-            parent="box",
-            origin_p=(x[1], 0.0, split),
-            axis=(0.0, 1.0, 0.0),
-            upper=OPEN_RAD,
-            damping=0.1,
-            friction=0.1,
-            effort=30.0,
-            velocity=3.0,
-        )
+        walls = tray((x, y, (0.0, split - GAP_M)), self.board_m)
+        motion = hinge("box", "lid", (x[1], 0.0, split), (0.0, 1.0, 0.0), OPEN_RAD, stiff=0.1)
         shapes = (
-            panels("lid", "lid", boards, 600.0),
-            panels("lid_handle", "handle", lip, 1200.0),
+            shape("lid_board", self.wood, lid),
+            shape("lid_handle", "dark_steel", lips, 1200.0),
         )
-        return [
-            Part(name="box", shapes=(body,)),
-            Part.moving("lid", motion, shapes),
-        ]
+        box = Part(name="box", shapes=(shape("box_walls", self.wood, walls),))
+        return linked([box, Part(name="lid", shapes=shapes, motion=motion)])

@@ -16,7 +16,7 @@ import numpy as np
 
 from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
-from articulate.library.procedural.cabinet_parts import COLOURS, CabinetSize, cabinet_parts
+from articulate.library.procedural.cabinet_parts import MATERIALS, CabinetSize, cabinet_parts
 from articulate.library.procedural.urdf import write_urdf
 
 Arrangement = Literal["drawers_above", "doors_above", "beside"]
@@ -131,7 +131,7 @@ def write_cabinet(config: CabinetConfig, folder: Path) -> Path:
 
     The same configuration gives the same bytes.
     """
-    path = write_urdf("cabinet", cabinet_parts(config.size()), COLOURS, folder)
+    path = write_urdf("cabinet", cabinet_parts(config.size()), folder, MATERIALS)
     origin = {"source": f"procedural cabinet, seed {config.seed}", "licence": "MIT"}
     write_json(folder / "source.json", {**origin, "category": "StorageFurniture"})
     return path

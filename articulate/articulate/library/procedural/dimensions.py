@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from articulate.errors import ConfigError, nearest
-from articulate.library.procedural.urdf import Colour, Part
+from articulate.library.procedural.urdf import Part
 
 DIGITS = 3
 """What is drawn is rounded to so many digits: millimetres."""
@@ -42,8 +41,6 @@ class Dimensions(ABC):
 
     category: ClassVar[str]
     """PartNet-Mobility's name of the category."""
-    colours: ClassVar[Mapping[str, Colour]]
-    """Red, green, blue and opacity of each material."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
