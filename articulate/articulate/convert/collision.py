@@ -61,6 +61,7 @@ def collision_shapes(
     if not seen:
         return ()
     shapes: list[Shape] = []
+    only_given = True
     for link in dict.fromkeys(p.link for p in (*geometry.visuals, *geometry.collisions)):
         visuals = [p for p in geometry.visuals if p.link == link]
         given = [p for p in geometry.collisions if p.link == link]
@@ -71,6 +72,7 @@ def collision_shapes(
                 shapes += from_given
                 continue
             repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
+        only_given = False
         for piece in by_element(chosen):
             shapes += piece_shapes(piece, part, config, repairs)
     if not shapes:  # everything is small
@@ -78,7 +80,9 @@ def collision_shapes(
         return () if one is None else (one,)
     tol = tolerance(joined([p.mesh for p in seen])) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
-    plain = without_hidden(merged(plain, joined([p.mesh for p in seen]), tol))
+    if not (only_given and fineness(part, config) > 1.0):  # joined, the file's own would seal
+        plain = merged(plain, joined([p.mesh for p in seen]), tol)
+    plain = without_hidden(plain)
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     budget = round(fineness(part, config) * config.max_geoms) - len(handles)
     plain = without_spare(plain, joined([p.mesh for p in seen]), budget)

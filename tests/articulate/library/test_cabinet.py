@@ -12,7 +12,6 @@ import trimesh
 import yourdfpy
 
 from articulate.errors import ConfigError
-from articulate.library.procedural.boxes import mass_properties
 from articulate.library.procedural.cabinet import (
     EMBEDDED,
     CabinetConfig,
@@ -21,6 +20,7 @@ from articulate.library.procedural.cabinet import (
     write_cabinet,
 )
 from articulate.library.procedural.cabinet_parts import GAP_M, cabinet_parts
+from articulate.library.procedural.meshes import mass_properties
 
 SEEDS = range(12)
 
@@ -38,7 +38,7 @@ def _boxes_o(size):
     """(part, box) of every box in the object frame, closed."""
     for part in cabinet_parts(size):
         x, y, z = (0.0, 0.0, 0.0) if part.motion is None else part.motion.origin_p
-        for box in part.boxes:
+        for box in part.solids:
             yield part.name, box.seen_from((-x, -y, -z))
 
 
@@ -94,7 +94,7 @@ def test_mujoco_and_yourdfpy_read_the_mass_and_inertia_of_the_panels(embedded):
     model = mujoco.MjModel.from_xml_path(str(embedded))
     urdf = yourdfpy.URDF.load(str(embedded), load_meshes=True)
     for part in cabinet_parts(EMBEDDED):
-        what = mass_properties(part.boxes)
+        what = mass_properties(part.solids)
         inertial = urdf.link_map[part.name].inertial
         np.testing.assert_allclose(inertial.mass, what.mass_kg, rtol=1e-8)
         np.testing.assert_allclose(inertial.inertia, what.inertia_l, rtol=1e-6, atol=1e-8)

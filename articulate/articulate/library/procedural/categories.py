@@ -48,6 +48,8 @@ class Category:
     """PartNet-Mobility's name of the category."""
     parts: Callable[[int], list[Part]]
     """Links of the object of a seed, parents before children."""
+    dimensions: type[Dimensions] | None = None
+    """Its dimensions with their ranges; a cabinet has a configuration of its own."""
     palette: Mapping[str, Material] = field(default_factory=lambda: PALETTE)
     """Materials by name."""
 
@@ -56,6 +58,7 @@ def _of(dimensions: type[Dimensions]) -> Category:
     return Category(
         partnet=dimensions.category,
         parts=lambda seed: dimensions.sample(seed).parts(),
+        dimensions=dimensions,
     )
 
 

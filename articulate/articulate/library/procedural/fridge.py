@@ -47,7 +47,7 @@ class Fridge(Dimensions):
     """Where the freezer is."""
     freezer_share: float = between(0.28, 0.38)
     """Height of the freezer over that of the doors."""
-    hinges: str = one_of("right", "left")
+    hinges: str = one_of("left", "right")
     """Edge at which the doors turn, seen from the front."""
     handle_m: float = between(0.25, 0.45)
     """Length of the larger door's handle [m]."""

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.library.procedural.solids import Mesh, Solid
-from articulate.transforms import Array, Ints
+from articulate.library.procedural.solids import Box, Mesh, Solid
+from articulate.transforms import Array, Ints, normalised
+
+CREASE = 0.8
+"""Cosine of the angle up to which neighbouring triangles shade as one surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,22 +56,26 @@ def obj_text(solids: Sequence[Solid], material: str = "", tile_m: float = 1.0) -
 
     Args:
         solids: What is to be seen.
-        material: Name in ``materials.mtl`` beside the file; without it there is no texture.
+        material: Name in ``materials.mtl`` beside the file; boxes without one are corners and
+            triangles alone.
         tile_m: Length of the material's picture on the surface [m].
     """
     lines = [f"mtllib materials.mtl\nusemtl {material}"] if material else []
+    plain = not material and all(isinstance(solid, Box) for solid in solids)
     first, seen = 1, 1
     for solid in solids:
         corners, triangles = solid.mesh()
         lines.append(f"# {solid.name}")
-        lines += ["v " + " ".join(number(value) for value in corner) for corner in corners]
-        if not material:
+        lines += [_row("v", corner) for corner in corners]
+        if plain:
             lines += ["f " + " ".join(str(first + v) for v in t) for t in triangles]
         else:
             places = picture_places(corners, triangles) / tile_m
-            lines += [f"vt {number(u)} {number(v)}" for u, v in places.reshape(-1, 2)]
+            lines += [_row("vt", place) for place in places.reshape(-1, 2)]
+            lines += [_row("vn", v) for v in smooth_normals(corners, triangles).reshape(-1, 3)]
             for k, t in enumerate(triangles):
-                words = (f"{first + v}/{seen + 3 * k + i}" for i, v in enumerate(t))
+                at = (seen + 3 * k + i for i in range(3))
+                words = (f"{first + v}/{n}/{n}" for v, n in zip(t, at, strict=True))
                 lines.append("f " + " ".join(words))
             seen += 3 * len(triangles)
         first += len(corners)
@@ -92,12 +99,29 @@ def picture_places(corners: Array, triangles: Ints) -> Array:
     return out
 
 
+def smooth_normals(corners: Array, triangles: Ints) -> Array:
+    """Unit normals (F, 3, 3) of each triangle's corners: what is round shades as one surface."""
+    faces = corners[triangles]
+    area = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    flat = normalised(area)
+    out = np.empty_like(faces)
+    for v in range(len(corners)):
+        at, which = np.nonzero(triangles == v)
+        alike = flat[at] @ flat[at].T >= CREASE
+        out[at, which] = normalised(alike @ area[at])
+    return out
+
+
 def hull_text(mesh: Mesh) -> str:
     """A surface as a Wavefront OBJ, without anything else."""
     corners, triangles = mesh
-    lines = ["v " + " ".join(number(value) for value in corner) for corner in corners]
+    lines = [_row("v", corner) for corner in corners]
     lines += ["f " + " ".join(str(v + 1) for v in t) for t in triangles]
     return "\n".join(lines) + "\n"
+
+
+def _row(word: str, values: Array) -> str:
+    return f"{word} {' '.join(number(value) for value in values)}"
 
 
 def number(value: float) -> str:

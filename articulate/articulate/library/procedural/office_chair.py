@@ -117,12 +117,19 @@ class OfficeChair(Dimensions):
         board = (x, around(0.0, 0.9 * self.width_m), z)
         stem = (around(rear + 0.045, 0.02), around(0.0, 0.07), (foot, z[0] + 0.1))
         upper = (around(rear + 0.065, 0.02), around(0.0, 0.07), (z[0] - 0.02, z[0] + 0.15))
+        top, at = z[1] + 0.035, rear + 0.0275
+        bar: dict[str, Piece] = {
+            "bar": Rod(start=(at, -0.10, top), end=(at, 0.10, top), radius_m=0.009),
+            "post_a": Rod(start=(at, -0.088, z[1]), end=(at, -0.088, top), radius_m=0.008),
+            "post_b": Rod(start=(at, 0.088, z[1]), end=(at, 0.088, top), radius_m=0.008),
+        }
         axle = (self.depth_m / 2 + 0.035, 0.0, foot)
         return Part(
             name="back",
             shapes=(
                 shape("back_board", self.cover, {"board": board}, 120.0),
                 shape("back_stem", "black_plastic", {"stem": stem, "upper": upper}),
+                shape("back_handle", "chrome", bar, 1500.0),
             ),
-            motion=hinge("seat", "back", axle, (0.0, 1.0, 0.0), self.lean_rad, stiff=3.0),
+            motion=hinge("seat", "back", axle, (0.0, 1.0, 0.0), self.lean_rad, stiff=2.0),
         )

@@ -47,7 +47,7 @@ class Safe(Dimensions):
     """Radius of the wheel [m]."""
     spokes: int = whole(3, 5)
     """Spokes of the wheel."""
-    hinges: str = one_of("right", "left")
+    hinges: str = one_of("left", "right")
     """Edge at which the door turns, seen from the front."""
     finish: str = one_of("dark_steel", "green_plastic", "grey_plastic")
     """Material of walls and door."""

@@ -27,15 +27,10 @@ _TRIANGLES = (
 """Two counter-clockwise triangles a side of a box."""
 WEDGES = ((0.05, 12), (0.10, 16), (0.20, 24), (math.inf, 32))
 """Largest radius [m] and number of wedges of a ring: they stray by less than 2 mm."""
-_WEDGE = (
-    *((0, 1, 7), (0, 7, 6), (1, 2, 8), (1, 8, 7)),  # outside
-    *((4, 3, 9), (4, 9, 10), (5, 4, 10), (5, 10, 11)),  # inside
-    *((3, 4, 1), (3, 1, 0), (4, 5, 2), (4, 2, 1)),  # low end
-    *((6, 7, 10), (6, 10, 9), (7, 8, 11), (7, 11, 10)),  # high end
-    *((3, 0, 6), (3, 6, 9)),  # first cut
-    *((2, 5, 8), (5, 11, 8)),  # last cut, along the other diagonal: no triangle stands twice
-)
-"""Corners of a wedge: three each of the outer low, inner low, outer high, inner high circle."""
+_CUT = ((0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2))
+"""A flat outline from both sides, along either diagonal: no triangle stands twice."""
+INSET_M = 0.0003
+"""How far the cuts between wedges lie under the surface [m]: its shading is left alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,15 +222,23 @@ class Ring:
         return next((count for most, count in WEDGES if radius <= most), WEDGES[-1][1])
 
     def mesh(self) -> Mesh:
-        """Closed wedges, each with an edge in the middle, so that each is seen by itself."""
+        """Its surface, and both sides of the cuts between its wedges."""
         n = 2 * self.wedges
         rings = self._circles(n)
-        corners: list[Array] = []
-        faces: list[list[int]] = []
+        faces: list[tuple[int, ...]] = []
+        for k in range(n):
+            j = (k + 1) % n
+            for a, b in ((0, 2), (3, 1), (1, 0), (2, 3)):  # outside, inside, low end, high end
+                faces.append((a * n + k, a * n + j, b * n + j))
+                faces.append((a * n + k, b * n + j, b * n + k))
+        corners = [*rings]
         for k in range(0, n, 2):
-            base = len(corners) * 3
-            corners += [ring[[k, k + 1, (k + 2) % n]] for ring in rings]
-            faces += [[base + v for v in face] for face in _WEDGE]
+            cut = np.array([rings[i][k] for i in (0, 1, 3, 2)])
+            middle = cut.mean(axis=0)
+            away = np.abs(cut - middle).max()
+            first = sum(len(points) for points in corners)
+            corners.append(middle + (1.0 - INSET_M / away) * (cut - middle))
+            faces += [tuple(first + v for v in face) for face in _CUT]
         points, triangles = np.vstack(corners), np.array(faces)
         if volume(points, triangles) < 0.0:
             triangles = triangles[:, ::-1]

@@ -32,8 +32,8 @@ class Toilet(Dimensions):
     """Height of the tank above the bowl [m]."""
     tank_depth_m: float = between(0.16, 0.20)
     """Depth of the tank along x [m]."""
-    open_rad: float = between(1.60, 1.75)
-    """Widest opening of seat and cover [rad]."""
+    open_rad: float = between(1.48, 1.56)
+    """Widest opening of the cover; the seat stops a little earlier [rad]."""
     seat: str = one_of("white_plastic", "oak", "black_plastic")
     """Material of seat and cover."""
 
@@ -41,7 +41,7 @@ class Toilet(Dimensions):
         """The toilet, its seat, its cover, its lever."""
         r, h = self.width_m / 2, self.height_m
         reach = OVAL * r + 0.012  # of the hinge behind the middle of the bowl
-        tank_x = (reach + 0.06, reach + 0.06 + self.tank_depth_m)
+        tank_x = (reach + 0.07, reach + 0.07 + self.tank_depth_m)
         y = (-self.tank_width_m / 2, self.tank_width_m / 2)
         tank_z = (h - 0.02, h + self.tank_height_m)
         oval = (OVAL, 1.0)
@@ -62,7 +62,7 @@ class Toilet(Dimensions):
             f"hinge_{k}": (
                 (reach + 0.002, reach + 0.022),
                 (b - 0.02, b + 0.02),
-                (h - 0.02, h + 0.03),
+                (h - 0.02, h + 0.002),
             )
             for k, b in enumerate((-0.07, 0.07))
         }
@@ -81,7 +81,7 @@ class Toilet(Dimensions):
             body,
             self._leaf("seat", ring, low, (reach, low), 0.06),
             self._leaf("cover", disc, over, (reach, low), -0.06),
-            self._lever((tank_x[0], y[1] - 0.05, tank_z[1] - 0.06)),
+            self._lever((tank_x[0] + 0.05, y[1], tank_z[1] - 0.06)),
         ]
         return linked(parts)
 
@@ -94,15 +94,16 @@ class Toilet(Dimensions):
             shape(f"{name}_handle", self.seat, {"lip": lip}),
         )
         at = (pivot[0], 0.0, pivot[1])
-        motion = hinge("body", name, at, (0.0, 1.0, 0.0), self.open_rad, stiff=0.15)
+        wide = self.open_rad - (0.06 if name == "seat" else 0.0)
+        motion = hinge("body", name, at, (0.0, 1.0, 0.0), round(wide, 3), stiff=0.15)
         return Part(name=name, shapes=shapes, motion=motion)
 
     def _lever(self, at: tuple[float, float, float]) -> Part:
-        """A lever before the tank, from its axle to the middle, that is pressed down."""
+        """A lever beside the tank that points to the front and is pressed down."""
         x, y, z = at
         pieces: dict[str, Piece] = {
-            "axle": Rod(start=(x, y, z), end=(x - 0.035, y, z), radius_m=0.009),
-            "lever": Rod(start=(x - 0.028, y, z), end=(x - 0.028, y - 0.085, z), radius_m=0.006),
+            "axle": Rod(start=(x, y, z), end=(x, y + 0.035, z), radius_m=0.009),
+            "lever": Rod(start=(x, y + 0.028, z), end=(x - 0.09, y + 0.028, z), radius_m=0.006),
         }
-        motion = hinge("body", "lever", at, (1.0, 0.0, 0.0), 0.5, stiff=0.1)
+        motion = hinge("body", "lever", at, (0.0, -1.0, 0.0), 0.5, stiff=0.1)
         return Part(name="lever", shapes=(shape("lever_handle", "chrome", pieces),), motion=motion)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from articulate.library.procedural.build import Piece, around, hinge, linked, shape
 from articulate.library.procedural.dimensions import Dimensions, between, one_of
-from articulate.library.procedural.solids import Ring, cone
+from articulate.library.procedural.solids import Ring, Rod, cone
 from articulate.library.procedural.urdf import Part
 
 GAP_M = 0.003
@@ -57,7 +57,8 @@ class TrashCan(Dimensions):
                 shape("bin_bracket", "black_plastic", ears),
             ),
         )
-        disc = cone(2, (0.0, 0.0, rim + GAP_M), (0.0, top), (self.lid_m, 0.96 * top))
+        ends = [(0.0, 0.0, z) for z in (rim + GAP_M, self.height_m)]
+        disc = Rod(start=ends[0], end=ends[1], radius_m=top)
         arm = ((0.8 * top, rear), around(0.0, 0.05), (rim + GAP_M, rim + GAP_M + 0.01))
         lip = ((-top - 0.03, 0.03 - top), around(0.0, 0.09), (rim + GAP_M, rim + GAP_M + 0.011))
         lid = Part(
