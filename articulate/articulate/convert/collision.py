@@ -80,11 +80,11 @@ def collision_shapes(
         return () if one is None else (one,)
     tol = tolerance(joined([p.mesh for p in seen])) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
-    if not (only_given and fineness(part, config) > 1.0):  # joined, the file's own would seal
-        plain = merged(plain, joined([p.mesh for p in seen]), tol)
-    plain = without_hidden(plain)
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     budget = round(fineness(part, config) * config.max_geoms) - len(handles)
+    if not only_given or len(plain) > budget:  # what the file gives itself seals nothing
+        plain = merged(plain, joined([p.mesh for p in seen]), tol)
+    plain = without_hidden(plain)
     plain = without_spare(plain, joined([p.mesh for p in seen]), budget)
     return (*within_budget(plain, budget, part, repairs), *handles)
 

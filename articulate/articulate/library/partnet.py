@@ -105,10 +105,8 @@ class PartNetLibrary:
 
     def _at(self, object_id: str) -> Path:
         if object_id not in self._ids:
-            known = (
-                nearest(object_id, self._ids) if len(self._ids) <= 20 else _near(object_id, self)
-            )
-            raise AssetError(f"no object {object_id!r} in {self.folder}{known}")
+            near = _near(object_id, self._ids)
+            raise AssetError(f"no object {object_id!r} in {self.folder}{near}")
         return self.folder / object_id
 
 

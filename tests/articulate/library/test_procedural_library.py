@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -72,3 +73,15 @@ def test_an_unknown_id_is_answered_in_one_line_with_the_nearest(object_id, says,
         ProceduralLibrary().write(object_id, tmp_path / "x")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "x").exists()
+
+
+def test_the_table_of_the_documents_lists_every_category():
+    page = Path(__file__).resolve().parents[3] / "docs" / "library.md"
+    told = [
+        line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| `")
+    ]
+    known = []
+    for name, category in CATEGORIES.items():
+        joints = ", ".join(f"`{part.motion.name}`" for part in category.parts(0)[1:])
+        known.append(f"| `{name}` | {category.partnet} | {joints} |")
+    assert told == known
