@@ -33,10 +33,12 @@ from articulate.program.language import (
 
 MAX_RUN = 12
 """Most unary operators or openers in a row."""
+MAX_TOKENS = 9_000
+"""Most words and signs of a statement: a list of 2,000 items, with their commas and brackets."""
 COOKIE = re.compile(r"^[ \t\f]*#.*?coding[:=][ \t]*[-\w.]+")
 """What Python takes for the declaration of an encoding in the first two lines."""
 INVISIBLE = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff]"
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\U000e0000-\U000e007f]"
 )
 """Characters that show nothing or turn the direction of writing."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,49}|_")
@@ -133,45 +135,75 @@ def _check_text(source: str) -> None:
 
 
 def _check_tokens(source: str) -> None:
-    depth = run = 0
+    """Bound what the parser, which recurs, would have to nest."""
+    counts = _Counts()
     for token in _tokens(source):
         line, column = token.start[0], token.start[1] + 1
-        if token.type in {tokenize.STRING, tokenize.COMMENT}:
-            run = 0
-            continue
-        if not token.string.isascii():
+        if token.type not in {tokenize.STRING, tokenize.COMMENT} and not token.string.isascii():
             what = f"{token.string[:20]!r} is not ASCII; only texts and comments may be otherwise"
             raise _refuse(line, column, what)
-        opens = token.string in {"(", "[", "{"}
-        depth += opens - (token.string in {")", "]", "}"})
-        run = run + 1 if opens or token.string in {"-", "+", "~", "not", "lambda", "**"} else 0
-        if depth > MAX_DEPTH or run > MAX_RUN:
-            raise _refuse(line, column, "brackets or operators are nested too deeply; simplify")
+        if counts.too_deep(token):
+            raise _refuse(line, column, "nested too deeply or too long; break it into statements")
+
+
+class _Counts:
+    """What of a statement nests."""
+
+    def __init__(self) -> None:
+        self.depth = self.run = self.length = self.lambdas = self.elifs = 0
+
+    def too_deep(self, token: tokenize.TokenInfo) -> bool:
+        """Count a token; whether it is one too many."""
+        text = "" if token.type in {tokenize.STRING, tokenize.COMMENT} else token.string
+        opens = text in {"(", "[", "{"}
+        self.depth += opens - (text in {")", "]", "}"})
+        self.run = self.run + 1 if opens or text in {"-", "+", "~", "not"} else 0
+        self.length = 0 if token.type == tokenize.NEWLINE else self.length + 1
+        self.lambdas = 0 if token.type == tokenize.NEWLINE else self.lambdas + (text == "lambda")
+        self.elifs = 0 if text == "if" else self.elifs + (text == "elif")
+        return (
+            max(self.depth, self.elifs) > MAX_DEPTH
+            or max(self.run, self.lambdas) > MAX_RUN
+            or self.length > MAX_TOKENS
+        )
 
 
 def _tokens(source: str) -> Iterator[tokenize.TokenInfo]:
+    """Tokens up to the first that is none; what is left open at the end the parser tells better."""
     try:
         yield from tokenize.generate_tokens(io.StringIO(source).readline)
-    except (tokenize.TokenError, SyntaxError) as error:
-        if isinstance(error, SyntaxError):
-            line, column, text = error.lineno or 0, error.offset or 0, error.msg
-        else:
-            text, (line, column) = error.args
-        raise _refuse(line, column + 1, f"not Python: {text}", "syntax") from None
+    except tokenize.TokenError:
+        return
+    except SyntaxError as error:
+        line, column = error.lineno or 0, error.offset or 0
+        raise _refuse(line, max(column, 1), f"not Python: {error.msg}", "syntax") from None
 
 
 def _parsed(source: str) -> ast.Module:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return ast.parse(source)
+            tree = ast.parse(source)
     except SyntaxError as error:
-        what = f"not Python: {error.msg}"
-        raise _refuse(error.lineno or 0, error.offset or 0, what, "syntax") from None
+        what = f"not Python: {(error.msg or '').splitlines()[0][:200]}"
+        raise _refuse(error.lineno or 1, max(error.offset or 1, 1), what, "syntax") from None
     except (RecursionError, MemoryError):
         raise _refuse(0, 0, "the program is nested too deeply; simplify it", "syntax") from None
     except ValueError as error:
         raise _refuse(0, 0, f"not Python: {error}", "syntax") from None
+    if not source.isascii():
+        _count_letters(tree, source)
+    return tree
+
+
+def _count_letters(tree: ast.Module, source: str) -> None:
+    """Make columns count letters; the parser counts bytes."""
+    lines = [line.encode() for line in source.split("\n")]
+    for node in ast.walk(tree):
+        at = getattr(node, "lineno", 0)
+        if 0 < at <= len(lines):
+            before = lines[at - 1][: getattr(node, "col_offset", 0)]
+            node.col_offset = len(before.decode(errors="replace"))  # type: ignore[attr-defined]  # it has a line
 
 
 class _Checker:
@@ -256,7 +288,7 @@ class _Checker:
         if value is None or isinstance(value, bool):
             return
         if isinstance(value, (int, float)):
-            if not (math.isfinite(value) and abs(value) <= MAX_NUMBER):
+            if not abs(value) <= MAX_NUMBER:  # nor if it is no number
                 raise self._at(node, f"numbers are accepted up to {MAX_NUMBER:g}")
         elif isinstance(value, str):
             if len(value) > MAX_TEXT:
@@ -296,6 +328,8 @@ class _Checker:
             raise self._at(node, "items cannot be set; write a new list")
         if isinstance(node.slice, ast.Tuple):
             raise self._at(node, "one index at a time is accepted")
+        if isinstance(node.value, (ast.Constant, ast.JoinedStr)):
+            raise self._at(node, "a text or number has no items")
         self._children(node)
 
     def _items(self, node: ast.AST) -> None:

@@ -29,7 +29,8 @@ def inertial_of(pieces: Sequence[Piece], material: Material, T_lp: Array) -> Ine
         material: What it is made of.
         T_lp: Pose of the part in its link (4, 4).
     """
-    bodies = [_body(piece.mesh, material, T_lp) for piece in pieces]
+    with np.errstate(all="ignore"):  # a flat hull has no middle
+        bodies = [_body(piece.mesh, material, T_lp) for piece in pieces]
     mass = float(sum(body.mass_kg for body in bodies))
     if mass <= 0.0:
         return None
@@ -57,9 +58,8 @@ def _body(mesh: trimesh.Trimesh, material: Material, T_lp: Array) -> Inertial:
     solid = trimesh.Trimesh(hull.points, hull.faces, process=False)
     solid.fix_normals()
     walls = float(mesh.area) * material.wall_m
-    with np.errstate(all="ignore"):  # a flat hull has no middle
-        filled = abs(float(solid.volume))
-        whole = abs(float(mesh.volume)) if mesh.is_watertight else filled
+    filled = abs(float(solid.volume))
+    whole = abs(float(mesh.volume)) if mesh.is_watertight else filled
     volume = min(walls, whole) if whole > 0.0 else walls
     mass = material.density * volume
     if filled <= LEAST_SIDE_M * float(solid.area):  # flat: as its box

@@ -118,7 +118,7 @@ def told(value: Value) -> str:
 def bounded(value: Value) -> Value:
     """``value`` if it keeps the bounds of the language."""
     if type(value) in {int, float}:
-        if not (math.isfinite(value) and abs(value) <= MAX_NUMBER):
+        if not abs(value) <= MAX_NUMBER:  # nor if it is no number
             raise ValueRefused(f"the result is beyond {MAX_NUMBER:g} or no number")
     elif isinstance(value, Vector):
         for part in value.all:
