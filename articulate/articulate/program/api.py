@@ -7,16 +7,25 @@ again, whatever that process has looked at.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from articulate.asset import Quat, Vec3
 from articulate.errors import AssetError, nearest
+from articulate.program.arguments import (
+    least_zero,
+    limits,
+    named,
+    number,
+    told,
+    unit,
+    vector,
+)
 from articulate.program.built import Built, BuiltJoint, BuiltPart, JointKind, Placed
 from articulate.program.contact import Hull, bullet_depth, has_bullet, sweep
-from articulate.program.language import FUNCTIONS, MAX_NUMBER, MAX_TEXT, PLACEMENTS
+from articulate.program.language import FUNCTIONS, PLACEMENTS
 from articulate.program.materials import DEFAULT, MATERIALS
 from articulate.program.parts import Parts
 from articulate.program.placement import TABLE, centred, shift
@@ -129,18 +138,18 @@ class Builder:
     def place(self, part: Any, position: Any, rpy: Any) -> None:
         """Put the part's own frame."""
         name = self._free(part)
-        self.T_wp[name] = pose(_vector(position, "position"), rpy_to_matrix(_vector(rpy, "rpy")))
+        self.T_wp[name] = pose(vector(position, "position"), rpy_to_matrix(vector(rpy, "rpy")))
 
     def move(self, part: Any, by: Any) -> None:
         """Move by a vector."""
         name = self._free(part)
-        self.T_wp[name] = pose(_vector(by, "by")) @ self.T_wp[name]
+        self.T_wp[name] = pose(vector(by, "by")) @ self.T_wp[name]
 
     def rotate(self, part: Any, axis: Any, angle: Any, pivot: Any) -> None:
         """Turn about an axis through a point."""
         name = self._free(part)
-        turn = axis_angle_to_matrix(_unit(axis), _number(angle, "angle"))
-        at = np.mean(self.box(part), axis=0) if pivot is None else _vector(pivot, "pivot")
+        turn = axis_angle_to_matrix(unit(axis), number(angle, "angle"))
+        at = np.mean(self.box(part), axis=0) if pivot is None else vector(pivot, "pivot")
         self.T_wp[name] = pose(at) @ pose(np.zeros(3), turn) @ pose(-at) @ self.T_wp[name]
 
     def place_relative_to(
@@ -152,9 +161,9 @@ class Builder:
             raise ValueRefused("a part cannot be placed relative to itself")
         if placement not in PLACEMENTS:
             raise ValueRefused(
-                f"placement {_told(placement)} is not known; there are: {', '.join(PLACEMENTS)}"
+                f"placement {told(placement)} is not known; there are: {', '.join(PLACEMENTS)}"
             )
-        gap, side = _number(clearance, "clearance"), TABLE[str(placement)]
+        gap, side = number(clearance, "clearance"), TABLE[str(placement)]
         if not isinstance(snap, bool) or not isinstance(align, bool):
             raise ValueRefused("snap and align are True or False")
         before = self.T_wp[name]
@@ -248,9 +257,9 @@ class Builder:
 
     def frame(self, name: Any) -> str:
         """Add a link without geometry."""
-        label = _label(name)
+        label = named(name)
         if label in self.T_wp:
-            raise ValueRefused(f"{_told(name)} is taken; choose another name")
+            raise ValueRefused(f"{told(name)} is taken; choose another name")
         if len(self.frames) >= MOST_FRAMES:
             raise ValueRefused(f"at most {MOST_FRAMES} frames are accepted")
         self.frames.append(label)
@@ -268,7 +277,7 @@ class Builder:
         """Say what it is made of."""
         if not isinstance(material, str) or material not in MATERIALS:
             raise ValueRefused(
-                f"material {_told(material)} is not known; there are: {', '.join(MATERIALS)}"
+                f"material {told(material)} is not known; there are: {', '.join(MATERIALS)}"
             )
         self.materials[self._part(part)] = material
 
@@ -281,13 +290,13 @@ class Builder:
         damping: Any, friction: Any,
     ) -> str:  # fmt: skip
         """A hinge with limits [rad]."""
-        low, high = _limits(lower, upper)
+        low, high = limits(lower, upper)
         if low is not None and high is not None and max(-low, high) > 4.0 * math.pi:
             raise ValueRefused("limits of a hinge are in radians; write radians(90) for degrees")
         return self._join(
-            "revolute", child, parent, name, axis_w=_three(_unit(axis)),
-            pivot_w=_three(_vector(pivot, "pivot")), lower=low, upper=high,
-            damping=_least_zero(damping, "damping"), friction=_least_zero(friction, "friction"),
+            "revolute", child, parent, name, axis_w=_three(unit(axis)),
+            pivot_w=_three(vector(pivot, "pivot")), lower=low, upper=high,
+            damping=least_zero(damping, "damping"), friction=least_zero(friction, "friction"),
         )  # fmt: skip
 
     def continuous(
@@ -295,9 +304,9 @@ class Builder:
     ) -> str:
         """A hinge without limits."""
         return self._join(
-            "continuous", child, parent, name, axis_w=_three(_unit(axis)),
-            pivot_w=_three(_vector(pivot, "pivot")),
-            damping=_least_zero(damping, "damping"), friction=_least_zero(friction, "friction"),
+            "continuous", child, parent, name, axis_w=_three(unit(axis)),
+            pivot_w=_three(vector(pivot, "pivot")),
+            damping=least_zero(damping, "damping"), friction=least_zero(friction, "friction"),
         )  # fmt: skip
 
     def prismatic(
@@ -305,12 +314,12 @@ class Builder:
         damping: Any, friction: Any,
     ) -> str:  # fmt: skip
         """A slide with limits [m]."""
-        low, high = _limits(lower, upper)
+        low, high = limits(lower, upper)
         return self._join(
-            "prismatic", child, parent, name, axis_w=_three(_unit(axis)),
-            pivot_w=None if pivot is None else _three(_vector(pivot, "pivot")),
+            "prismatic", child, parent, name, axis_w=_three(unit(axis)),
+            pivot_w=None if pivot is None else _three(vector(pivot, "pivot")),
             lower=low, upper=high,
-            damping=_least_zero(damping, "damping"), friction=_least_zero(friction, "friction"),
+            damping=least_zero(damping, "damping"), friction=least_zero(friction, "friction"),
         )  # fmt: skip
 
     def mimic(self, follower: Any, leader: Any, multiplier: Any, offset: Any) -> None:
@@ -318,9 +327,7 @@ class Builder:
         by_name = {joint.name: child for child, joint in self.joints.items()}
         for joint in (follower, leader):
             if not isinstance(joint, str) or joint not in by_name:
-                raise ValueRefused(
-                    f"joint {_told(joint)} is not known{nearest(str(joint)[:60], by_name)}"
-                )
+                raise ValueRefused(f"joint {told(joint)} is not known{_near(joint, by_name)}")
         seen, at = {follower}, leader
         while at is not None:
             if at in seen:
@@ -331,7 +338,7 @@ class Builder:
         joints = [self.joints[by_name[joint]] for joint in (follower, leader)]
         if any(joint.kind == "fixed" for joint in joints):
             raise ValueRefused("a fixed joint neither follows nor leads")
-        numbers = _number(multiplier, "multiplier"), _number(offset, "offset")
+        numbers = number(multiplier, "multiplier"), number(offset, "offset")
         fields = {**vars(joints[0]), "mimic": (leader, *numbers)}
         self.joints[joints[0].child] = BuiltJoint(**fields)
 
@@ -347,9 +354,9 @@ class Builder:
                 raise ValueRefused(f"{above} hangs on {below}: the joints would form a circle")
             at = self.joints[at].parent if at in self.joints else None
         taken = {joint.name for joint in self.joints.values()}
-        label = f"{below}_joint" if name is None else _label(name)
+        label = f"{below}_joint" if name is None else named(name)
         if label in taken:
-            raise ValueRefused(f"a joint is called {_told(label)} already; choose another name")
+            raise ValueRefused(f"a joint is called {told(label)} already; choose another name")
         self.joints[below] = BuiltJoint(name=label, kind=kind, child=below, parent=above, **what)
         return label
 
@@ -399,8 +406,8 @@ class Builder:
 
     def _part(self, name: Any) -> str:
         if not isinstance(name, str) or name not in self.T_wp:
-            hint = nearest(str(name)[:60], list(self.T_wp)[:60])
-            raise ValueRefused(f"part {_told(name)} is not known{hint}")
+            hint = _near(name, list(self.T_wp)[:60])
+            raise ValueRefused(f"part {told(name)} is not known{hint}")
         return name
 
     def _free(self, name: Any) -> str:
@@ -418,52 +425,8 @@ class Builder:
         return self.parts[name].hull.moved(self.T_wp[name])
 
 
-def _told(value: Any) -> str:
-    return repr(value[:40] if isinstance(value, str) else value)[:60]
-
-
-def _label(value: Any) -> str:
-    if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT or not value.isprintable():
-        raise ValueRefused(f"a name has 1 to {MAX_TEXT} characters that can be seen")
-    return value
-
-
-def _number(value: Any, what: str) -> float:
-    if type(value) not in {int, float} or not abs(value) <= MAX_NUMBER:
-        raise ValueRefused(f"{what} is {_told(value)}; a number was expected")
-    return float(value)
-
-
-def _least_zero(value: Any, what: str) -> float | None:
-    if value is None:
-        return None
-    number = _number(value, what)
-    if number < 0.0:
-        raise ValueRefused(f"{what} is {number:g}; it must be 0 or more")
-    return number
-
-
-def _vector(value: Any, what: str) -> Array:
-    if not isinstance(value, list) or len(value) != 3:
-        raise ValueRefused(f"{what} is {_told(value)}; three numbers were expected")
-    return np.array([_number(part, what) for part in value])
-
-
-def _unit(value: Any) -> Array:
-    axis = _vector(value, "axis")
-    length = float(np.linalg.norm(axis))
-    if length < 1e-9:
-        raise ValueRefused("the axis is zero; give its direction")
-    return np.asarray(axis / length)
-
-
-def _limits(lower: Any, upper: Any) -> tuple[float | None, float | None]:
-    if lower is None and upper is None:
-        return None, None
-    low, high = _number(lower, "lower"), _number(upper, "upper")
-    if low > high:
-        raise ValueRefused(f"lower is {low:g} and upper {high:g}; swap them")
-    return low, high
+def _near(name: Any, known: Iterable[str]) -> str:
+    return nearest(name[:60], known) if isinstance(name, str) else ""
 
 
 def _three(value: Array) -> Vec3:

@@ -19,10 +19,11 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 
-from articulate.program.guard import Refused, check  # needs the path above
+from articulate.program.guard import check  # needs the path above
 from articulate.program.interpret import interpret
 from articulate.program.language import Violation
 from articulate.program.lockdown import lock_down
+from articulate.program.reading import Refused
 from articulate.program.values import ValueRefused
 
 READ_BYTES = 65_536

@@ -29,6 +29,10 @@ CHUNK = 64
 """Triangles that are looked at together."""
 BULLET_PAD_M = 0.001
 """Margin that PyBullet gives to shapes made of points [m]."""
+BULLET_MOST = 40_000
+"""Most triangles of an obstacle that are handed to PyBullet."""
+NEAR_M = 0.01
+"""Triangles farther than this from the box of a piece cannot touch it [m]."""
 BOX_TRIANGLES = np.array(
     [
         [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -183,8 +187,15 @@ def has_bullet() -> bool:
 def bullet_depth(hulls: Sequence[Hull], triangles: Array) -> float:
     """How deep PyBullet finds ``hulls`` within ``triangles`` (M, 3, 3) [m]; 0 if they only touch.
 
-    It pads each of both by ``BULLET_PAD_M``, which is taken off again.
+    It pads each of both by ``BULLET_PAD_M``, which is taken off again. Triangles far from the
+    hulls are left out, for it takes no more than ``BULLET_MOST``.
     """
+    reach = np.concatenate([hull.points for hull in hulls])
+    near = (triangles.min(axis=1) <= reach.max(axis=0) + NEAR_M).all(axis=1)
+    near &= (triangles.max(axis=1) >= reach.min(axis=0) - NEAR_M).all(axis=1)
+    triangles = triangles[near][:BULLET_MOST]
+    if not len(triangles):
+        return 0.0
     with _unheard():
         import pybullet  # announces itself below Python
 

@@ -10,7 +10,6 @@ import ast
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from articulate.program.guard import Refused
 from articulate.program.language import (
     CONSTANTS,
     FUNCTIONS,
@@ -20,6 +19,7 @@ from articulate.program.language import (
     Function,
     Violation,
 )
+from articulate.program.reading import Refused
 from articulate.program.values import (
     ARITHMETIC,
     COMPARISONS,

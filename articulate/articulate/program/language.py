@@ -33,11 +33,23 @@ MAX_POWER = 8.0
 """Largest size of an exponent."""
 
 Returns = Literal["nothing", "name", "names", "box", "points"]
-PLACEMENTS = (
-    "above", "above_inside", "below", "below_inside", "left", "left_inside", "right",
-    "right_inside", "front", "front_inside", "back", "back_inside", "inside",
-)  # fmt: skip
-"""Names of the placements; what they mean stands in ``placement.TABLE``."""
+PLACED: dict[str, str] = {
+    "above": "it stands on the parent, like a lamp on a cupboard",
+    "above_inside": "it hangs under the parent's roof, like the topmost shelf",
+    "below": "it is under the parent, like a foot",
+    "below_inside": "it stands on the parent's floor, like the lowest drawer",
+    "left": "it leans at the left side (-y), like a side table at a bed",
+    "left_inside": "it leans at the left wall from within",
+    "right": "it leans at the right side (+y)",
+    "right_inside": "it leans at the right wall from within",
+    "front": "it sits before the parent (+x), like a door, or a handle on it",
+    "front_inside": "it is flush with the parent's front, like the front of a closed drawer",
+    "back": "it is behind the parent (-x), like a back panel",
+    "back_inside": "it stands at the back wall from within",
+    "inside": "it stays; with `align=True` its middle goes to the parent's",
+}
+"""Where the child ends, in words, by placement; the numbers stand in ``placement.TABLE``."""
+PLACEMENTS = tuple(PLACED)
 
 
 @dataclass(frozen=True)

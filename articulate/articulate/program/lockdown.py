@@ -68,24 +68,24 @@ def lock_down(*, memory_bytes: int, cpu_s: int, layers: Iterable[str] = LAYERS) 
     """
     wanted = set(layers)
     active = []
-    if sys.platform == "linux":
+    if "user" in wanted and os.geteuid() == 0 and _become_nobody():
+        active.append("user")
+    if sys.platform == "linux":  # after the change of user, which forgets both
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         _prctl(_PR_SET_DUMPABLE, 0)
-    if "user" in wanted and os.geteuid() == 0:
-        _become_nobody()
-        active.append("user")
     if "landlock" in wanted and _landlock():
         active.append("landlock")
-    if "limits" in wanted:
-        _limit(memory_bytes, cpu_s)
+    if "limits" in wanted and _limit(memory_bytes, cpu_s):
         active.append("limits")
     if "seccomp" in wanted and _seccomp():
         active.append("seccomp")
     return [layer for layer in LAYERS if layer in active]
 
 
-def _limit(memory_bytes: int, cpu_s: int) -> None:
-    for kind, soft in (
+def _limit(memory_bytes: int, cpu_s: int) -> bool:
+    """Bound what the process may take; whether the system took every bound."""
+    taken = True
+    for kind, most in (
         (resource.RLIMIT_AS, memory_bytes),
         (resource.RLIMIT_CPU, cpu_s),
         (resource.RLIMIT_FSIZE, 0),
@@ -93,15 +93,22 @@ def _limit(memory_bytes: int, cpu_s: int) -> None:
         (resource.RLIMIT_NPROC, 0),
         (resource.RLIMIT_CORE, 0),
     ):
-        resource.setrlimit(kind, (soft, soft))
+        try:
+            resource.setrlimit(kind, (most, most))
+        except (ValueError, OSError):
+            taken = False
+    return taken
 
 
-def _become_nobody() -> None:
-    os.setgroups([])
-    os.setresgid(NOBODY, NOBODY, NOBODY)
-    os.setresuid(NOBODY, NOBODY, NOBODY)
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # a change of user forgets it
-    _prctl(_PR_SET_DUMPABLE, 0)
+def _become_nobody() -> bool:
+    """Give up the rights of root; a container may have none to give up."""
+    try:
+        os.setgroups([])
+        os.setresgid(NOBODY, NOBODY, NOBODY)
+        os.setresuid(NOBODY, NOBODY, NOBODY)
+    except OSError:
+        return False
+    return True
 
 
 def _prctl(option: int, *arguments: int) -> int:

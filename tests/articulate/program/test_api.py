@@ -213,9 +213,15 @@ def test_joints_do_not_follow_in_circles(builder):
     assert builder.joints["door"].mimic == ("handle", -2.0, 0.5)
 
 
+DEEP: list[object] = []
+for _ in range(5000):
+    DEEP = [DEEP]
+
+
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [
+        ("box", {"part": DEEP}), ("move", {"part": "door", "by": DEEP}), ("frame", {"name": DEEP}),
         ("__init__", {}), ("built", {"layers": []}), ("_join", {}), (None, {}), (["box"], {}),
         ("box", None), ("box", {}), ("box", {"part": "door", "self": 1}), ("box", [1]),
         ("move", {"part": "door", "by": {"x": 1}}), ("box", {"part": {"a": [1]}}),

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from articulate.program.guard import Refused, check
+from articulate.program.guard import check
 from articulate.program.interpret import interpret
+from articulate.program.reading import Refused
 from articulate.program.values import ValueRefused
 
 

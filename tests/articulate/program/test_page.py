@@ -10,6 +10,7 @@ from tests.articulate.program.hostile import attacks
 from articulate.program import api, interpret, language
 from articulate.program.guard import check
 from articulate.program.materials import DEFAULT, MATERIALS
+from articulate.program.reference import reference
 from articulate.program.sandbox import Limits
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -33,7 +34,7 @@ def test_the_table_of_functions_is_that_of_the_language():
 
 
 def test_the_table_of_placements_is_that_of_the_language():
-    assert tuple(row[0].strip("`") for row in rows("placement")) == language.PLACEMENTS
+    assert {name.strip("`"): words for name, words in rows("placement")} == language.PLACED
 
 
 def test_every_helper_and_attribute_is_named():
@@ -78,6 +79,15 @@ def test_the_programs_of_the_page_run(number):
     assert len(PROGRAMS) == 3
     built = scenes.built(PROGRAMS[number], parts)
     assert len(built.joints) == len(parts) - 1
+
+
+def test_the_reference_names_everything_and_every_line_is_short():
+    text = reference()
+    for name in (*language.FUNCTIONS, *language.HELPERS, *language.PLACEMENTS, *MATERIALS):
+        assert re.search(rf"\b{name}\b", text), name
+    for name, function in language.FUNCTIONS.items():
+        assert function.line(name) in text
+    assert len(text) < 6000
 
 
 def test_what_the_page_says_there_is_not_is_refused():
