@@ -22,6 +22,8 @@ MAX_LINE = 1_000_000
 """Longest line that is taken from a child [bytes]."""
 MAX_BYTES = 20_000_000
 """Most that is taken from a child in all [bytes]."""
+WAIT_S = 0.005
+"""Between two looks at whether a silent child has ended [s]."""
 ENDS = {
     signal.SIGXCPU: "it took more time of the processor than it may",
     signal.SIGKILL: "it took more time or memory than it may",
@@ -87,14 +89,15 @@ class Sandbox:
         self.close()
 
     def close(self) -> None:
-        """End the child and all that it may have started."""
-        if self.process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
+        """End the child and all of its group, and forget them."""
+        if self.process.returncode is None:
+            # Not yet waited for, so that the number of the group cannot be another's by now.
+            with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
         for stream in (self.process.stdin, self.process.stdout):
             if stream is not None:
                 stream.close()
-        self.process.wait()
 
     def send(self, content: dict[str, Any]) -> None:
         """Write one line to the child.
@@ -151,10 +154,15 @@ class Sandbox:
         return left
 
     def _end(self) -> str:
-        try:
-            code = self.process.wait(timeout=max(self._deadline - time.monotonic(), 0.1))
-        except subprocess.TimeoutExpired:
-            return f"it took more than {self.limits.seconds:g} s"
+        """How the child ended that says no more; whatever it has left of its group ends, too."""
+        options = os.WEXITED | os.WNOHANG | os.WNOWAIT
+        late = f"it took more than {self.limits.seconds:g} s"
+        while os.waitid(os.P_PID, self.process.pid, options) is None:
+            if time.monotonic() > self._deadline:
+                return late
+            time.sleep(WAIT_S)
+        self.close()
+        code = self.process.returncode
         if code < 0:
             return ENDS.get(signal.Signals(-code), f"it was ended by signal {-code}")
         return f"its process ended with code {code}"

@@ -8,6 +8,7 @@ import socket
 import stat
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from articulate.program.sandbox import ChildEnded, Limits, Sandbox
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2] / "articulate"
+GONE_S = 5.0
+"""A process that was killed is gone after this time [s]."""
 AGE = 1000.0
 """Time of last change of the file that must stay as it is [s since 1970]."""
 
@@ -96,7 +99,16 @@ def _changed(folder: Path) -> list[str]:
 
 
 def _left(pid: int, script: str) -> list[str]:
-    """Processes that the child has left: of its session, or with its command line."""
+    """Processes that the child has left for good: of its session, or with its command line."""
+    found = _others(pid, script)
+    until = time.monotonic() + GONE_S
+    while found and time.monotonic() < until:
+        time.sleep(0.02)
+        found = _others(pid, script)
+    return found
+
+
+def _others(pid: int, script: str) -> list[str]:
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:

@@ -57,6 +57,12 @@ def test_the_same_attacks_do_harm_where_nothing_holds_them(name, tmp_path):
     assert outcome.harm != ()
 
 
+def test_a_process_that_a_child_leaves_behind_ends_with_it(tmp_path):
+    """Even where no layer forbids it to make one."""
+    outcome = attacked(QUICK["fork"], tmp_path, ())
+    assert (outcome.end, outcome.harm) == ("ran", ())
+
+
 @pytest.mark.parametrize("name", ["open_write", "connect_tcp_by_socket", "delete_in_folder"])
 def test_landlock_alone_holds_files_and_tcp(name, tmp_path, available):
     need(available, "landlock")
