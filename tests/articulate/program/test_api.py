@@ -1,10 +1,15 @@
 """What the functions of the language do, and what they say to wrong arguments."""
 
+import json
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from tests.articulate.program import scenes
 
 from articulate.program.api import MOST_CALLS, Builder
+from articulate.program.compile import link_plans
 from articulate.program.language import FUNCTIONS
 from articulate.program.parts import parts_of
 from articulate.program.values import ValueRefused
@@ -240,3 +245,34 @@ def test_calls_are_counted(builder):
         builder.answer("parts", {})
     with pytest.raises(ValueRefused, match="shorten the program"):
         builder.answer("parts", {})
+
+
+scalars = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5),
+    st.sampled_from(["body", "door", "handle", "drawer", "front", "inside", "wood", "door_joint"]),
+)  # fmt: skip
+vectors = st.lists(st.floats(-5, 5), min_size=3, max_size=3)
+anything = st.recursive(
+    st.one_of(scalars, vectors),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=2)
+    ),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=60)
+@given(st.lists(st.sampled_from(sorted(FUNCTIONS)), max_size=12), st.data())
+def test_no_arguments_make_the_parent_raise_anything_but_a_refusal(parts, names, data):
+    builder = Builder(parts)
+    for name in names:
+        arguments = {key: data.draw(anything) for key in FUNCTIONS[name].names}
+        try:
+            answer = builder.answer(name, arguments)
+        except ValueRefused as refused:
+            answer = str(refused)
+        json.dumps(answer, allow_nan=False)
+    built = builder.built(())
+    assert len(built.joints) == len(built.parts) - 1
+    assert next(iter(link_plans(built))) == built.root
+    assert built.json()

@@ -1,11 +1,12 @@
 """The interpreter computes what Python computes, and stops where values grow too large."""
 
 import ast
+import json
 import math
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.program.guard import check
@@ -220,3 +221,55 @@ def test_what_the_parent_refuses_is_told_at_the_call():
     assert vars(caught.value.violation) == vars(
         SimpleNamespace(line=2, column=5, message="part 'a' is not known", kind="value")
     )
+
+
+ATOMS = [
+    "1", "-2.5", "0", "True", "None", "'a'", "''", "'door'", "pi", "[]", "[1, 2, 3]", "(1, 2)",
+    "(0, 0, 1)",
+    "{'a': 1}", "{1: [2]}", "vec(1, 2, 3)", "box('a')", "parts()", "corners('a')", "[vec(0, 0, 0)]",
+    "1000000000", "1e-9", "move('a', 1)", "box('a').low", "range(3)", "[[1], [2]]",
+]  # fmt: skip
+WHOLE = [
+    "({} + {})", "({} - {})", "({} * {})", "({} / {})", "({} // {})", "({} % {})", "({} == {})",
+    "({} < {})", "({} in {})", "({} and {})", "({} or {})", "{}[{}]", "max({}, {})", "dot({}, {})",
+    "cross({}, {})", "zip({}, {})", "round({}, {})", "atan2({}, {})", "range({}, {})", "[{}, {}]",
+    "place({}, {})", "place_relative_to({}, {})", "material({}, {})", "({} if {} else 0)",
+    "[k for k in {} if {}]", "{{'a': {}, 'b': {}}}",
+]  # fmt: skip
+HALF = [
+    "(-{})", "(not {})", "{}.x", "{}.size", "len({})", "sum({})", "min({})", "unit({})", "int({})",
+    "float({})", "sqrt({})", "enumerate({})", "abs({})", "box({})", "({} ** 3)", "({} ** -2)",
+    "vertices({})", "frame({})", "[k for k in {}]",
+]  # fmt: skip
+expressions = st.recursive(
+    st.sampled_from(ATOMS),
+    lambda inner: st.one_of(
+        st.tuples(st.sampled_from(WHOLE), inner, inner).map(lambda t: t[0].format(t[1], t[2])),
+        st.tuples(st.sampled_from(HALF), inner).map(lambda t: t[0].format(t[1])),
+    ),
+    max_leaves=6,
+)
+
+
+def stub(name, arguments):
+    """Answers of the right shape to whatever is asked."""
+    points = [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]
+    return {"box": points, "corners": points, "vertices": points, "parts": ["a", "b"]}.get(name)
+
+
+@settings(max_examples=400)
+@given(expressions, expressions)
+def test_a_program_that_passes_the_guard_ends_or_is_refused_and_nothing_else(one, other):
+    source = f"x = {one}\ny = {other}\nz = [x, y]\nfor a in z:\n    b = a == x\n"
+    tree = check(source)
+    if isinstance(tree, ast.Module):
+        try:
+            interpret(
+                tree, lambda name, arguments, at: stub(name, json.loads(json.dumps(arguments)))
+            )
+        except Refused as refused:
+            message = refused.violation.message
+        else:
+            message = "done"
+        assert message
+        assert "\n" not in message
