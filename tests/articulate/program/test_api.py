@@ -194,14 +194,14 @@ def test_a_joined_part_is_not_moved_any_more(builder):
 
 def test_joints_make_a_tree_with_names_of_their_own(builder):
     call(builder, "fixed", "door", "body", "hinge")
-    for given, words in (
+    for wanted, words in (
         (("fixed", "door", "handle"), "child of joint hinge already"),
         (("fixed", "body", "door"), "form a circle"),
         (("fixed", "handle", "body", "hinge"), "called 'hinge' already"),
         (("root", "door"), "no root"),
     ):
         with pytest.raises(ValueRefused, match=words):
-            call(builder, *given)
+            call(builder, *wanted)
     call(builder, "root", "body")
     with pytest.raises(ValueRefused, match="it has no joint"):
         call(builder, "fixed", "body", "handle")
