@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from articulate.benchmark.protocols import ANGLE_RAD, LENGTH, Protocol
 from articulate.render.parts import PartMesh
-from articulate.transforms import Array, rotation_angle
+from articulate.transforms import Array, matrix_to_quat, rotation_angle
 
 ALIKE = 0.01
 """Parts whose boxes differ by less than this share of their size are interchangeable."""
@@ -26,6 +26,12 @@ class PlacementErrors:
     """Angle by which each part is turned wrongly (P,); pi for a part not placed."""
     visible_px: Array
     """Pixels of each part in the picture (P,); NaN where there is no picture."""
+    shift: Array
+    """What was taken off all positions (3,) before they were compared; zero if anchored."""
+    said: Array
+    """Where each part was put (P, 3), before any part stood for another."""
+    quat: Array
+    """How each was turned (P, 4), wxyz."""
 
     @property
     def right(self) -> Array:
@@ -58,20 +64,26 @@ def placement_errors(
     n = len(parts)
     centres = np.stack([part.centre for part in parts])
     said, angles = np.full((n, 3), np.inf), np.full(n, np.pi)
+    quats = np.full((n, 4), np.nan)
     for i, part in enumerate(parts):
         T = placements.get(part.name)
         if T is not None and np.shape(T) == (4, 4) and np.isfinite(T).all():
             said[i] = np.asarray(T)[:3, 3]
             angles[i] = rotation_angle(np.asarray(T, dtype=np.float64)[:3, :3])
-    if not anchored:
-        largest = int(np.argmax([float(np.prod(np.ptp(p.bounds, axis=0))) for p in parts]))
-        said = said - (said[largest] - centres[largest])
-        said = np.where(np.isnan(said), np.inf, said)
+            quats[i] = matrix_to_quat(np.asarray(T, dtype=np.float64)[:3, :3])
+    largest = int(np.argmax([float(np.prod(np.ptp(p.bounds, axis=0))) for p in parts]))
+    shift = np.zeros(3)
+    if not anchored and np.isfinite(said[largest]).all():
+        shift = said[largest] - centres[largest]
+        said = said - shift
     chosen = _assigned(parts, labels, centres, said)
     return PlacementErrors(
         position=np.linalg.norm(said[chosen] - centres, axis=1),
         angle_rad=angles[chosen],
         visible_px=np.full(n, np.nan) if visible_px is None else visible_px,
+        shift=shift,
+        said=said,
+        quat=quats,
     )
 
 

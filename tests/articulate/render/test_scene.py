@@ -130,7 +130,7 @@ def test_a_texture_is_read_where_its_coordinates_say():
         name="a",
         vertices=plain.vertices,
         faces=plain.faces,
-        rgb=plain.rgb,
+        rgb=np.ones_like(plain.rgb),
         uv=corner_uv[plain.faces],
         texture=texture,
     )
