@@ -24,7 +24,7 @@ from typing import Any
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import Dataset
-from articulate.benchmark.run import Record, lost_object
+from articulate.benchmark.records import Record, lost_object
 from articulate.errors import ArticulateError, UsageError
 from articulate.files import write_json
 

@@ -14,13 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from articulate.benchmark.truth import (
-    KnownJoint,
-    Status,
-    TrueObject,
-    joints_in_urdf,
-    true_object,
-)
+from articulate.benchmark.known import KnownJoint, Status
+from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
 from articulate.convert.read import read_urdf
 from articulate.errors import AssetError, ConfigError, nearest
 from articulate.library.library import Library

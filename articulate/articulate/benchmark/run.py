@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -28,11 +26,10 @@ from articulate.benchmark.protocols import (
     counts_in_released,
     score,
 )
-from articulate.benchmark.truth import KnownJoint, TrueJoint, TrueObject, renamed
+from articulate.benchmark.records import Record, plain
+from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
 from articulate.errors import UsageError
 from articulate.transforms import Array, matrix_to_quat
-
-Record = dict[str, Any]
 
 
 def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Record:
@@ -44,40 +41,6 @@ def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Re
         "error": "",
         "diagonal": float(np.linalg.norm(np.ptp(subject.boxed(p.name for p in subject.parts), 0))),
         "cases": cases,
-    }
-
-
-def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reason: str) -> Record:
-    """The record of an object of which nothing was said: every joint of it is wrong."""
-    joints: list[Record] = [
-        {
-            "joint": k.link,
-            "kind": k.kind,
-            "status": k.status,
-            "released": k.kind in {"revolute", "prismatic"},
-            "failures": dict.fromkeys(("paper", "released_code", "strict"), "joint_type"),
-            "literal_origin": "joint_type",
-            "errors": None,
-            "attempts": [],
-        }
-        for k in known
-    ]
-    case = {
-        "case": "all",
-        "seconds": None,
-        "calls": 0,
-        "refusal": reason,
-        "spurious": 0,
-        "moved_px": None,
-        "placement": None,
-        "joints": joints,
-    }
-    return {
-        "object": object_id,
-        "category": category,
-        "error": reason,
-        "diagonal": None,
-        "cases": [case],
     }
 
 
@@ -223,14 +186,3 @@ def _placement_record(subject: TrueObject, case: Case, errors: PlacementErrors) 
             )
         ],
     }
-
-
-def plain(value: Any) -> Any:
-    """``value`` for JSON: what is not finite becomes None, tuples become lists."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

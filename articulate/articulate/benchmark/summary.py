@@ -13,6 +13,7 @@ import numpy as np
 from articulate.actors.protocol import FAILURES
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.protocols import PROTOCOLS, Protocol
+from articulate.benchmark.records import Record
 from articulate.benchmark.statistics import clustered_mean, wilson
 
 SCHEMA = "articulate.benchmark"
@@ -27,8 +28,6 @@ WORST_AXIS_RAD = float(np.pi / 2)
 DEFAULT_DIAGONAL = 2.0
 LINKS = "links"
 """Failure of a joint whose object was not put together rightly; it comes before all others."""
-
-Record = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)

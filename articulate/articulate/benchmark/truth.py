@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from articulate.actors.protocol import JointKind, PredictedJoint
+from articulate.benchmark.known import KnownJoint, Status
 from articulate.convert.mesh import Loader
 from articulate.convert.read import SourceJoint, SourceObject
 from articulate.convert.tree import Part, unit_axis
@@ -16,7 +16,6 @@ from articulate.errors import AssetError
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, apply, pose, rpy_to_matrix
 
-Status = Literal["plain", "frozen", "compound"]
 DIAGONAL = 2.0
 """Objects measured in metres are scaled to this diagonal, PartNet-Mobility's, so that thresholds
 mean the same."""
@@ -29,8 +28,6 @@ class TrueJoint:
     joint: PredictedJoint
     """Its geometry, in the words of a prediction; ``part`` and ``parent`` are true names."""
     status: Status
-    """``frozen``: fixed in the data set's URDF, though the object has it; ``compound``: the part
-    turns as well as slides, which no single joint tells."""
     moves: tuple[str, ...]
     """Every part that goes along, the part itself first."""
     rigid: tuple[str, ...]
@@ -56,19 +53,6 @@ class TrueObject:
     def boxed(self, names: Iterable[str]) -> Array:
         """Lowest and highest corner of some parts together (2, 3)."""
         return joint_bounds([self.part(name) for name in names])
-
-
-@dataclass(frozen=True, kw_only=True)
-class KnownJoint:
-    """A joint as a source states it: in the frame ``s`` of the URDF's root."""
-
-    link: str
-    kind: JointKind
-    axis_s: tuple[float, float, float]
-    origin_s: tuple[float, float, float]
-    lower: float | None
-    upper: float | None
-    status: Status = "plain"
 
 
 def joints_in_urdf(source: SourceObject) -> tuple[KnownJoint, ...]:
