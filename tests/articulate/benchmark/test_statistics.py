@@ -38,6 +38,6 @@ def test_joints_of_one_object_hang_together():
     together = clustered_mean(values, [str(k) for k in np.repeat(np.arange(8), 10)], rng)
     apart = clustered_mean(values, [str(k) for k in range(80)], rng)
     assert together.mean == pytest.approx(effects.mean())
-    wide, narrow = (float(np.subtract(m.high, m.low)) for m in (together, apart))
+    wide, narrow = ((m.high or 0.0) - (m.low or 0.0) for m in (together, apart))
     assert wide > 2.0 * narrow
     assert wide == pytest.approx(2 * 1.96 * effects.std() / np.sqrt(8), rel=0.2)
