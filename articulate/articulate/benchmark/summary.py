@@ -141,7 +141,8 @@ def rows_of(items: Sequence[Item]) -> dict[str, Record]:
 
 def _row(items: Sequence[Item], protocol: Protocol) -> Record:
     counted = [item for item in items if protocol != "released_code" or item.released]
-    extra = sum(item.spurious for item in counted) if protocol == "strict" else 0
+    spurious = sum(item.spurious for item in counted)
+    extra = spurious if protocol == "strict" else 0
     found = Counter(item.failures[protocol] for item in counted)
     n = len(counted) + extra
     success = wilson(found["success"], n)
@@ -153,7 +154,7 @@ def _row(items: Sequence[Item], protocol: Protocol) -> Record:
         "type_axis_origin": near.share,
         "type_axis_origin_interval": [near.low, near.high],
         "n": n,
-        "spurious": extra,
+        "spurious": spurious,
         "failures": {name: found[name] for name in failed if found[name] or name != LINKS},
     }
 

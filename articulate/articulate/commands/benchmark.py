@@ -49,7 +49,7 @@ class BenchmarkFlags:
     """Folder that the paths of an index start from; by default the index's own."""
     jobs: int = 1
     """Objects that are run side by side; 0: one for each processor."""
-    limit: float = 900.0
+    limit: float = 3600.0
     """Time after which an object is lost [s]."""
     only: tuple[str, ...] = ()
     """Ids or categories to run; all by default."""

@@ -168,6 +168,7 @@ def opengl_depth(model, data, size: tuple[int, int]) -> np.ndarray:
     every = mujoco.mjtCatBit.mjCAT_ALL
     mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, every, scene)
     area = mujoco.MjrRect(0, 0, *size)
+    scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = True  # one sample a pixel
     mujoco.mjr_render(area, scene, context)
     context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # the finer of the two
     raw = np.zeros((size[1], size[0]), dtype=np.float32)
