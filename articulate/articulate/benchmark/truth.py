@@ -14,11 +14,13 @@ from articulate.convert.read import SourceJoint, SourceObject
 from articulate.convert.tree import Part, unit_axis
 from articulate.errors import AssetError
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.transforms import Array, apply, pose, rpy_to_matrix
+from articulate.transforms import Array, apply, pose
 
 DIAGONAL = 2.0
 """Objects measured in metres are scaled to this diagonal, PartNet-Mobility's, so that thresholds
 mean the same."""
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+"""Rotation that brings a front that faces -x to +x."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +181,7 @@ def _front_pose(parts: Sequence[PartMesh], *, in_metres: bool) -> tuple[float, A
     low, high = joint_bounds(parts)
     diagonal = float(np.linalg.norm(high - low))
     scale = DIAGONAL / diagonal if in_metres else 1.0
-    return scale, pose([0.0, 0.0, -scale * low[2]], rpy_to_matrix([0.0, 0.0, np.pi]))
+    return scale, pose([0.0, 0.0, -scale * low[2]], HALF_TURN)
 
 
 def _true_joint(
