@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from articulate.asset import Asset, Handle, Joint, Link
+from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.check import CheckFlags
 from articulate.commands.flags import parse
 from articulate.draw import DrawConfig
@@ -52,6 +53,7 @@ FLAGS = {
     "export-policy": ExportFlags,
     "export": ExportFlags,
     "deploy": DeployFlags,
+    "benchmark": BenchmarkFlags,
 }
 OTHERS = {"source", "tensorboard"}
 """Commands in the documents that are not ours."""
