@@ -11,12 +11,13 @@ import importlib
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from articulate.benchmark.known import KnownJoint, Status
 from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
-from articulate.convert.read import read_urdf
+from articulate.convert.read import SourceObject, read_urdf
 from articulate.errors import AssetError, ConfigError, nearest
 from articulate.library.library import Library
 
@@ -120,10 +121,14 @@ class IndexDataset:
         return [_known(joint) for joint in self._entries[object_id]["truth_joints"]]
 
     def load(self, object_id: str) -> TrueObject:
-        """The object; lengths stay as they are."""
+        """The object in the lengths of its truth.
+
+        Some projects scaled the meshes and left joints as they were; the truth is that of meshes
+        as they lie in their files, so that is how they are taken.
+        """
         path = self._data / self._entries[object_id]["path"]
         return true_object(
-            read_urdf(path),
+            _unscaled(read_urdf(path)),
             self.known(object_id),
             object_id=object_id,
             category=self.category(object_id),
@@ -215,6 +220,19 @@ def semantic_names(folder: Path) -> dict[str, str]:
         return {}
     words = [line.split() for line in lines]
     return {w[0]: w[2] for w in words if len(w) >= 3}
+
+
+def _unscaled(source: SourceObject) -> SourceObject:
+    """The object with all its meshes in the size in which they lie in their files."""
+    links = {
+        name: replace(
+            link,
+            visuals=tuple(replace(v, scale=(1.0, 1.0, 1.0)) for v in link.visuals),
+            collisions=tuple(replace(c, scale=(1.0, 1.0, 1.0)) for c in link.collisions),
+        )
+        for name, link in source.links.items()
+    }
+    return replace(source, links=links)
 
 
 def _known(stated: Mapping[str, Any]) -> KnownJoint:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
+import trimesh
 from tests.articulate.benchmark.objects import write_index
 
 from articulate.benchmark.dataset import (
@@ -34,6 +36,19 @@ def test_the_paths_of_an_index_may_start_elsewhere(tmp_path):
     assert len(open_dataset(str(moved), tmp_path / "data").load("cupboard_77").parts) == 5
     with pytest.raises(AssetError):
         open_dataset(str(moved)).load("cupboard_77")
+
+
+def test_meshes_that_were_scaled_without_their_joints_are_taken_in_the_size_of_the_truth(tmp_path):
+    path = write_index(tmp_path)
+    home = tmp_path / "objects" / "cupboard_77"
+    trimesh.creation.box(extents=(1.0, 1.2, 1.0)).export(home / "body.obj")
+    urdf = home / "mobility.urdf"
+    box = '<box size="1.0 1.2 1.0"/>'
+    assert box in urdf.read_text()
+    scaled = urdf.read_text().replace(box, '<mesh filename="body.obj" scale="0.1 0.1 0.1"/>')
+    urdf.write_text(scaled)
+    body = IndexDataset(path, tmp_path).load("cupboard_77").part("link_0")
+    assert np.ptp(body.bounds, axis=0) == pytest.approx([1.0, 1.2, 1.0])
 
 
 def test_a_folder_offers_every_urdf_in_it(tmp_path):
