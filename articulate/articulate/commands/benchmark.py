@@ -65,6 +65,8 @@ class BenchmarkFlags:
     """Seed of order, names, noise, and of the actor."""
     fresh: bool = False
     """Run again what was run before."""
+    export: bool = False
+    """Write the questions as files into --out, and ask no actor."""
     json: bool = False
     """Print the results as JSON and nothing else on standard output."""
 
@@ -93,12 +95,25 @@ class BenchmarkFlags:
 def main(argv: Sequence[str]) -> int:
     """Run and print; 3 if objects were lost."""
     flags = parse(BenchmarkFlags, argv, prog="articulate benchmark")
+    if flags.export:
+        print(f"{_export(flags)} questions and the key to them: {flags.out}")
+        return 0
     results = _run(flags, shlex.join(["articulate", "benchmark", *argv]))
     if flags.json:
         print(json.dumps(results, indent=1, allow_nan=False))
     else:
         print(_told(results, flags))
     return LOST_EXIT if results["lost"] else 0
+
+
+def _export(flags: BenchmarkFlags) -> int:
+    """Write the questions and return how many there are."""
+    from articulate.benchmark.dataset import open_dataset
+    from articulate.benchmark.export import write_questions
+
+    dataset = open_dataset(flags.dataset, flags.data)
+    ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
+    return len(write_questions(map(dataset.load, ids), flags.config(), flags.out))
 
 
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
