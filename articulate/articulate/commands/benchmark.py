@@ -15,13 +15,14 @@ import tyro
 
 from articulate.actors.protocol import Modality
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
-from articulate.benchmark.protocols import PROTOCOLS
 from articulate.commands import version
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
 
 LOST_EXIT = 3
+SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 1
+PROTOCOLS = ("paper", "released_code", "strict")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +68,8 @@ class BenchmarkFlags:
     """Run again what was run before."""
     export: bool = False
     """Write the questions as files into --out, and ask no actor."""
+    against: tuple[Path, ...] = ()
+    """Folders of other runs, which the report shows beside this one."""
     json: bool = False
     """Print the results as JSON and nothing else on standard output."""
 
@@ -125,6 +128,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     from articulate.benchmark.summary import summary
 
     config = flags.config()
+    others = {folder.name: _results_in(folder) for folder in flags.against}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     batch = Batch(
@@ -141,7 +145,18 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     results = summary(records, config, dataset.name)
     write_json(flags.out / "results.json", results)
     page = flags.out / "report.html"
-    write_report(results, records, page, command, {"articulate": version()})
+    write_report(results, records, page, command, {"articulate": version()}, others)
+    return results
+
+
+def _results_in(folder: Path) -> dict[str, Any]:
+    path = folder / "results.json"
+    try:
+        results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--against {folder}: {path.name} cannot be read ({error})") from None
+    if results.get("schema") != SCHEMA or results.get("schema_version") != SCHEMA_VERSION:
+        raise ConfigError(f"--against {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}")
     return results
 
 

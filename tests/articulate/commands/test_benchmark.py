@@ -5,7 +5,14 @@ import json
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
-from articulate.commands.benchmark import BenchmarkFlags, main
+from articulate.benchmark import protocols, summary
+from articulate.commands.benchmark import (
+    PROTOCOLS,
+    SCHEMA,
+    SCHEMA_VERSION,
+    BenchmarkFlags,
+    main,
+)
 from articulate.errors import ConfigError
 
 
@@ -50,6 +57,22 @@ def test_people_are_told_the_protocol_they_asked_for(done, capsys):
     assert "strict" in told
     assert "paper" not in told
     assert "report.html" in told
+
+
+def test_other_runs_stand_beside_this_one_in_the_report(done, error_line):
+    _, index, out = done
+    page = (out / "report.html").read_text()
+    assert "Beside other runs" not in page
+    main([str(index), "--modality", "text", "--out", str(out), "--against", str(out)])
+    assert "Beside other runs" in (out / "report.html").read_text()
+    argv = [str(index), "--modality", "text", "--out", str(out), "--against", "nowhere"]
+    error_line("articulate benchmark assets.json --against nowhere", lambda: main(argv))
+
+
+def test_the_command_knows_protocols_and_schema_by_the_names_of_the_benchmark():
+    """They are written out in the command so that --help need not read meshes."""
+    assert (SCHEMA, SCHEMA_VERSION) == (summary.SCHEMA, summary.SCHEMA_VERSION)
+    assert protocols.PROTOCOLS == PROTOCOLS
 
 
 def test_only_what_is_named_is_run(done):
