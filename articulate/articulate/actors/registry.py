@@ -23,7 +23,9 @@ def make_actor(name: str) -> Actor:
     where = ACTORS.get(name, name)
     module, colon, attribute = where.partition(":")
     if not colon:
-        raise ConfigError(f"--actor {name}: no such actor{nearest(name, ACTORS)}; or module:Class")
+        raise ConfigError(
+            f"--actor {name}: neither an actor nor module:Class{nearest(name, ACTORS)}"
+        )
     try:
         made: Actor = getattr(importlib.import_module(module), attribute)()
     except ModuleNotFoundError as error:
