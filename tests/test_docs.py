@@ -15,6 +15,7 @@ from mkdocs.commands.build import build
 from mkdocs.config import load_config
 
 from articulate.asset import Asset, Handle, Joint, Link
+from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.check import CheckFlags
 from articulate.commands.flags import parse
 from articulate.draw import DrawConfig
@@ -54,6 +55,7 @@ FLAGS = {
     "export-policy": ExportFlags,
     "export": ExportFlags,
     "deploy": DeployFlags,
+    "benchmark": BenchmarkFlags,
 }
 OTHERS = {"source", "tensorboard"}
 """Commands in the documents that are not ours."""

@@ -1,1 +1,1 @@
-"""Pictures without a screen: where MuJoCo draws, and where a camera stands."""
+"""Pictures without a screen: where a camera stands, and what it sees of parts or a model."""

@@ -1,0 +1,90 @@
+"""Questions as files, for actors that run elsewhere: parts, clip or picture, camera, labels.
+
+::
+
+    question_0000/parts/part_00.glb …   triangles and colours, in the frame o
+    question_0000/labels.json           what each part is called
+    question_0000/clip.mp4              or picture.png; neither without a camera
+    question_0000/camera.json           intrinsics [px] and pose in o, OpenCV's axes
+    key.json                            which object and parts they are: not for actors
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from PIL import Image
+
+from articulate.actors.protocol import Evidence
+from articulate.benchmark.config import BenchmarkConfig
+from articulate.benchmark.evidence import cases_of
+from articulate.benchmark.truth import TrueObject
+from articulate.files import whole_file, write_bytes, write_json
+from articulate.render.camera import Camera
+from articulate.render.clip import Clip, write_clip
+from articulate.render.parts import PartMesh
+
+
+def write_questions(
+    subjects: Iterable[TrueObject], config: BenchmarkConfig, folder: Path
+) -> list[Path]:
+    """Write all questions about some objects, and the key to them; return their folders."""
+    key: dict[str, object] = {}
+    folders: list[Path] = []
+    for subject in subjects:
+        for case in cases_of(subject, config):
+            name = f"question_{len(folders):04d}"
+            write_evidence(case.evidence, folder / name)
+            key[name] = {
+                "object": subject.object_id,
+                "case": case.name,
+                "parts": dict(case.names),
+            }
+            folders.append(folder / name)
+    write_json(folder / "key.json", key)
+    return folders
+
+
+def write_evidence(evidence: Evidence, folder: Path) -> Path:
+    """Write what an actor is given into ``folder`` and return it."""
+    for part in evidence.parts:
+        write_bytes(folder / "parts" / f"{part.name}.glb", glb(part))
+    write_json(folder / "labels.json", dict(evidence.labels))
+    if evidence.clip is not None and evidence.times_s is not None:
+        write_clip(folder / "clip.mp4", Clip(frames=evidence.clip, times_s=evidence.times_s))
+    if evidence.picture is not None:
+        with whole_file(folder / "picture.png") as path:
+            Image.fromarray(evidence.picture).save(path, "PNG")
+    if evidence.camera is not None:
+        write_json(folder / "camera.json", _camera(evidence.camera))
+    return folder
+
+
+def glb(part: PartMesh) -> bytes:
+    """The part as a GLB file; its colours are those of the corners, its name is nowhere in it."""
+    corners = part.vertices[part.faces].reshape(-1, 3)
+    colours = np.rint(255.0 * part.rgb).astype(np.uint8).repeat(3, axis=0)
+    mesh = trimesh.Trimesh(
+        corners,
+        np.arange(len(corners)).reshape(-1, 3),
+        vertex_colors=np.concatenate([colours, np.full((len(colours), 1), 255, np.uint8)], axis=1),
+        process=False,
+    )
+    mesh.merge_vertices()
+    content: bytes = mesh.export(file_type="glb")
+    return content
+
+
+def _camera(camera: Camera) -> dict[str, object]:
+    return {
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "fx_px": camera.fx_px,
+        "fy_px": camera.fy_px,
+        "cx_px": camera.cx_px,
+        "cy_px": camera.cy_px,
+        "T_oc": camera.T_wc.tolist(),
+    }
