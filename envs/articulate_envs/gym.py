@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.errors import ConfigError, EngineError, MissingError, nearest
+from articulate.errors import ConfigError, EngineError, nearest
 from articulate.layout import Layout
 from articulate.observe import ACTION, OBSERVATION
 from articulate.render.canvas import Pixels
@@ -25,7 +25,7 @@ from articulate_envs.interface import checked_action, drawn_numbers, start_asked
 from articulate_envs.make import make_episodes, make_scene, read_config
 from articulate_envs.scene import Scene
 from articulate_envs.single import SingleEngine
-from articulate_envs.window import Window, has_display
+from articulate_envs.window import Window, has_display, require_display
 
 Vector = NDArray[np.float32]
 Info = dict[str, Any]
@@ -194,6 +194,6 @@ def checked_render_mode(mode: str | None) -> str | None:
     """
     if mode is not None and mode not in RENDER_MODES:
         raise ConfigError(f"render_mode is {mode!r}{nearest(mode, RENDER_MODES)}")
-    if mode == "human" and not has_display():
-        raise MissingError("render_mode is human, but there is no display; use rgb_array")
+    if mode == "human":
+        require_display()
     return mode

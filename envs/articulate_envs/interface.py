@@ -16,7 +16,7 @@ from articulate.task import Task
 from articulate.transforms import Array
 from articulate_envs.engine import Start, State
 from articulate_envs.scene import Scene
-from articulate_envs.starts import home_q
+from articulate_envs.starts import home_start
 
 OPTIONS = {
     "draw": "a mapping of columns of a draw to numbers",
@@ -101,8 +101,13 @@ def _drawn(asked: Any, start: Start, scene: Scene) -> Start:
             )
         values[:, COLUMNS.index(name)] = number
     drawn = Draw(values)
-    moved = any(name.startswith("start_") for name in asked)
-    return replace(start, draw=drawn, q=home_q(scene, drawn) if moved else start.q)
+    home, at_home = home_start(scene, drawn), start.home
+    return replace(
+        start,
+        draw=drawn,
+        q=np.where(at_home[:, None], home.q, start.q),
+        opened=np.where(at_home, home.opened, start.opened),
+    )
 
 
 def _size(number: float, scene: Scene) -> float:

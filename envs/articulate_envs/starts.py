@@ -65,18 +65,13 @@ class StartConfig:
         return min(max(progress / self.until, 0.0), 1.0)
 
 
-def home_q(scene: Scene, drawn: Draw) -> Array:
-    """Angles of the arm (N, 7) [rad] at home plus the drawn offsets."""
-    low, high = scene.arm.bounds(scene.follow.margin_rad)
-    return np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high)
-
-
 def home_start(scene: Scene, drawn: Draw) -> Start:
     """Starts from home plus the drawn offsets, hand open and empty, part closed."""
     n = len(drawn.values)
+    low, high = scene.arm.bounds(scene.follow.margin_rad)
     return Start(
         draw=drawn,
-        q=home_q(scene, drawn),
+        q=np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high),
         opened=np.zeros(n),
         width=np.full(n, scene.arm.hand.max_width_m),
         closing=-np.ones(n),

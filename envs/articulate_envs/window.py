@@ -58,21 +58,32 @@ class Window:
         self._viewer.close()
 
 
+def require_display() -> None:
+    """Refuse a window where there can be none.
+
+    Raises:
+        MissingError: There is no display.
+    """
+    if not has_display():
+        raise MissingError(_NO_WINDOW.format(f"neither {' nor '.join(DISPLAYS)} is set"))
+
+
+_NO_WINDOW = "no window here: {}; take pictures (rgb_array) instead, or set DISPLAY"
+
+
 def _open(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     """MuJoCo's viewer beside this thread; it is asked for only where it can come up.
 
     Where GLFW finds no display, the viewer's thread would end and its caller wait for ever.
     """
-    where = "no window here: {}; use render_mode rgb_array, or set DISPLAY"
-    if not has_display():
-        raise MissingError(where.format(f"neither {' nor '.join(DISPLAYS)} is set"))
+    require_display()
     try:
         # They bring OpenGL, which pictures alone and machines without a screen do without.
         import glfw
         import mujoco.viewer
 
         if not glfw.init():
-            raise MissingError(where.format("the display does not answer"))
+            raise MissingError(_NO_WINDOW.format("the display does not answer"))
         return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
     except (ImportError, RuntimeError, mujoco.FatalError) as error:
-        raise MissingError(where.format(str(error).splitlines()[0])) from None
+        raise MissingError(_NO_WINDOW.format(str(error).splitlines()[0])) from None
