@@ -145,6 +145,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
 
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Continue from :meth:`snapshot`, of this environment or another of the same scene."""
+        self.episodes.reseed(self.np_random)  # whose state is among what is restored
         self.episodes.restore(snapshot)
         self._running = bool(snapshot["running"])
         self._show()

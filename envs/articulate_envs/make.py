@@ -8,6 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from articulate.arm import PANDA
 from articulate.asset import Asset
 from articulate.config import from_mapping, to_plain
@@ -83,13 +85,31 @@ def read_config(given: Mapping[str, Any], where: str, scene: Scene | None = None
         if name not in known:
             raise ConfigError(f"{where}: no argument {name!r}{nearest(name, known)}")
     if scene is not None:
-        given = {**given, **_decided_by(scene)}
+        given = {"draw": _draws_of(scene), **given, **_decided_by(scene)}
     elif given.get("asset") is None:
         raise ConfigError(f"{where}: asset is missing; give a URDF file or a folder of an asset")
     plain = to_plain(dict(given))
     if plain.get("starts", 0) == {}:  # all of it by default, which an empty mapping says
         plain["starts"] = to_plain(StartConfig())
-    return from_mapping(EnvConfig, plain, where)
+    config = from_mapping(EnvConfig, plain, where)
+    if scene is not None:
+        _check_sizes(config, scene, where)
+    return config
+
+
+def _draws_of(scene: Scene) -> DrawConfig:
+    sizes = scene.scales
+    return DrawConfig(scale=(min(sizes), max(sizes)), scales=len(sizes))
+
+
+def _check_sizes(config: EnvConfig, scene: Scene, where: str) -> None:
+    for size in config.draws.scale_values:
+        if not np.isclose(size, scene.scales).any():
+            known = ", ".join(f"{s:.6g}" for s in scene.scales)
+            raise ConfigError(
+                f"{where}: draw.scale gives the size {size:.6g}, which the scene has not; it has "
+                f"{known}: set draw.scale and draw.scales to them"
+            )
 
 
 def _decided_by(scene: Scene) -> dict[str, Any]:

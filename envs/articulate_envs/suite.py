@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from robosuite.utils.mjcf_utils import IMAGE_CONVENTION_MAPPING
 from robosuite.utils.observables import Observable, sensor
 
 from articulate.config import to_plain
-from articulate.errors import ConfigError, EngineError
+from articulate.errors import ConfigError, EngineError, nearest
 from articulate.layout import Field
 from articulate.observe import ACTION, OBSERVATION
 from articulate.render.canvas import Pixels
@@ -303,6 +304,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
 
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Continue from :meth:`snapshot`, of this environment or another of the same scene."""
+        self.episodes.reseed(self.rng)  # whose state is among what is restored
         self.episodes.restore(snapshot)
         self.timestep, self.done = int(snapshot["timestep"]), bool(snapshot["done"])
         self.cur_time = self.timestep * self.control_timestep
@@ -348,6 +350,11 @@ def _check_cameras(names: list[str]) -> None:
 
 
 def _without_fixed(given: dict[str, Any]) -> dict[str, Any]:
+    own = {p.name for p in signature(ArticulatedObject.__init__).parameters.values()}
+    known = {f.name for f in fields(EnvConfig)} | own | {*FIXED, *UNUSED} - {"self", "given"}
+    for name in given:
+        if name not in known:
+            raise ConfigError(f"ArticulatedObject: no argument {name!r}{nearest(name, known)}")
     for name, accepted in FIXED.items():
         if name in given and given[name] not in accepted:
             known = " or ".join(map(repr, accepted))

@@ -12,8 +12,9 @@ from articulate.errors import AssetError, ReachError, RunError, UsageError
 from articulate.placing import handle_way
 from articulate_envs import choose
 from articulate_envs.choose import HOME_HEIGHT_M, choose_joint
+from articulate_train import run as runs
 from articulate_train.config import TrainConfig
-from articulate_train.run import create_run, open_run, resume_run, versions
+from articulate_train.run import create_run, open_run, resume_run
 
 DRAWS = dataclasses.replace(DrawConfig(), scales=3)
 
@@ -206,6 +207,6 @@ def test_asset_of_a_run_is_its_own(tiny, cabinet, tmp_path):
 
 def test_versions_are_recorded_where_there_are_any(monkeypatch):
     monkeypatch.setattr(runs, "PACKAGES", ("numpy", "no-such-package"))
-    found = versions()
+    found = runs.versions()
     assert found["numpy"] == np.__version__
     assert found["no-such-package"] == "not installed"
