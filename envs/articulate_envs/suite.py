@@ -351,7 +351,7 @@ def _check_cameras(names: list[str]) -> None:
 
 def _without_fixed(given: dict[str, Any]) -> dict[str, Any]:
     own = {p.name for p in signature(ArticulatedObject.__init__).parameters.values()}
-    known = {f.name for f in fields(EnvConfig)} | own | {*FIXED, *UNUSED} - {"self", "given"}
+    known = ({f.name for f in fields(EnvConfig)} | own | {*FIXED, *UNUSED}) - {"self", "given"}
     for name in given:
         if name not in known:
             raise ConfigError(f"ArticulatedObject: no argument {name!r}{nearest(name, known)}")
