@@ -1,9 +1,12 @@
+import time
+
 import gymnasium
 import pytest
 from tests.assets import make_cabinet
 from tests.scenes import door_scene, drawer_scene
 
 from articulate.asset import load_asset
+from articulate_envs import window
 
 ID = "articulate_envs:Articulate/OpenDrawer-v0"
 
@@ -46,3 +49,37 @@ def made(named):
     yield make
     for env in envs:
         env.close()
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Viewers that were opened: there is a display, and nobody waits."""
+    viewers = []
+
+    def open_one(model, data):
+        viewers.append(Viewer(model, data))
+        return viewers[-1]
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(window, "_open", open_one)
+    monkeypatch.setattr(time, "sleep", lambda s: None)
+    return viewers
+
+
+class Viewer:
+    """Stands in for MuJoCo's viewer."""
+
+    def __init__(self, model, data):
+        self.model, self.data, self.seen, self.open = model, data, [], True
+
+    def is_running(self):
+        return self.open
+
+    def lock(self):
+        return memoryview(b"")  # any context manager
+
+    def sync(self):
+        self.seen.append(self.data.qpos.copy())
+
+    def close(self):
+        self.open = False

@@ -1,5 +1,9 @@
 import copy
+import os
 import pickle  # noqa: TID251 - what we wrote ourselves a moment ago
+import subprocess
+import sys
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -13,6 +17,7 @@ from articulate.observe import ACTION, OBSERVATION
 from articulate_envs import gym, window
 from articulate_envs.gym import ArticulateEnv
 
+ROOT = Path(__file__).resolve().parents[2]
 STILL = np.zeros(8, dtype=np.float32)
 
 
@@ -236,7 +241,9 @@ def test_pictures_are_of_the_size_asked_for_and_show_what_moves(drawer):
     env = ArticulateEnv(scene=drawer, render_mode="rgb_array", width=160, height=120)
     env.reset(seed=0)
     first = env.render()
-    assert (first.shape, first.dtype) == ((120, 160, 3), np.uint8)
+    assert first is not None
+    assert first.shape == (120, 160, 3)
+    assert first.dtype == np.dtype(np.uint8)
     assert_array_equal(env.render(), first)
     for _ in range(10):
         env.step(np.ones(8, dtype=np.float32))
@@ -253,7 +260,7 @@ def test_rendering_that_cannot_be_is_answered_in_one_line(drawer, env, monkeypat
     error_line("env.render() before env.reset()", with_mode.render)
     for name in window.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(window.sys, "platform", "linux")
+    monkeypatch.setattr(sys, "platform", "linux")
     error_line(
         "ArticulateEnv(render_mode=human)",
         lambda: ArticulateEnv(scene=drawer, render_mode="human"),
@@ -261,30 +268,7 @@ def test_rendering_that_cannot_be_is_answered_in_one_line(drawer, env, monkeypat
     assert ArticulateEnv(scene=drawer).metadata["render_modes"] == ["rgb_array"]
 
 
-class Viewer:
-    """Stands in for MuJoCo's viewer."""
-
-    def __init__(self, model, data):
-        self.model, self.data, self.seen, self.open = model, data, [], True
-
-    def is_running(self):
-        return self.open
-
-    def lock(self):
-        return memoryview(b"")  # any context manager
-
-    def sync(self):
-        self.seen.append(self.data.qpos.copy())
-
-    def close(self):
-        self.open = False
-
-
-def test_a_window_follows_by_itself_and_closes(drawer, monkeypatch):
-    opened = []
-    monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(window, "_open", lambda m, d: opened.append(Viewer(m, d)) or opened[-1])
-    monkeypatch.setattr(window.time, "sleep", lambda s: None)
+def test_a_window_follows_by_itself_and_closes(drawer, opened):
     env = gym.ArticulateEnv(scene=drawer, render_mode="human")
     assert "human" in env.metadata["render_modes"]
     env.reset(seed=0)
@@ -301,3 +285,21 @@ def test_a_window_follows_by_itself_and_closes(drawer, monkeypatch):
     assert len(opened) == 2
     env.close()
     assert not opened[1].open
+
+
+@pytest.mark.render
+def test_one_that_nobody_closed_ends_with_its_process_in_silence(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from tests.scenes import drawer_scene; "
+        "from articulate_envs.gym import ArticulateEnv; "
+        "env = ArticulateEnv(scene=drawer_scene(Path(sys.argv[1])), render_mode='rgb_array'); "
+        "env.reset(seed=0); print(env.render().shape)"
+    )
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.stdout, done.stderr, done.returncode) == ("(360, 480, 3)\n", "", 0)

@@ -27,6 +27,7 @@ def test_make_vec_steps_the_batched_engine(named):
     observation, info = envs.reset(seed=0)
     assert envs.observation_space.contains(observation)
     assert set(info["draw"]) == set(COLUMNS)
+    assert envs.spec is not None
     assert envs.spec.kwargs["num_envs"] == N
     envs.close()
     envs.close()

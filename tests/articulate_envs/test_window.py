@@ -6,17 +6,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from articulate_envs import window
 from articulate_envs.window import Window, has_display
 
 
 def test_display_is_what_the_environment_names(monkeypatch):
-    monkeypatch.setattr(window.sys, "platform", "linux")
+    monkeypatch.setattr(sys, "platform", "linux")
     assert not has_display({})
     assert not has_display({"DISPLAY": ""})
     assert has_display({"DISPLAY": ":0"})
     assert has_display({"WAYLAND_DISPLAY": "wayland-0"})
-    monkeypatch.setattr(window.sys, "platform", "darwin")
+    monkeypatch.setattr(sys, "platform", "darwin")
     assert has_display({})
 
 
@@ -24,8 +23,7 @@ def answering(monkeypatch, *, init, launch=None):
     """GLFW and MuJoCo's viewer as they would be with a display of that kind."""
     monkeypatch.setenv("DISPLAY", ":99")
     glfw = types.SimpleNamespace(init=lambda: init)
-    viewer = types.ModuleType("mujoco.viewer")
-    viewer.launch_passive = launch
+    viewer = types.SimpleNamespace(launch_passive=launch)
     monkeypatch.setitem(sys.modules, "glfw", glfw)
     monkeypatch.setitem(sys.modules, "mujoco.viewer", viewer)
     monkeypatch.setattr(mujoco, "viewer", viewer, raising=False)
@@ -64,9 +62,9 @@ def test_window_shows_positions_at_their_pace(drawer, monkeypatch):
             shown.append(None)
 
     answering(monkeypatch, init=True, launch=Viewer)
-    slept = []
-    monkeypatch.setattr(window.time, "sleep", slept.append)
-    monkeypatch.setattr(window.time, "monotonic", lambda: 5.0)
+    slept: list[float] = []
+    monkeypatch.setattr(time, "sleep", slept.append)
+    monkeypatch.setattr(time, "monotonic", lambda: 5.0)
     opened = Window(drawer, scale=1.1, T_wo=drawer.place.T_wo())
     q = drawer.nominal.qpos0 + 0.01
     for _ in range(2):
@@ -75,4 +73,3 @@ def test_window_shows_positions_at_their_pace(drawer, monkeypatch):
     np.testing.assert_array_equal(shown[0], q)
     assert shown[-1] is None
     assert slept == pytest.approx([0.05, 0.1])
-    assert time is window.time

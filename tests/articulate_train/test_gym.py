@@ -27,6 +27,7 @@ def test_their_checker_has_nothing_to_say(drawer):
 def test_their_ppo_learns_on_it_and_counts_its_episodes(env, drawer):
     model = PPO("MlpPolicy", Monitor(env), n_steps=32, batch_size=16, n_epochs=1, device="cpu")
     model.learn(64)
+    assert model.ep_info_buffer is not None
     (first, *_) = model.ep_info_buffer
     assert first["l"] == drawer.ticks
     action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
