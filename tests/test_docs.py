@@ -11,6 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from mkdocs.commands.build import build
+from mkdocs.config import load_config
 
 from articulate.asset import Asset, Handle, Joint, Link
 from articulate.commands.check import CheckFlags
@@ -261,3 +263,14 @@ def test_constraints_hold_names_and_versions_only():
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", pin) for pin in pins)
     names = [re.sub(r"[-_.]+", "-", pin.split("==")[0]).lower() for pin in pins]
     assert names == sorted(set(names))
+
+
+def test_the_documents_make_a_site_without_warnings(tmp_path):
+    build(
+        load_config(str(ROOT / "mkdocs.yml"), site_dir=str(tmp_path))
+    )  # strict: a warning ends it
+    home = (tmp_path / "index.html").read_text()
+    assert 'src="images/open_drawer.png"' in home
+    for page in (ROOT / "docs").rglob("*.md"):
+        made = tmp_path / page.relative_to(ROOT / "docs").with_suffix("")
+        assert (made / "index.html").is_file(), page

@@ -3,6 +3,7 @@ import pytest
 
 from articulate_train.statistics import (
     Z_95,
+    difference,
     iqm,
     iqm_over_seeds,
     success_against,
@@ -134,3 +135,19 @@ def test_unevenness_is_zero_where_all_episodes_ended_alike():
     values = np.linspace(0.0, 1.0, 60)
     assert unevenness(success_against(values, np.ones(60, dtype=bool))) == 0.0
     assert unevenness(()) == 0.0
+
+
+def test_a_difference_has_newcombes_interval():
+    # 56 of 70 against 48 of 80: the example of Newcombe (1998), method 10.
+    gap = difference(wilson(56, 70), wilson(48, 80))
+    assert gap.value == pytest.approx(0.2)
+    assert (gap.low, gap.high) == pytest.approx((0.0524, 0.3339), abs=5e-5)
+
+
+def test_a_difference_of_the_same_shares_holds_zero_and_stays_within_one():
+    for hits in (0, 7, 20):
+        gap = difference(wilson(hits, 20), wilson(hits, 20))
+        assert gap.value == 0.0
+        assert gap.low == pytest.approx(-gap.high)
+        assert -1.0 <= gap.low < 0.0 < gap.high <= 1.0
+    assert difference(wilson(20, 20), wilson(0, 20)).high == 1.0

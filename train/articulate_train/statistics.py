@@ -62,6 +62,30 @@ def wilson(hits: int, episodes: int, z: float = Z_95) -> Share:
     return Share(value=p, low=low, high=high, episodes=episodes)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Difference of two shares, with its 95 % interval."""
+
+    value: float
+    """First share less the second."""
+    low: float
+    """Lower end of the interval."""
+    high: float
+    """Upper end of the interval."""
+
+
+def difference(one: Share, other: Share) -> Difference:
+    """``one`` less ``other``, two independent shares with Wilson's intervals.
+
+    The interval is Newcombe's hybrid score interval (Newcombe 1998, method 10), which stays
+    within [-1, 1] and is sound for shares near 0 and 1.
+    """
+    gap = one.value - other.value
+    low = gap - float(np.hypot(one.value - one.low, other.high - other.value))
+    high = gap + float(np.hypot(one.high - one.value, other.value - other.low))
+    return Difference(value=gap, low=low, high=high)
+
+
 def iqm(scores: Array) -> Array:
     """Interquartile mean along the last axis: the mean of the middle half, shape (...).
 

@@ -1,0 +1,325 @@
+"""What other converters make of the same objects, judged by the same proof.
+
+python benchmarks/rivals.py --checked /tmp/checked --data ../shared/data --tools /tmp/tools \
+    --count 40 --json
+
+``--tools`` holds an environment for each tool (``python3.11 -m venv /tmp/tools/simcheck`` and
+``pip install`` in it: urdf2mjcf 0.2.39, urdf-to-mjcf 0.1.1, simcheck 0.2.0). Each tool gets a copy
+of the object's folder. What it makes is scaled to metres, put where our asset stands and proven
+with our asset's joints and handles, without comparing it with the input; free joints at the root
+are taken away, and neither what is seen nor limits and inertia in our own files count. All but
+this is left as the tool wrote it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from lxml import etree
+
+from articulate.asset import Asset, load_asset, save_asset
+from articulate.convert.config import ConvertConfig
+from articulate.convert.convert import read_input
+from articulate.errors import AssetError
+from articulate.proof import Proof
+from articulate.prove.fk import InputFrame
+from articulate.prove.origin import origin_of_reading
+from articulate.prove.prove import prove
+from articulate.transforms import matrix_to_quat
+from assets import items_of
+
+LIMIT_S = 120.0
+"""A tool that takes longer on one object is stopped [s]."""
+SEED = 1
+"""Of the order in which objects are taken."""
+NOT_COUNTED = frozenset({"limits", "coverage", "inertia"})
+"""Clauses that compare with our own files or with what is seen do not count for anyone here."""
+FLAGS = (
+    '<mujoco><compiler discardvisual="false" fusestatic="false" strippath="false" '
+    'balanceinertia="true" boundmass="0.001" boundinertia="1e-6" inertiafromgeom="auto"/></mujoco>'
+)
+"""Compiler settings that help most URDFs into MuJoCo."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a tool made of an object, as a file that MuJoCo reads, or why there is none."""
+
+    path: Path | None
+    reason: str = ""
+
+
+Tool = Callable[[Path, Path], Made]
+"""From the URDF in a folder that may be written to, and the folder of environments."""
+
+
+def unmodified(urdf: Path, _: Path) -> Made:
+    """MuJoCo's own reader."""
+    return Made(urdf)
+
+
+def with_flags(urdf: Path, _: Path) -> Made:
+    """MuJoCo's own reader with compiler settings."""
+    text = urdf.read_text(encoding="utf-8", errors="replace")
+    at = text.find(">", text.find("<robot")) + 1
+    out = urdf.with_name("with_flags.urdf")
+    out.write_text(text[:at] + FLAGS + text[at:], encoding="utf-8")
+    return Made(out)
+
+
+def urdf2mjcf(urdf: Path, tools: Path) -> Made:
+    """The converter of kscale."""
+    out = urdf.with_name("urdf2mjcf.xml")
+    return _run([tools / "urdf2mjcf/bin/urdf2mjcf", urdf, "--output", out], out)
+
+
+def urdf_to_mjcf(urdf: Path, tools: Path) -> Made:
+    """The converter of discoverse, with convex decomposition."""
+    out = urdf.with_name("urdf_to_mjcf.xml")
+    tool = tools / "urdf-to-mjcf/bin/urdf-to-mjcf"
+    return _run([tool, "-ct", "decomposition", "-o", out, urdf], out)
+
+
+def simcheck_fix(urdf: Path, tools: Path) -> Made:
+    """The repair of simcheck of the URDF, then MuJoCo with compiler settings."""
+    out = urdf.with_name("simcheck.urdf")
+    done = _run([tools / "simcheck/bin/simcheck", "fix", "--no-verify", "-o", out, urdf], out)
+    return with_flags(out, tools) if done.path else done
+
+
+TOOLS: dict[str, Tool] = {
+    "mujoco": unmodified,
+    "mujoco with flags": with_flags,
+    "urdf2mjcf": urdf2mjcf,
+    "urdf-to-mjcf": urdf_to_mjcf,
+    "simcheck fix": simcheck_fix,
+}
+
+
+def _run(command: list[str | Path], out: Path) -> Made:
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=LIMIT_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return Made(None, f"stopped after {LIMIT_S:g} s")
+    if out.is_file():
+        return Made(out)
+    lines = (done.stderr or done.stdout).strip().splitlines()
+    return Made(None, f"exit {done.returncode}: {lines[-1] if lines else 'it said nothing'}"[:300])
+
+
+def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
+    """An asset folder around the model at ``path``, with the joints and handles of ``asset``.
+
+    Args:
+        path: MJCF or URDF in units of the input.
+        asset: Our asset of the same object.
+        frame: How units of the input become the frame of ``asset``.
+        out: Folder to write.
+
+    Raises:
+        AssetError: MuJoCo refuses it.
+    """
+    try:
+        saved = path.with_name(f"{path.stem}_saved.xml")
+        mujoco.mj_saveLastXML(str(saved), mujoco.MjModel.from_xml_path(str(path)))
+        spec = mujoco.MjSpec.from_file(str(saved))
+        meshes = (path.parent / spec.meshdir).resolve()
+        _scale(spec, frame.scale)
+        spec.meshdir, spec.texturedir = str(meshes), str(meshes)
+        spec.compile()
+        text = spec.to_xml()
+    except (ValueError, mujoco.FatalError, OSError) as error:
+        raise AssetError(f"MuJoCo refuses it: {' '.join(str(error).split())[:300]}") from None
+    shutil.copytree(asset.folder, out)
+    names = _wrapped(text, asset.links[0].name, frame, out / "object.xml")
+    links = tuple(link for link in asset.links if link.name in names)
+    handles = tuple(h for h in asset.handles if h.link in names)
+    save_asset(replace(asset, links=links, handles=handles, folder=out))
+    return load_asset(out)
+
+
+def _scale(spec: Any, s: float) -> None:
+    """Make every length ``s`` times as long; densities stay."""
+    for mesh in spec.meshes:
+        mesh.scale = np.asarray(mesh.scale) * s
+    for body in spec.bodies:
+        body.pos, body.ipos = np.asarray(body.pos) * s, np.asarray(body.ipos) * s
+        body.mass *= s**3
+        body.inertia, body.fullinertia = (
+            np.asarray(body.inertia) * s**5,
+            np.asarray(body.fullinertia) * s**5,
+        )
+    for geom in spec.geoms:
+        geom.pos = np.asarray(geom.pos) * s
+        geom.size = np.asarray(geom.size) * s
+    for site in spec.sites:
+        site.pos = np.asarray(site.pos) * s
+    for joint in spec.joints:
+        joint.pos = np.asarray(joint.pos) * s
+        if int(joint.type) == int(mujoco.mjtJoint.mjJNT_SLIDE):
+            joint.range = np.asarray(joint.range) * s
+
+
+def _wrapped(text: str, root: str, frame: InputFrame, path: Path) -> set[str]:
+    """Write ``text`` with everything in one body called ``root``; names of its bodies."""
+    tree = etree.fromstring(text.encode())
+    for kind in ("freejoint", "joint"):
+        for joint in list(tree.iter(kind)):
+            if kind == "freejoint" or joint.get("type") == "free":
+                joint.getparent().remove(joint)
+    for kind in ("keyframe", "actuator", "sensor"):
+        for element in list(tree.iter(kind)):
+            element.getparent().remove(element)
+    for body in list(tree.iter("body")):
+        if body.get("name") == root:
+            body.set("name", f"{root}__")
+    for exclude in tree.iter("exclude"):
+        for key in ("body1", "body2"):
+            if exclude.get(key) == root:
+                exclude.set(key, f"{root}__")
+    world = tree.find("worldbody")
+    quat = " ".join(f"{x:.12g}" for x in matrix_to_quat(frame.T_os[:3, :3]))
+    pos = " ".join(f"{x:.12g}" for x in frame.T_os[:3, 3])
+    top = etree.Element("body", name=root)
+    stand = etree.SubElement(top, "body", name=f"{root}__stand", pos=pos, quat=quat)
+    for child in list(world):
+        stand.append(child)
+    world.append(top)
+    path.write_bytes(etree.tostring(tree))
+    return {str(b.get("name")) for b in tree.iter("body")}
+
+
+def openness_min(proof: Proof) -> float | None:
+    """Least share of a cavity that is open, over the links that have one."""
+    found = [c.measured for c in proof.clauses if c.name == "openness" and c.measured is not None]
+    return round(min(found), 3) if found else None
+
+
+def row_of(
+    name: str, made: Made, proof: Proof | None, reason: str, took_s: float
+) -> dict[str, Any]:
+    """What is kept of one object and tool."""
+    clauses = [c for c in proof.clauses if c.outcome == "failed"] if proof else []
+    clauses = [c for c in clauses if c.name not in NOT_COUNTED]
+    failed = sorted({c.name for c in clauses})
+    if clauses and not reason:
+        reason = f"{clauses[0].name}: {clauses[0].message}"[:200]
+    return {
+        "id": name,
+        "made": made.path is not None,
+        "loads": proof is not None and "loads" not in failed,
+        "good": proof is not None and not failed,
+        "failed": failed,
+        "reason": reason,
+        "opened": sum((j.opened or 0.0) >= 0.9 for j in proof.joints) if proof else 0,
+        "openness_min": openness_min(proof) if proof else None,
+        "seconds": round(took_s, 2),
+    }
+
+
+def judged(tool: str, name: str, source: Path, ours: Path, tools: Path) -> dict[str, Any]:
+    """Run one tool on one object and prove what it made."""
+    with tempfile.TemporaryDirectory(prefix="rivals-") as temporary:
+        copy = Path(temporary) / "input" / source.parent.name
+        shutil.copytree(source.parent, copy)
+        start = time.perf_counter()
+        made = TOOLS[tool](copy / source.name, tools)
+        took = time.perf_counter() - start
+        if made.path is None:
+            return row_of(name, made, None, made.reason, took)
+        config = ConvertConfig()
+        frame = origin_of_reading(read_input(source, config), config).frame
+        try:
+            asset = adopted(made.path, load_asset(ours), frame, Path(temporary) / "asset")
+        except AssetError as error:
+            return row_of(name, made, None, str(error), took)
+        return row_of(name, made, prove(asset), "", took)
+
+
+def ours(name: str, folder: Path) -> dict[str, Any]:
+    """The same of our own conversion, proven anew without its input."""
+    start = time.perf_counter()
+    proof = prove(load_asset(folder))
+    return row_of(name, Made(folder), proof, "", time.perf_counter() - start)
+
+
+def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
+    """Counts over the objects of one tool."""
+    opennesses = sorted(r["openness_min"] for r in rows if r["openness_min"] is not None)
+    return {
+        "objects": len(rows),
+        "made": sum(r["made"] for r in rows),
+        "loads": sum(r["loads"] for r in rows),
+        "good": sum(r["good"] for r in rows),
+        "joints": joints,
+        "joints_opened": sum(r["opened"] for r in rows),
+        "openness_min_median": opennesses[len(opennesses) // 2] if opennesses else None,
+        "failed_by": dict(Counter(c for r in rows for c in r["failed"]).most_common()),
+        "seconds_median": sorted(r["seconds"] for r in rows)[len(rows) // 2] if rows else None,
+    }
+
+
+def main() -> int:
+    """Run the tools on a sample of the objects and print the sums."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--checked", type=Path, required=True, help="folder of benchmarks/assets.py"
+    )
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--tools", type=Path, required=True)
+    parser.add_argument("--only", nargs="*", default=tuple(TOOLS), choices=tuple(TOOLS))
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    flags = parser.parse_args()
+    sources = {
+        item.name: item.file
+        for item, entry in items_of(flags.data, ())
+        if entry["format"] == "urdf" and (flags.checked / item.name / "asset.json").is_file()
+    }
+    names = sorted(sources)
+    random.Random(SEED).shuffle(names)
+    names = names[: flags.count]
+    joints = sum(len(load_asset(flags.checked / n).joints) for n in names)
+    rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
+
+    def one(job: tuple[str, str]) -> None:
+        tool, name = job
+        folder = flags.checked / name
+        if tool == "ours":
+            row = ours(name, folder)
+        else:
+            row = judged(tool, name, sources[name], folder, flags.tools)
+        rows[tool].append(row)
+        print(f"{tool:18s} {name} {row['good']} {row['reason'][:140]}", file=sys.stderr, flush=True)
+
+    with ThreadPoolExecutor(flags.jobs) as pool:
+        list(pool.map(one, [(tool, n) for n in names for tool in ("ours", *flags.only)]))
+    result = {
+        "ids": names,
+        "tools": {tool: summed(found, joints) for tool, found in rows.items()},
+        "rows": {tool: sorted(found, key=lambda r: str(r["id"])) for tool, found in rows.items()},
+    }
+    print(json.dumps(result, indent=1 if flags.json else None))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

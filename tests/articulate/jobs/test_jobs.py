@@ -1,0 +1,249 @@
+"""Jobs are command lines and folders: they run, fail, are lost, adopted and stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from articulate.errors import RunError
+from articulate.jobs.job import (
+    LEASE,
+    LOG,
+    STATE,
+    Attempt,
+    Job,
+    State,
+    is_leased,
+    load_job,
+    load_state,
+    save_job,
+    save_state,
+    take_lease,
+)
+from articulate.jobs.launcher import MOST_LOSSES, Progress, make_launcher, run_jobs
+from articulate.jobs.local import LocalLauncher
+from articulate.jobs.worker import LEASED, phase_of, run_job
+
+MAKE = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.mkdir(); (p / 'x').write_text('a')"
+
+
+def python(code: str, *arguments: str | Path) -> tuple[str, ...]:
+    return (sys.executable, "-c", code, *map(str, arguments))
+
+
+def job_of(folder: Path, start: str = MAKE, go_on: str = "", **options) -> Job:
+    made = folder / "run"
+    return Job(folder=folder, start=python(start, made), go_on=python(go_on, made), **options)
+
+
+def run_all(jobs, slots=2):
+    seen: list[Progress] = []
+    return run_jobs(jobs, LocalLauncher(slots, jobs[0].folder.parent), seen.append), seen
+
+
+def test_jobs_run_and_their_folders_say_so(tmp_path):
+    jobs = [job_of(tmp_path / name) for name in "abc"]
+    progress, seen = run_all(jobs)
+    assert progress.count("done") == 3
+    assert seen[-1].count("done") == 3
+    for job in jobs:
+        assert (job.made / "x").read_text() == "a"
+        (attempt,) = load_state(job.folder).attempts
+        assert (attempt.code, attempt.host) == (0, socket.gethostname())
+        assert attempt.ended is not None
+        assert attempt.ended >= attempt.begun
+        assert not (job.folder / LEASE).exists()
+        assert load_job(job.folder) == job
+
+
+def test_done_jobs_are_not_run_again(tmp_path):
+    job = job_of(tmp_path / "a")
+    run_all([job])
+    run_all([job])
+    assert len(load_state(job.folder).attempts) == 1
+
+
+def test_a_failed_job_costs_only_itself_and_is_tried_again_by_the_next_call_alone(tmp_path):
+    bad = job_of(tmp_path / "bad", "print('it is broken'); raise SystemExit(2)")
+    good = job_of(tmp_path / "good")
+    progress, _ = run_all([bad, good], slots=1)
+    assert progress.count("failed") == progress.count("done") == 1
+    assert progress.states["bad"].words == "it is broken"
+    assert len(progress.states["bad"].attempts) == 1
+    progress, _ = run_all([bad, good], slots=1)
+    assert len(progress.states["bad"].attempts) == 2
+
+
+def test_a_job_killed_from_outside_is_taken_up_again_where_it_stands(tmp_path):
+    kill = "import os, pathlib, sys; pathlib.Path(sys.argv[1]).mkdir(); os.kill(os.getpid(), 9)"
+    goes_on = "import pathlib, sys; (pathlib.Path(sys.argv[1]) / 'y').write_text('went on')"
+    job = job_of(tmp_path / "a", kill, goes_on)
+    progress, _ = run_all([job])
+    assert progress.count("done") == 1
+    assert [a.code for a in progress.states["a"].attempts] == [-9, 0]
+    assert (job.made / "y").read_text() == "went on"
+
+
+def test_a_job_that_is_lost_again_and_again_is_given_up(tmp_path):
+    job = job_of(tmp_path / "a", "import os; os.kill(os.getpid(), 9)")
+    progress, _ = run_all([job])
+    assert progress.count("lost") == 1
+    assert len(progress.states["a"].attempts) == MOST_LOSSES + 1
+
+
+def test_a_worker_that_is_killed_takes_its_command_along_and_the_job_goes_on(tmp_path):
+    wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(60)"
+    job = save_job(job_of(tmp_path / "a", wait, "print('went on')"))
+    worker = subprocess.Popen(
+        [sys.executable, "-m", "articulate.jobs.worker", str(job.folder)], start_new_session=True
+    )
+    until(job.made.exists)
+    assert load_state(job.folder).phase == "running"
+    worker.kill()
+    worker.wait()
+    assert load_state(job.folder).phase == "lost"
+    assert "is gone" in load_state(job.folder).words
+    until(lambda: not command_runs(job))
+    progress, _ = run_all([job])
+    assert progress.count("done") == 1
+    assert progress.states["a"].words == "went on"
+
+
+def test_a_worker_that_is_told_to_stop_lets_its_command_keep_what_it_has(tmp_path):
+    keep = (
+        "import pathlib, sys, time\n"
+        "p = pathlib.Path(sys.argv[1]); p.mkdir()\n"
+        "try:\n    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n    (p / 'kept').touch(); sys.exit(130)\n"
+    )
+    job = save_job(job_of(tmp_path / "a", keep))
+    worker = subprocess.Popen([sys.executable, "-m", "articulate.jobs.worker", str(job.folder)])
+    until(job.made.exists)
+    time.sleep(0.2)  # into its sleep
+    worker.terminate()
+    assert worker.wait() == 130
+    assert (job.made / "kept").exists()
+    assert load_state(job.folder).phase == "waiting"
+
+
+def test_one_job_has_one_worker(tmp_path):
+    wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(60)"
+    job = save_job(job_of(tmp_path / "a", wait))
+    worker = subprocess.Popen([sys.executable, "-m", "articulate.jobs.worker", str(job.folder)])
+    until(job.made.exists)
+    assert run_job(job.folder) == LEASED
+    worker.terminate()
+    worker.wait()
+
+
+def test_of_many_takers_one_gets_the_lease_an_old_one_included(tmp_path):
+    lease = tmp_path / LEASE
+    for old in (
+        None,
+        {"host": "elsewhere", "pid": 1},
+        {"host": socket.gethostname(), "pid": 2**22 + 9},
+    ):
+        lease.unlink(missing_ok=True)
+        if old is not None:
+            lease.write_text(json.dumps(old))
+            os.utime(lease, (time.time() - 1e4,) * 2)
+            assert not is_leased(tmp_path)
+        with ThreadPoolExecutor(8) as pool:
+            assert sum(pool.map(take_lease, [tmp_path] * 8)) == 1
+        assert is_leased(tmp_path)
+
+
+def test_a_lease_of_another_machine_is_old_by_its_age(tmp_path):
+    (tmp_path / LEASE).write_text('{"host": "elsewhere", "pid": 1}')
+    assert is_leased(tmp_path)
+    os.utime(tmp_path / LEASE, (time.time() - 61,) * 2)
+    assert not is_leased(tmp_path)
+
+
+def test_another_launcher_adopts_what_one_left(tmp_path):
+    job = save_job(job_of(tmp_path / "a", go_on="print('adopted')"))
+    job.made.mkdir()
+    left = State(phase="running", attempts=(Attempt(host="elsewhere", pid=1, begun=1.0),))
+    save_state(job.folder, left)
+    assert load_state(job.folder).phase == "lost"
+    progress, _ = run_all([job])
+    assert progress.states["a"].words == "adopted"
+
+
+def test_a_folder_of_another_job_is_refused(tmp_path, error_line):
+    job = save_job(job_of(tmp_path / "a"))
+    other = dataclasses.replace(job, start=("true",))
+    error_line("save_job(job)  # its folder holds another", lambda: save_job(other))
+    (tmp_path / "a" / "job.json").write_text("{")
+    with pytest.raises(RunError, match="cannot be read"):
+        load_job(job.folder)
+
+
+def test_exit_statuses_have_meanings():
+    job = Job(folder=Path("x"), start=("a",), go_on=("a",), accepted=(0, 3))
+    phases = {code: phase_of(job, code) for code in (0, 3, 1, 2, 130, -9)}
+    assert phases == {0: "done", 3: "done", 1: "failed", 2: "failed", 130: "waiting", -9: "lost"}
+
+
+def test_an_unknown_launcher_is_told_in_one_line(tmp_path, error_line):
+    error_line("make_launcher('slrm', 2, DIR)", lambda: make_launcher("slrm", 2, tmp_path))
+
+
+def test_interrupting_the_loop_stops_the_workers(tmp_path):
+    wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(60)"
+    jobs = [job_of(tmp_path / name, wait) for name in "abc"]
+
+    def interrupt(progress):
+        if progress.count("running") == 1 and jobs[0].made.exists():
+            raise KeyboardInterrupt
+
+    launcher = LocalLauncher(1, tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run_jobs(jobs, launcher, Repeated(interrupt, jobs[0].made))
+    assert not is_leased(jobs[0].folder)
+    assert not (jobs[1].folder / STATE).exists()
+    assert (jobs[0].folder / LOG).exists()
+
+
+class Repeated:
+    """Waits for the job's folder, since the loop tells of changes alone."""
+
+    def __init__(self, call, made):
+        self.call, self.made = call, made
+
+    def __call__(self, progress):
+        if progress.count("running"):
+            until(self.made.exists)
+        self.call(progress)
+
+
+def command_runs(job: Job) -> bool:
+    """Whether a process with the job's command line runs."""
+    found = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
+    return any(str(job.made) in line and "time.sleep" in line for line in found.stdout.splitlines())
+
+
+def until(there, limit_s=20.0):
+    """Wait for what another process does."""
+    end = time.monotonic() + limit_s
+    while not there():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.02)
+
+
+@pytest.fixture(autouse=True)
+def restored_signals():
+    before = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)

@@ -1,0 +1,329 @@
+"""Runs side by side: one table with intervals, what differs between them, one page.
+
+::
+
+    comparison.json     every figure
+    comparison.html     the same figures, drawn; opens anywhere, offline
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from articulate.errors import RunError
+from articulate.files import write_json, write_text
+from articulate.judgement import REASONS
+from articulate.page import Bars, Chart, Line, Page
+from articulate.transforms import Array
+from articulate_train.report import SCHEMA, SCHEMA_VERSION
+from articulate_train.report_html import REASON_TEXT
+from articulate_train.statistics import Difference, Share, difference, wilson
+
+COMPARISON_SCHEMA = "articulate.comparison"
+COMPARISON_SCHEMA_VERSION = 1
+CURVE_POINTS = 100
+"""Moments at which the seeds' learning curves are averaged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """Success among training episodes, averaged over the seeds of a run, at K moments."""
+
+    steps: Array
+    """Ticks of experience (K,)."""
+    success: Array
+    """Mean over seeds (K,)."""
+    low: Array
+    """Least seed (K,)."""
+    high: Array
+    """Best seed (K,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One run as it stands in the table."""
+
+    name: str
+    asset: str
+    task: str
+    joint: str
+    steps: int
+    """Ticks of experience of each seed."""
+    seeds: int
+    success: Share
+    """All episodes of all seeds taken together, with Wilson's interval."""
+    opened: Share
+    worst_seed: float
+    """Success of the worst seed."""
+    nominal: float | None
+    """Success without randomisation; None if that was not evaluated."""
+    reasons: Mapping[str, int]
+    """How many episodes ended in each way."""
+    against_first: Difference | None
+    """Success less that of the first run; None for the first."""
+    curve: Curve | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Runs in the order in which they were named."""
+
+    rows: tuple[Row, ...]
+    differing: Mapping[str, tuple[str, ...]]
+    """Settings that are not the same in all runs, with the value of each run."""
+
+    def content(self) -> dict[str, Any]:
+        """The comparison for JSON."""
+        plain = dataclasses.asdict(self, dict_factory=_plain)
+        return {"schema": COMPARISON_SCHEMA, "schema_version": COMPARISON_SCHEMA_VERSION, **plain}
+
+    def text(self) -> str:
+        """The table for a terminal."""
+        names = _names(self.rows)
+        width = max(len(n) for n in names)
+        lines = [f"{'':{width}}  success (95 %)          opened   worst seed  against the first"]
+        for name, row in zip(names, self.rows, strict=True):
+            lines.append(
+                f"{name:{width}}  {_interval(row.success):22s}  {row.opened.value:6.1%}   "
+                f"{row.worst_seed:6.1%}      {_signed(row.against_first)}".rstrip()
+            )
+        return "\n".join(lines)
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """The content of the ``report.json`` of a run.
+
+    Raises:
+        RunError: There is none, or it is of another schema.
+    """
+    path = folder / "report.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunError(
+            f"{path}: cannot be read ({error}); make it with evaluate {folder}"
+        ) from None
+    known = isinstance(content, dict) and content.get("schema") == SCHEMA
+    if not known or content.get("schema_version") != SCHEMA_VERSION:
+        raise RunError(
+            f"{path}: not a report of schema {SCHEMA} {SCHEMA_VERSION}; "
+            f"make it again with evaluate {folder}"
+        )
+    return dict(content)
+
+
+def compare(reports: Sequence[Mapping[str, Any]]) -> Comparison:
+    """Runs side by side.
+
+    Args:
+        reports: Contents of their ``report.json``, at least one; the first is compared with.
+    """
+    first: Share | None = None
+    rows = []
+    for content in reports:
+        row = _row(content, first)
+        first = first or row.success
+        rows.append(row)
+    configs = [_flat(yaml.safe_load(content["info"]["config"]) or {}) for content in reports]
+    return Comparison(rows=tuple(rows), differing=_differing(configs))
+
+
+def _row(content: Mapping[str, Any], first: Share | None) -> Row:
+    info = content["info"]
+    seeds = content["seeds"]
+    success = _pooled([s["success"] for s in seeds])
+    return Row(
+        name=info["name"],
+        asset=info["asset"],
+        task=info["task"],
+        joint=info["joint"],
+        steps=info["steps"],
+        seeds=len(seeds),
+        success=success,
+        opened=_pooled([s["opened"] for s in seeds]),
+        worst_seed=content["worst_seed_success_rate"],
+        nominal=content["nominal_success_rate"],
+        reasons=content["reasons"],
+        against_first=difference(success, first) if first is not None else None,
+        curve=_curve(content["curves"]),
+    )
+
+
+def _pooled(shares: Sequence[Mapping[str, Any]]) -> Share:
+    """All episodes taken together."""
+    episodes = sum(s["episodes"] for s in shares)
+    return wilson(sum(round(s["value"] * s["episodes"]) for s in shares), episodes)
+
+
+def _curve(curves: Sequence[Mapping[str, Any]]) -> Curve | None:
+    """The seeds' curves at common moments; None where there are none."""
+    known = []
+    for curve in curves:
+        steps = np.array(curve["steps"], dtype=np.float64)
+        success = np.array(curve["success"], dtype=np.float64)  # JSON's null becomes NaN
+        there = np.isfinite(success)
+        if there.any():
+            known.append((steps[there], success[there]))
+    if not known:
+        return None
+    begin = max(steps[0] for steps, _ in known)
+    moments = np.linspace(begin, max(steps[-1] for steps, _ in known), CURVE_POINTS)
+    each = np.stack([np.interp(moments, steps, success) for steps, success in known])
+    return Curve(steps=moments, success=each.mean(0), low=each.min(0), high=each.max(0))
+
+
+def _flat(value: Any, name: str = "") -> dict[str, str]:
+    """Settings by their path, such as ``reward.open``."""
+    if isinstance(value, Mapping):
+        out: dict[str, str] = {}
+        for key, inner in value.items():
+            out |= _flat(inner, f"{name}.{key}" if name else str(key))
+        return out
+    return {name: json.dumps(value, default=str)}
+
+
+def _differing(configs: Sequence[Mapping[str, str]]) -> dict[str, tuple[str, ...]]:
+    names = list(dict.fromkeys(name for config in configs for name in config))
+    columns = {name: tuple(config.get(name, "–") for config in configs) for name in names}
+    return {name: values for name, values in columns.items() if len(set(values)) > 1}
+
+
+def write_comparison(comparison: Comparison, folder: Path, command: str) -> tuple[Path, Path]:
+    """Write ``comparison.json`` and ``comparison.html`` and return their paths.
+
+    Args:
+        comparison: What is written.
+        folder: Where to.
+        command: What repeats it.
+    """
+    json_path, html_path = folder / "comparison.json", folder / "comparison.html"
+    write_json(json_path, comparison.content())
+    write_text(html_path, comparison_page(comparison, command))
+    return json_path, html_path
+
+
+def comparison_page(comparison: Comparison, command: str) -> str:
+    """The page as HTML."""
+    rows, names = comparison.rows, _names(comparison.rows)
+    page = Page(f"{len(rows)} runs side by side", ", ".join(names))
+    page.table(
+        ["run", "success", "opened", "worst seed", "not randomised", "against the first"],
+        [
+            [
+                name,
+                _interval(row.success),
+                _interval(row.opened),
+                f"{row.worst_seed:.1%}",
+                "–" if row.nominal is None else f"{row.nominal:.1%}",
+                _signed(row.against_first) or "–",
+            ]
+            for name, row in zip(names, rows, strict=True)
+        ],
+    )
+    page.text(
+        "Shares of all episodes of a run with Wilson's 95 % intervals; differences with "
+        "Newcombe's, which hold what other episodes of the same policies would show, not what "
+        "other seeds would. An interval without 0 is more than chance."
+    )
+    page.charts(_success_chart(names, rows), *_curve_charts(names, rows))
+    page.section("What failed first")
+    seen = [r for r in REASONS if any(r in row.reasons for row in rows)]
+    page.table(
+        ["ended by", *names],
+        [[REASON_TEXT[r], *(row.reasons.get(r, 0) for row in rows)] for r in seen],
+    )
+    page.section("What differs")
+    about: dict[str, list[str | int]] = {
+        "object": [row.asset for row in rows],
+        "task": [row.task for row in rows],
+        "joint": [row.joint for row in rows],
+        "steps per seed": [row.steps for row in rows],
+        "seeds": [row.seeds for row in rows],
+    }
+    page.table(["", *names], [[key, *values] for key, values in about.items()])
+    if comparison.differing:
+        page.table(
+            ["setting", *names], [[k, *values] for k, values in comparison.differing.items()]
+        )
+    else:
+        page.text("The configurations are the same.")
+    page.section("To repeat it")
+    page.code(command)
+    return page.html()
+
+
+def _success_chart(names: Sequence[str], rows: Sequence[Row]) -> Chart:
+    return Chart(
+        title="Success",
+        marks=Bars(
+            labels=names,
+            values=[round(100.0 * row.success.value, 1) for row in rows],
+            low=[100.0 * row.success.low for row in rows],
+            high=[100.0 * row.success.high for row in rows],
+        ),
+        x_label="% of episodes, with 95 % intervals",
+        x_range=(0.0, 100.0),
+    )
+
+
+def _curve_charts(names: Sequence[str], rows: Sequence[Row]) -> list[Chart]:
+    marks = [
+        Line(
+            name=name,
+            x=row.curve.steps,
+            y=100.0 * row.curve.success,
+            low=100.0 * row.curve.low,
+            high=100.0 * row.curve.high,
+        )
+        for name, row in zip(names, rows, strict=True)
+        if row.curve is not None
+    ]
+    if not marks:
+        return []
+    chart = Chart(
+        title="Learning",
+        marks=marks,
+        x_label="steps",
+        y_label="success %",
+        y_range=(0.0, 100.0),
+        caption="Training episodes from home: mean over seeds, worst to best seed.",
+    )
+    return [chart]
+
+
+def _names(rows: Sequence[Row]) -> list[str]:
+    """Names of the runs, numbered where two share one."""
+    names = [row.name for row in rows]
+    return [
+        name if names.count(name) == 1 else f"{name} ({names[: i + 1].count(name)})"
+        for i, name in enumerate(names)
+    ]
+
+
+def _interval(share: Share) -> str:
+    return f"{share.value:.1%} ({100.0 * share.low:.1f}–{100.0 * share.high:.1f})"
+
+
+def _signed(gap: Difference | None) -> str:
+    if gap is None:
+        return ""
+    value, low, high = (100.0 * x for x in (gap.value, gap.low, gap.high))
+    return f"{value:+.1f} % ({low:+.1f} to {high:+.1f})"
+
+
+def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return [float(f"{x:.6g}") if math.isfinite(x) else None for x in value]
+        return value
+
+    return {key: plain(value) for key, value in items}
