@@ -29,9 +29,10 @@ def make_scene(
     arm: Arm = PANDA,
     draws: DrawConfig = DRAWS,
     episode_s: float = 1.0,
+    name: str = "open_joint",
 ) -> Scene:
     """The scene in which ``joint`` of ``asset`` is to be opened, at the sizes of ``draws``."""
-    task = make_task("open_joint", asset, joint, episode_s=episode_s)
+    task = make_task(name, asset, joint, episode_s=episode_s)
     return build_scene(
         asset,
         task,
