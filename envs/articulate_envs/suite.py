@@ -365,6 +365,9 @@ def _without_fixed(given: dict[str, Any]) -> dict[str, Any]:
 def _read(
     given: dict[str, Any], noise: Any, control_freq: float | None, scene: Scene | None
 ) -> EnvConfig:
+    if scene is not None and control_freq not in (None, scene.follow.rate_hz):
+        rate = f"{scene.follow.rate_hz:g}"
+        raise ConfigError(f"control_freq is {control_freq}; the scene that is given has {rate}")
     if control_freq is not None and scene is None:
         follow = to_plain(given.get("follow") or {})
         given = {**given, "follow": {**follow, "rate_hz": float(control_freq)}}

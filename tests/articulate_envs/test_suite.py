@@ -79,6 +79,28 @@ def test_simulation_is_the_engines_own(env, drawer):
     assert env.sim.model.opt.timestep == env.model_timestep
 
 
+def test_parts_are_looked_up_by_their_names(env, drawer):
+    env.reset()
+    data, model = env.sim.data, env.sim.model
+    assert_array_equal(data.get_site_xpos("tool"), env.engine.data.site("tool").xpos)
+    part = f"object/{drawer.task.joint}"
+    assert data.get_joint_qpos(part) == env.engine.data.qpos[drawer.at.part_q]
+    assert model.body_id2name(model.body_name2id("right_hand")) == "right_hand"
+    fingers = [model.geom_id2name(g) for g in drawer.at.finger_geoms]
+    assert not env.check_contact(fingers)
+
+
+def test_observables_can_be_spoilt_and_hidden_and_policies_see_the_truth(env):
+    env.modify_observable("joint_pos", "corrupter", lambda value: value + 1.0)
+    env.modify_observable("joint_vel", "active", False)
+    told = env.reset()
+    where = OBSERVATION.slice("joint_pos")
+    np.testing.assert_allclose(told["joint_pos"], told["policy-state"][where] + 1.0)
+    assert "joint_vel" not in told
+    assert env.observation_names >= {f.name for f in OBSERVATION.fields}
+    assert env.observation_modalities == {"object", "robot0_proprio", "policy"}
+
+
 def test_episodes_are_done_at_their_end_and_not_before(env, drawer):
     env.reset()
     done = [env.step(STILL)[2] for _ in range(drawer.ticks)]
@@ -167,6 +189,7 @@ def test_noise_of_the_start_is_robosuites_to_set(drawer, noise, spread):
         ("camera_names=frontview", {"camera_names": "frontview"}),
         ("initialization_noise=gaussian", {"initialization_noise": {"type": "gaussian"}}),
         ("horizn=3", {"horizn": 3}),
+        ("scene=20 Hz, control_freq=10", {"control_freq": 10}),
     ],
 )
 def test_arguments_that_are_not_accepted_are_answered_in_one_line(
