@@ -357,8 +357,8 @@ def _without_fixed(given: dict[str, Any]) -> dict[str, Any]:
             raise ConfigError(f"ArticulatedObject: no argument {name!r}{nearest(name, known)}")
     for name, accepted in FIXED.items():
         if name in given and given[name] not in accepted:
-            known = " or ".join(map(repr, accepted))
-            raise ConfigError(f"{name} is {given[name]!r}; ArticulatedObject accepts {known}")
+            right = " or ".join(map(repr, accepted))
+            raise ConfigError(f"{name} is {given[name]!r}; ArticulatedObject accepts {right}")
     return {k: v for k, v in given.items() if k not in FIXED and k not in UNUSED}
 
 

@@ -1,9 +1,6 @@
 import copy
-import os
 import pickle  # noqa: TID251 - what we wrote ourselves a moment ago
-import subprocess
 import sys
-from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -17,7 +14,6 @@ from articulate.observe import ACTION, OBSERVATION
 from articulate_envs import gym, window
 from articulate_envs.gym import ArticulateEnv
 
-ROOT = Path(__file__).resolve().parents[2]
 STILL = np.zeros(8, dtype=np.float32)
 
 
@@ -285,21 +281,3 @@ def test_a_window_follows_by_itself_and_closes(drawer, opened):
     assert len(opened) == 2
     env.close()
     assert not opened[1].open
-
-
-@pytest.mark.render
-def test_one_that_nobody_closed_ends_with_its_process_in_silence(tmp_path):
-    code = (
-        "import sys; from pathlib import Path; from tests.scenes import drawer_scene; "
-        "from articulate_envs.gym import ArticulateEnv; "
-        "env = ArticulateEnv(scene=drawer_scene(Path(sys.argv[1])), render_mode='rgb_array'); "
-        "env.reset(seed=0); print(env.render().shape)"
-    )
-    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-    )
-    assert (done.stdout, done.stderr, done.returncode) == ("(360, 480, 3)\n", "", 0)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from itertools import islice
 
 import gymnasium
 import numpy as np
@@ -138,7 +139,7 @@ def test_all_engines_agree_over_two_hundred_ticks(part, task, how, scene_of):
 def test_one_of_many_agrees_with_one_alone(drawer):
     start = begun(drawer, "gripping")
     many = through_batch(drawer, start, EXACT, n=3, threads=2)
-    for ours, theirs in zip(through_gymnasium(drawer, start, EXACT), many, strict=True):
+    for ours, theirs in islice(zip(through_gymnasium(drawer, start, EXACT), many, strict=True), 60):
         for a, b in zip(ours[:3], theirs[:3], strict=True):
             assert_allclose(a, b, rtol=0, atol=TOLERANCE)
 

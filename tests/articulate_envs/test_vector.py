@@ -3,12 +3,12 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_array_equal
-from tests.articulate_envs.conftest import ID
 
 from articulate.draw import COLUMNS
 from articulate.observe import OBSERVATION
 from articulate_envs.vector import ArticulateVectorEnv
 
+ID = "articulate_envs:Articulate/OpenDrawer-v0"
 N = 3
 
 
