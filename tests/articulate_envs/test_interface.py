@@ -61,7 +61,8 @@ def test_what_an_episode_began_with_begins_another_one_like_it(drawer, seed):
 
 def test_nothing_asked_for_changes_nothing(drawer):
     start = begun(drawer)
-    for options in (None, {}, {"draw": {}}):
+    every: tuple[dict[str, dict[str, float]] | None, ...] = (None, {}, {"draw": {}})
+    for options in every:
         after = start_asked_for(options, start, drawer)
         assert_array_equal(after.draw.values, start.draw.values)
         assert_array_equal(after.q, start.q)
