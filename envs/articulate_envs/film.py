@@ -36,6 +36,14 @@ NEAR_M = 0.6
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
+def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
+    """Put ``data`` at positions (nq,): what drawing needs, and no dynamics."""
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+
+
 class Film:
     """Draws a scene at positions of its model; close it, or use it in a ``with`` block."""
 
@@ -61,8 +69,8 @@ class Film:
             MissingError: Nothing can be drawn here.
         """
         self.scene = scene
-        T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
-        self._model, self._root = stage_model(scene, scale=scale, T_wo=T_wo, size=size)
+        self._model = drawn_model(scene, scale=scale, T_wo=T_wo, size=size)
+        self._root = _root_of(self._model)
         self._data = mujoco.MjData(self._model)
         self._size = size
         self._canvas = Canvas(self._model, size, shadows=shadows)
@@ -182,19 +190,15 @@ class Film:
         return body == top
 
 
-def stage_model(
-    scene: Scene, *, scale: float, T_wo: Array, size: tuple[int, int]
-) -> tuple[mujoco.MjModel, int]:
-    """The scene as people look at it, and its object's root body.
-
-    Its positions are those of the scene's own models.
-
-    Args:
-        scene: What is shown.
-        scale: Size of the object.
-        T_wo: Pose of the object in the world (4, 4).
-        size: Width and height of pictures [px].
-    """
+def drawn_model(
+    scene: Scene,
+    *,
+    scale: float = 1.0,
+    T_wo: Array | None = None,
+    size: tuple[int, int] = SIZE,
+) -> mujoco.MjModel:
+    """The scene as people see it; the arguments are :class:`Film`'s."""
+    T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
     spec = scene_spec(
         scene.asset,
         arm=scene.arm,
@@ -205,18 +209,14 @@ def stage_model(
     )
     set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
     model = spec.compile()
-    root = next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
+    root = _root_of(model)
     model.body_pos[root] = T_wo[:3, 3]
     model.body_quat[root] = matrix_to_quat(T_wo[:3, :3])
-    return model, root
+    return model
 
 
-def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
-    """Put ``data`` at positions (nq,): what drawing needs, and no dynamics."""
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
+def _root_of(model: mujoco.MjModel) -> int:
+    return next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
 
 
 def write_film(

@@ -12,7 +12,7 @@ import mujoco
 
 from articulate.errors import MissingError
 from articulate.transforms import Array
-from articulate_envs.film import SIZE, set_positions, stage_model
+from articulate_envs.film import drawn_model, set_positions
 from articulate_envs.scene import Scene
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -38,7 +38,7 @@ class Window:
         Raises:
             MissingError: There is no display.
         """
-        self._model, _ = stage_model(scene, scale=scale, T_wo=T_wo, size=SIZE)
+        self._model = drawn_model(scene, scale=scale, T_wo=T_wo)
         self._data = mujoco.MjData(self._model)
         self._viewer = _open(self._model, self._data)
         self._next_s = time.monotonic()
