@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import statistics
 import sys
 import tarfile
@@ -37,7 +38,12 @@ CATEGORY = "StorageFurniture"
 
 
 def items_of(data: Path, wanted: Sequence[str]) -> list[tuple[Item, dict[str, Any]]]:
-    """The objects of ``assets.json`` with their files, unpacked if need be."""
+    """The objects of ``assets.json`` with their files, unpacked if need be.
+
+    Args:
+        data: Folder with ``assets.json``.
+        wanted: These ids only, in this order; all if empty.
+    """
     archive = data / "assets.tar.xz"
     entries = json.loads((data / "assets.json").read_text(encoding="utf-8"))["assets"]
     base = data
@@ -46,11 +52,8 @@ def items_of(data: Path, wanted: Sequence[str]) -> list[tuple[Item, dict[str, An
         if not (base / entries[0]["path"]).is_file():
             with tarfile.open(archive) as packed:
                 packed.extractall(base, filter="data")
-    return [
-        (Item(name=e["id"], file=base / e["path"]), e)
-        for e in entries
-        if not wanted or e["id"] in wanted
-    ]
+    by_id = {e["id"]: e for e in entries}
+    return [(Item(name=i, file=base / by_id[i]["path"]), by_id[i]) for i in wanted or by_id]
 
 
 def row_of(checked: Checked, entry: dict[str, Any]) -> dict[str, Any]:
@@ -168,7 +171,8 @@ def main() -> int:
     parser.add_argument("--cache", type=Path)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--limit", type=float, default=600.0, help="seconds for one object")
-    parser.add_argument("--ids", nargs="*", default=(), help="these objects only")
+    parser.add_argument("--ids", nargs="*", default=(), help="these objects only, in this order")
+    parser.add_argument("--minutes", type=float, help="stop then, and report what is done")
     parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
     flags = parser.parse_args()
     found = items_of(flags.data, flags.ids)
@@ -176,15 +180,22 @@ def main() -> int:
     batch = Batch(out=flags.out, cache=cache, options={}, limit_s=flags.limit, single=False)
     entries = {item.name: entry for item, entry in found}
     rows = []
+    end = time.monotonic() + 60.0 * (flags.minutes or math.inf)
     for checked in batch.run([item for item, _ in found], flags.jobs):
         rows.append(row_of(checked, entries[checked.item.name]))
         first = f": {rows[-1]['reasons'][0][:160]}" if rows[-1]["reasons"] else ""
         text = f"{len(rows):4d} of {len(found)} {rows[-1]['id']} {rows[-1]['verdict']}{first}"
         print(text, file=sys.stderr, flush=True)
+        if time.monotonic() > end:
+            break
+    done = {r["id"] for r in rows}
     rows.sort(key=lambda r: str(r["id"]))
     result = {
+        "asked": len(found),
         **summed(rows),
-        "cached_seconds_median": round(cached_seconds(batch, [item for item, _ in found]), 3),
+        "cached_seconds_median": round(
+            cached_seconds(batch, [item for item, _ in found if item.name in done]), 3
+        ),
         "step_ratios": physics_cost(flags.out, rows),
         "refused": [r for r in rows if r["verdict"] == "refused"],
     }

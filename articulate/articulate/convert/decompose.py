@@ -25,7 +25,7 @@ from articulate.transforms import Array
 VERSION = "coacd-4"
 """Enters the cache key; change it with the options below."""
 MAX_FACES = 60_000
-PATIENCE = 10.0
+PATIENCE = 40.0
 """After so many times its limit by the clock a decomposition is given up."""
 
 

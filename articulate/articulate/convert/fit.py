@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
-import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from articulate.convert.shapes import QUASI, Shape
+from articulate.convert.rays import Surface
+from articulate.convert.shapes import QUASI, Shape, faces_of, on_boxes
 from articulate.transforms import Array, pose
 
 THIN_M = 0.002
@@ -18,15 +19,34 @@ USUAL_TOL_M = 0.003
 """... at this tolerance and above [m]; what strays is less in proportion below it."""
 MAX_CORNERS = 32
 """Most corners of a hull."""
-LIFT_M = 0.002
-"""Rays start this far above a shape: one of few corners lies below what it stands for [m]."""
 CLEARLY_NOT = 0.75
 """With less than this among the first rays the rest is not asked."""
+FIRST_EVERY = 8
+"""The first rays are one in so many."""
+FEW_RAYS = 32
+"""Rays for a box of which many are judged at once."""
+SAME_WAY = 3
+"""Directions that agree to so many decimals count as one when boxes are turned."""
+MANY = 128
+"""More points than this are thinned out before a hull of few corners is looked for."""
+ADDED = 0.34
+"""Share of the corners still missing that a hull of few corners grows by at once."""
+
+
+def _half_sphere(count: int) -> Array:
+    """Unit vectors spread evenly over half of the sphere (count, 3): a Fibonacci spiral."""
+    k = np.arange(count) + 0.5
+    height, turn = 1.0 - k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - height**2)
+    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), height])
+
+
+DIRECTIONS = _half_sphere(MANY // 2)
 
 
 def fitted(
     points: Array,
-    surface: trimesh.Trimesh,
+    surface: Surface,
     tol: float,
     piece: str,
     *,
@@ -44,78 +64,114 @@ def fitted(
         panel_m: Boxes up to this thickness may have relief as deep as they are thick [m]; holes
             right through them still count.
     """
-    points = thick(points, tol)
-    box = aligned_box(points, piece)
-    if _is_fit(box, surface, tol, panel_m):
-        return box
-    tight = hull(points, piece)
-    if tight is not None and not _may_be_near(tight, surface, max(tol, panel_m)):
-        return None  # no box about it comes nearer
-    if turned:
-        around = turned_box(points, piece)
-        if around is not None and _is_fit(around, surface, tol, panel_m):
-            return around
-    return tight if tight is not None and _is_fit(tight, surface, tol, panel_m) else None
+    return Fit(thick(points, tol), surface, piece).best(tol, turned=turned, panel_m=panel_m)
 
 
-def _is_fit(shape: Shape, surface: trimesh.Trimesh, tol: float, panel_m: float) -> bool:
-    thickness = 2.0 * min(shape.half)
-    depth = thickness if 0.0 < thickness <= panel_m else 0.0
-    return is_near(shape, surface, max(tol, depth))
+class Fit:
+    """Shapes round the same points, each measured once and judged at any tolerance.
+
+    Args:
+        points: What must lie inside (N, 3), nowhere too thin [m].
+        surface: Triangles that a shape may not stray from.
+        piece: Names for the shape.
+    """
+
+    def __init__(self, points: Array, surface: Surface, piece: str) -> None:
+        self.points = points
+        self.surface = surface
+        self.piece = piece
+
+    def best(self, tol: float, *, turned: bool = True, panel_m: float = 0.0) -> Shape | None:
+        """What :func:`fitted` says."""
+        if self._upright.is_fit(tol, panel_m):
+            return self._upright.shape
+        if self._round is not None and not self._round.may_be_near(max(tol, panel_m)):
+            return None  # no box about it comes nearer
+        tight = self._tight
+        if turned:
+            around = self._around
+            if around is not None and around.is_fit(tol, panel_m):
+                return around.shape
+        return tight.shape if tight is not None and tight.is_fit(tol, panel_m) else None
+
+    @cached_property
+    def _upright(self) -> Judged:
+        return Judged(aligned_box(self.points, self.piece), self.surface)
+
+    @cached_property
+    def _round(self) -> Judged | None:
+        shape = _full_hull(spanning(self.points), self.piece)
+        return None if shape is None else Judged(shape, self.surface)
+
+    @cached_property
+    def _tight(self) -> Judged | None:
+        if self._round is None:
+            return None
+        shape = _of_few(self._round.shape)
+        if shape is None or shape is self._round.shape:
+            return None if shape is None else self._round
+        return Judged(shape, self.surface)
+
+    @cached_property
+    def _around(self) -> Judged | None:
+        shape = None if self._tight is None else turned_box(self.points, self._tight.shape)
+        return None if shape is None else Judged(shape, self.surface)
 
 
-def is_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
-    """Whether nearly all of the shape's surface has triangles at most ``tol`` below it.
+class Judged:
+    """A shape and how far below it the surface lies that it stands for.
 
     Rays go inwards from points on the shape. The mouth of a drawer, the gap behind a handle or
     the hole of a frame leave their rays without a hit. A few rays decide the clear cases.
+
+    Args:
+        shape: Convex shape.
+        surface: What it stands for.
     """
-    if not _may_be_near(shape, surface, tol):
-        return False
-    least = 1.0 - (1.0 - NEAR_SHARE) * min(1.0, tol / USUAL_TOL_M)
-    return _near_share(*shape.samples(), surface, tol) >= least
+
+    def __init__(self, shape: Shape, surface: Surface) -> None:
+        self.shape = shape
+        self.surface = surface
+
+    @cached_property
+    def _few(self) -> Array:
+        return self.surface.depths(*self.shape.samples(every=FIRST_EVERY))
+
+    @cached_property
+    def _all(self) -> Array:
+        return self.surface.depths(*self.shape.samples())
+
+    def may_be_near(self, tol: float) -> bool:
+        """Whether the first rays leave it open that the shape is near [m]."""
+        return float((self._few <= tol).mean()) >= CLEARLY_NOT
+
+    def is_near(self, tol: float) -> bool:
+        """Whether nearly all of the shape's surface has triangles at most ``tol`` below it [m]."""
+        if not self.may_be_near(tol):
+            return False
+        least = 1.0 - (1.0 - NEAR_SHARE) * min(1.0, tol / USUAL_TOL_M)
+        return float((self._all <= tol).mean()) >= least
+
+    def is_fit(self, tol: float, panel_m: float) -> bool:
+        """The same, where panels up to a thickness may have relief [m]."""
+        thickness = 2.0 * min(self.shape.half)
+        depth = thickness if 0.0 < thickness <= panel_m else 0.0
+        return self.is_near(max(tol, depth))
 
 
-def _may_be_near(shape: Shape, surface: trimesh.Trimesh, tol: float) -> bool:
-    return _near_share(*shape.samples(every=8), surface, tol) >= CLEARLY_NOT
+def is_near(shape: Shape, surface: Surface, tol: float) -> bool:
+    """Whether nearly all of the shape's surface has triangles at most ``tol`` below it [m]."""
+    return Judged(shape, surface).is_near(tol)
 
 
-def box_shares(boxes: Array, surface: trimesh.Trimesh, tol: float) -> Array:
+def box_shares(boxes: Array, surface: Surface, tol: float) -> Array:
     """For each upright box (B, 2, 3) the share of a few points on it that lie near ``surface``."""
     half = np.maximum((boxes[:, 1] - boxes[:, 0]) / 2.0, THIN_M / 2.0)
     middle = (boxes[:, 0] + boxes[:, 1]) / 2.0
-    area = half[:, [1, 0, 0]] * half[:, [2, 2, 1]]
-    edges = np.cumsum(area, axis=1) / area.sum(axis=1, keepdims=True)
-    count = 32
-    quasi = QUASI[:count]
-    axis = (quasi[None, :, 0, None] > edges[:, None, :2]).sum(axis=-1)
-    sign = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
-    local = np.empty((len(boxes), count, 3))
-    normals = np.zeros_like(local)
-    b, k = np.meshgrid(np.arange(len(boxes)), np.arange(count), indexing="ij")
-    local[b, k, (axis + 1) % 3] = 2.0 * quasi[:, 1] - 1.0
-    local[b, k, (axis + 2) % 3] = 2.0 * quasi[:, 2] - 1.0
-    local[b, k, axis] = sign
-    normals[b, k, axis] = sign
-    points = middle[:, None] + local * half[:, None]
-    near = _is_close(points.reshape(-1, 3), normals.reshape(-1, 3), surface, tol)
-    return np.asarray(near.reshape(len(boxes), count).mean(axis=1))
-
-
-def _near_share(points: Array, normals: Array, surface: trimesh.Trimesh, tol: float) -> float:
-    return float(np.mean(_is_close(points, normals, surface, tol)))
-
-
-def _is_close(
-    points: Array, normals: Array, surface: trimesh.Trimesh, tol: float
-) -> NDArray[np.bool_]:
-    """Whether a ray inwards from each point meets ``surface`` within ``tol`` (N,)."""
-    lift = LIFT_M
-    origins = points + lift * normals
-    hits, rays, _ = surface.ray.intersects_location(origins, -normals, multiple_hits=False)
-    depth = np.full(len(points), np.inf)
-    depth[rays] = np.linalg.norm(hits - origins[rays], axis=1)
-    return depth <= tol + lift
+    local, normals = on_boxes(half, QUASI[:FEW_RAYS])
+    points = middle[:, None] + local
+    near = surface.depths(points.reshape(-1, 3), normals.reshape(-1, 3)) <= tol
+    return np.asarray(near.reshape(len(boxes), -1).mean(axis=1))
 
 
 def thin_m(tol: float) -> float:
@@ -128,9 +184,9 @@ def thick(points: Array, tol: float = USUAL_TOL_M) -> Array:
     least = thin_m(tol)
     points = np.asarray(points, dtype=np.float64)
     centred = points - points.mean(axis=0)
-    _, _, axes = np.linalg.svd(centred, full_matrices=len(points) < 3)
-    spans = np.ptp(centred @ axes.T, axis=0)
-    for axis, span in zip(axes, spans, strict=True):
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    spans = np.ptp(centred @ axes, axis=0)
+    for axis, span in zip(axes.T, spans, strict=True):
         if span < least:
             pad = (least - span) / 2.0 * axis
             points = np.concatenate([points + pad, points - pad])
@@ -146,30 +202,105 @@ def aligned_box(points: Array, piece: str) -> Shape:
     )
 
 
-def turned_box(points: Array, piece: str) -> Shape | None:
-    """The smallest box in any direction."""
-    try:
-        T_bp, extents = trimesh.bounds.oriented_bounds(points)
-    except (QhullError, ValueError):
+def turned_box(points: Array, tight: Shape) -> Shape | None:
+    """The smallest box with one face and one edge along those of a hull.
+
+    Args:
+        points: What must lie inside (N, 3) [m].
+        tight: Their hull, of few corners.
+    """
+    triangles = tight.faces.triangles
+    normals = _ways(tight.faces.equations[:, :3])
+    edges = _ways(np.concatenate([triangles[:, k] - triangles[:, k - 1] for k in range(3)]))
+    across = edges[None] - (normals @ edges.T)[..., None] * normals[:, None]  # (N, E, 3)
+    length = np.linalg.norm(across, axis=-1)
+    n, e = np.nonzero(length > 0.5)  # an edge that stands on the face says nothing about it
+    if not len(n):
         return None
-    half = np.maximum(np.asarray(extents) / 2.0, THIN_M / 4.0)
-    T_ps = np.linalg.inv(T_bp)
-    return Shape(kind="box", T_ps=T_ps, half=(half[0], half[1], half[2]), piece=piece)
+    one = across[n, e] / length[n, e][:, None]
+    other = np.cross(normals[n], one)
+    corners = tight.corners
+    height = np.ptp(corners @ normals.T, axis=0)[n]
+    size = np.ptp(corners @ one.T, axis=0) * np.ptp(corners @ other.T, axis=0) * height
+    best = int(np.argmin(size))
+    axes = np.column_stack([one[best], other[best], normals[n[best]]])
+    local = points @ axes
+    low, high = local.min(axis=0), local.max(axis=0)
+    half = np.maximum((high - low) / 2.0, THIN_M / 4.0)
+    T_ps = pose(axes @ ((low + high) / 2.0), axes)
+    return Shape(kind="box", T_ps=T_ps, half=(half[0], half[1], half[2]), piece=tight.piece)
+
+
+def _ways(vectors: Array) -> Array:
+    """Unit vectors (M, 3) along ``vectors`` (N, 3), one of each pair that points both ways."""
+    length = np.linalg.norm(vectors, axis=1)
+    units = vectors[length > 0.0] / length[length > 0.0][:, None]
+    rounded = units.round(SAME_WAY) + 0.0
+    first = rounded[np.arange(len(rounded)), (rounded != 0.0).argmax(axis=1)]
+    _, index = np.unique(rounded * np.sign(first)[:, None] + 0.0, axis=0, return_index=True)
+    return np.asarray(units[np.sort(index)])
 
 
 def hull(points: Array, piece: str) -> Shape | None:
     """The convex hull, of at most ``MAX_CORNERS`` corners."""
+    shape = _full_hull(spanning(points), piece)
+    return None if shape is None else _of_few(shape)
+
+
+def spanning(points: Array, directions: Array = DIRECTIONS) -> Array:
+    """Those of many ``points`` (N, 3) that reach farthest both ways along some directions.
+
+    The points are made as long as they are wide before, so that thin sets keep their rims.
+
+    Args:
+        points: Few of them are left as they are.
+        directions: Unit vectors (D, 3).
+    """
+    if len(points) <= 2 * len(directions):
+        return points
+    centred = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    local = centred @ axes
+    heights = (local / np.maximum(np.ptp(local, axis=0), 1e-9)) @ directions.T
+    chosen = np.unique(np.concatenate([heights.argmax(axis=0), heights.argmin(axis=0)]))
+    return np.asarray(points[chosen])
+
+
+def _full_hull(points: Array, piece: str) -> Shape | None:
     try:
-        corners = points[ConvexHull(points).vertices]
-        while len(corners) > MAX_CORNERS:
-            corners = _fewer(corners)
+        found = ConvexHull(points)
     except QhullError:
         return None
-    return Shape(kind="hull", T_ps=np.eye(4), half=(0.0, 0.0, 0.0), vertices=corners, piece=piece)
+    return _shape_of(found, piece)
+
+
+def _of_few(shape: Shape) -> Shape | None:
+    """A hull of at most ``MAX_CORNERS`` of the corners of a hull."""
+    if len(shape.corners) <= MAX_CORNERS:
+        return shape
+    try:
+        return _shape_of(ConvexHull(_fewer(shape.corners)), shape.piece)
+    except QhullError:
+        return None
+
+
+def _shape_of(found: ConvexHull, piece: str) -> Shape:
+    known = faces_of(found)
+    return Shape(
+        kind="hull",
+        T_ps=np.eye(4),
+        half=(0.0, 0.0, 0.0),
+        vertices=known.corners,
+        piece=piece,
+        known=known,
+    )
 
 
 def _fewer(corners: Array) -> Array:
-    """Grow a hull from extreme corners, always adding the one that sticks out most."""
+    """Grow a hull from extreme corners, always adding those that stick out most.
+
+    Of those beyond one face only the farthest is added at a time.
+    """
     chosen = sorted({int(i) for axis in range(3) for i in _extremes(corners, axis)})
     rest = corners.mean(axis=0)
     while len(chosen) < 5:
@@ -177,12 +308,16 @@ def _fewer(corners: Array) -> Array:
         chosen.append(int(np.argmax(distance)))
     while len(chosen) < MAX_CORNERS:
         planes = ConvexHull(np.vstack([corners[chosen], rest])).equations
-        out = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        out[chosen] = -np.inf
-        if out.max() < 1e-5:
+        over = corners @ planes[:, :3].T + planes[:, 3]
+        over[chosen] = -np.inf
+        farthest = np.unique(over.argmax(axis=0))
+        out = over[farthest].max(axis=1)
+        order = np.argsort(-out, kind="stable")
+        order = order[: max(1, round(ADDED * (MAX_CORNERS - len(chosen))))]
+        if out[order[0]] < 1e-5:
             break
-        chosen.append(int(np.argmax(out)))
-    return corners[chosen]
+        chosen += farthest[order[out[order] >= 1e-5]].tolist()
+    return np.asarray(corners[chosen])
 
 
 def _extremes(corners: Array, axis: int) -> tuple[int, int]:

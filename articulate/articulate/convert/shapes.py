@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -10,17 +10,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from articulate.transforms import Array, apply, inverse, normalised
+from articulate.transforms import Array, Ints, apply, inverse, normalised
 
 SAMPLES = 240
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-BOX_FACES = np.array(
-    [
-        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-    ]
-)  # fmt: skip
-"""Triangles of ``BOX_CORNERS``, counter-clockwise from outside."""
 
 
 def _quasi(count: int) -> Array:
@@ -30,6 +23,41 @@ def _quasi(count: int) -> Array:
 
 
 QUASI = _quasi(SAMPLES)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Faces:
+    """The surface of a convex hull."""
+
+    corners: Array
+    """Its corners (N, 3) [m]."""
+    index: Ints
+    """Corners of its triangles (F, 3), counter-clockwise from outside."""
+    equations: Array
+    """Outward half-space of each (F, 4): inside where n x + d <= 0."""
+    volume: float
+    """Volume [m3]."""
+
+    @cached_property
+    def triangles(self) -> Array:
+        """Corners of its triangles (F, 3, 3) [m]."""
+        return self.corners[self.index]
+
+
+def faces_of(hull: ConvexHull) -> Faces:
+    """The surface of a hull as it was found."""
+    place = np.zeros(len(hull.points), dtype=np.int64)
+    place[hull.vertices] = np.arange(len(hull.vertices))
+    index = place[hull.simplices]
+    a, b, c = np.moveaxis(hull.points[hull.simplices], 1, 0)
+    inwards = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    index[inwards] = index[inwards][:, ::-1]
+    return Faces(
+        corners=hull.points[hull.vertices],
+        index=index,
+        equations=hull.equations,
+        volume=float(hull.volume),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,12 +73,14 @@ class Shape:
     """Corners of a hull in the part (N, 3)."""
     piece: str = ""
     """Names of the piece it stands for."""
+    known: Faces | None = field(default=None, repr=False)
+    """Surface of a hull, where it is known already."""
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
         """Its surface as triangles in the part."""
         if self.kind == "hull":
-            return trimesh.convex.convex_hull(self.vertices)
+            return trimesh.Trimesh(self.faces.corners, self.faces.index, process=False)
         if self.kind == "box":
             mesh = trimesh.creation.box(extents=2.0 * np.array(self.half))
         elif self.kind == "cylinder":
@@ -66,19 +96,19 @@ class Shape:
         if self.kind == "box":
             return float(8.0 * np.prod(self.half))
         if self.kind == "hull":
-            return float(self._hull.volume)
+            return self.faces.volume
         return abs(float(self.mesh.volume))
 
     @cached_property
-    def _hull(self) -> ConvexHull:
+    def faces(self) -> Faces:
         """Its corners' hull, if it is one."""
-        return ConvexHull(self.vertices)
+        return self.known or faces_of(ConvexHull(self.vertices))
 
     @cached_property
     def planes(self) -> Array:
         """Outward half-spaces (M, 4): normal and offset, inside where n x + d <= 0."""
         if self.kind == "hull":
-            return np.unique(self._hull.equations.round(9), axis=0)
+            return np.unique(self.faces.equations.round(9), axis=0)
         mesh = self.mesh
         offsets = -np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles[:, 0])
         return np.unique(np.column_stack([mesh.face_normals, offsets]).round(9), axis=0)
@@ -96,12 +126,9 @@ class Shape:
     def _surface(self) -> tuple[Array, Array, Array]:
         """Triangles (F, 3, 3), outward normals (F, 3) and shares of the area up to each (F,)."""
         if self.kind == "hull":
-            faces = self._hull
-            triangles = faces.points[faces.simplices]
-            normals = faces.equations[:, :3]
+            triangles, normals = self.faces.triangles, self.faces.equations[:, :3]
         else:
-            corners = self.mesh if self.kind != "box" else None
-            triangles = self.corners[BOX_FACES] if corners is None else corners.triangles
+            triangles = np.asarray(self.mesh.triangles)
             edges = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             normals = normalised(edges)
         area = np.linalg.norm(
@@ -115,8 +142,12 @@ class Shape:
         Args:
             every: Take only every so many of them.
         """
-        triangles, normals, shares = self._surface
         quasi = QUASI[::every]
+        if self.kind == "box":
+            turn, half = self.T_ps[:3, :3], np.array(self.half)
+            points, normals = on_boxes(half[None], quasi)
+            return points[0] @ turn.T + self.T_ps[:3, 3], normals[0] @ turn.T
+        triangles, normals, shares = self._surface
         index = np.minimum(np.searchsorted(shares, quasi[:, 0]), len(shares) - 1)
         a, b = quasi[:, 1], quasi[:, 2]
         flip = a + b > 1.0
@@ -138,6 +169,26 @@ class Shape:
     def bounds(self) -> Array:
         """Lowest and highest corner in the part (2, 3)."""
         return np.stack([self.corners.min(axis=0), self.corners.max(axis=0)])
+
+
+def on_boxes(half: Array, quasi: Array) -> tuple[Array, Array]:
+    """Points on the surfaces of boxes round the origin, by area, and their normals (B, S, 3).
+
+    Args:
+        half: Half sides (B, 3) [m].
+        quasi: Points spread over the unit cube (S, 3).
+    """
+    area = half[:, [1, 0, 0]] * half[:, [2, 2, 1]]
+    edges = np.cumsum(area, axis=1) / area.sum(axis=1, keepdims=True)
+    axis = (quasi[None, :, 0, None] > edges[:, None, :2]).sum(axis=-1)
+    sign = np.where(np.arange(len(quasi)) % 2 == 0, 1.0, -1.0)
+    local, normals = np.empty((2, *axis.shape, 3))
+    for k in range(3):
+        own, next_ = axis == k, axis == (k + 2) % 3
+        across = np.where(next_, 2.0 * quasi[:, 1] - 1.0, 2.0 * quasi[:, 2] - 1.0)
+        local[..., k] = np.where(own, sign, across)
+        normals[..., k] = np.where(own, sign, 0.0)
+    return local * half[:, None], normals
 
 
 def sample_surface(mesh: trimesh.Trimesh, count: int) -> tuple[Array, Array]:

@@ -6,22 +6,24 @@ fills what is hollow; splitting the surface itself gives staves.
 
 from __future__ import annotations
 
+import functools
 import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
-from articulate.convert.fit import THIN_M, fitted, hull, thick
+from articulate.convert.fit import DIRECTIONS, THIN_M, Fit, hull, spanning, thick, thin_m
+from articulate.convert.rays import Surface
 from articulate.convert.shapes import Shape
 from articulate.transforms import Array, Ints, Mask
 
 MOST_FACES = 40_000
 """Larger meshes are left to the decomposition."""
-MOST_POINTS = 1500
-"""So many corners at most decide where a patch is split."""
+FEW_WAYS = DIRECTIONS[::3]
+"""Corners that reach farthest along these decide where a patch is split."""
 FACING = 0.7
 """Triangles whose normals have this cosine with an axis count as facing along it."""
 SAMPLES = 4000
@@ -34,14 +36,141 @@ AHEAD = 3
 """So many ways to split a patch are judged by what the next split would gain."""
 LEAST_FACES = 2
 """A patch of fewer triangles is not split."""
+KEPT = 64
+"""So many surfaces are remembered with the ways in which they were split."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+class Sheet:
+    """A surface that is split, told from another by its content.
+
+    Args:
+        mesh: One connected component.
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self.vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        self.faces = np.asarray(mesh.faces)
+        self._mesh = mesh
+
+    def __hash__(self) -> int:
+        return hash((self.vertices.tobytes(), self.faces.tobytes()))
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Sheet)
+            and np.array_equal(self.vertices, other.vertices)
+            and np.array_equal(self.faces, other.faces)
+        )
+
+    def prepare(self) -> None:
+        """Measure all that patches are asked about."""
+        mesh = self._mesh
+        self.surface = Surface(mesh)
+        self.area = np.asarray(mesh.area_faces)
+        self.centres = np.asarray(mesh.triangles_center)
+        self.normals = np.asarray(mesh.face_normals)
+        spread, owners = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+        self.spread, self.owners = np.asarray(spread), np.asarray(owners)
+
+
 class Patch:
-    """Some triangles of a mesh."""
+    """Some triangles of a sheet. What was found out about it once is kept.
 
-    faces: Ints
-    """Their numbers (F,)."""
+    Args:
+        sheet: The whole surface.
+        faces: Numbers of the triangles (F,).
+    """
+
+    def __init__(self, sheet: Sheet, faces: Ints) -> None:
+        self.sheet = sheet
+        self.faces = faces
+        self._fits: dict[tuple[str, float], Fit] = {}
+
+    @cached_property
+    def area(self) -> float:
+        """Area of its triangles [m2]."""
+        return float(self.sheet.area[self.faces].sum())
+
+    @cached_property
+    def corners(self) -> Array:
+        """Corners of its triangles (N, 3) [m]."""
+        used = np.zeros(len(self.sheet.vertices), dtype=bool)
+        used[self.sheet.faces[self.faces]] = True
+        return self.sheet.vertices[used]
+
+    @cached_property
+    def spread(self) -> Array:
+        """Points that say whether it is covered: its corners and some on its triangles (N, 3)."""
+        own = np.zeros(len(self.sheet.faces), dtype=bool)
+        own[self.faces] = True
+        return np.vstack([self.corners, self.sheet.spread[own[self.sheet.owners]]])
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume of its convex hull, at least as thick as a shape is [m3]."""
+        points = spanning(self.corners, FEW_WAYS)
+        flat = self.area * THIN_M
+        if len(points) < 4:
+            return flat
+        try:
+            return max(float(ConvexHull(points).volume), flat)
+        except QhullError:
+            return flat
+
+    @cached_property
+    def halves(self) -> tuple[tuple[Patch, Patch], ...]:
+        """Ways to split it, by place along its axes and by which way triangles face."""
+        return tuple(self._halves())
+
+    def _halves(self) -> Iterator[tuple[Patch, Patch]]:
+        if len(self.faces) < LEAST_FACES:
+            return
+        area = np.maximum(self.sheet.area[self.faces], 1e-12)
+        centres = self.sheet.centres[self.faces]
+        normals = self.sheet.normals[self.faces]
+        offset = centres - np.average(centres, axis=0, weights=area)
+        _, axes = np.linalg.eigh((offset * area[:, None]).T @ offset)
+        for axis in axes.T[::-1]:  # longest first
+            yield from self._parts(offset @ axis > 0.0)
+            yield from self._parts(np.abs(normals @ axis) > FACING)
+
+    def _parts(self, chosen: Mask) -> Iterator[tuple[Patch, Patch]]:
+        if chosen.any() and not chosen.all():
+            yield Patch(self.sheet, self.faces[chosen]), Patch(self.sheet, self.faces[~chosen])
+
+    @cached_property
+    def halved(self) -> float:
+        """Volume of the hulls of both halves, as small as a split makes it [m3]."""
+        return min((one.volume + two.volume for one, two in self.halves), default=np.inf)
+
+    @cached_property
+    def split(self) -> tuple[Patch, Patch] | None:
+        """The two patches that promise the least hull volume after one more split of each.
+
+        Only the splits that are best by themselves are looked at so far ahead.
+        """
+        found = sorted(self.halves, key=lambda parts: parts[0].volume + parts[1].volume)[:AHEAD]
+        best: tuple[float, tuple[Patch, Patch]] | None = None
+        for parts in found:
+            volume = sum(min(part.volume, part.halved) for part in parts)
+            if best is None or volume < 0.999 * best[0]:
+                best = (volume, parts)
+        self.halves = () if best is None else (best[1],)  # the others are not asked for again
+        return None if best is None else best[1]
+
+    def fit(self, tol: float, piece: str) -> Shape | None:
+        """The shape that fits it, if one does."""
+        key = (piece, thin_m(tol))
+        if key not in self._fits:
+            self._fits[key] = Fit(thick(self.corners, tol), self.sheet.surface, piece)
+        return self._fits[key].best(tol)
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _whole(sheet: Sheet) -> Patch:
+    """All of a sheet. Kept, for shapes are made more than once for the same surface."""
+    sheet.prepare()
+    return Patch(sheet, np.arange(len(sheet.faces)))
 
 
 def shell_shapes(mesh: trimesh.Trimesh, tol: float, piece: str, most: int) -> list[Shape] | None:
@@ -57,28 +186,26 @@ def shell_shapes(mesh: trimesh.Trimesh, tol: float, piece: str, most: int) -> li
     """
     if len(mesh.faces) > MOST_FACES:
         return None
-    spread, owners = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
-    waiting = [(0.0, 0, Patch(faces=np.arange(len(mesh.faces))))]
+    waiting = [(0.0, 0, _whole(Sheet(mesh)))]
     done: list[Shape] = []
     count = 0
     while waiting:
         if len(done) > most:
             return None
         _, _, patch = heapq.heappop(waiting)
-        points = _corners(mesh, patch.faces)
-        inner = np.asarray(spread)[np.isin(owners, patch.faces)]
-        if _covered(np.vstack([points, inner]), done, PLANES * tol):
+        if _covered(patch.spread, done, PLANES * tol):
             continue
+        points = patch.corners
         small = float(np.ptp(points, axis=0).max()) <= SMALL * tol
-        shape = hull(thick(points, tol), piece) if small else fitted(points, mesh, tol, piece)
-        parts = _split(mesh, patch) if shape is None else None
+        shape = hull(thick(points, tol), piece) if small else patch.fit(tol, piece)
+        parts = patch.split if shape is None else None
         if parts is None:
             shape = shape or hull(thick(points, tol), piece)
             done += [] if shape is None else [shape]
         else:
             for part in parts:
                 count += 1
-                heapq.heappush(waiting, (-float(mesh.area_faces[part.faces].sum()), count, part))
+                heapq.heappush(waiting, (-part.area, count, part))
     return done
 
 
@@ -90,61 +217,3 @@ def _covered(points: Array, shapes: list[Shape], tol: float) -> bool:
             return True
         left = left[shape.outside(left) > tol]
     return not len(left)
-
-
-def _corners(mesh: trimesh.Trimesh, faces: Ints) -> Array:
-    return np.asarray(mesh.vertices[np.unique(mesh.faces[faces])])
-
-
-def _split(mesh: trimesh.Trimesh, patch: Patch) -> tuple[Patch, Patch] | None:
-    """The two patches that promise the least hull volume after one more split of each.
-
-    Only the splits that are best by themselves are looked at so far ahead.
-    """
-    found = [(parts, [_volume(mesh, part) for part in parts]) for parts in _halves(mesh, patch)]
-    found = sorted(found, key=lambda item: sum(item[1]))[:AHEAD]
-    best: tuple[float, tuple[Patch, Patch]] | None = None
-    for parts, volumes in found:
-        volume = sum(min(v, _halved(mesh, p)) for p, v in zip(parts, volumes, strict=True))
-        if best is None or volume < 0.999 * best[0]:
-            best = (volume, parts)
-    return None if best is None else best[1]
-
-
-def _halved(mesh: trimesh.Trimesh, patch: Patch) -> float:
-    """Volume of the hulls of both halves of ``patch``, as small as a split makes it [m3]."""
-    halves = _halves(mesh, patch)
-    return min((sum(_volume(mesh, part) for part in parts) for parts in halves), default=np.inf)
-
-
-def _halves(mesh: trimesh.Trimesh, patch: Patch) -> Iterator[tuple[Patch, Patch]]:
-    """Ways to split a patch: by place along its axes, and by which way triangles face."""
-    if len(patch.faces) < LEAST_FACES:
-        return
-    area = np.maximum(mesh.area_faces[patch.faces], 1e-12)
-    centres = np.asarray(mesh.triangles_center[patch.faces])
-    normals = np.asarray(mesh.face_normals[patch.faces])
-    middle = np.average(centres, axis=0, weights=area)
-    offset = centres - middle
-    _, axes = np.linalg.eigh((offset * area[:, None]).T @ offset)
-    for axis in axes.T[::-1]:  # longest first
-        yield from _parts(patch, offset @ axis > 0.0)
-        yield from _parts(patch, np.abs(normals @ axis) > FACING)
-
-
-def _parts(patch: Patch, chosen: Mask) -> Iterator[tuple[Patch, Patch]]:
-    if chosen.any() and not chosen.all():
-        yield Patch(faces=patch.faces[chosen]), Patch(faces=patch.faces[~chosen])
-
-
-def _volume(mesh: trimesh.Trimesh, patch: Patch) -> float:
-    """Volume of the convex hull of a patch at least as thick as a shape is [m3]."""
-    points = _corners(mesh, patch.faces)
-    points = points[:: max(1, len(points) // MOST_POINTS)]
-    flat = float(mesh.area_faces[patch.faces].sum()) * THIN_M
-    if len(points) < 4:
-        return flat
-    try:
-        return max(float(ConvexHull(points).volume), flat)
-    except QhullError:
-        return flat

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,26 +66,30 @@ def numbers(values: Sequence[float] | Array | float) -> str:
 
 def mesh_files(bodies: Sequence[Body]) -> dict[str, bytes]:
     """Content of every mesh file by name, as OBJ."""
-    files: dict[str, bytes] = {}
+    return {name: obj_bytes(of.mesh) for name, of in _meshed(bodies).items()}
+
+
+def _meshed(bodies: Sequence[Body]) -> dict[str, Piece | Shape]:
+    """What has a mesh file, by its name."""
+    found: dict[str, Piece | Shape] = {}
     for b, body in enumerate(bodies):
         for i, piece in enumerate(body.visuals):
-            files[f"v{b:02d}_{i:03d}.obj"] = obj_bytes(piece.mesh)
+            found[f"v{b:02d}_{i:03d}.obj"] = piece
         for i, shape in enumerate(body.shapes):
             if shape.kind == "hull":
-                files[f"c{b:02d}_{i:03d}.obj"] = obj_bytes(shape.mesh)
-    return files
+                found[f"c{b:02d}_{i:03d}.obj"] = shape
+    return found
 
 
 def obj_bytes(mesh: trimesh.Trimesh) -> bytes:
     """Vertices and triangles as OBJ text."""
     if len(mesh.vertices) < 4:  # a single triangle: MuJoCo wants four corners
         mesh = mesh.subdivide()
-    text = io.StringIO()
-    for vertex in np.asarray(mesh.vertices):
-        text.write(f"v {numbers(vertex)}\n")
-    for face in np.asarray(mesh.faces) + 1:
-        text.write(f"f {face[0]} {face[1]} {face[2]}\n")
-    return text.getvalue().encode()
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    vertices = np.where(np.abs(vertices) < MOVED_M, 0.0, vertices)
+    faces = np.asarray(mesh.faces) + 1
+    text = "v %.12g %.12g %.12g\n" * len(vertices) % tuple(vertices.ravel().tolist())
+    return (text + "f %d %d %d\n" * len(faces) % tuple(faces.ravel().tolist())).encode()
 
 
 def mjcf(
@@ -113,7 +116,7 @@ def mjcf(
         "  </default>",
         "  <asset>",
     ]
-    for file in mesh_files(bodies):
+    for file in _meshed(bodies):
         kind = "visual" if file.startswith("v") else "collision"
         lines.append(f'    <mesh name="{file[:-4]}" class="{kind}" file="{file}"/>')
     lines += ["  </asset>", "  <worldbody>"]

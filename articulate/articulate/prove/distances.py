@@ -96,8 +96,8 @@ class Shapes:
         found = []
         for one, other, bound in zip(ones[a].tolist(), others[b].tolist(), most, strict=True):
             if bound > least_m:
-                overlap = self._overlap(data, one, other, float(bound))
-                if overlap is not None and overlap.depth_m > least_m:
+                overlap = self._overlap(data, one, other, float(bound), least_m)
+                if overlap is not None:
                     found.append(overlap)
         return found
 
@@ -112,13 +112,15 @@ class Shapes:
         apart = np.abs(np.einsum("ni,nik->nk", centre_b - centre_a, axes))
         return np.asarray((reach - apart).min(axis=1, initial=np.inf))
 
-    def _overlap(self, data: Data, one: int, other: int, bound: float) -> Overlap | None:
-        """How two geoms overlap, at most ``bound`` deep [m]; None if they do not."""
+    def _overlap(
+        self, data: Data, one: int, other: int, bound: float, least_m: float
+    ) -> Overlap | None:
+        """How two geoms overlap, at most ``bound`` deep [m]; None up to ``least_m`` [m]."""
         fromto = np.zeros(6)
         data.geom_xpos[one] += NUDGE_M
         depth = -float(mujoco.mj_geomDistance(self.model.model, data, one, other, 1e-3, fromto))
         data.geom_xpos[one] -= NUDGE_M
-        if depth <= 0.0:
+        if depth <= max(least_m, 0.0):
             return None
         x, y, z = (float(v) for v in normalised(fromto[3:] - fromto[:3]))
         return Overlap(one=one, other=other, depth_m=min(depth, bound), way_out_w=(x, y, z))

@@ -8,7 +8,7 @@ authored, deeper than a cut can mend, the way ends there: no real part goes thro
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -194,16 +194,16 @@ class Bench:
     def _cut_along(self, fault: Fault, *, whole: bool) -> bool:
         """Cut shapes back along a way; whether that could be done, and anything was cut."""
         count = sum(part.cut_count for part in self.parts.values())
-        sweeper = Sweeper(model=self.model())
         most = MAX_STATES if fault.alone else DRAW_STATES
+        ways = Sweeper(model=self.model()).positions(fault.joint, most)
         pairs = {(meeting.one, meeting.other) for meeting in fault.way.meetings}
-        for positions in sweeper.positions(fault.joint, most):
-            for q in positions:
-                at = {**fault.others, fault.joint: float(q)}
-                found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
-                if found is None:
-                    return False
-                sweeper = found
+        sweeper = self._sweeper_of(pairs)
+        for q in np.concatenate([np.zeros(0), *ways]):
+            at = {**fault.others, fault.joint: float(q)}
+            found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
+            if found is None:
+                return False
+            sweeper = found
         return sum(part.cut_count for part in self.parts.values()) > count
 
     def _cut_at(
@@ -234,8 +234,12 @@ class Bench:
                 touched |= geoms
             for part in self.parts.values():
                 part.tidy()
-            sweeper = Sweeper(model=self.model())
+            sweeper = self._sweeper_of(pairs)
         return None
+
+    def _sweeper_of(self, pairs: set[tuple[str, str]]) -> Sweeper:
+        """A sweeper of the object as it is now in which only links of ``pairs`` have shapes."""
+        return Sweeper(model=self.model(touching={name for pair in pairs for name in pair}))
 
     def _cut_one(self, meeting: Meeting, sweeper: Sweeper, *, whole: bool) -> bool:
         """Cut one of two shapes back, where its link loses least of what covers it.
@@ -301,13 +305,16 @@ class Bench:
             rests.append(carved(shape, np.column_stack([turned, offset])))
         return rests
 
-    def model(self, *, shown: bool = False) -> ObjectModel:
+    def model(self, *, shown: bool = False, touching: Collection[str] | None = None) -> ObjectModel:
         """The object as it is now, compiled.
 
         Args:
             shown: With what it shows.
+            touching: The links that get their shapes; None: all.
         """
         bodies = [part.done() for part in self.parts.values()]
+        if touching is not None:
+            bodies = [b if b.name in touching else replace(b, shapes=()) for b in bodies]
         if not shown:
             bodies = [replace(body, visuals=()) for body in bodies]
         text = mjcf(self.asset.name, bodies, (), (), self.mimics)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from articulate.asset import Handle, handle_frame
 from articulate.proof import Clause
 from articulate.prove.authored import surface_of
 from articulate.prove.model import Data, ObjectModel
-from articulate.prove.solids import inside_any, solids_of
+from articulate.prove.solids import Solid, inside_any, solids_of
 from articulate.prove.surface import escapes, is_near, winding_numbers
 from articulate.transforms import Array, Ints, Mask, apply, inverse
 
@@ -39,14 +40,19 @@ REACH_M = 0.1
 """Room beyond this is not measured [m]."""
 
 
+Solids = Mapping[str, tuple[Solid, ...]]
+"""The collision shapes of each link."""
+
+
 def openness(model: ObjectModel) -> tuple[Clause, ...]:
     """How much of each link's cavity the engine leaves free, and room for fingers."""
-    hollow = [_open(model, link.name) for link in model.asset.links]
+    solids = {link.name: solids_of(model, link.name) for link in model.asset.links}
+    hollow = [_open(model, name, own) for name, own in solids.items()]
     data = model.data()
-    return (*hollow, *(_fingers(model, data, handle) for handle in model.asset.handles))
+    return (*hollow, *(_fingers(model, data, handle, solids) for handle in model.asset.handles))
 
 
-def _open(model: ObjectModel, link: str) -> Clause:
+def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Clause:
     corners, faces = surface_of(model, link)
     hull = _hull(corners)
     if hull is None:
@@ -65,7 +71,7 @@ def _open(model: ObjectModel, link: str) -> Clause:
             f"{link} has only gaps: a ball of {1000 * BALL_M:.0f} mm has room in {room:.1%} of its "
             f"convex hull, of which {share:.0%} is cavity",
         )
-    free = ~inside_any(solids_of(model, link), cavity)
+    free = ~inside_any(solids, cavity)
     measured = float(free.mean())
     passed = measured >= ALLOWED_OPEN
     message = f"{measured:.1%} of the cavity of {link} ({share:.0%} of its hull) is free"
@@ -158,10 +164,10 @@ def hull_points(hull: ConvexHull, count: int) -> Array:
     return found[:count]
 
 
-def _fingers(model: ObjectModel, data: Data, handle: Handle) -> Clause:
+def _fingers(model: ObjectModel, data: Data, handle: Handle, solids: Solids) -> Clause:
     """Room on both sides of a handle, where the fingers of a gripper go, all joints closed."""
     T_oh = model.T_ol(data, handle.link) @ handle_frame(handle)
-    room = min(_room(model, data, T_oh, handle, side) for side in (-1.0, 1.0))
+    room = min(_room(model, data, T_oh, handle, side, solids) for side in (-1.0, 1.0))
     passed = room >= FINGER_M
     most = " or more" if room >= REACH_M else ""
     message = (
@@ -180,9 +186,10 @@ def _fingers(model: ObjectModel, data: Data, handle: Handle) -> Clause:
     )
 
 
-def _room(model: ObjectModel, data: Data, T_oh: Array, handle: Handle, side: float) -> float:
+def _room(
+    model: ObjectModel, data: Data, T_oh: Array, handle: Handle, side: float, solids: Solids
+) -> float:
     """Free way [m] from the handle's flank along its closing axis, at most ``REACH_M``."""
-    solids = {link.name: solids_of(model, link.name) for link in model.asset.links}
     along = min(FINGER_WIDTH_M, handle.extent[0]) / 2.0
     steps = np.arange(0.0005, REACH_M, 0.001)
     least = REACH_M

@@ -15,6 +15,10 @@ from articulate.transforms import Array, Ints, Mask
 
 PAIRS = 2_000_000
 """Largest number of pairs of a point and a triangle that are looked at together."""
+FEW = 8
+"""So few points are compared with every box near them ..."""
+FEW_PAIRS = 4096
+"""... and more of them if there are no more pairs than this."""
 FAR = 2.0
 """A group of triangles this many of its radii away counts as one dipole."""
 LEAST_GROUP = 24
@@ -47,26 +51,37 @@ def is_near(points: Array, triangles: Array, distance_m: float) -> Mask:
     found = np.zeros(len(points), dtype=bool)
     if not len(triangles) or not len(points):
         return found
-    order = np.argsort(triangles[:, :, 0].min(axis=1))
-    triangles = triangles[order]
     low, high = triangles.min(axis=1) - distance_m, triangles.max(axis=1) + distance_m
-    chunk = max(1, PAIRS // len(triangles))
-    for start in range(0, len(points), chunk):
-        some = points[start : start + chunk]
-        point, triangle = _boxes_with(some, low, high)
-        near = distances(some[point], triangles[triangle]) <= distance_m
-        found[start + point[near]] = True
+    point, triangle = _boxes_with(points, low, high)
+    for start in range(0, len(point), PAIRS):
+        some, tested = point[start : start + PAIRS], triangle[start : start + PAIRS]
+        found[some[distances(points[some], triangles[tested]) <= distance_m]] = True
     return found
 
 
 def _boxes_with(points: Array, low: Array, high: Array) -> tuple[Ints, Ints]:
-    """Pairs of a point (N, k) and a box, from ``low`` to ``high`` (B, k), that holds it."""
-    holds = (points[:, None, 0] >= low[:, 0]) & (points[:, None, 0] <= high[:, 0])
-    point, box = np.nonzero(holds)
-    for axis in range(1, points.shape[1]):
-        inside = (points[point, axis] >= low[box, axis]) & (points[point, axis] <= high[box, axis])
-        point, box = point[inside], box[inside]
-    return point, box
+    """Pairs of a point (N, k) and a box, from ``low`` to ``high`` (B, k), that holds it.
+
+    The points are halved along their longest side until few pairs are left to be looked at.
+    """
+    found: list[tuple[Ints, Ints]] = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
+    waiting = [(np.arange(len(points)), np.arange(len(low)))]
+    while waiting:
+        some, boxes = waiting.pop()
+        if not len(some) or not len(boxes):
+            continue
+        own = points[some]
+        least, most = own.min(axis=0), own.max(axis=0)
+        boxes = boxes[((low[boxes] <= most) & (high[boxes] >= least)).all(axis=1)]
+        if len(some) <= FEW or len(some) * len(boxes) <= FEW_PAIRS:
+            holds = (own[:, None] >= low[boxes]) & (own[:, None] <= high[boxes])
+            point, box = np.nonzero(holds.all(axis=-1))
+            found.append((some[point], boxes[box]))
+        else:
+            order = np.argsort(own[:, int(np.argmax(most - least))], kind="stable")
+            half = len(order) // 2
+            waiting += [(some[order[:half]], boxes), (some[order[half:]], boxes)]
+    return np.concatenate([p for p, _ in found]), np.concatenate([b for _, b in found])
 
 
 def distances(points: Array, triangles: Array) -> Array:
@@ -163,18 +178,15 @@ def escapes(points: Array, triangles: Array) -> Mask:
 def _sees_out(points: Array, triangles: Array, axis: int) -> Mask:
     """Whether the ray from each of ``points`` up or the one down ``axis`` meets no triangle."""
     flat = [k for k in range(3) if k != axis]
-    seen = np.ones(len(points), dtype=bool)
     low, high = triangles[:, :, flat].min(axis=1), triangles[:, :, flat].max(axis=1)
-    chunk = max(1, PAIRS // max(len(triangles), 1))
-    for start in range(0, len(points), chunk):
-        some = points[start : start + chunk]
-        point, triangle = _boxes_with(some[:, flat], low, high)
-        height = _crossing(some[point][:, flat], triangles[triangle], axis, flat)
-        above, below = np.zeros((2, len(some)), dtype=bool)
-        above[point[height > some[point, axis]]] = True
-        below[point[height < some[point, axis]]] = True
-        seen[start : start + chunk] = ~(above & below)
-    return seen
+    above, below = np.zeros((2, len(points)), dtype=bool)
+    pairs = _boxes_with(points[:, flat], low, high)
+    for start in range(0, len(pairs[0]), PAIRS):
+        point, triangle = (index[start : start + PAIRS] for index in pairs)
+        height = _crossing(points[point][:, flat], triangles[triangle], axis, flat)
+        above[point[height > points[point, axis]]] = True
+        below[point[height < points[point, axis]]] = True
+    return np.asarray(~(above & below))
 
 
 def _crossing(points: Array, triangles: Array, axis: int, flat: list[int]) -> Array:

@@ -7,11 +7,13 @@ import pytest
 import trimesh
 from tests.articulate.convert.cabinets import bar, box, tray
 
-from articulate.convert.collision import collision_shapes, is_handle, merged, piece_shapes
+from articulate.convert.collision import collision_shapes, is_handle, piece_shapes
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
 from articulate.convert.fit import fitted, hull, thick
+from articulate.convert.joining import merged
 from articulate.convert.mesh import PartGeometry, Piece
+from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
 
 NO_DECOMPOSITION = ConvertConfig(decompose=False)
@@ -127,10 +129,20 @@ def test_good_collision_geometry_of_the_source_is_kept() -> None:
         assert any("made anew" in sentence for sentence in repairs.sentences) is not kept
 
 
+def test_collision_geometry_of_the_source_that_did_not_pass_the_proof_is_made_anew() -> None:
+    panel = box((0.3, 0.02, 0.3), (0, 0, 0))
+    seen, given = (Piece(name=n, mesh=panel, link="p") for n in ("p", "c"))
+    geometry = PartGeometry(visuals=(seen,), collisions=(given,), collides_as_seen=False)
+    repairs = Repairs()
+    config = ConvertConfig(decompose=False, finer=("p",))
+    assert len(collision_shapes(geometry, "p", config, repairs)) == 1
+    assert any("made anew" in sentence for sentence in repairs.sentences)
+
+
 def test_neighbours_in_one_plane_are_joined() -> None:
     halves = [box((0.2, 0.01, 0.3), (x, 0, 0)) for x in (-0.1, 0.1)]
-    shapes = [s for h in halves if (s := fitted(h.vertices, h, 0.003, "p")) is not None]
-    assert len(merged(shapes, trimesh.util.concatenate(halves), 0.003)) == 1
+    shapes = [s for h in halves if (s := fitted(h.vertices, Surface(h), 0.003, "p")) is not None]
+    assert len(merged(shapes, Surface(trimesh.util.concatenate(halves)), 0.003)) == 1
 
 
 def test_a_hull_of_flat_points_has_thickness() -> None:

@@ -1,0 +1,162 @@
+"""Fewer collision shapes: neighbours are joined, what is hidden or spare is left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from articulate.convert.fit import box_shares, fitted, hull
+from articulate.convert.rays import Surface
+from articulate.convert.repairs import Repairs
+from articulate.convert.shapes import Shape, sample_surface
+from articulate.convert.shells import PLANES
+from articulate.transforms import Array, Ints
+
+SPARE_LEAST = 0.97
+"""Share of what is seen that stays covered when shapes over the budget are left out."""
+SPARE_SAMPLES = 2000
+"""Points that decide about it."""
+MAX_JOINED = 192
+"""More shapes than this are not joined."""
+MAX_REFUSED = 300
+"""After this many pairs that cannot be joined the rest is left as it is."""
+HOPEFUL_SHARE = 0.25
+"""Two shapes are joined only if this share of their common upright box lies near the surface."""
+
+
+def surface_tolerance(mesh: trimesh.Trimesh) -> float:
+    """How far shapes may lie from what is seen, as the proof judges it [m]."""
+    return max(0.003, 0.01 * float(mesh.scale))
+
+
+def merged(shapes: list[Shape], surface: Surface, tol: float) -> list[Shape]:
+    """Fewer shapes: neighbours are joined as long as the result stays near ``surface``."""
+    if not 2 <= len(shapes) <= MAX_JOINED:
+        return list(shapes)
+    pairs = _Pairs(shapes, surface, tol)
+    while pairs.refused < MAX_REFUSED and pairs.join_one():
+        pass
+    return pairs.shapes
+
+
+class _Pairs:
+    """Shapes of which neighbours are to be joined, with what is known of each pair of them."""
+
+    def __init__(self, shapes: list[Shape], surface: Surface, tol: float) -> None:
+        self.surface = surface
+        self.tol = tol
+        self.refused = 0
+        """Pairs that cannot be joined."""
+        self.shapes: list[Shape] = []
+        self._low, self._high = np.zeros((0, 3)), np.zeros((0, 3))
+        self._open = np.zeros((0, 0), dtype=bool)  # above the diagonal, not decided yet
+        self._hopeful = np.zeros((0, 0), dtype=bool)
+        for shape in shapes:
+            self._append(shape)
+        self._ask(*np.nonzero(self._open))
+
+    def _append(self, shape: Shape) -> None:
+        count = len(self.shapes)
+        self.shapes.append(shape)
+        self._low = np.vstack([self._low, shape.bounds[0]])
+        self._high = np.vstack([self._high, shape.bounds[1]])
+        self._open = np.pad(self._open, (0, 1))
+        self._hopeful = np.pad(self._hopeful, (0, 1))
+        gap = np.maximum(self._low - self._high[-1], self._low[-1] - self._high)
+        self._open[:count, count] = (gap[:count] <= 2.0 * self.tol).all(axis=1)
+
+    def _ask(self, i: Ints, j: Ints) -> None:
+        """Find out of which pairs the common upright box comes near the surface anywhere."""
+        if len(i):
+            boxes = np.stack([*self._common(i, j)], axis=1)
+            self._hopeful[i, j] = box_shares(boxes, self.surface, self.tol) >= HOPEFUL_SHARE
+
+    def _common(self, i: Ints, j: Ints) -> tuple[Array, Array]:
+        low, high = self._low, self._high
+        return np.minimum(low[i], low[j]), np.maximum(high[i], high[j])
+
+    def join_one(self) -> bool:
+        """Join the first pair that can be, smallest common box first; False if there is none."""
+        i, j = np.nonzero(self._open)
+        low, high = self._common(i, j)
+        for k in np.argsort(np.prod(high - low, axis=1), kind="stable"):
+            a, b = int(i[k]), int(j[k])
+            if self._hopeful[a, b]:
+                one, two = self.shapes[a], self.shapes[b]
+                points = np.vstack([one.corners, two.corners])
+                shape = fitted(points, self.surface, self.tol, one.piece, turned=False)
+                if shape is not None:
+                    self._replace(a, b, shape)
+                    return True
+            self._open[a, b] = False
+            self.refused += 1
+        return False
+
+    def _replace(self, a: int, b: int, shape: Shape) -> None:
+        keep = np.setdiff1d(np.arange(len(self.shapes)), [a, b])
+        self.shapes = [self.shapes[k] for k in keep]
+        self._low, self._high = self._low[keep], self._high[keep]
+        self._open = self._open[np.ix_(keep, keep)]
+        self._hopeful = self._hopeful[np.ix_(keep, keep)]
+        self._append(shape)
+        last = len(self.shapes) - 1
+        first = np.flatnonzero(self._open[:, last])
+        self._ask(first, np.full(len(first), last))
+
+
+def without_hidden(shapes: list[Shape]) -> list[Shape]:
+    """The shapes that do not lie inside a single other one."""
+    kept: list[Shape] = []
+    for shape in sorted(shapes, key=lambda s: -s.volume):
+        if not any(float(other.outside(shape.corners).max()) < 1e-3 for other in kept):
+            kept.append(shape)
+    return kept
+
+
+def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) -> list[Shape]:
+    """At most ``budget`` shapes, as long as those left out stand for next to nothing alone.
+
+    Trims and rims lie close to panels: what they cover of ``surface`` is covered twice.
+    """
+    if len(shapes) <= budget:
+        return shapes
+    points, _ = sample_surface(surface, SPARE_SAMPLES)
+    near = PLANES * surface_tolerance(surface)
+    covers = np.array([shape.outside(points) <= near for shape in shapes])
+    count = covers.sum(axis=0)
+    kept = list(range(len(shapes)))
+    while len(kept) > budget:
+        alone = (covers[kept] & (count == 1)).mean(axis=1)
+        least = int(np.argmin(alone))
+        if float((count > 0).mean() - alone[least]) < SPARE_LEAST:
+            break
+        count = count - covers[kept[least]]
+        del kept[least]
+    return [shapes[k] for k in kept]
+
+
+def within_budget(
+    shapes: list[Shape], budget: int, part: str, repairs: Repairs
+) -> tuple[Shape, ...]:
+    """At most ``budget`` shapes: pairs whose common hull adds least volume are joined."""
+    shapes = list(shapes)
+    before = len(shapes)
+    while len(shapes) > max(budget, 1):
+        shapes = _cheapest_join(shapes)
+    if len(shapes) < before:
+        repairs.add(f"part {part}: {before} collision shapes joined to {len(shapes)}")
+    return tuple(shapes)
+
+
+def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
+    """The shapes with the pair joined whose common upright box adds least volume."""
+    low = np.array([s.bounds[0] for s in shapes])
+    high = np.array([s.bounds[1] for s in shapes])
+    size = np.prod(high - low, axis=1)
+    common = np.prod(np.maximum(high[:, None], high) - np.minimum(low[:, None], low), axis=-1)
+    added = common - size[:, None] - size[None]
+    added[np.tril_indices(len(shapes))] = np.inf
+    i, j = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
+    joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
+    rest = [s for k, s in enumerate(shapes) if k not in (i, j)]
+    return [*rest, joint] if joint is not None else [*rest, shapes[i]]

@@ -1,0 +1,111 @@
+"""Many runs: objects times seeds become jobs, and what they leave becomes one comparison."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+from tests.articulate_train.test_compare import content_of
+from tests.assets import make_cabinet
+
+from articulate.jobs.job import Attempt, State
+from articulate.jobs.launcher import Progress
+from articulate.library.procedural.cabinet import embedded_cabinet
+from articulate_train.compare import compare
+from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.many import cells_of, is_many, merged, objects_of, told, train_many
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with two objects, in a path with a space and a letter that is not ASCII."""
+    root = tmp_path / "my öbjects"
+    for name in ("a", "b"):
+        make_cabinet(root / name)
+    return root
+
+
+def test_a_folder_or_a_pattern_names_many_objects_and_a_file_one(folder):
+    assert [item.name for item in objects_of(str(folder))] == ["a", "b"]
+    assert [item.name for item in objects_of(str(folder / "*"))] == ["a", "b"]
+    assert [item.name for item in objects_of(str(folder / "b"))] == ["b"]
+    assert is_many(TrainConfig(asset=str(folder)))
+    assert is_many(TrainConfig(asset=str(folder / "[ab]")))
+    assert not is_many(TrainConfig(asset=str(folder / "a")))
+
+
+def test_a_pattern_that_fits_nothing_is_told_in_one_line(error_line):
+    error_line("objects_of('nothing/*.urdf')", lambda: objects_of("nothing/*.urdf"))
+
+
+def test_every_object_and_seed_is_a_command_line_of_its_own(folder, tmp_path):
+    config = TrainConfig(asset=str(folder), seeds=(3, 5))
+    cells = cells_of(config, objects_of(config.asset), tmp_path / "out")
+    names = [cell.job.name for cell in cells]
+    assert names == ["a-seed-3", "a-seed-5", "b-seed-3", "b-seed-5"]
+    job = cells[1].job
+    made = str(tmp_path / "out" / "a-seed-5" / "run")
+    assert job.start[:4] == (sys.executable, "-m", "articulate", "train")
+    assert job.start[job.start.index("--seeds") + 1] == "5"
+    assert job.start[job.start.index("--asset") + 1] == str(folder / "a")
+    assert job.start[-1] == made
+    assert job.go_on[4:] == ("--resume", "--out", made)
+    assert str(job.made) == made
+
+
+def test_reports_of_seeds_become_one(tmp_path):
+    one, two = content_of("x", failures=2), content_of("y", failures=10)
+    both = merged("cabinet", [one, two])
+    row = compare([both]).rows[0]
+    assert (row.name, row.seeds, row.success.episodes) == ("cabinet", 4, 160)
+    assert row.success.value == pytest.approx(0.85)
+    assert row.reasons == {"success": 136, "force": 24}
+    assert row.worst_seed == min(one["worst_seed_success_rate"], two["worst_seed_success_rate"])
+
+
+def test_progress_is_one_line():
+    attempt = Attempt(host="here", pid=1, begun=0.0)
+    states = {
+        "a": State(phase="done"),
+        "b": State(phase="running", attempts=(attempt,)),
+        "c": State(),
+    }
+    assert told(Progress(states)) == "1 done, 1 running, 1 waiting of 3; now b"
+
+
+def tiny(asset):
+    return TrainConfig(
+        asset=str(asset),
+        task="open_drawer",
+        joint="drawer_0_slide",
+        seeds=(0, 1),
+        steps=64,
+        jobs=1,
+        episodes=2,
+        ppo=PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=1, net=(8, 8)),
+    )
+
+
+@pytest.mark.slow
+def test_objects_and_seeds_are_trained_compared_and_not_trained_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    embedded_cabinet(tmp_path / "objects" / "one")
+    (tmp_path / "objects" / "bad").mkdir()
+    (tmp_path / "objects" / "bad" / "bad.urdf").write_text("<robot/>")
+    said: list[str] = []
+    config = tiny(tmp_path / "objects")
+    outcome = train_many(config, tmp_path / "out", "local", "train …", said.append)
+    assert not outcome.complete
+    assert outcome.comparison is not None
+    assert [(r.name, r.seeds) for r in outcome.comparison.rows] == [("one", 2)]
+    assert outcome.progress.states["bad-seed-0"].phase == "failed"
+    assert "bad.urdf" in outcome.progress.states["bad-seed-0"].words
+    assert said[-1].startswith("2 done, 2 failed of 4")
+    assert "bad-seed-1: failed after 1 attempts" in outcome.text()
+    content = json.loads((tmp_path / "out" / "comparison.json").read_text())
+    assert len(content["rows"]) == 1
+    again = train_many(config, tmp_path / "out", "local", "train …", said.append)
+    attempts = {name: len(s.attempts) for name, s in again.progress.states.items()}
+    assert attempts["one-seed-0"] == 1
+    assert attempts["bad-seed-0"] == 2
