@@ -26,12 +26,13 @@ def make_scene(
     asset: Asset,
     joint: str,
     *,
+    verb: str = "open",
     arm: Arm = PANDA,
     draws: DrawConfig = DRAWS,
     episode_s: float = 1.0,
 ) -> Scene:
-    """The scene in which ``joint`` of ``asset`` is to be opened, at the sizes of ``draws``."""
-    task = make_task("open_joint", asset, joint, episode_s=episode_s)
+    """The scene in which ``joint`` of ``asset`` is to be moved, at the sizes of ``draws``."""
+    task = make_task(f"{verb}_joint", asset, joint, episode_s=episode_s)
     return build_scene(
         asset,
         task,
