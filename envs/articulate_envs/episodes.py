@@ -91,7 +91,7 @@ class Episodes:
         scene, n = engine.scene, engine.n_envs
         self._rng = np.random.default_rng(seed)
         self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
-        self._drawn = draw(draws, self._rng, n)
+        self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
         self._judgement = judgement_start(n)
         self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
@@ -134,7 +134,7 @@ class Episodes:
     def _begin(self, rows: Ints, start: Start | None = None) -> None:
         scene = self.engine.scene
         if start is None:
-            drawn = draw(self.draws, self._rng, len(rows))
+            drawn = draw(self.draws, self._rng, len(rows), begin=scene.task.begin)
             if self.starts is None or self._bank is None:
                 start = home_start(scene, drawn)
             else:

@@ -98,12 +98,11 @@ def build_scene(
     Raises:
         MissingError: robosuite, whose Panda is used, is not installed.
     """
-    models = tuple(
-        scene_spec(
-            asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False
-        ).compile()
-        for scale in scales
-    )
+    models = []
+    for scale in scales:
+        spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)
+        _counterbalance(spec, asset, task)
+        models.append(spec.compile())
     return Scene(
         asset=asset,
         task=task,
@@ -112,7 +111,7 @@ def build_scene(
         physics=physics,
         place=place,
         scales=scales,
-        models=models,
+        models=tuple(models),
         at=_addresses(models[0], task),
     )
 
@@ -142,6 +141,27 @@ def scene_spec(
     _add_arena(spec, asset, place, visuals=visuals)
     _add_sensors(spec, root_name)
     return spec
+
+
+def _counterbalance(spec: mujoco.MjSpec, asset: Asset, task: Task) -> None:
+    """Carry the weight of a part that begins open and would fall, so that it stays where it is.
+
+    As springs and struts of lids do. A level drawer and an upright door need none and get none.
+    """
+    joint = asset.joint(task.joint)
+    up = abs(joint.axis_o[2])
+    falls = up > LEVEL if joint.kind == "slide" else up < np.sqrt(1.0 - LEVEL**2)
+    if task.begin[1] <= 0.0 or not falls:
+        return
+    below = [spec.body(PREFIX + joint.link)]
+    while below:
+        body = below.pop()
+        body.gravcomp = 1.0
+        below += list(body.bodies)
+
+
+LEVEL = 1e-3
+"""Sine of an angle that counts as none."""
 
 
 def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:
