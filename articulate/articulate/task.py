@@ -113,6 +113,11 @@ class Task:
         return max(self.target, self.begin[1])
 
 
+def done_word(name: str) -> str:
+    """What a part is when the task ``name`` is done, for texts: opened or closed."""
+    return {"open": "opened", "close": "closed"}[TASK_RULES[name].verb]
+
+
 def matching_joints(name: str, asset: Asset) -> tuple[Joint, ...]:
     """Joints of ``asset`` that the task ``name`` can be asked of; ConfigError if it is unknown."""
     if name not in TASK_RULES:

@@ -33,7 +33,7 @@ class Ended:
     code: Ints
     """Codes of :data:`articulate.judgement.REASONS` (M,)."""
     opened: Mask
-    """Whether the part was held open at the end, limits aside (M,)."""
+    """Whether the part was held at its target at the end, limits aside (M,)."""
     from_home: Mask
     """Whether the episode began at home and ran its full length or was cut at rest (M,)."""
     cut: Mask

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from articulate.asset import Asset
 from articulate.draw import DrawConfig
 from articulate.errors import ReachError
 from articulate.kinematics import joint_poses, manipulability, solve_ik, tool_pose
-from articulate.placing import Place, handle_in_world, handle_way, object_pose
+from articulate.placing import Place, handle_in_world, handle_way, object_pose, tilted
 from articulate.task import Task
 from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, quat_to_matrix
 
@@ -39,8 +39,12 @@ MAX_TRIES = 10
 """So many places are tried at most for what is drawn."""
 GOOD = 2.0
 """Of a place that is clear and from which all that is drawn can be reached, one for each."""
-BACK_M = (0.0, 0.08, 0.16)
-"""Distances from home, back, from which the arm starts; the first that will do [m]."""
+WIDE_X_M = np.array([0.50, 0.55, 0.60, 0.65, 0.70, 0.75, 0.80, 0.40, 0.45])
+WIDE_Z_M = np.array([0.80, 0.70, 0.60, 0.50, 0.40, 0.30, 0.20])
+"""Places that are tried where those do not suffice: handles that rise begin lower [m]."""
+
+STEEP = 0.7
+"""Level part of an approach below which it counts as one from above."""
 HAND_POINTS = np.array(
     [(0.0, y, z) for y, z in ((0.04, 0.0), (0.10, -0.05), (0.10, -0.10)) for y in (-y, 0.0, y)]
 )
@@ -49,6 +53,33 @@ MIN_JOINT_MARGIN_RAD = 0.10
 """Distance to the joint limits that must be left along the nominal way [rad]."""
 MIN_MANIPULABILITY = 0.04
 """Smallest singular value of the Jacobian that must be left along the nominal way."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Places that are tried together."""
+
+    back_m: float
+    """How far back from home the arm starts [m]."""
+    x_m: Array
+    """Distances of the handle as an episode begins, for an arm that starts at home [m]."""
+    z_m: Array
+    """Its heights [m]."""
+    tilts_rad: tuple[float, ...] = (0.0,)
+    """How the handle is held; see :func:`articulate.placing.tilted` [rad]."""
+
+
+TILTS_RAD = (-0.3, 0.3, -0.6, 0.6)
+"""Tilts that are tried where none will do."""
+STAGES = (
+    Stage(0.0, X_M, Z_M),
+    Stage(0.0, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.08, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.16, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.0, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
+    Stage(0.08, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
+)
+"""Tried in this order; the first that holds a good place is the last."""
 
 
 def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
@@ -65,12 +96,16 @@ def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
     """
     way = np.linspace(*way_ends(task), 5)
     best: tuple[float, Place] | None = None
-    for back_m in BACK_M:
+    for stage in STAGES:
         places = [
             found
+            for tilt_rad in stage.tilts_rad
             for flip in (False, True)
+            for yaw in _yaws(handle_way(asset, task.joint, np.zeros(()))[:3, 2])
             for y in Y_M
-            for found in _places(asset, task, arm, way, flip, y, back_m)
+            for found in _places(
+                tilted(asset, task.joint, tilt_rad), task, arm, way, stage, flip, yaw, y, tilt_rad
+            )
         ]
         places.sort(key=lambda found: -found[0])
         found = _first_good(asset, task, arm, config, [place for _, place in places])
@@ -87,6 +122,17 @@ def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
             "another --joint"
         )
     return best[1]
+
+
+def _yaws(approach: Array) -> list[float]:
+    """Turns of an object whose closed handle is approached along ``approach`` (3,) that are tried.
+
+    One that is approached from above may stand any way round.
+    """
+    yaw = -float(np.arctan2(approach[1], approach[0]))
+    if np.hypot(approach[0], approach[1]) >= STEEP:
+        return [yaw]
+    return [k * np.pi / 2 for k in range(4)]
 
 
 def way_ends(task: Task) -> tuple[float, float]:
@@ -122,16 +168,21 @@ def _alike(a: Place, b: Place) -> bool:
 
 
 def _places(
-    asset: Asset, task: Task, arm: Arm, way: Array, flip: bool, y: float, back_m: float
+    asset: Asset,
+    task: Task,
+    arm: Arm,
+    way: Array,
+    stage: Stage,
+    flip: bool,
+    yaw: float,
+    y: float,
+    tilt_rad: float,
 ) -> list[tuple[float, Place]]:
     """Places from which the whole way can be followed, with their scores."""
     closed, first = handle_way(asset, task.joint, np.array([0.0, task.begin[1]]), flip=flip)
-    approach = closed[:3, 2]
-    yaw = -float(np.arctan2(approach[1], approach[0]))
     turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), yaw)
-    start_q = _start(arm, turn @ closed[:3, :3], back_m)
-    coarse = 2 if back_m > 0.0 else 1
-    grid = np.array([(x - back_m, y, z) for z in Z_M[::coarse] for x in X_M[::coarse]])
+    start_q = _start(arm, turn @ closed[:3, :3], stage.back_m)
+    grid = np.array([(x - stage.back_m, y, z) for z in stage.z_m for x in stage.x_m])
     way_o = handle_way(asset, task.joint, way, flip=flip)
     way_o[:, :3, 3] -= first[:3, 3]
     score, margin, able = _scored(arm, way_o, turn, grid, start_q)
@@ -146,6 +197,7 @@ def _places(
                 joint_margin_rad=float(margin[k]),
                 manipulability=float(able[k]),
                 drawn_share=0.0,
+                tilt_rad=tilt_rad,
             ),
         )
         for k in np.argsort(-score, kind="stable")
@@ -236,6 +288,7 @@ def _scored(
 
 def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place) -> float:
     """Share of the corners of the drawn box of poses and sizes at which the way can be reached."""
+    asset = tilted(asset, task.joint, place.tilt_rad)
     signs = np.array(np.meshgrid(*([[-1.0, 1.0]] * 3))).reshape(3, -1)
     scale = np.repeat(config.scale, signs.shape[1])
     signs = np.tile(signs, 2)

@@ -11,7 +11,7 @@ from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
 from articulate.follow import FollowConfig
-from articulate.placing import Place
+from articulate.placing import Place, tilted
 from articulate.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
@@ -55,7 +55,10 @@ class Addresses:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is simulated. Model ``k`` shows the object at size ``scales[k]``."""
+    """What is simulated. Model ``k`` shows the object at size ``scales[k]``.
+
+    The asset's handle is the one that the hand holds, tilted as the place says.
+    """
 
     asset: Asset
     task: Task
@@ -104,7 +107,7 @@ def build_scene(
         _counterbalance(spec, asset, task)
         models.append(spec.compile())
     return Scene(
-        asset=asset,
+        asset=tilted(asset, task.joint, place.tilt_rad),
         task=task,
         arm=arm,
         follow=follow,

@@ -72,7 +72,7 @@ def home_start(scene: Scene, drawn: Draw) -> Start:
     return Start(
         draw=drawn,
         q=np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high),
-        opened=drawn["part_open"],
+        opened=drawn["part_open"].copy(),
         width=np.full(n, scene.arm.hand.max_width_m),
         closing=-np.ones(n),
         home=np.ones(n, dtype=bool),

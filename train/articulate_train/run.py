@@ -284,7 +284,7 @@ def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Pa
 
 
 def _task(content: dict[str, Any]) -> Task:
-    plain = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
     return Task(**{**plain, "limits": Limits(**content["limits"])})
 
 
