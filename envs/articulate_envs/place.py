@@ -266,24 +266,30 @@ def _scored(
     ``way_o`` are the handle's poses on its way, seen from there. The score is -inf where the way
     cannot be followed.
     """
-    steps = len(way_o)
     rel = np.einsum("ij,kj->ki", turn, way_o[:, :3, 3])
-    goals = pose(
-        (first[:, None] + rel).reshape(-1, 3),
-        np.tile(turn @ way_o[:, :3, :3], (len(first), 1, 1)),
-    )
-    result = solve_ik(arm, goals, start_q, iterations=50)
+    turned = np.broadcast_to(turn @ way_o[:, :3, :3], (len(first), len(way_o), 3, 3))
+    goals = pose(first[:, None] + rel, turned)
+    margin, able = np.full(len(first), -np.inf), np.zeros(len(first))
+    rows = np.arange(len(first))
     low, high = arm.bounds()
-    margin = np.minimum(result.q - low, high - result.q).min(axis=1).reshape(-1, steps).min(axis=1)
-    able = manipulability(arm, result.q).reshape(-1, steps).min(axis=1)
-    ok = result.reached.reshape(-1, steps).all(axis=1)
-    ok &= (margin >= MIN_JOINT_MARGIN_RAD) & (able >= MIN_MANIPULABILITY)
+    for steps in ([0, -1], range(len(way_o))):  # most fail at an end
+        if not rows.size:
+            break
+        part = goals[rows][:, list(steps)]
+        result = solve_ik(arm, part.reshape(-1, 4, 4), start_q, iterations=50)
+        nearest = np.minimum(result.q - low, high - result.q).min(axis=1)
+        margin[rows] = nearest.reshape(len(rows), -1).min(axis=1)
+        able[rows] = manipulability(arm, result.q).reshape(len(rows), -1).min(axis=1)
+        ok = result.reached.reshape(len(rows), -1).all(axis=1)
+        ok &= (margin[rows] >= MIN_JOINT_MARGIN_RAD) & (able[rows] >= MIN_MANIPULABILITY)
+        rows = rows[ok]
     tool = tool_pose(arm, start_q)[:3, 3]
     wish = tool + np.array([STANDOFF_M, 0.0, 0.0])
     score = np.minimum(margin, 0.5) + 2.0 * np.minimum(able, 0.15)
     score -= STANDOFF_WEIGHT * np.linalg.norm(first - wish, axis=1)
-    score[~ok] = -np.inf
-    return score, margin, able
+    out = np.full(len(first), -np.inf)
+    out[rows] = score[rows]
+    return out, margin, able
 
 
 def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place) -> float:
