@@ -34,7 +34,7 @@ class Ended:
     code: Ints
     """Codes of :data:`articulate.judgement.REASONS` (M,)."""
     opened: Mask
-    """Whether the part was held open at the end, limits aside (M,)."""
+    """Whether the part was held at its target at the end, limits aside (M,)."""
     from_home: Mask
     """Whether the episode began at home and ran its full length or was cut at rest (M,)."""
     cut: Mask
@@ -95,7 +95,7 @@ class Episodes:
         scene, n = engine.scene, engine.n_envs
         self._rng = np.random.default_rng(seed)
         self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
-        self._drawn = draw(draws, self._rng, n)
+        self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
         self._judgement = judgement_start(n)
         self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
@@ -139,7 +139,7 @@ class Episodes:
     def draw_start(self, n: int) -> Start:
         """How the next N episodes would begin; what is random is drawn."""
         scene = self.engine.scene
-        drawn = draw(self.draws, self._rng, n)
+        drawn = draw(self.draws, self._rng, n, begin=scene.task.begin)
         if self.starts is None or self._bank is None:
             return home_start(scene, drawn)
         share = self.starts.share(self.progress)

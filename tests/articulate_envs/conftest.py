@@ -3,7 +3,7 @@ import time
 import gymnasium
 import pytest
 from tests.assets import make_cabinet
-from tests.scenes import door_scene, drawer_scene
+from tests.scenes import closing_scene, door_scene, drawer_scene, lid_scene
 
 from articulate.asset import load_asset
 from articulate_envs import window
@@ -19,6 +19,26 @@ def drawer(tmp_path_factory):
 @pytest.fixture(scope="session")
 def door(tmp_path_factory):
     return door_scene(tmp_path_factory.mktemp("door"))
+
+
+@pytest.fixture(scope="session")
+def lid(tmp_path_factory):
+    return lid_scene(tmp_path_factory.mktemp("lid"), "open")
+
+
+@pytest.fixture(scope="session")
+def closing_drawer(tmp_path_factory):
+    return closing_scene(tmp_path_factory.mktemp("closing_drawer"), "drawer")
+
+
+@pytest.fixture(scope="session")
+def closing_door(tmp_path_factory):
+    return closing_scene(tmp_path_factory.mktemp("closing_door"), "door")
+
+
+@pytest.fixture(scope="session")
+def closing_lid(tmp_path_factory):
+    return closing_scene(tmp_path_factory.mktemp("closing_lid"), "lid")
 
 
 @pytest.fixture(scope="session")

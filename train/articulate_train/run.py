@@ -221,7 +221,8 @@ def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Pa
 
 
 def _task(content: dict[str, Any]) -> Task:
-    return Task(**{**content, "limits": Limits(**content["limits"])})
+    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    return Task(**{**plain, "limits": Limits(**content["limits"])})
 
 
 def _arm(content: dict[str, Any]) -> Arm:

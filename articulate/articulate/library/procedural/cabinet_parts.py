@@ -28,6 +28,9 @@ HANDLE_DENSITY_KG_M3 = 2700.0
 """Density of aluminium [kg/m^3]."""
 EDGE_M = 0.02
 """Margin of a handle from the edges of its front [m]."""
+DOOR_EDGE_M = 0.04
+"""The same across a door that is wide enough: the finger of an open hand at one of two doors must
+pass between their handles [m]."""
 MATERIALS = {
     "carcass": Material(rgba=(0.82, 0.80, 0.76, 1.0)),
     "front": Material(rgba=(0.72, 0.53, 0.34, 1.0)),
@@ -280,7 +283,8 @@ def _door(size: CabinetSize, bay: Bay, number: int) -> Part:
         effort=50.0,
         velocity=3.0,
     )
-    from_edge = EDGE_M + size.handle_thickness_m / 2
+    margin = min(DOOR_EDGE_M, max(EDGE_M, bay.width_m / 2 - size.handle_thickness_m))
+    from_edge = margin + size.handle_thickness_m / 2
     at_y = inner - outer + bay.hinge_side * from_edge
     handle = _handle(size, number, middle_y=at_y, upright=True)
     return _part(bay.name, motion, (front,), handle)
