@@ -160,7 +160,9 @@ def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_
     write_checkpoint(tmp_path / "run" / "seed_0", 0)
     refused("export run --out bundle.zip --seed 4")
     refused("evaluate run --episodes 0")
-    refused("export run")
+    (tmp_path / "bundles").mkdir()
+    (tmp_path / "bundles" / "run-seed_0.zip").write_text("mine")
+    refused("export run", "export run  # its default --out exists")
 
 
 def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tmp_path):

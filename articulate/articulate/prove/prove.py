@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -30,6 +29,7 @@ from articulate.convert.meshfile import named_by
 from articulate.convert.origin import ORIGIN_FILE
 from articulate.convert.repairs import is_note
 from articulate.errors import AssetError, UsageError
+from articulate.files import copy_writable
 from articulate.proof import Clause, JointProof, Proof, Verdict
 from articulate.prove import store
 from articulate.prove.clauses import meanings
@@ -190,7 +190,7 @@ def checked(
     try:
         if file.is_dir():
             folder = cache / "assets" / f"{file.name[:40]}-{store.ticket(file, options)[:20]}"
-            shutil.copytree(file, folder, dirs_exist_ok=True)
+            copy_writable(file, folder)
             origin = None
             if against is not None:
                 reading = read_input(urdf_in(against), config)

@@ -18,8 +18,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from articulate.cache import touch
 from articulate.errors import UsageError
-from articulate.files import sha256, write_json
+from articulate.files import copy_writable, sha256, write_json
 from articulate.prove.record import PROOF_FILE
 
 CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
@@ -28,12 +29,6 @@ MOST_NAMES = 5000
 """So many file names beside a source are looked at for files that came or went."""
 MOST_BYTES = 64_000_000
 """Larger source files are not read here."""
-
-
-def default_cache() -> Path:
-    """Where results are kept: ``articulate`` in the user's cache folder."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "articulate"
 
 
 @functools.cache
@@ -67,6 +62,8 @@ def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
             return None
     except (OSError, ValueError, KeyError, TypeError):
         return None
+    touch(folder)
+    touch(_record(source, options, cache))
     return folder
 
 
@@ -92,6 +89,7 @@ def keep(
         "listing": _listing(source),
         "folder": folder.relative_to(cache).as_posix(),
     }
+    touch(folder)
     write_json(_record(source, options, cache), content)
 
 
@@ -148,8 +146,7 @@ def hand_over(folder: Path, out: Path) -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
         fresh = temporary / "new"
-        shutil.copytree(folder, fresh)
-        fresh.chmod(0o755)
+        copy_writable(folder, fresh)
         if out.exists():
             out.rename(temporary / "old")
         fresh.rename(out)
