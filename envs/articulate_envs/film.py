@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from articulate.errors import MissingError
-from articulate.files import whole_file
 from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
+from articulate.render.encode import write_clip
 from articulate.render.view import View, camera_axes, fitted_view
 from articulate.transforms import Array, matrix_to_quat
 from articulate_envs.panda import HAND_BODY
@@ -26,8 +25,6 @@ SIZE = (480, 360)
 """Width and height of a clip [px]; even numbers, as H.264 wants them."""
 PICTURE_SIZE = (960, 720)
 """Width and height of a picture [px]."""
-H264 = "-crf 25 -preset medium -threads 1 -movflags +faststart -f mp4"
-"""How clips are encoded: small, and played while they load."""
 AZIMUTHS_DEG = (52.0, -52.0, 68.0, -68.0, 84.0, -84.0, 100.0, -100.0)
 """Directions of view that are tried, from along +x (the arm faces it) towards +y."""
 ELEVATIONS_DEG = (-22.0, -34.0)
@@ -60,23 +57,9 @@ class Film:
         Raises:
             MissingError: Nothing can be drawn here.
         """
-        T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
-        spec = scene_spec(
-            scene.asset,
-            arm=scene.arm,
-            physics=scene.physics,
-            place=scene.place,
-            scale=scale,
-            visuals=True,
-        )
-        set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
         self.scene = scene
-        self._model = spec.compile()
-        self._root = next(
-            i for i in range(self._model.nbody) if self._model.body(i).name.startswith(PREFIX)
-        )
-        self._model.body_pos[self._root] = T_wo[:3, 3]
-        self._model.body_quat[self._root] = matrix_to_quat(T_wo[:3, :3])
+        self._model = drawn_model(scene, scale=scale, T_wo=T_wo, size=size)
+        self._root = _root_of(self._model)
         self._data = mujoco.MjData(self._model)
         self._size = size
         self._canvas = Canvas(self._model, size, shadows=shadows)
@@ -188,6 +171,35 @@ class Film:
         return body == top
 
 
+def drawn_model(
+    scene: Scene,
+    *,
+    scale: float = 1.0,
+    T_wo: Array | None = None,
+    size: tuple[int, int] = SIZE,
+) -> mujoco.MjModel:
+    """The scene as people see it; the arguments are :class:`Film`'s."""
+    T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
+    spec = scene_spec(
+        scene.asset,
+        arm=scene.arm,
+        physics=scene.physics,
+        place=scene.place,
+        scale=scale,
+        visuals=True,
+    )
+    set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
+    model = spec.compile()
+    root = _root_of(model)
+    model.body_pos[root] = T_wo[:3, 3]
+    model.body_quat[root] = matrix_to_quat(T_wo[:3, :3])
+    return model
+
+
+def _root_of(model: mujoco.MjModel) -> int:
+    return next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
+
+
 def write_film(
     path: Path,
     scene: Scene,
@@ -213,8 +225,7 @@ def write_film(
         MissingError: Nothing can be drawn here, or the encoder is not installed.
     """
     with Film(scene, scale=scale, T_wo=T_wo, size=size) as film:
-        _encode(path, film.frames(np.asarray(qpos)), size, round(1.0 / tick_s))
-    return path
+        return write_clip(path, film.frames(np.asarray(qpos)), size, round(1.0 / tick_s))
 
 
 def picture(
@@ -236,29 +247,3 @@ def picture(
     out = BytesIO()
     image.save(out, "PNG", optimize=True)
     return out.getvalue()
-
-
-def _encode(path: Path, frames: Iterable[Pixels], size: tuple[int, int], rate: int) -> None:
-    try:
-        # Brings an encoder of its own; wanted for clips alone.
-        import imageio_ffmpeg  # type: ignore[import-untyped]  # it ships no annotations
-    except ImportError:
-        raise MissingError(
-            "no clips without imageio-ffmpeg; run: pip install imageio-ffmpeg"
-        ) from None
-    with whole_file(path) as temporary:
-        writer = imageio_ffmpeg.write_frames(
-            str(temporary),
-            size,
-            fps=rate,
-            codec="libx264",
-            macro_block_size=2,
-            quality=None,
-            output_params=H264.split(),
-        )
-        writer.send(None)
-        try:
-            for frame in frames:
-                writer.send(np.ascontiguousarray(frame))
-        finally:
-            writer.close()
