@@ -14,7 +14,7 @@ from articulate.cache import cache_folder
 from articulate.commands import console
 from articulate.commands.flags import parse
 from articulate.commands.success import check_share
-from articulate.errors import RunError
+from articulate.errors import ConfigError, RunError
 from articulate_train.config import TrainConfig
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ class TrainFlags(TrainConfig):
     """Folder of the run; by default runs/<asset>-<task>-<time>."""
     resume: bool = False
     """Go on with the run in --out from its last checkpoints."""
+    dry_run: bool = False
+    """Train nothing: write a picture of the scene, and say what is reached, how many minutes
+    training will take and how much disk."""
     no_evaluate: bool = False
     """Stop after training; `evaluate RUN` makes the report later."""
     require_success: float = 0.0
@@ -43,6 +46,8 @@ class TrainFlags(TrainConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_share(self.require_success)
+        if self.dry_run and self.resume:
+            raise ConfigError("--dry-run is for new runs; leave out either it or --resume")
 
     def config(self) -> TrainConfig:
         """What the run folder keeps."""
@@ -60,6 +65,8 @@ def main(argv: Sequence[str]) -> int:
     from articulate_train.commands.evaluate import show
     from articulate_train.run import resume_run
 
+    if flags.dry_run:
+        return _dry_run(flags)
     run = resume_run(_given(flags), flags.config()) if flags.resume else _new_run(flags)
     console.say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
     again = console.command_line(["train", "--resume", "--out", run.folder])
@@ -73,6 +80,20 @@ def main(argv: Sequence[str]) -> int:
     return show(run, run.config.episodes, flags.require_success, as_json=flags.json)
 
 
+def _dry_run(flags: TrainFlags) -> int:
+    from articulate_train.dry_run import dry_run  # heavy, see main
+
+    out = flags.out or Path("runs") / _default_name(flags)
+    found = dry_run(flags.config(), cache_folder(), Path(f"{out}.png"))
+    console.emit_json(found.as_dict()) if flags.json else console.emit(found.text())
+    return 0
+
+
+def _default_name(flags: TrainFlags) -> str:
+    stem = Path(flags.asset).resolve().stem or "asset"
+    return f"{stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
+
+
 def _new_run(flags: TrainFlags) -> Run:
     """A new run in ``--out``, or in a folder below ``runs`` that nobody else takes."""
     from articulate_train.run import create_run  # heavy, see main
@@ -80,8 +101,7 @@ def _new_run(flags: TrainFlags) -> Run:
     config, cache = flags.config(), cache_folder()
     if flags.out is not None:
         return create_run(config, flags.out, cache)
-    stem = Path(flags.asset).resolve().stem or "asset"
-    base = f"{stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
+    base = _default_name(flags)
     for k in itertools.count(1):
         folder = Path("runs") / (base if k == 1 else f"{base}-{k}")
         try:
