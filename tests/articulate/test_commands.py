@@ -151,7 +151,7 @@ def test_help_is_told_where_output_is_not_utf_8():
 def test_values_can_be_given_in_several_ways(words, expected):
     argv = ["R", "--asset", "a", *words.split()]
     if words == "--seeds":
-        with pytest.raises(ConfigError, match="--seeds: a value is missing; give a whole number"):
+        with pytest.raises(ConfigError, match="--seeds: a value is missing; give --seeds INT"):
             parse(Train, argv)
         return
     assert parse(Train, argv) == Train(run=Path("R"), asset=Path("a"), **expected)

@@ -330,4 +330,6 @@ def write_bundle(out: Path, files: dict[str, bytes]) -> None:
         temporary.replace(out)
     except OSError as error:
         shutil.rmtree(temporary, ignore_errors=True)
-        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose --out") from None
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None

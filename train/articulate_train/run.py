@@ -32,7 +32,7 @@ from articulate.asset import Asset, load_asset
 from articulate.cache import using
 from articulate.config import load_config, to_yaml
 from articulate.convert import ConvertConfig
-from articulate.errors import AssetError, ReachError, RunError
+from articulate.errors import AssetError, ReachError, RunError, field_error
 from articulate.files import copy_writable, require_space, write_json, write_text
 from articulate.prove.prove import proven_asset
 from articulate.task import Limits, Task, make_task, matching_joints, no_joint_error
@@ -260,9 +260,10 @@ def open_run(folder: Path) -> Run:
     try:
         scene = json.loads(path.read_text(encoding="utf-8"))
         task, place, arm = _task(scene["task"]), _place(scene["place"]), _arm(scene["arm"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        kind = f"{type(error).__name__}: {error}"
-        raise RunError(f"{path}: cannot be read ({kind}); train again") from None
+    except (KeyError, TypeError) as error:
+        raise RunError(f"{path}: {field_error(error)}; train again") from None
+    except (OSError, ValueError, AttributeError) as error:
+        raise RunError(f"{path}: cannot be read ({error}); train again") from None
     return Run(
         folder=folder,
         config=load_config(TrainConfig, folder / CONFIG),

@@ -117,11 +117,6 @@ class Flag:
             return tuple(self._one(item, word) for word in words)
         return self._one(self.hint, words[0])
 
-    def accepted(self) -> str:
-        """What is accepted, in words."""
-        items = self.items or ((typing.get_args(self.hint)[0],) if self.is_list else (self.hint,))
-        return _accepted(items[0])
-
     def _one(self, hint: Any, word: str) -> Any:
         for option in _options(hint):
             if _is_literal(option):

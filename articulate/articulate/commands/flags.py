@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from articulate.commands import console
-from articulate.commands.fields import MISSING, Flag, default_of, flags_of
+from articulate.commands.fields import MISSING, Flag, default_of, flag_docs, flags_of
 from articulate.commands.help import help_text
 from articulate.config import field_values, find_config, read_yaml
 from articulate.errors import ConfigError, nearest
@@ -64,8 +64,9 @@ def parse(
     given = _read(flags, rest, name)
     missing = [f for f in flags if f.default is MISSING and f.path not in given]
     if missing:
-        names = ", ".join(f.name if f.positional else f"{f.name} {f.metavar}" for f in missing)
-        raise ConfigError(f"missing: {names}; see {name} --help")
+        docs = flag_docs(cls)
+        told = [f"{usage(f)} ({first_sentence(docs.get(f.path, ''))})" for f in missing]
+        raise ConfigError(f"missing: {', '.join(told)}; see {name} --help")
     return cls(**_laid_over(cls, base, given))
 
 
@@ -141,7 +142,10 @@ def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
                 raise ConfigError(f"{name} is a switch; leave out {equals}{value}")
             given[flag.path] = name == flag.name
             continue
-        given[flag.path] = flag.value([value] if equals else _taken(flag, words))
+        taken = [value] if equals else _taken(flag, words)
+        if not taken:
+            raise ConfigError(f"{name}: a value is missing; give {usage(flag)}, see {prog} --help")
+        given[flag.path] = flag.value(taken)
     _place(flags, loose, given, prog)
     return given
 
@@ -160,9 +164,17 @@ def _taken(flag: Flag, words: list[str]) -> list[str]:
     taken: list[str] = []
     while words and len(taken) < most and not _is_flag(words[0]):
         taken.append(words.pop(0))
-    if not taken:
-        raise ConfigError(f"{flag.name}: a value is missing; give {flag.accepted()}")
     return taken
+
+
+def usage(flag: Flag) -> str:
+    """A flag as it is to be given."""
+    return flag.name if flag.positional else f"{flag.name} {flag.metavar}"
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence of an explanation, without its full stop."""
+    return re.split(r"[.;:] |[.]$", text, maxsplit=1)[0]
 
 
 def _place(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) -> None:

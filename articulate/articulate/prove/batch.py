@@ -66,7 +66,9 @@ def items_in(source: Path) -> tuple[list[Item], bool]:
         )
     if not source.is_dir():
         if not source.is_file():
-            raise UsageError(f"{source}: is neither a file nor a folder")
+            raise UsageError(
+                f"{source}: is neither a file nor a folder; give a URDF, an MJCF file or a folder"
+            )
         return [Item(name=source.stem, file=source)], True
     one = _one_in(source)
     if one is not None:
