@@ -5,6 +5,7 @@
     articulate/                in the platform's cache folder
       assets/ refused/ checks/ decompositions/    entries: a file or a folder each
       users/                   a locked file for each process at work
+      locks/                   a file for each thing that one process at a time makes
       gate.lock                held while a user comes and while entries are taken away
 
 An entry is found by its name, which is a hash of what it was made from, so any of them may go.
@@ -30,7 +31,7 @@ from articulate.errors import ConfigError, UsageError
 
 KINDS = ("assets", "refused", "checks", "decompositions")
 """Folders of entries. Nothing else in the cache is touched."""
-USERS, GATE, TRASH = "users", "gate.lock", ".trash-"
+USERS, LOCKS, GATE, TRASH = "users", "locks", "gate.lock", ".trash-"
 LIMIT_VARIABLE = "ARTICULATE_CACHE_GB"
 LIMIT_GB = 20.0
 """Size beyond which the entries longest unused go, unless the variable says otherwise [GB]."""
@@ -125,6 +126,23 @@ def using(cache: Path) -> Iterator[None]:
                 clean(cache, limit)
 
 
+@contextmanager
+def alone(cache: Path, key: str) -> Iterator[bool]:
+    """Be the only one at work on what ``key`` names; others wait for their turn.
+
+    Yields whether this one had to wait, so that the other may have done the work.
+    """
+    (cache / LOCKS).mkdir(parents=True, exist_ok=True)
+    with (cache / LOCKS / key).open("ab") as stream:
+        waited = False
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            waited = True
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        yield waited
+
+
 def touch(entry: Path) -> None:
     """Note that ``entry`` of the cache is used now."""
     with suppress(OSError):  # a cache that can only be read is as good
@@ -149,6 +167,8 @@ def clean(cache: Path, most_bytes: int) -> Cleaned:
         found = entries(cache)
         total = sum(entry.bytes for entry in found)
         trash = Path(tempfile.mkdtemp(prefix=TRASH, dir=cache))
+        for lock in _children(cache / LOCKS) if since == float("inf") else ():
+            lock.unlink(missing_ok=True)
         gone: list[Entry] = []
         busy = 0
         for entry in found:

@@ -291,6 +291,25 @@ def test_import_and_help_touch_no_heavy_module(code):
     assert not HEAVY & set(result.stderr.split())
 
 
+VERBS = ["check", "train", "evaluate", "export", "deploy", "watch", "cache"]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_a_verb_has_an_example_and_touches_no_heavy_module(verb):
+    result = fresh(
+        f"import sys; sys.argv = ['articulate', '{verb}', '--help']\n"
+        "from articulate.commands import main\n"
+        "try: main()\n"
+        "finally: print(*sys.modules, file=sys.stderr)"
+    )
+    assert result.returncode == 0
+    assert "\nExample: " in result.stdout
+    assert result.stdout.count("--help") == 1
+    assert not HEAVY - {"numpy"} & set(result.stderr.split())
+    if verb != "train":  # its defaults are classes that compute
+        assert "numpy" not in result.stderr.split()
+
+
 def test_python_m_articulate_is_the_command():
     result = subprocess.run(
         [sys.executable, "-m", "articulate", "--version"], capture_output=True, text=True

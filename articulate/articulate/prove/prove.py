@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from articulate.asset import Asset, load_asset
+from articulate.cache import alone
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import (
     Reading,
@@ -185,6 +186,18 @@ def checked(
     """
     assert config.cache_dir is not None
     cache = config.cache_dir
+    with alone(cache, store.ticket(file, options)[:32]) as waited:
+        found = store.find(file, options, cache) if waited else None
+        return found or _checked(file, config, options, against, cache)
+
+
+def _checked(
+    file: Path,
+    config: ConvertConfig,
+    options: Mapping[str, Any],
+    against: Path | None,
+    cache: Path,
+) -> Path:
     start = time.perf_counter()
     inputs: list[Path] = []
     try:

@@ -7,6 +7,7 @@ which folder of the cache the result lies. The result counts only while all of t
 
 from __future__ import annotations
 
+import errno
 import functools
 import hashlib
 import json
@@ -27,6 +28,8 @@ CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
 """What decides about a verdict, inside the package."""
 MOST_NAMES = 5000
 """So many file names beside a source are looked at for files that came or went."""
+HAND_OVERS = 20
+"""So often a place is tried that others write to as well."""
 MOST_BYTES = 64_000_000
 """Larger source files are not read here."""
 
@@ -145,11 +148,18 @@ def hand_over(folder: Path, out: Path) -> None:
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-        fresh = temporary / "new"
-        copy_writable(folder, fresh)
-        if out.exists():
-            out.rename(temporary / "old")
-        fresh.rename(out)
+        copy_writable(folder, temporary / "new")
+        for k in range(HAND_OVERS):
+            try:
+                if out.exists():
+                    out.rename(temporary / f"old_{k}")
+                (temporary / "new").rename(out)
+                break
+            except OSError as error:
+                # Another call hands over to the same place at this moment: one after the other.
+                beaten = error.errno in {errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST}
+                if not beaten or k + 1 == HAND_OVERS:
+                    raise
     except OSError as error:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
