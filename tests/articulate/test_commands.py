@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import pytest
 
 from articulate import commands
+from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, UsageError
@@ -155,6 +156,20 @@ def test_values_can_be_given_in_several_ways(words, expected):
             parse(Train, argv)
         return
     assert parse(Train, argv) == Train(run=Path("R"), asset=Path("a"), **expected)
+
+
+@pytest.mark.parametrize(
+    ("flag", "heard"), [("-q", ""), ("--quiet", ""), ("--json", "told "), ("-v", "told more ")]
+)
+def test_every_command_can_say_less_or_more(flag, heard, capsys):
+    def verb(argv):
+        parse(Train, argv)
+        console.say("told")
+        console.detail("more")
+        return 0
+
+    assert commands.run_command(verb, ["R", "--asset", "a", flag]) == 0
+    assert capsys.readouterr().err == heard.replace(" ", "\n")
 
 
 def test_words_after_two_dashes_are_no_flags():
