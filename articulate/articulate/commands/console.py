@@ -1,12 +1,14 @@
 """What a command says: results on stdout, everything else on stderr.
 
-Inside :func:`session` nothing but :func:`emit` reaches the standard output. Python's ``print``
-and the file descriptor that native libraries write to both lead to the standard error, so that
-``--json`` prints one JSON object and nothing else, whatever a library has to say.
+Inside :func:`session` two things reach the standard output: what :func:`emit` is given, and what
+modules of ``commands`` packages print, as nobody else may. What libraries print leads to the
+standard error, and so does the file descriptor that native ones write to, so that ``--json``
+prints one JSON object and nothing else.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import os
@@ -37,15 +39,16 @@ def session() -> Iterator[None]:
     """Keep the standard output for results while the block runs."""
     global _state  # noqa: PLW0603  one process has one standard output
     outer, out = _state, sys.stdout
-    _state = _State(stdout=out)
+    logged = logging.getLogger().level
     saved = _divert(out)
-    if saved is not None:
-        _state.stdout = saved
-    sys.stdout = sys.stderr
+    results = saved or out
+    _state = _State(stdout=results)
+    sys.stdout = _Routed(results)
     try:
         yield
     finally:
         sys.stdout = out
+        logging.getLogger().setLevel(logged)
         try:
             if saved is not None:
                 saved.flush()
@@ -53,6 +56,28 @@ def session() -> Iterator[None]:
             if saved is not None:
                 _restore(out, saved)
             _state = outer
+
+
+class _Routed(io.TextIOBase):
+    """Standard output: results if a command prints, else the standard error."""
+
+    def __init__(self, results: TextIO) -> None:
+        self._results = results
+
+    def write(self, text: str) -> int:
+        """Write ``text`` where its writer's words belong."""
+        writer = str(sys._getframe(1).f_globals.get("__name__", ""))
+        stream = self._results if "commands" in writer.split(".") else sys.stderr
+        return stream.write(text)
+
+    def flush(self) -> None:
+        """Flush both."""
+        self._results.flush()
+        sys.stderr.flush()
+
+    def fileno(self) -> int:
+        """What a child process would write to."""
+        return sys.stderr.fileno()
 
 
 def _divert(out: TextIO) -> TextIO | None:

@@ -19,7 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from articulate.cache import touch
+from articulate.cache import cache_folder, touch
 from articulate.errors import UsageError
 from articulate.files import copy_writable, sha256, write_json
 from articulate.prove.record import PROOF_FILE
@@ -32,6 +32,10 @@ HAND_OVERS = 20
 """So often a place is tried that others write to as well."""
 MOST_BYTES = 64_000_000
 """Larger source files are not read here."""
+
+
+default_cache = cache_folder
+"""Where results are kept."""
 
 
 @functools.cache

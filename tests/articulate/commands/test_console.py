@@ -83,6 +83,16 @@ def test_standard_output_is_as_before_after_a_command(capfd):
     assert err == ""
 
 
+def test_what_a_module_of_commands_prints_is_a_result(capsys):
+    spoken = {"__name__": "somebody.commands.verb"}
+    heard = {"__name__": "somebody.library"}
+    exec("def verb(_): print('a result'); library()", spoken)
+    exec("def library(): print('a remark')", heard)
+    spoken["library"] = heard["library"]
+    assert run_command(lambda argv: spoken["verb"](argv) or 0, []) == 0
+    assert capsys.readouterr() == ("a result\n", "a remark\n")
+
+
 @pytest.mark.parametrize(
     ("level", "heard"),
     [(console.QUIET, "E"), (console.NORMAL, "ES"), (console.VERBOSE, "ESD")],
