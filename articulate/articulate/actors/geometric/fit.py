@@ -1,0 +1,263 @@
+"""Fit: which part of a known object moves in a clip, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
+from articulate.actors.geometric.layers import (
+    Layers,
+    draw,
+    fit_light,
+    layers_of,
+    solve_light,
+)
+from articulate.actors.geometric.refine import Freedom, refine
+from articulate.actors.geometric.search import Fit, coarse_fit
+from articulate.actors.geometric.shot import Shot, change_map, shot_of
+from articulate.actors.geometric.surface import Surface, surface_of
+from articulate.actors.geometric.sweep import all_terms, carried
+from articulate.actors.protocol import Pixels
+from articulate.render.camera import Camera
+from articulate.render.parts import PartMesh
+from articulate.transforms import Array, Ints
+
+QUICK_PX, QUICK_FRAMES = 72, 8
+COARSE_PX, COARSE_FRAMES = 112, 12
+FINE_PX, FINE_FRAMES = 224, 14
+"""Longest side of the region [px] and number of frames: to choose the part, to choose among
+candidates, and to refine."""
+CHANGED = 8
+"""A pixel that differs by more than this, noise taken away, has changed."""
+SUSPECTS = 6
+"""Parts that are tried."""
+KEPT = 8
+"""Candidates that are refined coarsely."""
+FINAL = 3
+"""Candidates that are refined finely."""
+HINGE_GAIN = 0.04
+"""A hinge must explain more than a slide by this share of what is explained at all."""
+REACH = 0.5
+"""Farthest a slide goes, as a share of the object's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A clip and the object in it."""
+
+    clip: Pixels
+    camera: Camera
+    parts: tuple[PartMesh, ...]
+    change: NDArray[np.uint8]
+    box: tuple[int, int, int, int]
+
+    @property
+    def size_m(self) -> float:
+        """Diagonal of the object [m]."""
+        points = np.concatenate([p.bounds for p in self.parts])
+        return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def look(self, most_px: int, n_frames: int, frames: Ints | None = None) -> Look:
+        """The region in which something changes."""
+        if frames is None:
+            frames = np.unique(np.linspace(0, len(self.clip) - 1, n_frames).round().astype(int))
+        shot = shot_of(self.clip, self.camera, frames, self.box, most_px)
+        left, right, top, bottom = self.box
+        height, width = shot.size
+        piece = cv2.resize(
+            self.change[top:bottom, left:right], (width, height), interpolation=cv2.INTER_AREA
+        )
+        middle = np.mean([p.centre for p in self.parts], axis=0)
+        surface = surface_of(self.parts, pixel_m=shot.pixel_m(middle))
+        change = np.asarray(piece > CHANGED)
+        return Look(shot, surface, change, fit_light(shot, surface, change))
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A shot with the object as coarse as it is."""
+
+    shot: Shot
+    surface: Surface
+    change: NDArray[np.bool_]
+    light: Array
+
+    def layers(self, moving: Sequence[int]) -> Layers:
+        """With the parts ``moving`` taken out."""
+        return layers_of(self.shot, self.surface, moving, self.light, self.change)
+
+
+def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene | None:
+    """The scene, or None if nothing changes in the clip."""
+    change = change_map(clip)
+    rows, columns = np.nonzero(change > CHANGED)
+    if len(rows) < 4:
+        return None
+    height, width = change.shape
+    left, right = np.percentile(columns, (0.2, 99.8))
+    top, bottom = np.percentile(rows, (0.2, 99.8))
+    margin = 6 + 0.12 * max(right - left, bottom - top)
+    box = (
+        max(0, int(left - margin)),
+        min(width, int(right + margin) + 1),
+        max(0, int(top - margin)),
+        min(height, int(bottom + margin) + 1),
+    )
+    return Scene(clip, camera, tuple(parts), change, box)
+
+
+def find_motion(scene: Scene) -> Fit | None:
+    """The motion that explains the clip best; None if no part is in the region that changes."""
+    quick = scene.look(QUICK_PX, QUICK_FRAMES)
+    suspects = rank_parts(quick)[:SUSPECTS]
+    if not suspects:
+        return None
+    reach = REACH * scene.size_m
+    firsts = [_quick_fit(quick, part, reach) for part in suspects]
+    seed = min(firsts, key=lambda fit: fit.cost)
+    moving = _attached(quick, seed, rank_parts(quick))
+    coarse = scene.look(COARSE_PX, COARSE_FRAMES)
+    layers = coarse.layers(moving)
+    fits = _candidates(coarse, layers, moving, seed.parts[0], reach)
+    fits = [refine(fit, layers, Freedom(axis=False), rounds=5) for fit in fits]
+    fits.sort(key=lambda fit: fit.cost)
+    fine = scene.look(FINE_PX, FINE_FRAMES)
+    fine = replace(fine, light=_better_light(fine, fits[0], coarse.shot))
+    layers = fine.layers(moving)
+    finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
+    return _chosen(finals, layers)
+
+
+def rank_parts(look: Look) -> list[int]:
+    """Parts by how much changes where they are, most first; those with nothing left out."""
+    seen = draw(look.surface, look.shot)
+    ids = np.where(seen.face_ids >= 0, look.surface.part_ids[seen.face_ids], -1)
+    total = max(1, int(look.change.sum()))
+    scores: list[tuple[float, int]] = []
+    for part in np.unique(look.surface.part_ids):
+        mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+        if not mask.any():
+            alone = draw(look.surface.only([int(part)]), look.shot)
+            mask = alone.face_ids >= 0
+            if not mask.any():
+                continue
+        inside = float((mask & look.change).sum())
+        score = inside / total * np.sqrt(inside / float(mask.sum()))
+        if inside > 0:
+            scores.append((score, int(part)))
+    return [part for _, part in sorted(scores, reverse=True)]
+
+
+def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
+    layers = look.layers([part])
+    surface = look.surface.only([part])
+    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k != part])
+    motions = motions_of(surface, rest, axes_of(surface)[:3])
+    return min(
+        (coarse_fit(motion, layers, (part,), reach_m) for motion in motions),
+        key=lambda fit: fit.cost,
+    )
+
+
+def _attached(look: Look, seed: Fit, others: Sequence[int]) -> tuple[int, ...]:
+    """The parts that move as ``seed`` does, itself first."""
+    moving = list(seed.parts)
+    T_o = seed.motion.T_o(seed.q)
+    cost = float(look.layers(moving).path_cost(T_o).sum())
+    for part in others:
+        if part in moving:
+            continue
+        more = float(look.layers([*moving, part]).path_cost(T_o).sum())
+        if more < cost - 2e-3 * abs(cost):
+            moving, cost = [*moving, part], more
+    return tuple(moving)
+
+
+def _candidates(
+    look: Look, layers: Layers, moving: tuple[int, ...], seed: int, reach_m: float
+) -> list[Fit]:
+    """The best candidates, of which no two are alike and at least one is a slide and one a turn."""
+    surface = look.surface.only(moving)
+    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in moving])
+    motions = motions_of(surface, rest, axes_of(look.surface.only([seed])))
+    fits = sorted(
+        (coarse_fit(motion, layers, moving, reach_m) for motion in motions),
+        key=lambda fit: fit.cost,
+    )
+    kept = _spread(fits, KEPT)
+    for kind in ("slide", "turn"):
+        if all(fit.motion.kind != kind for fit in kept):
+            kept.append(next(fit for fit in fits if fit.motion.kind == kind))
+    return kept
+
+
+def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
+    """The first ``n``, and the first of each kind."""
+    kept = list(fits[:n])
+    for kind in ("slide", "turn"):
+        if all(fit.motion.kind != kind for fit in kept):
+            kept += [fit for fit in fits if fit.motion.kind == kind][:1]
+    return kept
+
+
+def _better_light(look: Look, fit: Fit, shot: Shot) -> Array:
+    """The light, from what stands still and from what moves where ``fit`` says that it is."""
+    layers = look.layers(fit.parts)
+    still = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in fit.parts])
+    q = np.interp(look.shot.indices, shot.indices, fit.q)
+    terms, albedo, colours = [], [], []
+    if len(still.faces):
+        seen = draw(still, look.shot)
+        mask = (seen.face_ids >= 0) & ~look.change
+        ids = seen.face_ids[mask]
+        terms.append(all_terms(seen.points_c, still.faces)[ids])
+        albedo.append(still.albedo[ids])
+        colours.append(np.median(look.shot.frames, axis=0)[mask])
+    for t, T_o in enumerate(fit.motion.T_o(q)):
+        seen = draw(layers.moving, look.shot, T_o)
+        near = cv2.erode((seen.face_ids >= 0).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+        mask = near & (seen.nearness * 1.002 >= layers.nearness)
+        ids = seen.face_ids[mask]
+        terms.append(all_terms(seen.points_c, layers.moving.faces)[ids])
+        albedo.append(layers.moving.albedo[ids])
+        colours.append(look.shot.frames[t][mask])
+    if sum(map(len, terms)) < 30:
+        return look.light
+    return solve_light(np.concatenate(terms), np.concatenate(albedo), np.concatenate(colours))
+
+
+def _finished(fit: Fit, layers: Layers, before: Shot, shot: Shot) -> Fit:
+    """``fit`` refined in a finer shot, its axis snapped back where that costs nothing."""
+    start = replace(fit, q=np.interp(shot.indices, before.indices, fit.q))
+    bound = refine(start, layers, Freedom(axis=False))
+    free = refine(bound, layers, Freedom())
+    explained = float(layers.still_costs.sum()) - free.cost
+    if bound.cost <= free.cost + 0.01 * max(explained, 0.0):
+        return bound
+    return free
+
+
+def _chosen(fits: Sequence[Fit], layers: Layers) -> Fit:
+    """The cheapest, slides being preferred."""
+    best = min(fits, key=lambda fit: fit.cost)
+    explained = float(layers.still_costs.sum()) - best.cost
+    slides = [fit for fit in fits if fit.motion.kind == "slide"]
+    if slides and best.motion.kind == "turn":
+        slide = min(slides, key=lambda fit: fit.cost)
+        if slide.cost <= best.cost + HINGE_GAIN * max(explained, 0.0):
+            return slide
+    return best
+
+
+def all_positions(scene: Scene, fit: Fit, shot_indices: Ints) -> Array:
+    """Position in every frame of the clip (T,)."""
+    look = scene.look(FINE_PX, 0, np.arange(len(scene.clip)))
+    look = replace(look, light=_better_light(scene.look(FINE_PX, FINE_FRAMES), fit, scene.look(FINE_PX, FINE_FRAMES).shot))
+    layers = look.layers(fit.parts)
+    start = replace(fit, q=np.interp(look.shot.indices, shot_indices, fit.q))
+    return refine(start, layers, Freedom(axis=False, pivot=False), rounds=3).q
