@@ -10,18 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.layers import (
-    Layers,
-    draw,
-    fit_light,
-    layers_of,
-    solve_light,
-)
-from articulate.actors.geometric.refine import Freedom, refine
-from articulate.actors.geometric.search import Fit, coarse_fit
+from articulate.actors.geometric.layers import Layers, draw, layers_of
+from articulate.actors.geometric.light import fit_light, solve_light, still_samples
+from articulate.actors.geometric.refine import Freedom, position_unit, refine
+from articulate.actors.geometric.search import Fit, coarse_fit, path_again, with_gain
 from articulate.actors.geometric.shot import Shot, change_map, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
-from articulate.actors.geometric.sweep import all_terms, carried
+from articulate.actors.geometric.sweep import SAME_DEPTH, all_views
 from articulate.actors.protocol import Pixels
 from articulate.render.camera import Camera
 from articulate.render.parts import PartMesh
@@ -32,14 +27,16 @@ COARSE_PX, COARSE_FRAMES = 112, 12
 FINE_PX, FINE_FRAMES = 224, 14
 """Longest side of the region [px] and number of frames: to choose the part, to choose among
 candidates, and to refine."""
-CHANGED = 8
-"""A pixel that differs by more than this, noise taken away, has changed."""
 SUSPECTS = 6
 """Parts that are tried."""
+LIGHT_ROUNDS = 2
+"""Times that the light is learned from what moves before candidates are compared."""
 KEPT = 8
 """Candidates that are refined coarsely."""
 FINAL = 3
 """Candidates that are refined finely."""
+SNAP = 0.01
+"""Share of the gain that an axis along one of the object's directions may cost."""
 HINGE_GAIN = 0.04
 """A hinge must explain more than a slide by this share of what is explained at all."""
 REACH = 0.5
@@ -53,7 +50,7 @@ class Scene:
     clip: Pixels
     camera: Camera
     parts: tuple[PartMesh, ...]
-    change: NDArray[np.uint8]
+    change: NDArray[np.bool_]
     box: tuple[int, int, int, int]
 
     @property
@@ -70,11 +67,13 @@ class Scene:
         left, right, top, bottom = self.box
         height, width = shot.size
         piece = cv2.resize(
-            self.change[top:bottom, left:right], (width, height), interpolation=cv2.INTER_AREA
+            self.change[top:bottom, left:right].astype(np.float32),
+            (width, height),
+            interpolation=cv2.INTER_AREA,
         )
         middle = np.mean([p.centre for p in self.parts], axis=0)
         surface = surface_of(self.parts, pixel_m=shot.pixel_m(middle))
-        change = np.asarray(piece > CHANGED)
+        change = np.asarray(piece > 0.25)
         return Look(shot, surface, change, fit_light(shot, surface, change))
 
 
@@ -95,7 +94,7 @@ class Look:
 def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene | None:
     """The scene, or None if nothing changes in the clip."""
     change = change_map(clip)
-    rows, columns = np.nonzero(change > CHANGED)
+    rows, columns = np.nonzero(change)
     if len(rows) < 4:
         return None
     height, width = change.shape
@@ -114,23 +113,34 @@ def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene |
 def find_motion(scene: Scene) -> Fit | None:
     """The motion that explains the clip best; None if no part is in the region that changes."""
     quick = scene.look(QUICK_PX, QUICK_FRAMES)
-    suspects = rank_parts(quick)[:SUSPECTS]
-    if not suspects:
+    ranked = rank_parts(quick)
+    if not ranked:
         return None
     reach = REACH * scene.size_m
-    firsts = [_quick_fit(quick, part, reach) for part in suspects]
-    seed = min(firsts, key=lambda fit: fit.cost)
-    moving = _attached(quick, seed, rank_parts(quick))
-    coarse = scene.look(COARSE_PX, COARSE_FRAMES)
+    firsts = [_quick_fit(quick, part, reach) for part in ranked[:SUSPECTS]]
+    seed = max(firsts, key=lambda fit: fit.gain)
+    for _ in range(LIGHT_ROUNDS):
+        quick = replace(quick, light=_better_light(quick, seed, quick.shot))
+        seed = _quick_fit(quick, seed.parts[0], reach)
+    moving = _attached(quick, seed, ranked)
+    coarse = replace(scene.look(COARSE_PX, COARSE_FRAMES), light=quick.light)
     layers = coarse.layers(moving)
     fits = _candidates(coarse, layers, moving, seed.parts[0], reach)
-    fits = [refine(fit, layers, Freedom(axis=False), rounds=5) for fit in fits]
-    fits.sort(key=lambda fit: fit.cost)
-    fine = scene.look(FINE_PX, FINE_FRAMES)
+    coarse = replace(coarse, light=_better_light(coarse, fits[0], coarse.shot))
+    layers = coarse.layers(moving)
+    fits = [_tightened(fit, layers) for fit in fits]
+    fits.sort(key=lambda fit: -fit.gain)
+    fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
     fine = replace(fine, light=_better_light(fine, fits[0], coarse.shot))
     layers = fine.layers(moving)
     finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
-    return _chosen(finals, layers)
+    return _chosen(finals)
+
+
+def _tightened(fit: Fit, layers: Layers) -> Fit:
+    """``fit`` with its path sought again and its pivot refined."""
+    again = path_again(fit, layers, 2.0 * position_unit(fit, layers))
+    return with_gain(refine(again, layers, Freedom(axis=False), rounds=5), layers)
 
 
 def rank_parts(look: Look) -> list[int]:
@@ -158,9 +168,9 @@ def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
     surface = look.surface.only([part])
     rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k != part])
     motions = motions_of(surface, rest, axes_of(surface)[:3])
-    return min(
+    return max(
         (coarse_fit(motion, layers, (part,), reach_m) for motion in motions),
-        key=lambda fit: fit.cost,
+        key=lambda fit: fit.gain,
     )
 
 
@@ -173,7 +183,7 @@ def _attached(look: Look, seed: Fit, others: Sequence[int]) -> tuple[int, ...]:
         if part in moving:
             continue
         more = float(look.layers([*moving, part]).path_cost(T_o).sum())
-        if more < cost - 2e-3 * abs(cost):
+        if more < cost - 0.01 * max(seed.gain, 0.0):
             moving, cost = [*moving, part], more
     return tuple(moving)
 
@@ -187,7 +197,7 @@ def _candidates(
     motions = motions_of(surface, rest, axes_of(look.surface.only([seed])))
     fits = sorted(
         (coarse_fit(motion, layers, moving, reach_m) for motion in motions),
-        key=lambda fit: fit.cost,
+        key=lambda fit: -fit.gain,
     )
     kept = _spread(fits, KEPT)
     for kind in ("slide", "turn"):
@@ -210,46 +220,40 @@ def _better_light(look: Look, fit: Fit, shot: Shot) -> Array:
     layers = look.layers(fit.parts)
     still = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in fit.parts])
     q = np.interp(look.shot.indices, shot.indices, fit.q)
-    terms, albedo, colours = [], [], []
+    groups = []
     if len(still.faces):
-        seen = draw(still, look.shot)
-        mask = (seen.face_ids >= 0) & ~look.change
-        ids = seen.face_ids[mask]
-        terms.append(all_terms(seen.points_c, still.faces)[ids])
-        albedo.append(still.albedo[ids])
-        colours.append(np.median(look.shot.frames, axis=0)[mask])
+        groups.append(still_samples(look.shot, still, look.change))
     for t, T_o in enumerate(fit.motion.T_o(q)):
         seen = draw(layers.moving, look.shot, T_o)
         near = cv2.erode((seen.face_ids >= 0).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
-        mask = near & (seen.nearness * 1.002 >= layers.nearness)
+        mask = near & (seen.nearness * SAME_DEPTH >= layers.nearness)
         ids = seen.face_ids[mask]
-        terms.append(all_terms(seen.points_c, layers.moving.faces)[ids])
-        albedo.append(layers.moving.albedo[ids])
-        colours.append(look.shot.frames[t][mask])
-    if sum(map(len, terms)) < 30:
-        return look.light
-    return solve_light(np.concatenate(terms), np.concatenate(albedo), np.concatenate(colours))
+        views = all_views(seen.points_c, layers.moving.faces)[ids]
+        groups.append((views, layers.moving.albedo[ids], look.shot.frames[t][mask]))
+    views, albedo, colours = (np.concatenate(column) for column in zip(*groups, strict=True))
+    return solve_light(views, albedo, colours)
 
 
 def _finished(fit: Fit, layers: Layers, before: Shot, shot: Shot) -> Fit:
     """``fit`` refined in a finer shot, its axis snapped back where that costs nothing."""
     start = replace(fit, q=np.interp(shot.indices, before.indices, fit.q))
+    start = path_again(start, layers, 1.5 * position_unit(start, layers))
     bound = refine(start, layers, Freedom(axis=False))
+    again = path_again(bound, layers, 1.5 * position_unit(bound, layers))
+    if again.cost < bound.cost:
+        bound = refine(again, layers, Freedom(axis=False), rounds=4)
     free = refine(bound, layers, Freedom())
-    explained = float(layers.still_costs.sum()) - free.cost
-    if bound.cost <= free.cost + 0.01 * max(explained, 0.0):
-        return bound
-    return free
+    bound, free = with_gain(bound, layers), with_gain(free, layers)
+    return bound if bound.gain >= (1.0 - SNAP) * free.gain else free
 
 
-def _chosen(fits: Sequence[Fit], layers: Layers) -> Fit:
-    """The cheapest, slides being preferred."""
-    best = min(fits, key=lambda fit: fit.cost)
-    explained = float(layers.still_costs.sum()) - best.cost
+def _chosen(fits: Sequence[Fit]) -> Fit:
+    """The one that gains most, slides being preferred."""
+    best = max(fits, key=lambda fit: fit.gain)
     slides = [fit for fit in fits if fit.motion.kind == "slide"]
     if slides and best.motion.kind == "turn":
-        slide = min(slides, key=lambda fit: fit.cost)
-        if slide.cost <= best.cost + HINGE_GAIN * max(explained, 0.0):
+        slide = max(slides, key=lambda fit: fit.gain)
+        if slide.gain >= (1.0 - HINGE_GAIN) * best.gain:
             return slide
     return best
 
@@ -260,4 +264,5 @@ def all_positions(scene: Scene, fit: Fit, shot_indices: Ints) -> Array:
     look = replace(look, light=_better_light(scene.look(FINE_PX, FINE_FRAMES), fit, scene.look(FINE_PX, FINE_FRAMES).shot))
     layers = look.layers(fit.parts)
     start = replace(fit, q=np.interp(look.shot.indices, shot_indices, fit.q))
+    start = path_again(start, layers, 1.5 * position_unit(start, layers))
     return refine(start, layers, Freedom(axis=False, pivot=False), rounds=3).q

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 
 from articulate.actors.geometric.shot import Shot
 from articulate.actors.geometric.surface import Surface
-from articulate.actors.geometric.sweep import (
-    TERMS,
-    Floats,
-    all_terms,
-    carried,
-    face_colours,
-    sweep_costs,
-)
+from articulate.actors.geometric.sweep import Floats, carried, face_colours, sweep_costs
 from articulate.render.raster import fill
 from articulate.transforms import Array
 
@@ -27,9 +20,9 @@ CAP = 110.0
 """Largest cost of a pixel: sum of absolute differences of three colours."""
 TRUST = 0.35
 """Share of the cost of a still pixel that looks other than the model says."""
-RIDGE = 0.02
-"""Pull of all terms of the light but the first two towards 0."""
-
+SLACK, LEAST_SLACK = 4.0, 3.0
+"""How far from the model a still pixel may be where things move: in units of what is usual where
+nothing does, and at least, 0 to 255."""
 
 @dataclass(frozen=True, eq=False)
 class Layers:
@@ -39,7 +32,7 @@ class Layers:
     moving: Surface
     """What moves, in its pose at 0."""
     light: Array
-    """(TERMS, 3)."""
+    """(LIGHT_ROWS, 3)."""
     nearness: Floats
     """1 / depth of what stands still (H, W) [1/m]."""
     still: Floats
@@ -61,6 +54,11 @@ class Layers:
     def still_costs(self) -> Array:
         """Cost of each frame if what moves were not there (T,)."""
         return np.asarray(self.base.sum(axis=(1, 2), dtype=np.float64))
+
+    @cached_property
+    def own_px(self) -> int:
+        """Number of pixels in which what moves is seen, in its pose at 0 and alone."""
+        return int((draw(self.moving, self.shot).face_ids >= 0).sum())
 
     @cached_property
     def _by_pixel(self) -> tuple[Floats, Floats]:
@@ -109,48 +107,6 @@ def draw(surface: Surface, shot: Shot, T_o: Array | None = None) -> Drawn:
     return Drawn(nearness, face_ids, points_c)
 
 
-def fit_light(shot: Shot, everything: Surface, change: NDArray[np.bool_]) -> Array:
-    """How the object is lit (TERMS, 3), from what does not change.
-
-    Args:
-        shot: The frames.
-        everything: All parts at 0.
-        change: Pixels that change (H, W).
-    """
-    seen = draw(everything, shot)
-    mask = (seen.face_ids >= 0) & ~change
-    mask &= cv2.erode((seen.face_ids >= 0).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
-    light = np.zeros((TERMS, 3))
-    light[0], light[1] = 0.6, 0.4
-    if mask.sum() < 30:
-        return light
-    picture = np.median(shot.frames, axis=0)[mask]
-    ids = seen.face_ids[mask]
-    terms = all_terms(seen.points_c, everything.faces)[ids]
-    return solve_light(terms, everything.albedo[ids], picture)
-
-
-def solve_light(terms: Array, albedo: Array, colours: Array) -> Array:
-    """The light (TERMS, 3) under which faces with ``terms`` (N, TERMS) have ``colours`` (N, 3)."""
-    n = len(terms)
-    pull = np.full(TERMS, RIDGE * n)
-    pull[:2] = 1e-4 * n
-    first = np.zeros(TERMS)
-    first[0], first[1] = 0.6, 0.4
-    light = np.empty((TERMS, 3))
-    for k in range(3):
-        weight = np.ones(n)
-        rows = terms * (albedo[:, k, None] / 255.0)
-        target = colours[:, k] / 255.0
-        for _ in range(6):
-            left = (rows * weight[:, None]).T @ rows + np.diag(pull)
-            solution = np.linalg.solve(left, rows.T @ (weight * target) + pull * first)
-            weight = 1.0 / np.maximum(np.abs(rows @ solution - target), 0.02)
-            weight *= 0.02
-        light[:, k] = solution
-    return light
-
-
 def layers_of(
     shot: Shot,
     everything: Surface,
@@ -161,7 +117,8 @@ def layers_of(
     """The shot, less the parts ``moving_ids`` of ``everything``.
 
     A still pixel has the colour that it has in the frame in which it looks most as the model
-    says: what moves may cover it in the others.
+    says, what moves may cover it in the others; but not much farther from the model than pixels
+    that never change.
     """
     moving = everything.only(moving_ids)
     rest = everything.only(sorted(set(np.unique(everything.part_ids)) - set(moving_ids)))
@@ -174,10 +131,13 @@ def layers_of(
     off = np.abs(shot.frames - model).sum(axis=-1)
     nearest = off.argmin(axis=0)
     rows, columns = np.indices(shot.size)
-    still = shot.frames[nearest, rows, columns]
+    best = shot.frames[nearest, rows, columns]
+    calm = ~change if (~change).sum() > 50 else np.ones_like(change)
+    slack = SLACK * float(np.median(np.abs(best - model)[calm])) + LEAST_SLACK
+    still = np.where(calm[..., None], best, model + np.clip(best - model, -slack, slack))
     doubt = TRUST * np.minimum(np.abs(still - model).sum(axis=-1), CAP)
     base = np.minimum(np.abs(shot.frames - still).sum(axis=-1), CAP) + doubt
-    return Layers(shot, moving, light, seen.nearness, still, base.astype(np.float32))
+    return Layers(shot, moving, light, seen.nearness, still.astype(np.float32), base.astype(np.float32))
 
 
 def _background(shot: Shot, solid: NDArray[np.bool_], change: NDArray[np.bool_]) -> Floats:

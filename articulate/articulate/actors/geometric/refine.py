@@ -80,6 +80,11 @@ def shifted(motion: Motion, change: Array, freedom: Freedom) -> Motion:
     return replace(motion, axis_o=axis, pivot_o=pivot)
 
 
+def position_unit(fit: Fit, layers: Layers) -> float:
+    """Change of position that moves the part by about a pixel [m or rad]."""
+    return float(_units(fit, layers, Freedom(axis=False, pivot=False))[-1])
+
+
 def _stepped(fit: Fit, step: Array, freedom: Freedom) -> Fit:
     n = freedom.size(fit.motion)
     return replace(fit, motion=shifted(fit.motion, step[:n], freedom), q=fit.q + step[n:])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,13 @@ TURN_STEPS = 48
 SLIDE_STEP_PX = 1.6
 MOST_SLIDE_STEPS = 61
 STEP_COST = 0.6 * CAP
-"""Cost of moving by one position between two frames."""
+"""Cost of moving by one position between two frames, for a part that is not small."""
+NOT_SMALL_PX = 800
+"""Pixels of a part that is not small."""
+STILL_POSES = 13
+"""Poses in which a part is thought to rest through the whole shot, for comparison."""
+MOST_POSITIONS = 160
+"""Most positions when a path is sought again."""
 LARGEST_STEP = 9
 """Most positions a part moves by between two frames."""
 
@@ -32,6 +38,9 @@ class Fit:
     """Sum over pixels and frames."""
     parts: tuple[int, ...]
     """What moves."""
+    gain: float = 0.0
+    """How much less it costs than the best pose in which nothing would move. What the model of
+    the object gets wrong costs both alike."""
 
 
 def positions(motion: Motion, layers: Layers, reach_m: float) -> Array:
@@ -56,7 +65,36 @@ def coarse_fit(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: 
     q = positions(motion, layers, reach_m)
     costs = np.ascontiguousarray(layers.costs(motion.T_o(q)).T)
     turning = motion.kind == "turn"
-    path = best_path(costs, STEP_COST, LARGEST_STEP, turning)
+    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX)
+    path = best_path(costs, step_cost, LARGEST_STEP, turning)
     cost = float(costs[np.arange(len(costs)), path % len(q)].sum())
     found = path * (2.0 * np.pi / TURN_STEPS) if turning else q[path]
-    return Fit(motion, np.asarray(found, dtype=np.float64), cost, parts)
+    gain = float(costs.sum(axis=0).min()) - cost
+    return Fit(motion, np.asarray(found, dtype=np.float64), cost, parts, gain)
+
+
+def path_again(fit: Fit, layers: Layers, step: float) -> Fit:
+    """``fit`` with the cheapest path through positions a ``step`` apart, around its own.
+
+    Args:
+        fit: Where from; its positions are those of the frames of ``layers``.
+        layers: The shot.
+        step: Between neighbouring positions [m or rad].
+    """
+    low, high = float(fit.q.min()), float(fit.q.max())
+    margin = 0.12 * (high - low) + 4.0 * step
+    step = max(step, (high - low + 2.0 * margin) / MOST_POSITIONS)
+    q = np.arange(low - margin, high + margin + 0.5 * step, step)
+    costs = np.ascontiguousarray(layers.costs(fit.motion.T_o(q)).T)
+    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX) * 0.1
+    largest = max(8, len(q) // 2)
+    path = best_path(costs, step_cost, largest, False)
+    cost = float(costs[np.arange(len(costs)), path].sum())
+    return replace(fit, q=q[path], cost=cost)
+
+
+def with_gain(fit: Fit, layers: Layers) -> Fit:
+    """``fit`` with its gain in this shot."""
+    still = np.unique([0.0, *np.linspace(fit.q.min(), fit.q.max(), STILL_POSES)])
+    costs = layers.costs(fit.motion.T_o(still)).sum(axis=1)
+    return replace(fit, gain=float(costs.min()) - fit.cost)

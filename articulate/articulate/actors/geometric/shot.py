@@ -14,6 +14,14 @@ from articulate.render.camera import Camera
 from articulate.transforms import Array, Ints
 
 
+LEAST_CHANGE = 3.0
+"""Differences up to this are never a change, 0 to 255."""
+SPECK_PX = 5
+"""Fewer neighbouring pixels that change are noise."""
+LARGEST_ENLARGEMENT = 2.0
+"""Small regions are enlarged by this at most."""
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
     """Some frames of a clip, cut out and made smaller."""
@@ -58,13 +66,14 @@ def shot_of(
     """
     left, right, top, bottom = box
     width, height = right - left, bottom - top
-    factor = min(1.0, most_px / max(width, height))
+    factor = min(LARGEST_ENLARGEMENT, most_px / max(width, height))
+    how = cv2.INTER_AREA if factor <= 1.0 else cv2.INTER_LINEAR
     new_w, new_h = max(8, round(width * factor)), max(8, round(height * factor))
     sx, sy = new_w / width, new_h / height
     frames = np.empty((len(indices), new_h, new_w, 3), dtype=np.float32)
     for k, index in enumerate(indices):
         piece = np.ascontiguousarray(clip[index, top:bottom, left:right])
-        frames[k] = cv2.resize(piece, (new_w, new_h), interpolation=cv2.INTER_AREA)
+        frames[k] = cv2.resize(piece, (new_w, new_h), interpolation=how)
     pinhole = np.array(
         [
             camera.fx_px * sx,
@@ -76,14 +85,17 @@ def shot_of(
     return Shot(frames, np.asarray(indices), pinhole, camera.T_cw)
 
 
-def change_map(clip: Pixels) -> NDArray[np.uint8]:
-    """How much each pixel changes over a clip (H, W), 0 to 255, noise taken away.
+def change_map(clip: Pixels) -> NDArray[np.bool_]:
+    """Which pixels change over a clip (H, W).
 
-    The largest difference of any two frames in any colour, after a slight blur, less five times
-    what differs between neighbouring frames where nothing moves.
+    A pixel has changed if, after a slight blur, two frames differ in it by more than frames do
+    where nothing moves: a fifth of the picture at least is thought to stand still.
     """
     picks = np.unique(np.linspace(0, len(clip) - 1, min(len(clip), 24)).round().astype(int))
     soft = np.stack([cv2.GaussianBlur(clip[k], (0, 0), 0.8) for k in picks])
     spread = (soft.max(axis=0) - soft.min(axis=0)).max(axis=-1)
-    noise = float(np.percentile(spread, 20))
-    return np.asarray(np.clip(spread.astype(np.float32) - 1.6 * noise - 4.0, 0, 255), np.uint8)
+    low, noise = np.percentile(spread, (2, 20))
+    changed = spread > noise + 4.0 * (noise - low) + LEAST_CHANGE
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(changed.astype(np.uint8))
+    small = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] < SPECK_PX]
+    return np.asarray(changed & ~np.isin(labels, small))

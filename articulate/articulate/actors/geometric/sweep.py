@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from articulate.render.raster import fill
 
 Floats = NDArray[np.float32]
-TERMS = 10
-"""Terms of the light: 1, how much a face is turned to the camera, then of its normal x, y, z,
-xx - zz, yy - zz, xy, xz, yz."""
+LIGHT_ROWS = 4
+"""Rows of a light: ambient, from the camera, from a lamp far away (each a share of the albedo for
+each colour), and the direction towards that lamp in the camera's frame."""
 SAME_DEPTH = 1.002
 """What is nearer by less than this factor is not in front."""
 
@@ -50,48 +50,43 @@ def box_of(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> No
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
-def face_terms(points_c: Any, face: Any, terms: Any) -> None:
-    """The terms of the light on a face, turned to the camera, into ``terms`` (TERMS,)."""
+def face_view(points_c: Any, face: Any, view: Any) -> None:
+    """Unit normal of a face, turned to the camera, and how much it faces it, into ``view`` (4,)."""
     a, b, c = points_c[face[0]], points_c[face[1]], points_c[face[2]]
     ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     gx, gy, gz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     x, y, z = ey * gz - ez * gy, ez * gx - ex * gz, ex * gy - ey * gx
     size = np.sqrt(x * x + y * y + z * z)
-    terms[:] = 0.0
-    terms[0] = 1.0
+    view[:] = 0.0
     if size < 1e-18:
         return
     mx, my, mz = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
     facing = (x * mx + y * my + z * mz) / (size * np.sqrt(mx * mx + my * my + mz * mz))
     if facing > 0.0:
         size = -size
-    x, y, z = x / size, y / size, z / size
-    terms[1] = abs(facing)
-    terms[2], terms[3], terms[4] = x, y, z
-    terms[5], terms[6] = x * x - z * z, y * y - z * z
-    terms[7], terms[8], terms[9] = x * y, x * z, y * z
+    view[0], view[1], view[2], view[3] = x / size, y / size, z / size, abs(facing)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
-def all_terms(points_c: Any, faces: Any) -> Any:
-    """The terms of the light on each face (F, TERMS)."""
-    out = np.zeros((len(faces), TERMS))
+def all_views(points_c: Any, faces: Any) -> Any:
+    """What :func:`face_view` says of each face (F, 4)."""
+    out = np.zeros((len(faces), 4))
     for f in range(len(faces)):
-        face_terms(points_c, faces[f], out[f])
+        face_view(points_c, faces[f], out[f])
     return out
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
 def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
-    """Colour of each face (F, 3), 0 to 255, under ``light`` (TERMS, 3)."""
+    """Colour of each face (F, 3), 0 to 255, under ``light`` (LIGHT_ROWS, 3)."""
     colours = np.zeros((len(faces), 3), dtype=np.float32)
-    terms = np.zeros(TERMS)
+    view = np.zeros(4)
     for f in range(len(faces)):
-        face_terms(points_c, faces[f], terms)
+        face_view(points_c, faces[f], view)
+        lamp = view[0] * light[3, 0] + view[1] * light[3, 1] + view[2] * light[3, 2]
+        lamp = max(lamp, 0.0)
         for k in range(3):
-            value = 0.0
-            for j in range(TERMS):
-                value += terms[j] * light[j, k]
+            value = light[0, k] + light[1, k] * view[3] + light[2, k] * lamp
             colours[f, k] = min(max(value * albedo[f, k], 0.0), 255.0)
     return colours
 
@@ -122,7 +117,7 @@ def sweep_costs(
 
     Args:
         surface: Corners of the part (V, 3) [m], its faces (F, 3) and their colours (F, 3).
-        light: (TERMS, 3), in the camera's frame.
+        light: (LIGHT_ROWS, 3), in the camera's frame.
         poses_co: Camera from part, one for each pose (Q, 4, 4).
         pinhole: fx, fy, cx, cy [px].
         static_nearness: 1 / depth of everything that stands still (H, W).
