@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.layers import Layers, draw, layers_of
+from articulate.actors.geometric.layers import CAP, Layers, draw, layers_of
 from articulate.actors.geometric.light import fit_light, solve_light, still_samples
 from articulate.actors.geometric.refine import Freedom, position_unit, refine
-from articulate.actors.geometric.search import Fit, coarse_fit, path_again, with_gain
-from articulate.actors.geometric.shot import Shot, change_map, shot_of
+from articulate.actors.geometric.round import round_axis
+from articulate.actors.geometric.search import Fit, coarse_fit, path_again, turned_path, with_gain
+from articulate.actors.geometric.shot import LARGEST_ENLARGEMENT, Shot, change_map, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
 from articulate.actors.geometric.sweep import SAME_DEPTH, all_views
 from articulate.actors.protocol import Pixels
@@ -27,14 +28,20 @@ COARSE_PX, COARSE_FRAMES = 112, 12
 FINE_PX, FINE_FRAMES = 224, 14
 """Longest side of the region [px] and number of frames: to choose the part, to choose among
 candidates, and to refine."""
+MOST_FRAMES = 40
+"""Most frames that are looked at while searching: small regions allow more."""
 SUSPECTS = 6
 """Parts that are tried."""
+SEEDS = 3
+"""Suspects of which it is asked what moves along."""
 LIGHT_ROUNDS = 2
 """Times that the light is learned from what moves before candidates are compared."""
 KEPT = 8
 """Candidates that are refined coarsely."""
 FINAL = 3
 """Candidates that are refined finely."""
+SHOWS = 0.006
+"""Share of the largest cost of a part's pixels below which its motion hardly shows."""
 SNAP = 0.01
 """Share of the gain that an axis along one of the object's directions may cost."""
 HINGE_GAIN = 0.04
@@ -62,6 +69,7 @@ class Scene:
     def look(self, most_px: int, n_frames: int, frames: Ints | None = None) -> Look:
         """The region in which something changes."""
         if frames is None:
+            n_frames = max(n_frames, min(MOST_FRAMES, self._affordable(most_px, n_frames)))
             frames = np.unique(np.linspace(0, len(self.clip) - 1, n_frames).round().astype(int))
         shot = shot_of(self.clip, self.camera, frames, self.box, most_px)
         left, right, top, bottom = self.box
@@ -75,6 +83,14 @@ class Scene:
         surface = surface_of(self.parts, pixel_m=shot.pixel_m(middle))
         change = np.asarray(piece > 0.25)
         return Look(shot, surface, change, fit_light(shot, surface, change))
+
+
+    def _affordable(self, most_px: int, n_frames: int) -> int:
+        """Number of frames that take as long as ``n_frames`` of ``most_px`` squared would."""
+        left, right, top, bottom = self.box
+        factor = min(LARGEST_ENLARGEMENT, most_px / max(right - left, bottom - top))
+        area = (right - left) * (bottom - top) * factor**2
+        return int(n_frames * most_px**2 / max(area, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +134,13 @@ def find_motion(scene: Scene) -> Fit | None:
         return None
     reach = REACH * scene.size_m
     firsts = [_quick_fit(quick, part, reach) for part in ranked[:SUSPECTS]]
-    seed = max(firsts, key=lambda fit: fit.gain)
+    firsts.sort(key=lambda fit: -fit.gain)
+    seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
+    seed = max(seeds, key=lambda fit: fit.gain)
     for _ in range(LIGHT_ROUNDS):
         quick = replace(quick, light=_better_light(quick, seed, quick.shot))
-        seed = _quick_fit(quick, seed.parts[0], reach)
-    moving = _attached(quick, seed, ranked)
+        seed = _attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
+    moving = seed.parts
     coarse = replace(scene.look(COARSE_PX, COARSE_FRAMES), light=quick.light)
     layers = coarse.layers(moving)
     fits = _candidates(coarse, layers, moving, seed.parts[0], reach)
@@ -134,7 +152,39 @@ def find_motion(scene: Scene) -> Fit | None:
     fine = replace(fine, light=_better_light(fine, fits[0], coarse.shot))
     layers = fine.layers(moving)
     finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
-    return _chosen(finals)
+    best = _everywhere(scene, _chosen(finals), fine)
+    return _round_or_not(fine, best, seed.parts[0])
+
+
+def _everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
+    """``fit`` with its position in every frame of the clip.
+
+    A turn is also sought anew on the full circle: wheels look alike after a fraction of a turn,
+    so that only frames close to each other tell which way they go.
+    """
+    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+    layers = look.layers(fit.parts)
+    start = replace(fit, q=np.interp(look.shot.indices, fine.shot.indices, fit.q))
+    tries = [path_again(start, layers, 1.5 * position_unit(start, layers))]
+    if fit.motion.kind == "turn":
+        tries.append(turned_path(start, layers))
+    fixed = Freedom(axis=False, pivot=False)
+    best = min((refine(one, layers, fixed, rounds=3) for one in tries), key=lambda fit: fit.cost)
+    return with_gain(best, layers)
+
+
+def _round_or_not(look: Look, fit: Fit, seed: int) -> Fit:
+    """``fit``, or an endless turn of a round part where next to nothing is explained by ``fit``."""
+    surface = look.surface.only([seed])
+    layers = look.layers(fit.parts)
+    share = fit.gain / (CAP * len(fit.q) * max(1, layers.own_px))
+    if share > SHOWS:
+        return fit
+    motion = round_axis(surface, axes_of(surface))
+    if motion is None:
+        return fit
+    q = np.linspace(0.0, 2.0 * np.pi, len(fit.q))
+    return replace(fit, motion=motion, q=q, gain=0.0)
 
 
 def _tightened(fit: Fit, layers: Layers) -> Fit:
@@ -174,18 +224,19 @@ def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
     )
 
 
-def _attached(look: Look, seed: Fit, others: Sequence[int]) -> tuple[int, ...]:
-    """The parts that move as ``seed`` does, itself first."""
-    moving = list(seed.parts)
+def _attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
+    """``seed`` with the parts that move as it does, itself first."""
     T_o = seed.motion.T_o(seed.q)
-    cost = float(look.layers(moving).path_cost(T_o).sum())
+    best = seed
+    cost = float(look.layers(seed.parts).path_cost(T_o).sum())
     for part in others:
-        if part in moving:
+        if part in best.parts:
             continue
-        more = float(look.layers([*moving, part]).path_cost(T_o).sum())
+        layers = look.layers((*best.parts, part))
+        more = float(layers.path_cost(T_o).sum())
         if more < cost - 0.01 * max(seed.gain, 0.0):
-            moving, cost = [*moving, part], more
-    return tuple(moving)
+            best, cost = with_gain(replace(seed, parts=(*best.parts, part), cost=more), layers), more
+    return best
 
 
 def _candidates(
@@ -256,13 +307,3 @@ def _chosen(fits: Sequence[Fit]) -> Fit:
         if slide.gain >= (1.0 - HINGE_GAIN) * best.gain:
             return slide
     return best
-
-
-def all_positions(scene: Scene, fit: Fit, shot_indices: Ints) -> Array:
-    """Position in every frame of the clip (T,)."""
-    look = scene.look(FINE_PX, 0, np.arange(len(scene.clip)))
-    look = replace(look, light=_better_light(scene.look(FINE_PX, FINE_FRAMES), fit, scene.look(FINE_PX, FINE_FRAMES).shot))
-    layers = look.layers(fit.parts)
-    start = replace(fit, q=np.interp(look.shot.indices, shot_indices, fit.q))
-    start = path_again(start, layers, 1.5 * position_unit(start, layers))
-    return refine(start, layers, Freedom(axis=False, pivot=False), rounds=3).q

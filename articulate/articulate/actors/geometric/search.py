@@ -13,7 +13,10 @@ from articulate.transforms import Array
 
 TURN_STEPS = 48
 """Positions on a full turn."""
+FINE_TURN_STEPS = 120
+"""The same, when every frame is looked at."""
 SLIDE_STEP_PX = 1.6
+"""Motion in the picture between two positions of a slide."""
 MOST_SLIDE_STEPS = 61
 STEP_COST = 0.6 * CAP
 """Cost of moving by one position between two frames, for a part that is not small."""
@@ -91,6 +94,16 @@ def path_again(fit: Fit, layers: Layers, step: float) -> Fit:
     path = best_path(costs, step_cost, largest, False)
     cost = float(costs[np.arange(len(costs)), path].sum())
     return replace(fit, q=q[path], cost=cost)
+
+
+def turned_path(fit: Fit, layers: Layers) -> Fit:
+    """The cheapest path of a turn through all of the circle, in fine steps."""
+    q = np.arange(FINE_TURN_STEPS) * (2.0 * np.pi / FINE_TURN_STEPS)
+    costs = np.ascontiguousarray(layers.costs(fit.motion.T_o(q)).T)
+    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX) * 0.1
+    path = best_path(costs, step_cost, LARGEST_STEP, True)
+    cost = float(costs[np.arange(len(costs)), path % len(q)].sum())
+    return replace(fit, q=path * (2.0 * np.pi / FINE_TURN_STEPS), cost=cost)
 
 
 def with_gain(fit: Fit, layers: Layers) -> Fit:
