@@ -62,7 +62,9 @@ def motions_of(part: Surface, rest: Surface, axes: list[tuple[str, Array]]) -> l
     return slides + turns
 
 
-def pivots_of(points: Array, touching: Array, axis: Array, same_m: float) -> list[tuple[str, Array]]:
+def pivots_of(
+    points: Array, touching: Array, axis: Array, same_m: float
+) -> list[tuple[str, Array]]:
     """Points through which an axis may pass: corners, edges and middle of boxes around things."""
     across = plane_of(axis)
     found: list[tuple[str, Array]] = []
@@ -75,9 +77,10 @@ def pivots_of(points: Array, touching: Array, axis: Array, same_m: float) -> lis
         low, high = _flat_box(group @ across.T)
         for i, wi in enumerate(("low", "mid", "high")):
             for j, wj in enumerate(("low", "mid", "high")):
-                spot2 = np.array([low[0], 0.5 * (low[0] + high[0]), high[0]])[i], np.array(
-                    [low[1], 0.5 * (low[1] + high[1]), high[1]]
-                )[j]
+                spot2 = (
+                    np.array([low[0], 0.5 * (low[0] + high[0]), high[0]])[i],
+                    np.array([low[1], 0.5 * (low[1] + high[1]), high[1]])[j],
+                )
                 spot = np.array(spot2)
                 if any(np.linalg.norm(spot - other) < same_m for other in flat):
                     continue

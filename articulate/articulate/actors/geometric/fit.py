@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -40,6 +41,8 @@ KEPT = 8
 """Candidates that are refined coarsely."""
 FINAL = 3
 """Candidates that are refined finely."""
+SAME_WISH = 0.97
+"""Cosine of the angle between axes that count as the same when one is not wanted again."""
 SHOWS = 0.006
 """Share of the largest cost of a part's pixels below which its motion hardly shows."""
 SNAP = 0.01
@@ -84,7 +87,6 @@ class Scene:
         change = np.asarray(piece > 0.25)
         return Look(shot, surface, change, fit_light(shot, surface, change))
 
-
     def _affordable(self, most_px: int, n_frames: int) -> int:
         """Number of frames that take as long as ``n_frames`` of ``most_px`` squared would."""
         left, right, top, bottom = self.box
@@ -107,13 +109,13 @@ class Look:
         return layers_of(self.shot, self.surface, moving, self.light, self.change)
 
 
-def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene | None:
-    """The scene, or None if nothing changes in the clip."""
+def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene:
+    """The scene; its box is the whole picture if nothing changes in it."""
     change = change_map(clip)
     rows, columns = np.nonzero(change)
-    if len(rows) < 4:
-        return None
     height, width = change.shape
+    if not len(rows):
+        return Scene(clip, camera, tuple(parts), change, (0, width, 0, height))
     left, right = np.percentile(columns, (0.2, 99.8))
     top, bottom = np.percentile(rows, (0.2, 99.8))
     margin = 6 + 0.12 * max(right - left, bottom - top)
@@ -126,10 +128,33 @@ def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene |
     return Scene(clip, camera, tuple(parts), change, box)
 
 
-def find_motion(scene: Scene) -> Fit | None:
-    """The motion that explains the clip best; None if no part is in the region that changes."""
+@dataclass(frozen=True)
+class Wish:
+    """What is asked of a motion, after a critic has spoken."""
+
+    kind: Literal["slide", "turn"] | None = None
+    """Only such; None: either."""
+    not_axes: tuple[tuple[float, float, float], ...] = ()
+    """Directions that are not wanted again."""
+    not_parts: tuple[int, ...] = ()
+    """Parts that are not thought to lead the motion."""
+
+    def allows(self, fit: Fit) -> bool:
+        """Whether ``fit`` is what is asked for."""
+        if self.kind is not None and fit.motion.kind != self.kind:
+            return False
+        near = (abs(float(fit.motion.axis_o @ np.asarray(axis))) for axis in self.not_axes)
+        return all(value < SAME_WISH for value in near)
+
+
+def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
+    """The motion that explains the clip best.
+
+    None if no part is in the region that changes, or none does what is asked.
+    """
+    wish = wish or Wish()
     quick = scene.look(QUICK_PX, QUICK_FRAMES)
-    ranked = rank_parts(quick)
+    ranked = [part for part in rank_parts(quick) if part not in wish.not_parts]
     if not ranked:
         return None
     reach = REACH * scene.size_m
@@ -138,18 +163,20 @@ def find_motion(scene: Scene) -> Fit | None:
     seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
     seed = max(seeds, key=lambda fit: fit.gain)
     for _ in range(LIGHT_ROUNDS):
-        quick = replace(quick, light=_better_light(quick, seed, quick.shot))
+        quick = replace(quick, light=better_light(quick, seed, quick.shot))
         seed = _attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
     moving = seed.parts
     coarse = replace(scene.look(COARSE_PX, COARSE_FRAMES), light=quick.light)
     layers = coarse.layers(moving)
-    fits = _candidates(coarse, layers, moving, seed.parts[0], reach)
-    coarse = replace(coarse, light=_better_light(coarse, fits[0], coarse.shot))
+    fits = _candidates(coarse, layers, moving, reach, wish)
+    if not fits:
+        return None
+    coarse = replace(coarse, light=better_light(coarse, fits[0], coarse.shot))
     layers = coarse.layers(moving)
     fits = [_tightened(fit, layers) for fit in fits]
     fits.sort(key=lambda fit: -fit.gain)
     fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
-    fine = replace(fine, light=_better_light(fine, fits[0], coarse.shot))
+    fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
     layers = fine.layers(moving)
     finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
     best = _everywhere(scene, _chosen(finals), fine)
@@ -191,6 +218,25 @@ def _tightened(fit: Fit, layers: Layers) -> Fit:
     """``fit`` with its path sought again and its pivot refined."""
     again = path_again(fit, layers, 2.0 * position_unit(fit, layers))
     return with_gain(refine(again, layers, Freedom(axis=False), rounds=5), layers)
+
+
+def roundest(scene: Scene) -> Fit | None:
+    """An endless turn of the smallest round part that is seen, for a clip in which nothing shows."""
+    height, width = scene.clip.shape[1:3]
+    look = replace(scene, box=(0, width, 0, height)).look(COARSE_PX * 2, 2)
+    seen = draw(look.surface, look.shot)
+    visible = np.unique(look.surface.part_ids[seen.face_ids[seen.face_ids >= 0]])
+    found: list[tuple[float, int, Motion]] = []
+    for part in visible:
+        surface = look.surface.only([int(part)])
+        motion = round_axis(surface, axes_of(surface))
+        if motion is not None:
+            size = float(np.linalg.norm(np.ptp(surface.points_o, axis=0)))
+            found.append((size, int(part), motion))
+    if not found:
+        return None
+    _, part, motion = min(found, key=lambda item: item[0])
+    return Fit(motion, np.linspace(0.0, 2.0 * np.pi, len(scene.clip)), 0.0, (part,))
 
 
 def rank_parts(look: Look) -> list[int]:
@@ -235,26 +281,25 @@ def _attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
         layers = look.layers((*best.parts, part))
         more = float(layers.path_cost(T_o).sum())
         if more < cost - 0.01 * max(seed.gain, 0.0):
-            best, cost = with_gain(replace(seed, parts=(*best.parts, part), cost=more), layers), more
+            best, cost = (
+                with_gain(replace(seed, parts=(*best.parts, part), cost=more), layers),
+                more,
+            )
     return best
 
 
 def _candidates(
-    look: Look, layers: Layers, moving: tuple[int, ...], seed: int, reach_m: float
+    look: Look, layers: Layers, moving: tuple[int, ...], reach_m: float, wish: Wish
 ) -> list[Fit]:
-    """The best candidates, of which no two are alike and at least one is a slide and one a turn."""
+    """The best candidates, at least one slide and one turn if both are allowed."""
     surface = look.surface.only(moving)
     rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in moving])
-    motions = motions_of(surface, rest, axes_of(look.surface.only([seed])))
+    motions = motions_of(surface, rest, axes_of(look.surface.only(moving[:1])))
     fits = sorted(
         (coarse_fit(motion, layers, moving, reach_m) for motion in motions),
         key=lambda fit: -fit.gain,
     )
-    kept = _spread(fits, KEPT)
-    for kind in ("slide", "turn"):
-        if all(fit.motion.kind != kind for fit in kept):
-            kept.append(next(fit for fit in fits if fit.motion.kind == kind))
-    return kept
+    return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
 
 
 def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
@@ -266,7 +311,7 @@ def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
     return kept
 
 
-def _better_light(look: Look, fit: Fit, shot: Shot) -> Array:
+def better_light(look: Look, fit: Fit, shot: Shot) -> Array:
     """The light, from what stands still and from what moves where ``fit`` says that it is."""
     layers = look.layers(fit.parts)
     still = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in fit.parts])

@@ -24,6 +24,7 @@ SLACK, LEAST_SLACK = 4.0, 3.0
 """How far from the model a still pixel may be where things move: in units of what is usual where
 nothing does, and at least, 0 to 255."""
 
+
 @dataclass(frozen=True, eq=False)
 class Layers:
     """A shot, less the parts that are thought to move."""
@@ -137,7 +138,9 @@ def layers_of(
     still = np.where(calm[..., None], best, model + np.clip(best - model, -slack, slack))
     doubt = TRUST * np.minimum(np.abs(still - model).sum(axis=-1), CAP)
     base = np.minimum(np.abs(shot.frames - still).sum(axis=-1), CAP) + doubt
-    return Layers(shot, moving, light, seen.nearness, still.astype(np.float32), base.astype(np.float32))
+    return Layers(
+        shot, moving, light, seen.nearness, still.astype(np.float32), base.astype(np.float32)
+    )
 
 
 def _background(shot: Shot, solid: NDArray[np.bool_], change: NDArray[np.bool_]) -> Floats:

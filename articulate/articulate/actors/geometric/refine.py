@@ -73,7 +73,9 @@ def shifted(motion: Motion, change: Array, freedom: Freedom) -> Motion:
     axis, pivot, k = motion.axis_o, motion.pivot_o, 0
     if freedom.axis:
         turn = change[0] * across[0] + change[1] * across[1]
-        axis = normalised(axis_angle_to_matrix(normalised(turn + 1e-300), np.linalg.norm(turn)) @ axis)
+        axis = normalised(
+            axis_angle_to_matrix(normalised(turn + 1e-300), np.linalg.norm(turn)) @ axis
+        )
         k = 2
     if freedom.pivot and motion.kind == "turn":
         pivot = pivot + change[k] * across[0] + change[k + 1] * across[1]
@@ -97,7 +99,7 @@ def _normal_equations(fit: Fit, layers: Layers, freedom: Freedom) -> tuple[Array
     hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
     for t in range(n_frames):
         columns = _jacobian(fit, layers, freedom, t, scales)
-        here = _model(fit.motion.T_o(fit.q[t]), layers)
+        here = model_picture(fit.motion.T_o(fit.q[t]), layers)
         off = (layers.shot.frames[t] - here).reshape(-1).astype(np.float64)
         changed = np.flatnonzero(np.abs(columns).max(axis=0) > 0.3)
         rows, off = columns[:, changed], off[changed]
@@ -124,12 +126,12 @@ def _jacobian(fit: Fit, layers: Layers, freedom: Freedom, t: int, scales: Array)
                 moved = shifted(fit.motion, change, freedom).T_o(fit.q[t])
             else:
                 moved = fit.motion.T_o(fit.q[t] + sign * scales[n + t])
-            pair.append(_model(moved, layers))
+            pair.append(model_picture(moved, layers))
         columns.append(0.5 * (pair[0] - pair[1]).reshape(-1))
     return np.stack(columns).astype(np.float64)
 
 
-def _model(T_o: Array, layers: Layers) -> Array:
+def model_picture(T_o: Array, layers: Layers) -> Array:
     """The picture (H, W, 3) that is expected with what moves in pose ``T_o`` (4, 4)."""
     picture = layers.still.copy()
     shown = np.zeros(layers.shot.size, dtype=np.bool_)

@@ -84,7 +84,9 @@ def _piece(part: PartMesh, part_id: int, pixel_m: float) -> Surface:
     return Surface(points, faces, albedo, ids)
 
 
-def _clustered(points: Array, faces: Ints, albedo: Array, cell_m: float) -> tuple[Array, Ints, Array]:
+def _clustered(
+    points: Array, faces: Ints, albedo: Array, cell_m: float
+) -> tuple[Array, Ints, Array]:
     """The same surface with corners that share a cell made one, and what has no area left out."""
     if not len(faces):
         return points, faces, albedo
