@@ -32,6 +32,7 @@ SUMMARIES = {
     "train": "train a policy on an object",
     "evaluate": "evaluate a run again",
     "export": "write a run's policy as a bundle for robots",
+    "benchmark": "score an actor on objects whose joints are known",
     "deploy": "run a bundle on a robot or a stand-in",
 }
 

@@ -14,6 +14,7 @@ from typing import Literal
 from articulate.files import write_text
 from articulate.page.chart import Chart
 from articulate.page.numbers import shown
+from articulate.page.violin import Violins
 
 Cell = str | int | float | bool | None
 
@@ -106,7 +107,7 @@ class Page:
         """Add a table of names and values."""
         return self.table(["name", "value"], [(k, shown(v)) for k, v in values.items()], caption)
 
-    def charts(self, *charts: Chart) -> Page:
+    def charts(self, *charts: Chart | Violins) -> Page:
         """Add charts, side by side where there is room."""
         figures = "".join(chart.figure() for chart in charts)
         return self._add(f'<div class="figures">{figures}</div>')

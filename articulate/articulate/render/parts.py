@@ -26,11 +26,11 @@ class PartMesh:
     faces: Ints
     """Indices of corners (F, 3)."""
     rgb: Array
-    """Albedo of each face (F, 3), each value in [0, 1]."""
+    """Albedo of each face (F, 3), each value in [0, 1]; times the texture where there is one."""
     uv: Array | None = None
     """Texture coordinates of each corner of each face (F, 3, 2), v up; None without a texture."""
     texture: NDArray[np.uint8] | None = None
-    """Picture (H, W, 3) that ``uv`` refers to; it takes the place of ``rgb`` where both stand."""
+    """Picture (H, W, 3) that ``uv`` refers to."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be drawn."""

@@ -163,7 +163,7 @@ def _dot(a: Array, b: Array) -> float:
 def _texel(
     point: Array, corners: Array, uv: Array, texture: Pixels, size: Ints, albedo: Array
 ) -> None:
-    """Colour of the texture where ``point`` (3,) of the triangle ``corners`` (3, 3) is."""
+    """Multiply by the texture where ``point`` (3,) of the triangle ``corners`` (3, 3) is."""
     a, b, p = np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
         a[k], b[k] = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k]
@@ -179,7 +179,7 @@ def _texel(
     column = int((u - np.floor(u)) * size[1]) % size[1]
     row = int((1.0 - (v - np.floor(v))) * size[0]) % size[0]
     for k in range(3):
-        albedo[k] = texture[row, column, k] / 255.0
+        albedo[k] *= texture[row, column, k] / 255.0
 
 
 @numba.njit(cache=True, nogil=True)

@@ -65,11 +65,11 @@ def test_a_film_shows_the_part_where_it_is_at_each_time():
 def test_a_clip_is_read_back_as_it_was_written(tmp_path, suffix):
     clip = sliding_square()
     path = write_clip(tmp_path / f"clip{suffix}", clip)
-    reader, back = cv2.VideoCapture(str(path)), []
+    reader, frames = cv2.VideoCapture(str(path)), []
     while (read := reader.read())[0]:
-        back.append(read[1][..., ::-1])
+        frames.append(read[1][..., ::-1])
     reader.release()
-    back = np.stack(back)
+    back = np.stack(frames)
     assert back.shape == (12, 48, 64, 3)
     assert np.abs(back.astype(int) - clip.frames[:, :, :64]).mean() < 6.0
     assert [p.name for p in tmp_path.iterdir()] == [path.name]

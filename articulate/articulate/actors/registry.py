@@ -1,0 +1,39 @@
+"""Actors and critics by name, imported when they are asked for."""
+
+from __future__ import annotations
+
+import importlib
+
+from articulate.actors.protocol import Actor
+from articulate.errors import ConfigError, MissingError, nearest
+
+ACTORS = {
+    "prior": "articulate.actors.prior:PriorActor",
+}
+"""Where each actor is defined; called without arguments it gives an actor."""
+
+
+def make_actor(name: str) -> Actor:
+    """The actor called ``name``, or the one that ``module:attribute`` makes.
+
+    Raises:
+        ConfigError: There is none.
+        MissingError: A package that it needs is not installed.
+    """
+    where = ACTORS.get(name, name)
+    module, colon, attribute = where.partition(":")
+    if not colon:
+        raise ConfigError(f"--actor {name}: no such actor{nearest(name, ACTORS)}; or module:Class")
+    try:
+        made: Actor = getattr(importlib.import_module(module), attribute)()
+    except ModuleNotFoundError as error:
+        missing = error.name or ""
+        if module == missing or module.startswith(f"{missing}."):
+            raise ConfigError(f"--actor {name}: there is no module {module}") from None
+        raise MissingError(
+            f"--actor {name} needs the package {missing}, which is not installed; install the "
+            'extra that brings it, e.g. pip install "articulate-robots[all]"'
+        ) from None
+    except AttributeError:
+        raise ConfigError(f"--actor {name}: {module} has no {attribute}") from None
+    return made

@@ -1,0 +1,181 @@
+"""Many objects, each in a process of its own: what crashes costs one object.
+
+The record of an object is a file that is whole or absent. A run that was stopped goes on where it
+was when it is started again with the same settings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from articulate.benchmark.config import BenchmarkConfig
+from articulate.benchmark.dataset import Dataset
+from articulate.benchmark.records import Record, lost_object
+from articulate.errors import ArticulateError, UsageError
+from articulate.files import write_json
+
+FOLDER = "objects"
+"""Folder of the records, below that of the run."""
+RECORD_VERSION = 1
+"""Records of another version are made anew."""
+USAGE_EXIT = 2
+
+
+@dataclass(kw_only=True)
+class Batch:
+    """Runs objects side by side."""
+
+    dataset: Dataset
+    source: str
+    """What was given as DATASET."""
+    data: Path | None
+    config: BenchmarkConfig
+    out: Path
+    limit_s: float
+    """An object that takes longer is lost [s]."""
+    fresh: bool = False
+    """Run again what was run before."""
+    _running: set[subprocess.Popen[str]] = field(default_factory=set)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _stopped: bool = False
+
+    def run(self, ids: Sequence[str], jobs: int) -> Iterator[Record]:
+        """Run all objects, ``jobs`` at a time, and yield their records as they come."""
+        done: queue.SimpleQueue[Future[Record]] = queue.SimpleQueue()
+        with ThreadPoolExecutor(jobs) as pool:
+            try:
+                for object_id in ids:
+                    pool.submit(self.one, object_id).add_done_callback(done.put)
+                for _ in ids:
+                    yield done.get().result()
+            finally:
+                self._stop()
+                pool.shutdown(wait=True, cancel_futures=True)
+
+    def one(self, object_id: str) -> Record:
+        """The record of one object, from its file if that was made with the same settings.
+
+        Raises:
+            UsageError: The settings are not accepted.
+        """
+        path = self.path_of(object_id)
+        if not self.fresh:
+            found = _read(path, self.fingerprint)
+            if found is not None:
+                return found
+        reason = self._child(object_id, path)
+        made = None if reason else _read(path, self.fingerprint)
+        if made is not None:
+            return made
+        reason = reason or "its process left no record"
+        try:
+            known = self.dataset.known(object_id)
+        except ArticulateError as error:
+            known, reason = (), f"{reason}; its joints are not known: {error}"
+        record = lost_object(object_id, self.dataset.category(object_id), known, reason)
+        write_json(path, {**record, "fingerprint": self.fingerprint, "version": RECORD_VERSION})
+        return record
+
+    def path_of(self, object_id: str) -> Path:
+        """File of an object's record; its name is safe whatever the id is."""
+        safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in object_id)
+        if safe != object_id or safe.startswith("."):
+            safe = f"{safe.lstrip('.')}-{hashlib.sha256(object_id.encode()).hexdigest()[:8]}"
+        return self.out / FOLDER / f"{safe}.json"
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of everything that decides a record but the object."""
+        return fingerprint(self.source, self.config)
+
+    def _child(self, object_id: str, path: Path) -> str:
+        """Why no record was made; empty if one was."""
+        with self._lock:
+            if self._stopped:
+                raise KeyboardInterrupt
+            process = subprocess.Popen(
+                [sys.executable, "-m", "articulate.benchmark.child"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+                start_new_session=True,
+            )
+            self._running.add(process)
+        request = {
+            "source": self.source,
+            "data": None if self.data is None else str(self.data),
+            "object": object_id,
+            "config": dataclasses.asdict(self.config),
+            "path": str(path),
+        }
+        try:
+            _, complained = process.communicate(json.dumps(request), timeout=self.limit_s)
+        except subprocess.TimeoutExpired:
+            return f"took longer than {self.limit_s:g} s"
+        finally:
+            _end(process)
+            with self._lock:
+                self._running.discard(process)
+        return _outcome(process.returncode, complained)
+
+    def _stop(self) -> None:
+        with self._lock:
+            self._stopped = True
+            for process in self._running:
+                _end(process)
+
+
+def fingerprint(source: str, config: BenchmarkConfig) -> str:
+    """Hash of the data set's name and of the settings."""
+    content = {"dataset": Path(source).name, **dataclasses.asdict(config)}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _read(path: Path, wanted: str) -> Record | None:
+    """The record in ``path`` if it was made with the settings ``wanted``."""
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    same = content.get("fingerprint") == wanted and content.get("version") == RECORD_VERSION
+    return content if same else None
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a child and what it started."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    for stream in (process.stdin, process.stderr):
+        if stream is not None:
+            with suppress(OSError):
+                stream.close()
+
+
+def _outcome(code: int, complained: str) -> str:
+    """Why a child that has ended made nothing; empty if it did."""
+    if code == 0:
+        return ""
+    last = (complained.strip().splitlines() or ["it said nothing"])[-1][:300]
+    if code == USAGE_EXIT:
+        raise UsageError(last)
+    if code > 0:
+        return last
+    return f"its process was ended by {signal.Signals(-code).name}"

@@ -1,0 +1,245 @@
+"""Data sets: where objects with known joints come from.
+
+``DATASET`` of the command is one of: an index file such as ``assets.json``, whose entries name
+URDFs and state true joints; a folder of URDFs, whose own joints are the truth; or the name of a
+procedural library.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from articulate.benchmark.known import KnownJoint, Status
+from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
+from articulate.convert.read import read_urdf
+from articulate.errors import AssetError, ConfigError, nearest
+from articulate.library.library import Library
+
+LIBRARIES = {
+    "cabinets": "articulate.library:CabinetLibrary",
+    "procedural": "articulate.library.procedural.library:ProceduralLibrary",
+}
+"""Procedural libraries by name, imported when asked for."""
+TRUTH = "mobility_v2"
+"""Entries of an index with another ``truth`` are not to be scored against."""
+SEEDS = 5
+"""Objects of each category, or of the one kind, that a procedural library makes by default."""
+
+
+class Dataset(Protocol):
+    """Objects with known joints."""
+
+    @property
+    def name(self) -> str:
+        """Name in reports."""
+        ...
+
+    def ids(self) -> Sequence[str]:
+        """Ids of all objects, in a fixed order."""
+        ...
+
+    def known(self, object_id: str) -> Sequence[KnownJoint]:
+        """True joints of an object, read without its meshes."""
+        ...
+
+    def category(self, object_id: str) -> str:
+        """Category of an object."""
+        ...
+
+    def load(self, object_id: str) -> TrueObject:
+        """An object with its parts.
+
+        Raises:
+            AssetError: It cannot be read.
+        """
+        ...
+
+
+def open_dataset(source: str, data: Path | None = None) -> Dataset:
+    """The data set that ``source`` names.
+
+    Args:
+        source: An index file, a folder, or the name of a library.
+        data: Folder that the paths of an index start from; that of the index if None.
+
+    Raises:
+        ConfigError: It is none of these.
+    """
+    if source in LIBRARIES:
+        module, _, attribute = LIBRARIES[source].partition(":")
+        try:
+            library = getattr(importlib.import_module(module), attribute)(SEEDS)
+        except ImportError:
+            raise ConfigError(f"{source}: this library is not in this installation") from None
+        return LibraryDataset(source, library)
+    path = Path(source)
+    if path.is_file():
+        return IndexDataset(path, data or path.parent)
+    if path.is_dir():
+        return FolderDataset(path)
+    raise ConfigError(
+        f"{source}: neither an index file, nor a folder, nor a library{nearest(source, LIBRARIES)}"
+    )
+
+
+class IndexDataset:
+    """Entries of an index file, each with a URDF and with true joints stated beside it."""
+
+    def __init__(self, path: Path, data: Path) -> None:
+        self.name = path.name
+        self._data = data
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            entries = [e for e in content["assets"] if e.get("truth") == TRUTH]
+            self._entries = {str(e["id"]): e for e in entries}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ConfigError(
+                f"{path}: not an index of objects ({type(error).__name__}: {error}); "
+                'it holds {"assets": [{"id", "path", "truth", "truth_joints"}, …]}'
+            ) from None
+        if not self._entries:
+            raise ConfigError(
+                f'{path}: no entry says "truth": "{TRUTH}"; there is nothing to score'
+            )
+
+    def ids(self) -> Sequence[str]:
+        """Ids in the order of the file."""
+        return list(self._entries)
+
+    def category(self, object_id: str) -> str:
+        """What the index says."""
+        return str(self._entries[object_id].get("category") or "unknown")
+
+    def known(self, object_id: str) -> Sequence[KnownJoint]:
+        """What the index states, in the frame of the URDF's root."""
+        return [_known(joint) for joint in self._entries[object_id]["truth_joints"]]
+
+    def load(self, object_id: str) -> TrueObject:
+        """The object; lengths stay as they are."""
+        path = self._data / self._entries[object_id]["path"]
+        return true_object(
+            read_urdf(path),
+            self.known(object_id),
+            object_id=object_id,
+            category=self.category(object_id),
+            labels=semantic_names(path.parent),
+            in_metres=False,
+        )
+
+
+class FolderDataset:
+    """Folders below one folder, each with a URDF whose joints are the truth."""
+
+    def __init__(self, folder: Path) -> None:
+        self.name = folder.resolve().name
+        paths = sorted(folder.rglob("*.urdf"))
+        self._paths = {p.relative_to(folder).with_suffix("").as_posix(): p for p in paths}
+        if not paths:
+            raise ConfigError(f"{folder}: holds no .urdf; give another folder or an index file")
+
+    def ids(self) -> Sequence[str]:
+        """Paths without their ending."""
+        return list(self._paths)
+
+    def category(self, object_id: str) -> str:
+        """What ``meta.json`` beside the URDF says."""
+        try:
+            meta = json.loads((self._paths[object_id].parent / "meta.json").read_text("utf-8"))
+            return str(meta["model_cat"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return "unknown"
+
+    def known(self, object_id: str) -> Sequence[KnownJoint]:
+        """The movable joints of the URDF."""
+        return joints_in_urdf(read_urdf(self._paths[object_id]))
+
+    def load(self, object_id: str) -> TrueObject:
+        """The object; PartNet-Mobility's stay as large as they are, others are scaled."""
+        path = self._paths[object_id]
+        source = read_urdf(path)
+        return true_object(
+            source,
+            joints_in_urdf(source),
+            object_id=object_id,
+            category=self.category(object_id),
+            labels=semantic_names(path.parent),
+            in_metres=path.name != "mobility.urdf",
+        )
+
+
+class LibraryDataset:
+    """What a procedural library makes."""
+
+    def __init__(self, name: str, library: Library) -> None:
+        self.name = name
+        self._library = library
+
+    def ids(self) -> Sequence[str]:
+        """Ids of the library."""
+        return self._library.ids()
+
+    def category(self, object_id: str) -> str:
+        """PartNet-Mobility's name of the category, as the library says."""
+        said = getattr(self._library, "category", None)
+        return str(said(object_id)) if callable(said) else "StorageFurniture"
+
+    def known(self, object_id: str) -> Sequence[KnownJoint]:
+        """The joints of the URDF that the library writes."""
+        with tempfile.TemporaryDirectory() as folder:
+            return joints_in_urdf(read_urdf(self._library.write(object_id, Path(folder))))
+
+    def load(self, object_id: str) -> TrueObject:
+        """The object, scaled to PartNet-Mobility's size."""
+        with tempfile.TemporaryDirectory() as folder:
+            source = read_urdf(self._library.write(object_id, Path(folder)))
+            return true_object(
+                source,
+                joints_in_urdf(source),
+                object_id=object_id,
+                category=self.category(object_id),
+                labels={},
+                in_metres=True,
+            )
+
+
+def semantic_names(folder: Path) -> dict[str, str]:
+    """What ``semantics.txt`` calls each link: lines of a link, a joint word and a name."""
+    try:
+        lines = (folder / "semantics.txt").read_text("utf-8", errors="replace").splitlines()
+    except OSError:
+        return {}
+    words = [line.split() for line in lines]
+    return {w[0]: w[2] for w in words if len(w) >= 3}
+
+
+def _known(stated: Mapping[str, Any]) -> KnownJoint:
+    try:
+        status = str(stated.get("status", ""))
+        kept: Status = "plain"
+        if status == "frozen":
+            kept = "frozen"
+        elif status == "compound":
+            kept = "compound"
+        return KnownJoint(
+            link=str(stated["link"]),
+            kind=stated["type"],
+            axis_s=_three(stated["axis"]),
+            origin_s=_three(stated["origin"]),
+            lower=None if stated["lower"] is None else float(stated["lower"]),
+            upper=None if stated["upper"] is None else float(stated["upper"]),
+            status=kept,
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise AssetError(
+            f"a true joint of the index cannot be read ({error}): {dict(stated)}"
+        ) from None
+
+
+def _three(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

@@ -1,0 +1,56 @@
+"""Records: what is kept of an object, as plain JSON values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from articulate.benchmark.known import KnownJoint
+
+Record = dict[str, Any]
+
+
+def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reason: str) -> Record:
+    """The record of an object of which nothing was said: every joint of it is wrong."""
+    joints: list[Record] = [
+        {
+            "joint": k.link,
+            "kind": k.kind,
+            "status": k.status,
+            "released": k.kind in {"revolute", "prismatic"},
+            "failures": dict.fromkeys(("paper", "released_code", "strict"), "joint_type"),
+            "literal_origin": "joint_type",
+            "errors": None,
+            "attempts": [],
+        }
+        for k in known
+    ]
+    case = {
+        "case": "all",
+        "seconds": None,
+        "calls": 0,
+        "refusal": reason,
+        "spurious": 0,
+        "moved_px": None,
+        "placement": None,
+        "joints": joints,
+    }
+    return {
+        "object": object_id,
+        "category": category,
+        "error": reason,
+        "diagonal": None,
+        "cases": [case],
+    }
+
+
+def plain(value: Any) -> Any:
+    """``value`` for JSON: what is not finite becomes None, tuples become lists."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

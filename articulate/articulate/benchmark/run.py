@@ -1,0 +1,188 @@
+"""One object: its questions put to an actor, and the answers scored, as plain JSON values."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from articulate.actors.protocol import Actor, Failure, PredictedJoint, Prediction
+from articulate.benchmark.config import BenchmarkConfig
+from articulate.benchmark.endpoints import endpoint_metrics
+from articulate.benchmark.evidence import Case, cases_of
+from articulate.benchmark.placement import (
+    PlacementErrors,
+    placement_errors,
+    placement_success,
+    released_placement,
+)
+from articulate.benchmark.protocols import (
+    Protocol,
+    Scored,
+    best_by_critic,
+    best_by_truth,
+    counts_in_released,
+    score,
+)
+from articulate.benchmark.records import Record, plain
+from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
+from articulate.errors import UsageError
+from articulate.transforms import Array, matrix_to_quat
+
+
+def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Record:
+    """What the actor says of every question about the object, scored."""
+    cases = [run_case(subject, case, actor) for case in cases_of(subject, config)]
+    return {
+        "object": subject.object_id,
+        "category": subject.category,
+        "error": "",
+        "diagonal": float(np.linalg.norm(np.ptp(subject.boxed(p.name for p in subject.parts), 0))),
+        "cases": cases,
+    }
+
+
+def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
+    """One question and its answer."""
+    start = time.perf_counter()
+    try:
+        prediction = actor.predict(case.evidence)
+        refusal = prediction.refusal
+    except UsageError as error:
+        prediction, refusal = Prediction(joints=()), str(error)
+    except Exception as error:  # noqa: BLE001  an actor's bug costs it this question, not the run
+        prediction, refusal = Prediction(joints=()), f"{type(error).__name__}: {error}"
+    seconds = time.perf_counter() - start
+    placement = _placement(subject, case, prediction)
+    shift = np.zeros(3) if placement is None else placement.shift
+    kept = _in_true_names(prediction.joints, case.names, shift)
+    attempts = [
+        _in_true_names(attempt.joints, case.names, shift) for attempt in prediction.attempts
+    ] or [kept]
+    ratings = [None if a.verdict is None else a.verdict.rating for a in prediction.attempts]
+    joints = [
+        _joint_record(subject, joint, kept, attempts, ratings or [prediction.rating])
+        for joint in case.joints
+    ]
+    return {
+        "case": case.name,
+        "seconds": seconds,
+        "calls": prediction.calls,
+        "refusal": refusal,
+        "spurious": len(_on_fixed_parts(subject, kept)),
+        "moved_px": case.moved_px,
+        "rating": plain(prediction.rating),
+        "critic": None if prediction.verdict is None else prediction.verdict.failure,
+        "placement": None if placement is None else _placement_record(subject, case, placement),
+        "joints": joints,
+    }
+
+
+def _joint_record(
+    subject: TrueObject,
+    truth: TrueJoint,
+    kept: Sequence[PredictedJoint],
+    attempts: Sequence[Sequence[PredictedJoint]],
+    ratings: Sequence[float | None],
+) -> Record:
+    box = subject.boxed(truth.rigid)
+    found = said_of(truth, kept)
+    final = score(truth.joint, found, box)
+    tries = [score(truth.joint, said_of(truth, attempt), box) for attempt in attempts]
+    by_truth = tries[best_by_truth(tries)]
+    failures: dict[Protocol, Failure] = {**final.failures}
+    failures["released_code"] = by_truth.failures["released_code"]
+    return {
+        "joint": truth.joint.part,
+        "kind": truth.joint.kind,
+        "status": truth.status,
+        "released": counts_in_released(truth.joint),
+        "failures": failures,
+        "literal_origin": final.literal_origin,
+        "errors": None if final.errors is None else plain(dataclasses.asdict(final.errors)),
+        "endpoints": plain(dataclasses.asdict(endpoint_metrics(truth.joint, found, box))),
+        "truth": plain(dataclasses.asdict(truth.joint)),
+        "predicted": None if found is None else plain(dataclasses.asdict(found)),
+        "attempts": _iterations(tries, ratings),
+    }
+
+
+def _iterations(tries: Sequence[Scored], ratings: Sequence[float | None]) -> list[Record]:
+    """What stands after each turn, the best so far by the actor's own critic."""
+    out = []
+    for k in range(len(tries)):
+        best = best_by_critic(ratings[: k + 1])
+        failures = tries[best].failures
+        out.append({"rating": plain(ratings[k]), "kept": best, "failures": dict(failures)})
+    return out
+
+
+def said_of(truth: TrueJoint, joints: Sequence[PredictedJoint]) -> PredictedJoint | None:
+    """What is said of the part, or else of a part that is fixed to it; None if nothing is."""
+    of_part = {joint.part: joint for joint in reversed(joints) if joint.kind != "fixed"}
+    return next((of_part[name] for name in truth.rigid if name in of_part), None)
+
+
+def _on_fixed_parts(subject: TrueObject, joints: Sequence[PredictedJoint]) -> list[PredictedJoint]:
+    """Joints said of parts that no true joint moves."""
+    move = {name for joint in subject.joints for name in joint.moves}
+    return [joint for joint in joints if joint.kind != "fixed" and joint.part not in move]
+
+
+def _in_true_names(
+    joints: Sequence[PredictedJoint], names: Mapping[str, str], shift: Array
+) -> list[PredictedJoint]:
+    out = []
+    for joint in joints:
+        x, y, z = (float(v) for v in np.asarray(joint.pivot_o, dtype=np.float64) - shift)
+        out.append(renamed(dataclasses.replace(joint, pivot_o=(x, y, z)), names))
+    return out
+
+
+def _placement(subject: TrueObject, case: Case, prediction: Prediction) -> PlacementErrors | None:
+    if case.evidence.placed:
+        return None
+    seen = case.visible_px
+    return placement_errors(
+        subject.parts,
+        {p.name: subject.labels[p.name] for p in subject.parts},
+        {case.names[k]: T for k, T in prediction.placements.items() if k in case.names},
+        anchored=case.evidence.camera is not None,
+        visible_px=None if seen is None else np.array([float(seen[p.name]) for p in subject.parts]),
+    )
+
+
+def _placement_record(subject: TrueObject, case: Case, errors: PlacementErrors) -> Record:
+    names = [subject.labels[p.name] for p in subject.parts]
+    keys = [f"{name}_{i}" for i, name in enumerate(names)]
+    upright = matrix_to_quat(np.eye(3))
+    truth = {k: (p.centre, upright) for k, p in zip(keys, subject.parts, strict=True)}
+    placed = {
+        k: (centre, quat)
+        for k, centre, quat in zip(keys, errors.said, errors.quat, strict=True)
+        if np.isfinite(centre).all()
+    }
+    success: dict[Protocol, bool] = {**placement_success(errors)}
+    success["released_code"] = released_placement(truth, placed)
+    return {
+        "success": success,
+        "parts": [
+            {
+                "part": part.name,
+                "position": plain(float(position)),
+                "angle_rad": float(angle),
+                "visible_px": plain(float(px)),
+                "right": bool(right),
+            }
+            for part, position, angle, px, right in zip(
+                subject.parts,
+                errors.position,
+                errors.angle_rad,
+                errors.visible_px,
+                errors.right,
+                strict=True,
+            )
+        ],
+    }

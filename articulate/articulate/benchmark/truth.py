@@ -1,0 +1,233 @@
+"""What is true of an object: its parts in one frame, and its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from articulate.actors.protocol import JointKind, PredictedJoint
+from articulate.benchmark.known import KnownJoint, Status
+from articulate.convert.mesh import Loader
+from articulate.convert.read import SourceJoint, SourceObject
+from articulate.convert.tree import Part, unit_axis
+from articulate.errors import AssetError
+from articulate.render.parts import PartMesh, joint_bounds
+from articulate.transforms import Array, apply, pose
+
+DIAGONAL = 2.0
+"""Objects measured in metres are scaled to this diagonal, PartNet-Mobility's, so that thresholds
+mean the same."""
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+"""Rotation that brings a front that faces -x to +x."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueJoint:
+    """One joint that is known, in ``o``."""
+
+    joint: PredictedJoint
+    """Its geometry, in the words of a prediction; ``part`` and ``parent`` are true names."""
+    status: Status
+    moves: tuple[str, ...]
+    """Every part that goes along, the part itself first."""
+    rigid: tuple[str, ...]
+    """Parts fixed to the part, itself first: a joint of any of them is this joint."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrueObject:
+    """An object whose joints are known."""
+
+    object_id: str
+    category: str
+    parts: tuple[PartMesh, ...]
+    """In ``o``, every joint at 0, by their true names."""
+    labels: Mapping[str, str]
+    """What each part is called, as the source has it."""
+    joints: tuple[TrueJoint, ...]
+
+    def part(self, name: str) -> PartMesh:
+        """The part of this true name; KeyError if there is none."""
+        return next(p for p in self.parts if p.name == name)
+
+    def boxed(self, names: Iterable[str]) -> Array:
+        """Lowest and highest corner of some parts together (2, 3)."""
+        return joint_bounds([self.part(name) for name in names])
+
+
+def joints_in_urdf(source: SourceObject) -> tuple[KnownJoint, ...]:
+    """The movable joints that the URDF itself has."""
+    poses = link_poses(source)
+    known = []
+    for joint in source.joints:
+        if joint.kind not in {"revolute", "continuous", "prismatic"} or joint.mimic is not None:
+            continue
+        T_sc = poses[joint.child]
+        axis = T_sc[:3, :3] @ unit_axis(joint)
+        limited = joint.kind != "continuous" and None not in (joint.lower, joint.upper)
+        kind: JointKind = "prismatic" if joint.kind == "prismatic" else "revolute"
+        if kind == "revolute" and not limited:
+            kind = "continuous"
+        known.append(
+            KnownJoint(
+                link=joint.child,
+                kind=kind,
+                axis_s=(float(axis[0]), float(axis[1]), float(axis[2])),
+                origin_s=(float(T_sc[0, 3]), float(T_sc[1, 3]), float(T_sc[2, 3])),
+                lower=joint.lower if limited else None,
+                upper=joint.upper if limited else None,
+            )
+        )
+    return tuple(known)
+
+
+def link_poses(source: SourceObject) -> dict[str, Array]:
+    """Pose ``T_sl`` (4, 4) of every link in the frame of the URDF's root, every joint at 0.
+
+    Raises:
+        AssetError: The links form no tree.
+    """
+    parent_of = {joint.child: joint for joint in source.joints}
+    poses: dict[str, Array] = {}
+
+    def place(name: str, depth: int) -> Array:
+        if depth > len(source.links):
+            raise AssetError(f"{source.path}: the joints form a cycle; a tree is needed")
+        if name not in poses:
+            joint = parent_of.get(name)
+            poses[name] = (
+                pose(np.zeros(3)) if joint is None else place(joint.parent, depth + 1) @ joint.T_pc
+            )
+        return poses[name]
+
+    for name in source.links:
+        place(name, 0)
+    return poses
+
+
+def true_object(
+    source: SourceObject,
+    known: Sequence[KnownJoint],
+    *,
+    object_id: str,
+    category: str,
+    labels: Mapping[str, str],
+    in_metres: bool,
+) -> TrueObject:
+    """The object in the frame ``o``: turned so that its front is +x, standing on z = 0.
+
+    Args:
+        source: What its URDF says; the front is -x there, as in PartNet-Mobility.
+        known: Its true joints.
+        object_id: Name in reports.
+        category: Category in reports.
+        labels: What each link is called.
+        in_metres: It is scaled to the size that PartNet-Mobility's objects have.
+
+    Raises:
+        AssetError: Nothing is to be seen of it, or a joint moves nothing.
+    """
+    poses = link_poses(source)
+    loader = Loader(source, (), allow_missing=True)
+    meshes = [_part_mesh(loader, source, name, poses[name]) for name in source.links]
+    parts_s = [mesh for mesh in meshes if mesh is not None]
+    if not parts_s:
+        raise AssetError(f"{source.path}: nothing of it is to be seen")
+    scale, T_os = _front_pose(parts_s, in_metres=in_metres)
+    parts = tuple(p.with_vertices(apply(T_os, scale * p.vertices)) for p in parts_s)
+    seen = {part.name for part in parts}
+    joints = [
+        _true_joint(source, joint, {k.link for k in known}, seen, scale, T_os) for joint in known
+    ]
+    return TrueObject(
+        object_id=object_id,
+        category=category,
+        parts=parts,
+        labels={part.name: labels.get(part.name, part.name) for part in parts},
+        joints=tuple(joints),
+    )
+
+
+def _part_mesh(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> PartMesh | None:
+    """One link's visual triangles in the root's frame; None where it shows nothing."""
+    part = Part(
+        name=link,
+        parent=None,
+        joint=None,
+        T_sp=np.eye(4),
+        T_pc=np.eye(4),
+        members=((source.links[link], T_sl),),
+    )
+    pieces = loader.part(part).shown
+    if not pieces:
+        return None
+    counts = np.cumsum([0, *(len(piece.mesh.vertices) for piece in pieces)])
+    return PartMesh(
+        name=link,
+        vertices=np.concatenate([np.asarray(piece.mesh.vertices) for piece in pieces]),
+        faces=np.concatenate(
+            [np.asarray(p.mesh.faces) + n for p, n in zip(pieces, counts, strict=False)]
+        ).astype(np.int64),
+        rgb=np.concatenate(
+            [np.tile(np.array(piece.rgba[:3]), (len(piece.mesh.faces), 1)) for piece in pieces]
+        ),
+    )
+
+
+def _front_pose(parts: Sequence[PartMesh], *, in_metres: bool) -> tuple[float, Array]:
+    """Scale and rigid transform from the frame of the URDF's root to ``o``."""
+    low, high = joint_bounds(parts)
+    diagonal = float(np.linalg.norm(high - low))
+    scale = DIAGONAL / diagonal if in_metres else 1.0
+    return scale, pose([0.0, 0.0, -scale * low[2]], HALF_TURN)
+
+
+def _true_joint(
+    source: SourceObject,
+    known: KnownJoint,
+    movable: set[str],
+    seen: set[str],
+    scale: float,
+    T_os: Array,
+) -> TrueJoint:
+    moves = [name for name in _below(source.joints, known.link, set()) if name in seen]
+    rigid = [
+        name for name in _below(source.joints, known.link, movable - {known.link}) if name in seen
+    ]
+    if not rigid:
+        raise AssetError(f"{source.path}: nothing is to be seen of the moving link {known.link}")
+    parents = {joint.child: joint.parent for joint in source.joints}
+    parent = parents.get(known.link)
+    while parent is not None and parent not in seen:
+        parent = parents.get(parent)
+    axis = T_os[:3, :3] @ np.asarray(known.axis_s)
+    pivot = apply(T_os, scale * np.asarray(known.origin_s))
+    unit = scale if known.kind == "prismatic" else 1.0
+    joint = PredictedJoint(
+        part=rigid[0],
+        parent=parent,
+        kind=known.kind,
+        axis_o=(float(axis[0]), float(axis[1]), float(axis[2])),
+        pivot_o=(float(pivot[0]), float(pivot[1]), float(pivot[2])),
+        lower=None if known.lower is None else unit * known.lower,
+        upper=None if known.upper is None else unit * known.upper,
+    )
+    return TrueJoint(joint=joint, status=known.status, moves=tuple(moves), rigid=tuple(rigid))
+
+
+def _below(joints: Sequence[SourceJoint], link: str, stop: set[str]) -> list[str]:
+    """``link`` and all below it, without what hangs on a link in ``stop``."""
+    found, stack = [], [link]
+    while stack:
+        name = stack.pop()
+        found.append(name)
+        stack += [j.child for j in joints if j.parent == name and j.child not in stop | {*found}]
+    return found
+
+
+def renamed(joint: PredictedJoint, names: Mapping[str, str]) -> PredictedJoint:
+    """The joint with its parts called by other names; parts without one become None."""
+    parent = None if joint.parent is None else names.get(joint.parent)
+    return replace(joint, part=names.get(joint.part, joint.part), parent=parent)

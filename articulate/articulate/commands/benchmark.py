@@ -1,0 +1,180 @@
+"""``articulate benchmark``: score an actor on objects whose joints are known."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from articulate.actors.protocol import Modality
+from articulate.benchmark.config import BenchmarkConfig, Condition, Task
+from articulate.benchmark.protocols import PROTOCOLS
+from articulate.commands import version
+from articulate.commands.flags import parse
+from articulate.errors import ConfigError, nearest
+from articulate.files import write_json
+
+LOST_EXIT = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkFlags:
+    """Score an actor on objects whose joints are known.
+
+    Example: articulate benchmark assets.json --modality video --actor prior --out runs/prior
+    """
+
+    dataset: Annotated[str, tyro.conf.Positional]
+    """An index such as assets.json, a folder of URDFs, or a library: cabinets, procedural."""
+    out: Path
+    """Folder for results.json, report.html and one record for each object."""
+    actor: str = "prior"
+    """Name of the actor, or module:Class."""
+    modality: Modality = "video"
+    """What the actor is given."""
+    task: Task = "joints"
+    """placement hands the parts over out of their places."""
+    condition: Condition = "plain"
+    """What makes pictures and camera worse."""
+    protocol: Literal["all", "paper", "released_code", "strict"] = "all"
+    """Protocol that is printed; the files hold all."""
+    data: Path | None = None
+    """Folder that the paths of an index start from; by default the index's own."""
+    jobs: int = 1
+    """Objects that are run side by side; 0: one for each processor."""
+    limit: float = 3600.0
+    """Time after which an object is lost [s]."""
+    only: tuple[str, ...] = ()
+    """Ids or categories to run; all by default."""
+    first: int | None = None
+    """Run this number of objects at most, spread evenly over the data set."""
+    width_px: int = 640
+    """Width of pictures."""
+    height_px: int = 480
+    """Height of pictures."""
+    n_frames: int = 50
+    """Frames of a clip."""
+    seed: int = 0
+    """Seed of order, names, noise, and of the actor."""
+    fresh: bool = False
+    """Run again what was run before."""
+    json: bool = False
+    """Print the results as JSON and nothing else on standard output."""
+
+    def __post_init__(self) -> None:
+        if self.jobs < 0:
+            raise ConfigError(f"--jobs is {self.jobs}; it must be 0 or more")
+        if not self.limit > 0.0:
+            raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
+        if self.first is not None and self.first < 1:
+            raise ConfigError(f"--first is {self.first}; it must be 1 or more")
+
+    def config(self) -> BenchmarkConfig:
+        """What decides the figures."""
+        return BenchmarkConfig(
+            actor=self.actor,
+            modality=self.modality,
+            task=self.task,
+            condition=self.condition,
+            width_px=self.width_px,
+            height_px=self.height_px,
+            n_frames=self.n_frames,
+            seed=self.seed,
+        )
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run and print; 3 if objects were lost."""
+    flags = parse(BenchmarkFlags, argv, prog="articulate benchmark")
+    results = _run(flags, shlex.join(["articulate", "benchmark", *argv]))
+    if flags.json:
+        print(json.dumps(results, indent=1, allow_nan=False))
+    else:
+        print(_told(results, flags))
+    return LOST_EXIT if results["lost"] else 0
+
+
+def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
+    """Run what the flags say, write results and page, and return the results."""
+    # They read meshes, which --help does without.
+    from articulate.benchmark.batch import Batch
+    from articulate.benchmark.dataset import open_dataset
+    from articulate.benchmark.report import write_report
+    from articulate.benchmark.summary import summary
+
+    config = flags.config()
+    dataset = open_dataset(flags.dataset, flags.data)
+    ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
+    batch = Batch(
+        dataset=dataset,
+        source=flags.dataset,
+        data=flags.data,
+        config=config,
+        out=flags.out,
+        limit_s=flags.limit,
+        fresh=flags.fresh,
+    )
+    jobs = min(flags.jobs or os.cpu_count() or 1, len(ids))
+    records = list(_shown(batch.run(ids, jobs), len(ids)))
+    results = summary(records, config, dataset.name)
+    write_json(flags.out / "results.json", results)
+    page = flags.out / "report.html"
+    write_report(results, records, page, command, {"articulate": version()})
+    return results
+
+
+def _chosen(ids: Sequence[str], categories: Sequence[str], flags: BenchmarkFlags) -> list[str]:
+    chosen = list(ids)
+    if flags.only:
+        known = {*ids, *categories}
+        for word in flags.only:
+            if word not in known:
+                raise ConfigError(
+                    f"--only {word}: no such object or category{nearest(word, known)}"
+                )
+        pairs = zip(ids, categories, strict=True)
+        chosen = [i for i, category in pairs if i in flags.only or category in flags.only]
+    if flags.first is not None and flags.first < len(chosen):
+        step = len(chosen) / flags.first
+        chosen = [chosen[int(k * step)] for k in range(flags.first)]
+    return chosen
+
+
+def _shown(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
+    """The same records, with progress on stderr."""
+    for done, record in enumerate(records, 1):
+        joints = [joint for case in record["cases"] for joint in case["joints"]]
+        right = sum(joint["failures"]["strict"] == "success" for joint in joints)
+        text = record["error"] or f"{right} of {len(joints)} joints right in strict"
+        print(f"{done}/{total} {record['object']}: {text}", file=sys.stderr, flush=True)
+        yield record
+
+
+def _told(results: dict[str, Any], flags: BenchmarkFlags) -> str:
+    """What came of it, for a reader."""
+    wanted = PROTOCOLS if flags.protocol == "all" else (flags.protocol,)
+    lines = [f"{results['objects']} objects, {results['joints']} joints"]
+    for protocol in wanted:
+        row = results["protocols"][protocol]
+        if row["joint_success"] is None:
+            lines.append(f"{protocol:<14} no joints")
+            continue
+        low, high = row["joint_success_interval"]
+        lines.append(
+            f"{protocol:<14} {row['joint_success']:6.1%} of {row['n']} "
+            f"({low:.1%} to {high:.1%}); type, axis, origin {row['type_axis_origin']:.1%}"
+        )
+    if results["placement"] is not None:
+        objects = results["placement"]["objects"]
+        told = ", ".join(f"{p} {objects[p]['share']:.1%}" for p in wanted)
+        lines.append(f"{'placement':<14} objects right: {told}")
+    if results["lost"]:
+        lines.append(f"lost: {', '.join(row['object'] for row in results['lost'][:8])}")
+    return "\n".join([*lines, f"page: {flags.out / 'report.html'}"])

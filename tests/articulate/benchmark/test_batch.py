@@ -1,0 +1,104 @@
+"""Objects in processes of their own. What crashes there is a module written for it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from tests.articulate.benchmark.objects import write_index
+
+from articulate.benchmark.batch import Batch
+from articulate.benchmark.config import BenchmarkConfig
+from articulate.benchmark.dataset import open_dataset
+from articulate.errors import UsageError
+
+CRASHING = '''
+import os, pathlib
+from articulate.actors.protocol import Prediction
+
+class Crashes:
+    """It dies of the second object it sees."""
+    name = "crashes"
+
+    def predict(self, evidence):
+        seen = pathlib.Path(os.environ["SEEN"])
+        n = len(list(seen.iterdir()))
+        (seen / str(n)).touch()
+        if n == 1:
+            os.abort()
+        return Prediction(joints=())
+'''
+
+
+def batch(tmp_path, names, **changes) -> Batch:
+    path = write_index(tmp_path, names)
+    given = {
+        "config": BenchmarkConfig(actor="prior", modality="text"),
+        "limit_s": 120.0,
+        **changes,
+    }
+    return Batch(
+        dataset=open_dataset(str(path)),
+        source=str(path),
+        data=None,
+        out=tmp_path / "out",
+        **given,
+    )
+
+
+def test_a_crash_costs_one_object(tmp_path, monkeypatch):
+    (tmp_path / "crashing.py").write_text(CRASHING)
+    (tmp_path / "seen").mkdir()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("SEEN", str(tmp_path / "seen"))
+    config = BenchmarkConfig(actor="crashing:Crashes", modality="text")
+    run = batch(tmp_path, ("a", "b"), config=config)
+    one, two = list(run.run(["a", "b"], 1))
+    assert one["error"] == ""
+    assert "SIGABRT" in two["error"]
+    assert [j["joint"] for j in two["cases"][0]["joints"]] == [f"link_{i}" for i in (1, 2, 3, 4)]
+    assert {j["failures"]["strict"] for j in two["cases"][0]["joints"]} == {"joint_type"}
+
+
+def test_an_object_that_takes_too_long_is_lost(tmp_path):
+    run = batch(tmp_path, ("a",), limit_s=0.2)
+    assert "took longer than 0.2 s" in run.one("a")["error"]
+
+
+def test_a_run_goes_on_where_it_was_unless_the_settings_changed(tmp_path):
+    run = batch(tmp_path, ("a",))
+    first = run.one("a")
+    path = run.path_of("a")
+    marked = json.loads(path.read_text()) | {"marked": True}
+    path.write_text(json.dumps(marked))
+    assert run.one("a").get("marked")
+    path.write_text(path.read_text()[:100])
+    again = run.one("a")
+    assert not again.get("marked")
+    assert again["cases"][0]["joints"] == first["cases"][0]["joints"]
+    other = batch(tmp_path / "other", ("a",), config=replace(run.config, seed=1))
+    assert other.fingerprint != run.fingerprint
+
+
+def test_an_object_that_cannot_be_read_is_lost_with_its_joints(tmp_path):
+    run = batch(tmp_path, ("a",))
+    (tmp_path / "objects" / "a" / "mobility.urdf").write_text("<robot")
+    record = run.one("a")
+    assert "mobility.urdf" in record["error"]
+    assert len(record["cases"][0]["joints"]) == 4
+
+
+def test_an_actor_that_does_not_exist_ends_the_run(tmp_path):
+    run = batch(tmp_path, ("a",), config=BenchmarkConfig(actor="priar", modality="text"))
+    with pytest.raises(UsageError, match="did you mean prior"):
+        run.one("a")
+
+
+@pytest.mark.parametrize("object_id", ["../../escape", ".hidden", "a/b", "a b"])
+def test_a_record_stays_in_its_folder_whatever_the_id(tmp_path, object_id):
+    run = batch(tmp_path, ("a",))
+    path = run.path_of(object_id).resolve()
+    assert path.parent == (tmp_path / "out" / "objects").resolve()
+    assert not path.name.startswith(".")
+    assert path != run.path_of(object_id + "_")

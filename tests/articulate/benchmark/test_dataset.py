@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import pytest
+from tests.articulate.benchmark.objects import write_index
+
+from articulate.benchmark.dataset import (
+    FolderDataset,
+    IndexDataset,
+    LibraryDataset,
+    open_dataset,
+    semantic_names,
+)
+from articulate.errors import AssetError
+
+
+def test_an_index_offers_the_objects_whose_truth_holds(tmp_path):
+    dataset = open_dataset(str(write_index(tmp_path, ("a", "b"))))
+    assert isinstance(dataset, IndexDataset)
+    assert dataset.ids() == ["a", "b"]
+    assert dataset.category("a") == "StorageFurniture"
+    assert [k.status for k in dataset.known("a")] == ["plain", "plain", "plain", "frozen"]
+
+
+def test_compound_joints_are_known_as_such(tmp_path):
+    path = write_index(tmp_path)
+    path.write_text(path.read_text().replace('"frozen"', '"compound"'))
+    known = IndexDataset(path, tmp_path).known("cupboard_77")
+    assert [k.status for k in known].count("compound") == 1
+
+
+def test_the_paths_of_an_index_may_start_elsewhere(tmp_path):
+    path = write_index(tmp_path / "data")
+    moved = path.rename(tmp_path / "assets.json")
+    assert len(open_dataset(str(moved), tmp_path / "data").load("cupboard_77").parts) == 5
+    with pytest.raises(AssetError):
+        open_dataset(str(moved)).load("cupboard_77")
+
+
+def test_a_folder_offers_every_urdf_in_it(tmp_path):
+    write_index(tmp_path, ("a", "b"))
+    dataset = open_dataset(str(tmp_path))
+    assert isinstance(dataset, FolderDataset)
+    assert dataset.ids() == ["objects/a/mobility", "objects/b/mobility"]
+    assert dataset.category("objects/a/mobility") == "unknown"
+    assert len(dataset.load("objects/a/mobility").joints) == 3
+
+
+def test_a_library_is_opened_by_name():
+    dataset = open_dataset("cabinets")
+    assert isinstance(dataset, LibraryDataset)
+    assert dataset.ids()[0] == "cabinet_0"
+    assert len(dataset.known("cabinet_0")) == 3
+    assert dataset.category("cabinet_0") == "StorageFurniture"
+
+
+def test_semantic_names_are_read_from_beside_the_urdf(tmp_path):
+    write_index(tmp_path)
+    names = semantic_names(tmp_path / "objects" / "cupboard_77")
+    assert names["link_1"] == "translation_drawer"
+    assert semantic_names(tmp_path) == {}
+
+
+def test_a_data_set_that_is_nowhere_is_refused(error_line):
+    error_line('open_dataset("cabinetz")', lambda: open_dataset("cabinetz"))
+
+
+def test_a_file_that_is_no_index_is_refused(tmp_path, error_line):
+    path = tmp_path / "list.json"
+    path.write_text("[]")
+    error_line('open_dataset("list.json")', lambda: open_dataset(str(path)))
+
+
+def test_an_index_without_truth_is_refused(tmp_path, error_line):
+    path = tmp_path / "empty.json"
+    path.write_text('{"assets": []}')
+    error_line('open_dataset("empty.json")', lambda: open_dataset(str(path)))
+
+
+def test_a_folder_without_urdf_is_refused(tmp_path, error_line):
+    (tmp_path / "bare").mkdir()
+    error_line('open_dataset("bare")', lambda: open_dataset(str(tmp_path / "bare")))
+
+
+def test_a_true_joint_that_cannot_be_read_is_told(tmp_path, error_line):
+    path = write_index(tmp_path)
+    path.write_text(path.read_text().replace('"axis": [-1, 0, 0], ', ""))
+    error_line(
+        "IndexDataset(joint without axis).known()",
+        lambda: IndexDataset(path, tmp_path).known("cupboard_77"),
+    )

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from tests.articulate.benchmark.objects import write_index
+
+from articulate.commands.benchmark import BenchmarkFlags, main
+from articulate.errors import ConfigError
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A finished run over two objects, one of which is damaged; its exit code and its folder."""
+    folder = tmp_path_factory.mktemp("bench")
+    index = write_index(folder, ("a", "b"))
+    (folder / "objects" / "b" / "mobility.urdf").write_text("<robot")
+    out = folder / "out"
+    code = main([str(index), "--modality", "text", "--out", str(out), "--jobs", "2"])
+    return code, index, out
+
+
+def test_a_run_leaves_results_a_report_and_a_record_for_each_object(done):
+    code, _, out = done
+    assert code == 3  # one object was lost
+    assert sorted(p.name for p in out.iterdir()) == ["objects", "report.html", "results.json"]
+    assert sorted(p.name for p in (out / "objects").iterdir()) == ["a.json", "b.json"]
+    results = json.loads((out / "results.json").read_text())
+    assert results["objects"] == 2
+    for protocol in ("paper", "released_code", "strict"):
+        row = results["protocols"][protocol]
+        assert set(row) >= {"joint_success", "type_axis_origin", "n"}
+        assert 0.0 <= row["joint_success"] <= row["type_axis_origin"] <= 1.0
+    assert [row["object"] for row in results["lost"]] == ["b"]
+
+
+def test_json_prints_the_results_themselves_and_a_second_run_takes_what_is_there(done, capsys):
+    _, index, out = done
+    before = (out / "objects" / "a.json").stat().st_mtime_ns
+    main([str(index), "--modality", "text", "--out", str(out), "--json"])
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((out / "results.json").read_text())
+    assert (out / "objects" / "a.json").stat().st_mtime_ns == before
+
+
+def test_people_are_told_the_protocol_they_asked_for(done, capsys):
+    _, index, out = done
+    main([str(index), "--modality", "text", "--out", str(out), "--protocol", "strict"])
+    told = capsys.readouterr().out
+    assert "strict" in told
+    assert "paper" not in told
+    assert "report.html" in told
+
+
+def test_only_what_is_named_is_run(done):
+    _, index, out = done
+    folder = out.parent / "only"
+    assert main([str(index), "--modality", "text", "--only", "a", "--out", str(folder)]) == 0
+    assert [p.name for p in (folder / "objects").iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["--only", "Cabinet"],
+        ["--jobs", "-1"],
+        ["--limit", "0"],
+        ["--first", "0"],
+        ["--modality", "video", "--task", "placement"],
+    ],
+)
+def test_what_cannot_be_run_is_refused(done, argv, error_line):
+    _, index, out = done
+    error_line(
+        f"articulate benchmark assets.json {' '.join(argv)}",
+        lambda: main([str(index), "--out", str(out), *argv]),
+    )
+
+
+def test_every_flag_has_a_word_of_help():
+    with pytest.raises(SystemExit) as stop:
+        main(["--help"])
+    assert stop.value.code == 0
+
+
+def test_the_flags_decide_the_settings(tmp_path):
+    flags = BenchmarkFlags(dataset="cabinets", out=tmp_path, n_frames=9, seed=4)
+    assert (flags.config().n_frames, flags.config().seed) == (9, 4)
+    with pytest.raises(ConfigError):
+        BenchmarkFlags(dataset="cabinets", out=tmp_path, n_frames=1).config()
