@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -117,8 +118,9 @@ def _followed(
         return alive
     window = (how.window_px, how.window_px)
     old = np.array([track[-1][1:] for track in alive], dtype=np.float32).reshape(-1, 1, 2)
-    new, good, _ = cv2.calcOpticalFlowPyrLK(before, after, old, None, winSize=window, maxLevel=3)
-    back, again, _ = cv2.calcOpticalFlowPyrLK(after, before, new, None, winSize=window, maxLevel=3)
+    flow: Any = cv2.calcOpticalFlowPyrLK  # its stub forbids the None its manual asks for
+    new, good, _ = flow(before, after, old, None, winSize=window, maxLevel=3)
+    back, again, _ = flow(after, before, new, None, winSize=window, maxLevel=3)
     off = np.linalg.norm((back - old).reshape(-1, 2), axis=1)
     height, width = after.shape
     spots = new.reshape(-1, 2)
@@ -144,7 +146,8 @@ def _sown(
     for u, v in taken:
         cv2.circle(free, (round(float(u)), round(float(v))), how.spacing_px, 0, -1)
     n = max(1, how.most_points - len(taken))
-    found = cv2.goodFeaturesToTrack(image, n, how.quality, how.spacing_px, mask=free)
+    corners: Any = cv2.goodFeaturesToTrack  # None where there are none, which its stub hides
+    found = corners(image, n, how.quality, how.spacing_px, mask=free)
     if found is None:
         return np.empty((0, 2))
     return np.asarray(found.reshape(-1, 2), dtype=np.float64)

@@ -91,8 +91,7 @@ def pivots_of(
 
 
 def plane_of(axis: Array) -> Array:
-    """Two unit vectors (2, 3) at right angles to ``axis`` and each other, along the frame's axes
-    if they can be."""
+    """Two unit vectors (2, 3) across ``axis`` and each other, along the frame's if they can be."""
     order = np.argsort(np.abs(axis))
     first = np.eye(3)[order[0]]
     first = normalised(first - axis * float(first @ axis))

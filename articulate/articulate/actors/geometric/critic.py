@@ -36,7 +36,7 @@ from articulate.actors.geometric.search import (
     path_again,
     with_gain,
 )
-from articulate.actors.geometric.sweep import best_path
+from articulate.actors.geometric.sweep import Floats, best_path
 from articulate.actors.protocol import Evidence, Failure, PredictedJoint, Prediction, Verdict
 from articulate.transforms import Array, Ints, apply, inverse, normalised
 from articulate.vision.tracks import PointTracks, follow_points
@@ -158,7 +158,7 @@ def _placed(joint: PredictedJoint, parts: tuple[int, ...], look: Look) -> Fit:
     )
     endless = joint.lower is None or joint.upper is None
     if endless:
-        q = np.arange(POSITIONS) * (2.0 * np.pi / POSITIONS)
+        q = np.arange(POSITIONS, dtype=np.float64) * (2.0 * np.pi / POSITIONS)
     else:
         q = np.linspace(float(joint.lower or 0.0), float(joint.upper or 0.0), POSITIONS)
     layers = look.layers(parts)
@@ -196,7 +196,7 @@ def _edge_correlation(look: Look, layers: Layers, T_o: Array) -> float:
     return float(a @ b) / scale if scale > 0.0 else 0.0
 
 
-def _edges(picture: Array) -> Array:
+def _edges(picture: Floats) -> Array:
     grey = cv2.GaussianBlur(picture.astype(np.float32).mean(axis=-1), (0, 0), 1.2)
     across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
     return np.asarray(np.minimum(np.hypot(across, down), 80.0), dtype=np.float64)
@@ -304,7 +304,7 @@ def _unused(fit: Fit, joint: PredictedJoint) -> bool:
     if joint.lower is None or joint.upper is None:
         return False
     span = joint.upper - joint.lower
-    return float(np.ptp(fit.q)) < 0.8 * span - 1e-9
+    return bool(float(fit.q.max()) - float(fit.q.min()) < 0.8 * span - 1e-9)
 
 
 def _pivot_shift(a: Fit, b: Fit) -> float:

@@ -221,7 +221,7 @@ def _tightened(fit: Fit, layers: Layers) -> Fit:
 
 
 def roundest(scene: Scene) -> Fit | None:
-    """An endless turn of the smallest round part that is seen, for a clip in which nothing shows."""
+    """An endless turn of the smallest round part that is seen, where nothing shows in the clip."""
     height, width = scene.clip.shape[1:3]
     look = replace(scene, box=(0, width, 0, height)).look(COARSE_PX * 2, 2)
     seen = draw(look.surface, look.shot)

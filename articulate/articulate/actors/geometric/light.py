@@ -47,13 +47,14 @@ def fit_light(shot: Shot, everything: Surface, change: NDArray[np.bool_]) -> Arr
 def still_samples(
     shot: Shot, surface: Surface, change: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array]:
-    """Views (N, 4), albedo (N, 3) and colours (N, 3) of pixels of ``surface`` that do not change."""
+    """Views (N, 4), albedo (N, 3), colours (N, 3) of pixels of ``surface`` that do not change."""
     seen = draw(surface, shot)
     inside = cv2.erode((seen.face_ids >= 0).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
     mask = inside & ~change
     ids = seen.face_ids[mask]
     views = all_views(seen.points_c, surface.faces)[ids]
-    return views, surface.albedo[ids], np.median(shot.frames, axis=0)[mask]
+    colours = np.median(shot.frames, axis=0)[mask].astype(np.float64)
+    return np.asarray(views), surface.albedo[ids], colours
 
 
 def solve_light(views: Array, albedo: Array, colours: Array) -> Array:

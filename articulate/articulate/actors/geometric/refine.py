@@ -9,7 +9,7 @@ import numpy as np
 from articulate.actors.geometric.candidates import Motion, plane_of
 from articulate.actors.geometric.layers import Layers
 from articulate.actors.geometric.search import Fit
-from articulate.actors.geometric.sweep import draw_over
+from articulate.actors.geometric.sweep import Floats, draw_over
 from articulate.transforms import Array, axis_angle_to_matrix, normalised
 
 SOFT = 24.0
@@ -131,7 +131,7 @@ def _jacobian(fit: Fit, layers: Layers, freedom: Freedom, t: int, scales: Array)
     return np.stack(columns).astype(np.float64)
 
 
-def model_picture(T_o: Array, layers: Layers) -> Array:
+def model_picture(T_o: Array, layers: Layers) -> Floats:
     """The picture (H, W, 3) that is expected with what moves in pose ``T_o`` (4, 4)."""
     picture = layers.still.copy()
     shown = np.zeros(layers.shot.size, dtype=np.bool_)

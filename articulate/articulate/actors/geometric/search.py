@@ -55,12 +55,12 @@ def positions(motion: Motion, layers: Layers, reach_m: float) -> Array:
         reach_m: Farthest a slide may go [m].
     """
     if motion.kind == "turn":
-        return np.arange(TURN_STEPS) * (2.0 * np.pi / TURN_STEPS)
+        return np.arange(TURN_STEPS, dtype=np.float64) * (2.0 * np.pi / TURN_STEPS)
     ends = layers.shot.project(motion.pivot_o + np.outer([-0.1, 0.1], motion.axis_o))
     px_per_m = float(np.linalg.norm(ends[1] - ends[0])) / 0.2
     step = max(SLIDE_STEP_PX / max(px_per_m, 1e-6), 2.0 * reach_m / (MOST_SLIDE_STEPS - 1))
     half = max(1, round(reach_m / step))
-    return np.arange(-half, half + 1) * step
+    return np.arange(-half, half + 1, dtype=np.float64) * step
 
 
 def coarse_fit(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float) -> Fit:
@@ -98,7 +98,7 @@ def path_again(fit: Fit, layers: Layers, step: float) -> Fit:
 
 def turned_path(fit: Fit, layers: Layers) -> Fit:
     """The cheapest path of a turn through all of the circle, in fine steps."""
-    q = np.arange(FINE_TURN_STEPS) * (2.0 * np.pi / FINE_TURN_STEPS)
+    q = np.arange(FINE_TURN_STEPS, dtype=np.float64) * (2.0 * np.pi / FINE_TURN_STEPS)
     costs = np.ascontiguousarray(layers.costs(fit.motion.T_o(q)).T)
     step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX) * 0.1
     path = best_path(costs, step_cost, LARGEST_STEP, True)

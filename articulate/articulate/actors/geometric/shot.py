@@ -1,4 +1,4 @@
-"""Shot: the region of a clip in which something moves, in the number of pixels one can afford."""
+"""Shot: the region of a clip in which something moves, in as many pixels as one can afford."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from articulate.actors.geometric.sweep import Floats
 from articulate.actors.protocol import Pixels
 from articulate.render.camera import Camera
 from articulate.transforms import Array, Ints
-
 
 LEAST_CHANGE = 3.0
 """Differences up to this are never a change, 0 to 255."""

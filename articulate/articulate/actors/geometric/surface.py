@@ -1,4 +1,4 @@
-"""Surface: the triangles of one or more parts, as coarse as a picture allows, with their colours."""
+"""Surface: the triangles of one or more parts, as coarse as a picture allows."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Surface:
 
     @property
     def normals_o(self) -> Array:
-        """Unit normals (F, 3); zero for faces without area."""
+        """Unit normals (F, 3); about zero for faces without area."""
         a, b, c = (self.points_o[self.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
         size = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.divide(normals, size, out=np.zeros_like(normals), where=size > 1e-18)
+        return np.asarray(normals / np.maximum(size, 1e-18), dtype=np.float64)
 
     @property
     def areas(self) -> Array:

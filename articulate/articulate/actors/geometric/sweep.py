@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit  # type: ignore[attr-defined]  # numba says no __all__
+from numba import njit
 from numpy.typing import NDArray
 
 from articulate.render.raster import fill
@@ -21,7 +21,7 @@ SAME_DEPTH = 1.002
 """What is nearer by less than this factor is not in front."""
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def carried(points_o: Any, T_co: Any, out: Any) -> None:
     """Points (V, 3) in the camera's frame into ``out`` (V, 3)."""
     for i in range(len(points_o)):
@@ -30,7 +30,7 @@ def carried(points_o: Any, T_co: Any, out: Any) -> None:
             out[i, k] = T_co[k, 0] * x + T_co[k, 1] * y + T_co[k, 2] * z + T_co[k, 3]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def box_of(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> None:
     """First and last column and row in which the points may be seen into ``box`` (4,)."""
     left, right, top, bottom = 1e9, -1e9, 1e9, -1e9
@@ -49,7 +49,7 @@ def box_of(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> No
     box[3] = int(max(min(np.ceil(bottom), height - 1), -1))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def face_view(points_c: Any, face: Any, view: Any) -> None:
     """Unit normal of a face, turned to the camera, and how much it faces it, into ``view`` (4,)."""
     a, b, c = points_c[face[0]], points_c[face[1]], points_c[face[2]]
@@ -67,7 +67,7 @@ def face_view(points_c: Any, face: Any, view: Any) -> None:
     view[0], view[1], view[2], view[3] = x / size, y / size, z / size, abs(facing)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def all_views(points_c: Any, faces: Any) -> Any:
     """What :func:`face_view` says of each face (F, 4)."""
     out = np.zeros((len(faces), 4))
@@ -76,7 +76,7 @@ def all_views(points_c: Any, faces: Any) -> Any:
     return out
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
     """Colour of each face (F, 3), 0 to 255, under ``light`` (LIGHT_ROWS, 3)."""
     colours = np.zeros((len(faces), 3), dtype=np.float32)
@@ -91,7 +91,7 @@ def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
     return colours
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def pixel_costs(frames: Any, colour: Any, base: Any, cap: float, out: Any) -> None:
     """Add to ``out`` (T,) what a pixel costs in ``colour`` (3,) rather than ``base`` (T,)."""
     r, g, b = colour[0], colour[1], colour[2]
@@ -100,7 +100,7 @@ def pixel_costs(frames: Any, colour: Any, base: Any, cap: float, out: Any) -> No
         out[t] += min(cost, cap) - base[t]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def sweep_costs(
     surface: Any,
     light: Any,
@@ -158,7 +158,7 @@ def sweep_costs(
                 sum_q[t] += total[t]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def draw_over(
     surface: Any,
     light: Any,
@@ -189,7 +189,7 @@ def draw_over(
                     picture[v, u, k] = colours[f, k]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]  # numba has no annotations
+@njit(cache=True, nogil=True)
 def best_path(costs: Any, step_cost: float, largest: int, circular: bool) -> Any:
     """The cheapest path through ``costs`` (T, Q), as unwrapped column numbers (T,).
 

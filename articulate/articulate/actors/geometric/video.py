@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.actors.geometric.critic import VideoCritic
-from articulate.actors.geometric.fit import Fit, Scene, Wish, find_motion, roundest, scene_of
+from articulate.actors.geometric.fit import Scene, Wish, find_motion, roundest, scene_of
 from articulate.actors.geometric.pictures import compared
+from articulate.actors.geometric.search import Fit
 from articulate.actors.loop import MAX_TURNS, Loop
 from articulate.actors.protocol import Attempt, Evidence, PredictedJoint, Prediction, TraceStep
 from articulate.errors import UsageError
-from articulate.transforms import Array
 
 FULL_TURN_RAD = 2.0 * np.pi - 0.25
 """Turns of this or more have no limits."""
