@@ -34,6 +34,7 @@ SUMMARIES = {
     "evaluate": "evaluate a run again",
     "export": "write a run's policy as a bundle for robots",
     "benchmark": "score an actor on objects whose joints are known",
+    "observe": "say how the part that is operated in a film moves",
     "deploy": "run a bundle on a robot or a stand-in",
     "watch": "see a policy act: a clip, a recording for rerun, or a window",
     "cache": "list or clean what earlier checks left behind",
