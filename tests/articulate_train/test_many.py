@@ -14,7 +14,8 @@ from articulate.jobs.launcher import Progress
 from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate_train.compare import compare
 from articulate_train.config import PpoConfig, TrainConfig
-from articulate_train.many import cells_of, is_many, merged, objects_of, told, train_many
+from articulate_train.many import cells_of, merged, told, train_many
+from articulate_train.objects import is_many, objects_of
 
 
 @pytest.fixture
@@ -30,9 +31,9 @@ def test_a_folder_or_a_pattern_names_many_objects_and_a_file_one(folder):
     assert [item.name for item in objects_of(str(folder))] == ["a", "b"]
     assert [item.name for item in objects_of(str(folder / "*"))] == ["a", "b"]
     assert [item.name for item in objects_of(str(folder / "b"))] == ["b"]
-    assert is_many(TrainConfig(asset=str(folder)))
-    assert is_many(TrainConfig(asset=str(folder / "[ab]")))
-    assert not is_many(TrainConfig(asset=str(folder / "a")))
+    assert is_many(str(folder))
+    assert is_many(str(folder / "[ab]"))
+    assert not is_many(str(folder / "a"))
 
 
 def test_a_pattern_that_fits_nothing_is_told_in_one_line(error_line):

@@ -11,7 +11,6 @@
 from __future__ import annotations
 
 import dataclasses
-import glob
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,14 +20,15 @@ from typing import Any
 import yaml
 
 from articulate.config import to_yaml
-from articulate.errors import RunError, UsageError
+from articulate.errors import RunError
 from articulate.files import write_text
 from articulate.jobs.job import Job
 from articulate.jobs.launcher import Progress, make_launcher, run_jobs
-from articulate.prove.batch import Item, items_in
+from articulate.prove.batch import Item
 from articulate_train.campaign import processors
 from articulate_train.compare import Comparison, compare, read_report, write_comparison
 from articulate_train.config import TrainConfig
+from articulate_train.objects import objects_of
 from articulate_train.run import CONFIG
 
 DONE, MISSED = 0, 3
@@ -76,35 +76,6 @@ class Outcome:
             "comparison": self.comparison.content() if self.comparison else None,
             "jobs": {k: dataclasses.asdict(v) for k, v in self.progress.states.items()},
         }
-
-
-def objects_of(pattern: str) -> list[Item]:
-    """The objects that ``--asset`` names: a file, a folder of objects, or a pattern with ``*``.
-
-    Raises:
-        UsageError: There are none.
-    """
-    if Path(pattern).exists() or not glob.has_magic(pattern):
-        return items_in(Path(pattern))[0]
-    names = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207  # of any root
-    found = [Path(name) for name in names]
-    if not found:
-        raise UsageError(f"--asset {pattern!r}: no file or folder fits; quote the pattern")
-    items: dict[str, Item] = {}
-    for path in found:
-        for item in items_in(path)[0]:
-            name = item.name
-            while name in items:
-                name += "_"
-            items[name] = Item(name=name, file=item.file)
-    return list(items.values())
-
-
-def is_many(config: TrainConfig) -> bool:
-    """Whether ``--asset`` names more than one object."""
-    if glob.has_magic(config.asset) and not Path(config.asset).exists():
-        return True
-    return Path(config.asset).is_dir() and len(items_in(Path(config.asset))[0]) > 1
 
 
 def cells_of(config: TrainConfig, items: Sequence[Item], out: Path) -> list[Cell]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.commands.success import check_share, missed
-from articulate.errors import ConfigError
+from articulate.errors import ConfigError, RunError
 
 if TYPE_CHECKING:
     from articulate_train.run import Run
@@ -19,17 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateFlags:
-    """Evaluate the last checkpoints of a run on fresh episodes and write its report.
+    """Evaluate the last checkpoints of runs on fresh episodes, and compare them if they are many.
 
     Example: evaluate runs/cabinet --episodes 200
     """
 
-    run: Annotated[Path, POSITIONAL]
-    """Folder of the run."""
+    run: Annotated[tuple[Path, ...], POSITIONAL]
+    """Folder of the run; of several, to compare them."""
     episodes: int | None = None
     """Episodes for each seed; by default what the run's configuration says."""
+    out: Path | None = None
+    """Folder for the comparison of several runs; by default runs/comparison-<time>."""
+    keep_reports: bool = False
+    """Compare the reports that lie in the runs, and evaluate those alone that have none."""
     require_success: float = 0.0
-    """Exit with 3 if the success rate is below this share."""
+    """Exit with 3 if the success rate, of any of the runs, is below this share."""
     json: bool = False
     """Print the report as JSON and nothing else on standard output."""
 
@@ -37,6 +42,8 @@ class EvaluateFlags:
         if self.episodes is not None and self.episodes < 1:
             raise ConfigError(f"--episodes is {self.episodes}; it must be at least 1")
         check_share(self.require_success)
+        if len(self.run) == 1 and (self.out is not None or self.keep_reports):
+            raise ConfigError("--out and --keep-reports are for several runs; one is given")
 
 
 FLAGS = EvaluateFlags
@@ -47,9 +54,32 @@ def main(argv: Sequence[str]) -> int:
     flags = parse(EvaluateFlags, argv, prog="evaluate")
     from articulate_train.run import open_run  # torch and MuJoCo; --help does without them
 
-    run = open_run(flags.run)
-    episodes = flags.episodes or run.config.episodes
-    return show(run, episodes, flags.require_success, as_json=flags.json)
+    runs = [open_run(folder) for folder in flags.run]
+    if len(runs) > 1:
+        return _compared(runs, flags)
+    episodes = flags.episodes or runs[0].config.episodes
+    return show(runs[0], episodes, flags.require_success, as_json=flags.json)
+
+
+def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
+    """Evaluate each run, write the comparison, and say whether all reached what was required."""
+    from articulate_train.compare import compare, read_report, write_comparison  # heavy, see main
+    from articulate_train.judge_run import judge_run
+
+    out = flags.out or Path("runs") / f"comparison-{time.strftime('%Y%m%d-%H%M%S')}"
+    if (out / "comparison.json").exists():
+        raise RunError(f"{out}: holds a comparison; choose another --out")
+    for run in runs:
+        if not (flags.keep_reports and (run.folder / "report.json").exists()):
+            console.say(f"evaluating {run.folder}")
+            judge_run(run, episodes=flags.episodes or run.config.episodes)
+    comparison = compare([read_report(run.folder) for run in runs])
+    command = console.command_line(["evaluate", *(run.folder for run in runs)])
+    _, page = write_comparison(comparison, out, command)
+    text = f"{comparison.text()}\ncomparison: {page}"
+    console.emit_json(comparison.content()) if flags.json else console.emit(text)
+    worst = min(row.success.value for row in comparison.rows)
+    return missed(worst, flags.require_success)
 
 
 def show(run: Run, episodes: int, required: float, *, as_json: bool) -> int:

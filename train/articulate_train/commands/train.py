@@ -8,15 +8,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from articulate.cache import cache_folder
 from articulate.commands import console
 from articulate.commands.flags import parse
-from articulate.commands.success import check_share
+from articulate.commands.success import MISSED, check_share, missed
 from articulate.errors import ConfigError, RunError
 from articulate_train.commands.listing import asks_for_a_list, show_list
 from articulate_train.config import TrainConfig
+from articulate_train.objects import is_many
 
 if TYPE_CHECKING:
     from articulate_train.campaign import SeedProgress
@@ -41,6 +42,8 @@ class TrainFlags(TrainConfig):
     dry_run: bool = False
     """Train nothing: write a picture of the scene, and say what is reached, how many minutes
     training will take and how much disk."""
+    launcher: Literal["local", "slurm", "ray"] = "local"
+    """Where jobs run if --asset names several objects: a folder of them, or a quoted pattern."""
     no_evaluate: bool = False
     """Stop after training; `evaluate RUN` makes the report later."""
     require_success: float = 0.0
@@ -74,6 +77,8 @@ def main(argv: Sequence[str]) -> int:
 
     if flags.dry_run:
         return _dry_run(flags)
+    if not flags.resume and is_many(flags.asset):
+        return _many(flags, argv)
     run = resume_run(_given(flags), flags.config()) if flags.resume else _new_run(flags)
     console.say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
     again = console.command_line(["train", "--resume", "--out", run.folder])
@@ -87,6 +92,22 @@ def main(argv: Sequence[str]) -> int:
     return show(run, run.config.episodes, flags.require_success, as_json=flags.json)
 
 
+def _many(flags: TrainFlags, argv: Sequence[str]) -> int:
+    """Train every object with every seed as a job of its own; 3 if a job or the target failed."""
+    from articulate_train.many import train_many  # heavy, see main
+
+    out = flags.out or Path("runs") / _default_name(flags)
+    again = [*argv, *(() if flags.out else ("--out", str(out)))]
+    command = console.command_line(["train", *again])
+    console.hint_after_interrupt(f"go on with: {command}")
+    outcome = train_many(flags.config(), out, flags.launcher, command, console.say)
+    console.emit_json(outcome.content()) if flags.json else console.emit(outcome.text())
+    if not outcome.complete or outcome.comparison is None:
+        return MISSED
+    worst = min(row.success.value for row in outcome.comparison.rows)
+    return missed(worst, flags.require_success)
+
+
 def _dry_run(flags: TrainFlags) -> int:
     from articulate_train.dry_run import dry_run  # heavy, see main
 
@@ -97,7 +118,7 @@ def _dry_run(flags: TrainFlags) -> int:
 
 
 def _default_name(flags: TrainFlags) -> str:
-    stem = Path(flags.asset).resolve().stem or "asset"
+    stem = Path(flags.asset.replace("*", "all")).resolve().stem or "asset"
     return f"{stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
