@@ -111,6 +111,7 @@ class _Checker:
             ast.arguments: self._arguments, ast.arg: self._argument,
             ast.comprehension: self._clause,
         }  # fmt: skip
+        self.top = {id(statement) for statement in tree.body}
         self.loops = 0
         self.rounds = 1
         self.inside: ast.FunctionDef | None = None
@@ -398,12 +399,14 @@ class _Checker:
     def _function(self, node: ast.AST) -> None:
         assert isinstance(node, ast.FunctionDef)
         self._spelt(node, node.name)
-        if node not in self.tree.body:
+        if id(node) not in self.top:
             raise self._at(node, "define functions at the top, not within others or loops")
         if node.decorator_list:
             raise self._at(node.decorator_list[0], "decorators are refused; leave them out")
-        if node.returns is not None:
-            raise self._at(node.returns, WHY[ast.AnnAssign])
+        if node.returns is not None or getattr(
+            node, "type_params", None
+        ):  # the latter from 3.12 on
+            raise self._at(node.returns or node, WHY[ast.AnnAssign])
         if node.name in RESERVED or node.name in self.functions or node.name in self.names:
             raise self._at(node, f"{node.name!r} is taken; choose another name")
         self._look(node.args)

@@ -116,6 +116,22 @@ def test_a_child_that_was_taken_over_can_only_talk(parts, tmp_path, monkeypatch,
         assert "\n" not in found.message
 
 
+def test_a_child_that_does_not_listen_is_given_up(parts, tmp_path, monkeypatch):
+    """The program is longer than a pipe holds."""
+    script = tmp_path / "child.py"
+    script.write_text("import os, time\nos.write(1, b'{\"layers\": []}\\n')\ntime.sleep(60)\n")
+    monkeypatch.setattr(run, "CHILD", script)
+    error = scenes.refused("#" * 150_000, parts, Limits(seconds=2.0))
+    assert (error.kind, "more than 2 s" in error.message) == ("limit", True)
+
+
+def test_a_child_that_is_gone_is_told(parts, tmp_path, monkeypatch):
+    script = tmp_path / "child.py"
+    script.write_text("import sys\nsys.exit(7)\n")
+    monkeypatch.setattr(run, "CHILD", script)
+    assert "ended with code 7" in scenes.refused("x = 1", parts).message
+
+
 def test_parts_that_cannot_be_read_are_told(tmp_path, error_line):
     (tmp_path / "empty").mkdir()
     (tmp_path / "bad").mkdir()
