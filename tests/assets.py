@@ -87,6 +87,56 @@ def make_cupboard(folder: Path, *, degrees: float = 120.0) -> Asset:
     return _write("cupboard", folder, body, links, [joint], [handle])
 
 
+def make_box(folder: Path, *, degrees: float = 50.0) -> Asset:
+    """A box in ``folder`` whose lid ``lid`` turns about the level hinge ``lid_hinge`` at its rear.
+
+    Closed at 0, where it lies flat; it opens upwards to ``degrees``. A bar along its front edge is
+    its handle.
+    """
+    deep, wide, high = BOX_M
+    pos = (deep / 2, 0.0, high)
+    joint = Joint(
+        name="lid_hinge",
+        kind="hinge",
+        link="lid",
+        parent="carcass",
+        axis_o=(0.0, 1.0, 0.0),
+        pivot_o=pos,
+        lower=0.0,
+        upper=float(np.radians(degrees)),
+        closed=0.0,
+        open=float(np.radians(degrees)),
+        closed_rule="given",
+        damping=0.1,
+        frictionloss=0.1,
+    )
+    boxes: list[Box] = [
+        ((-deep / 2, 0.0, 0.01), (deep / 2, wide / 2, 0.006)),
+        ((-deep - 0.045, 0.0, 0.01), (0.006, 0.06, 0.006)),
+        ((-deep - 0.02, -0.055, 0.01), (0.02, 0.005, 0.005)),
+        ((-deep - 0.02, 0.055, 0.01), (0.02, 0.005, 0.005)),
+    ]
+    d, w, h, t = deep / 2, wide / 2, high / 2, 0.005
+    walls: list[Box] = [
+        ((0.0, 0.0, t), (d, w, t)),
+        ((0.0, -w + t, h), (d, t, h)),
+        ((0.0, w - t, h), (d, t, h)),
+        ((d - t, 0.0, h), (t, w, h)),
+        ((-d + t, 0.0, h), (t, w, h)),
+    ]
+    body = _body("lid", pos, joint, (-deep / 2, 0.0, 0.01), 0.8, boxes)
+    bounds = ((-deep - 0.051, -w, 0.004), (0.0, w, 0.016))
+    rest = _link("carcass", None, (0.0, 0.0, 0.0), 3.0, ((-d, -w, 0.0), (d, w, high)))
+    handle = _handle("lid", joint.name, (-deep - 0.045, 0.0, 0.01), (0.0, 1.0, 0.0))
+    links = [rest, _link("lid", "carcass", pos, 0.8, bounds)]
+    outer = ((-d - 0.051, -w, 0.0), (d, w, high + 0.016))
+    return _write("box", folder, body, links, [joint], [handle], walls=walls, bounds=outer)
+
+
+BOX_M = (0.18, 0.26, 0.15)
+"""Outer size of the box without its lid (x, y, z) [m]."""
+
+
 def _carcass() -> Link:
     half = (DEPTH_M / 2, WIDTH_M / 2)
     return _link(
@@ -192,26 +242,31 @@ def _write(
     links: list[Link],
     joints: list[Joint],
     handles: list[Handle],
+    *,
+    walls: list[Box] | None = None,
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None,
 ) -> Asset:
     """Write ``object.xml`` and ``asset.json``; parts do not meet the carcass or each other."""
+    d, w = DEPTH_M / 2, WIDTH_M / 2
+    walls = _walls() if walls is None else walls
+    bounds = ((-d - 0.062, -w, 0.0), (d, w, HEIGHT_M)) if bounds is None else bounds
     folder.mkdir(parents=True, exist_ok=True)
     names = [link.name for link in links]
     pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
     exclude = "".join(f'<exclude body1="{a}" body2="{b}"/>' for a, b in pairs)
     (folder / "object.xml").write_text(
         f'<mujoco model="{name}"><compiler angle="radian" autolimits="true"/><worldbody>'
-        f'<body name="carcass">{_boxes(_walls())}{bodies}</body></worldbody>'
+        f'<body name="carcass">{_boxes(walls)}{bodies}</body></worldbody>'
         f"<contact>{exclude}</contact></mujoco>\n",
         encoding="utf-8",
     )
-    d, w = DEPTH_M / 2, WIDTH_M / 2
     asset = Asset(
         name=name,
         category="StorageFurniture",
         links=tuple(links),
         joints=tuple(joints),
         handles=tuple(handles),
-        bounds_o=((-d - 0.062, -w, 0.0), (d, w, HEIGHT_M)),
+        bounds_o=bounds,
         source="made for tests",
         licence="MIT",
         folder=folder,

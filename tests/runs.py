@@ -44,7 +44,7 @@ def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) ->
         "draw": replace(DrawConfig(), scales=3),
         "starts": StartConfig(bank=16),
     }
-    config = TrainConfig(asset=str(asset.folder), joint=JOINT, **(plan | changes))
+    config = TrainConfig(asset=str(asset.folder), **({"joint": JOINT} | plan | changes))
     _write_run(folder, asset, config, episode_s=1.0)
     return open_run(folder)
 
@@ -56,9 +56,12 @@ def make_run(
     seeds: tuple[int, ...] = (0,),
     episode_s: float = 10.0,
     joint: str = JOINT,
+    task: str = "open_drawer",
 ) -> Path:
-    """A run of ``open_drawer`` in ``folder`` whose policies are drawn from their seeds."""
-    config = TrainConfig(asset=str(asset.folder), joint=joint, seeds=seeds, draw=DrawConfig())
+    """A run of ``task`` in ``folder`` whose policies are drawn from their seeds."""
+    config = TrainConfig(
+        asset=str(asset.folder), task=task, joint=joint, seeds=seeds, draw=DrawConfig()
+    )
     _write_run(folder, asset, config, episode_s=episode_s)
     for seed in seeds:
         write_checkpoint(folder / f"seed_{seed}", seed)
@@ -67,7 +70,7 @@ def make_run(
 
 def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: float) -> None:
     assert config.joint is not None
-    task = make_task("open_drawer", asset, config.joint, episode_s=episode_s)
+    task = make_task(config.task, asset, config.joint, episode_s=episode_s)
     place = find_place(asset, task, PANDA, config.draw)
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")

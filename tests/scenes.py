@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from tests.assets import make_cabinet, make_cupboard
+from tests.assets import make_box, make_cabinet, make_cupboard
 
 from articulate.arm import PANDA, Arm
 from articulate.asset import Asset
@@ -26,12 +26,13 @@ def make_scene(
     asset: Asset,
     joint: str,
     *,
+    verb: str = "open",
     arm: Arm = PANDA,
     draws: DrawConfig = DRAWS,
     episode_s: float = 1.0,
 ) -> Scene:
-    """The scene in which ``joint`` of ``asset`` is to be opened, at the sizes of ``draws``."""
-    task = make_task("open_joint", asset, joint, episode_s=episode_s)
+    """The scene in which ``joint`` of ``asset`` is to be moved, at the sizes of ``draws``."""
+    task = make_task(f"{verb}_joint", asset, joint, episode_s=episode_s)
     return build_scene(
         asset,
         task,
@@ -51,6 +52,19 @@ def drawer_scene(folder: Path) -> Scene:
 def door_scene(folder: Path) -> Scene:
     """The door of a cupboard, in episodes of one second."""
     return make_scene(make_cupboard(folder), "door_hinge")
+
+
+def lid_scene(folder: Path, verb: str) -> Scene:
+    """The lid of a box, in episodes of one second."""
+    return make_scene(make_box(folder), "lid_hinge", verb=verb)
+
+
+def closing_scene(folder: Path, part: str) -> Scene:
+    """A drawer or a door that is to be closed, in episodes of one second."""
+    if part == "lid":
+        return lid_scene(folder, "close")
+    asset = make_cabinet(folder) if part == "drawer" else make_cupboard(folder)
+    return make_scene(asset, "drawer_2_slide" if part == "drawer" else "door_hinge", verb="close")
 
 
 def rows_of(start: Start, rows: Ints) -> Start:

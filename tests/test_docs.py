@@ -25,6 +25,8 @@ from articulate.manifest import Manifest
 from articulate.observe import ACTION, OBSERVATION
 from articulate.task import Limits
 from articulate_deploy.commands.deploy import DeployFlags
+from articulate_envs.interface import OPTIONS
+from articulate_envs.make import EnvConfig
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig
 from articulate_train.commands.evaluate import EvaluateFlags
@@ -67,10 +69,18 @@ def fences(page):
     return list(zip(parts[1::4], parts[2::4], strict=True))
 
 
+SLOW = {"docs/engines.md"}
+"""Pages whose blocks take seconds: they prove a cabinet, or train on it."""
+
+
 def blocks(language):
     """Fenced blocks of ``language`` in all pages, as parameters."""
     return [
-        pytest.param(text, id=f"{page.relative_to(ROOT)}-{k}")
+        pytest.param(
+            text,
+            id=f"{page.relative_to(ROOT)}-{k}",
+            marks=[pytest.mark.slow] if str(page.relative_to(ROOT)) in SLOW else [],
+        )
         for page in PAGES
         for k, (kind, text) in enumerate(fences(page))
         if kind == language
@@ -213,6 +223,15 @@ def test_reasons_and_layouts_are_those_of_the_code():
 def test_tables_of_fields_are_those_of_the_code(head, cls, without):
     told = [name for row in table("formats.md", head) for name in re.findall(r"`(\w+)`", row[0])]
     assert sorted(told) == sorted({f.name for f in dataclasses.fields(cls)} - without)
+
+
+def test_arguments_and_options_of_environments_are_those_of_the_code():
+    told = {row[0].strip("`"): row[1].strip("`") for row in table("engines.md", "argument")}
+    assert list(told) == [f.name for f in dataclasses.fields(EnvConfig)]
+    for field in dataclasses.fields(EnvConfig):
+        if field.default is not dataclasses.MISSING and field.name != "task":
+            assert ast.literal_eval(told[field.name]) == field.default
+    assert [row[0].strip("`") for row in table("engines.md", "option")] == list(OPTIONS)
 
 
 @pytest.mark.parametrize("command", ["check-asset", "train", "evaluate", "export-policy", "deploy"])

@@ -117,9 +117,9 @@ COLUMNS = (
     "scale", "x_m", "y_m", "yaw_rad",
     "start_1", "start_2", "start_3", "start_4", "start_5", "start_6", "start_7",
     "delay_ticks", "hand_latency_s", "bias_x_m", "bias_y_m", "bias_z_m", "bias_yaw_rad",
-    "estimate_delay_ticks", "push_x_n", "push_y_n", "push_z_n", "push_time",
+    "estimate_delay_ticks", "push_x_n", "push_y_n", "push_z_n", "push_time", "part_open",
 )  # fmt: skip
-"""Names of a draw's numbers."""
+"""Names of a draw's numbers; ``part_open`` is the fraction open at which the part begins."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +136,18 @@ class Draw:
         return np.asarray(self.values[:, COLUMNS.index(name)])
 
 
-def draw(config: DrawConfig, rng: np.random.Generator, n: int = 1) -> Draw:
-    """Draw the parameters of N episodes from ``rng``."""
+def draw(
+    config: DrawConfig, rng: np.random.Generator, n: int = 1, *, begin: Range = (0.0, 0.0)
+) -> Draw:
+    """Draw the parameters of N episodes from ``rng``.
+
+    Args:
+        config: Ranges.
+        rng: Where the numbers come from.
+        n: How many episodes.
+        begin: Fractions between which the part is at their beginning, as the task says; part of
+            the task and no randomisation. Nothing is drawn where both are the same.
+    """
 
     def log_uniform(bounds: Range) -> Array:
         return np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), n))
@@ -168,10 +178,12 @@ def draw(config: DrawConfig, rng: np.random.Generator, n: int = 1) -> Draw:
         ),
         *push.T,
         rng.uniform(0.0, 0.9, n),
+        rng.uniform(*begin, n) if begin[0] < begin[1] else np.full(n, begin[0]),
     ]
     return Draw(np.stack(columns, axis=1))
 
 
-def nominal_draw(n: int = 1) -> Draw:
-    """N episodes in which nothing is randomised."""
-    return draw(NO_DRAW, np.random.default_rng(0), n)
+def nominal_draw(n: int = 1, *, begin: Range = (0.0, 0.0)) -> Draw:
+    """N episodes in which nothing is randomised; parts begin in the middle of ``begin``."""
+    middle = sum(begin) / 2.0
+    return draw(NO_DRAW, np.random.default_rng(0), n, begin=(middle, middle))

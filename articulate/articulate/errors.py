@@ -9,6 +9,7 @@
     │   ├── ReachError      a part that the arm cannot reach
     │   ├── RunError        a run folder that is absent, foreign or in the way
     │   ├── BundleError     a bundle that was changed or cannot be read
+    │   ├── EngineError     an environment asked for what it does not do
     │   └── MissingError    an optional package that is not installed
     └── DivergedError       training produced values that are not finite
 
@@ -48,6 +49,10 @@ class RunError(UsageError):
 
 class BundleError(UsageError):
     """A policy bundle that was changed or cannot be read."""
+
+
+class EngineError(UsageError):
+    """An environment asked for what it does not do: a wrong action, a step before a reset."""
 
 
 class MissingError(UsageError):

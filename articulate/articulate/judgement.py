@@ -26,6 +26,7 @@ REASONS = (
     "not_open",
     "moving",
     "diverged",
+    "not_closed",
 )
 """How an episode ends, by code. Codes 1 to 6 are violations of the limits."""
 CODE = {name: i for i, name in enumerate(REASONS)}
@@ -175,7 +176,8 @@ def opened_at_end(judgement: Judgement, task: Task) -> Mask:
 def verdict(judgement: Judgement, task: Task) -> Ints:
     """Code of :data:`REASONS` for N episodes that have ended (N,) of int."""
     held = opened_at_end(judgement, task)
-    code = np.where(held, CODE["success"], CODE["not_open"])
+    short = CODE["not_closed" if task.closes else "not_open"]
+    code = np.where(held, CODE["success"], short)
     code = np.where(~held & judgement.opened, CODE["moving"], code)
     violation = judgement.peak("code")
     code = np.where(violation > 0.0, np.nan_to_num(violation).astype(int), code)

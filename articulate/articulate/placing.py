@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from articulate.asset import Asset
+from articulate.asset import Asset, Handle
 from articulate.transforms import Array, axis_angle_to_matrix, pose
 
 
@@ -29,6 +29,8 @@ class Place:
     """Smallest singular value of the tool's Jacobian along the nominal way."""
     drawn_share: float
     """Share of drawn poses and sizes at which the whole way can be reached."""
+    tilt_rad: float = 0.0
+    """The hand holds the handle turned by this about its long axis [rad]; see :func:`tilted`."""
 
     def T_wo(self) -> Array:
         """Pose of the object in the world (4, 4)."""
@@ -37,6 +39,30 @@ class Place:
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return asdict(self)
+
+
+def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
+    """``asset`` with the handle of ``joint`` turned by ``tilt_rad`` about its long axis.
+
+    Fingers hold a bar as well from a little above or from the side. Where the part turns, a hand
+    that begins turned the other way can follow farther.
+    """
+    if tilt_rad == 0.0:
+        return asset
+    c, s = abs(np.cos(tilt_rad)), abs(np.sin(tilt_rad))
+
+    def turned(handle: Handle) -> Handle:
+        turn = axis_angle_to_matrix(np.asarray(handle.along_l), tilt_rad)
+        x, y, z = turn @ np.asarray(handle.normal_l)
+        long, thick, deep = handle.extent
+        return replace(
+            handle,
+            normal_l=(float(x), float(y), float(z)),
+            extent=(long, c * thick + s * deep, s * thick + c * deep),
+        )
+
+    handles = (turned(h) if h.joint == joint else h for h in asset.handles)
+    return replace(asset, handles=tuple(handles))
 
 
 def handle_way(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:

@@ -1,7 +1,8 @@
 """Tasks: what is asked of which joint, and what counts.
 
 The eight names are data over the same functions. Progress is measured as a fraction of the
-joint's way from closed (0) to open (1).
+joint's way from closed (0) to open (1); a task says between which fractions the part begins, at
+which it counts as done, and where it hits its stop.
 """
 
 from __future__ import annotations
@@ -13,9 +14,14 @@ import numpy as np
 
 from articulate.asset import Asset, Joint
 from articulate.errors import AssetError, ConfigError, nearest
+from articulate.parts import PartKind, part_kind
 from articulate.transforms import Array, Mask
 
 QUARTER_TURN = np.pi / 2
+OPEN_SHARE, CLOSED_SHARE = 0.8, 0.05
+"""A part is open from the first share of its range on, closed up to the second."""
+BEGIN_SHARE = 0.5
+"""To be closed, a part begins between this share of its open target and that target."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,13 +30,19 @@ class TaskRule:
 
     verb: Literal["open", "close"]
     """Towards the open or the closed end."""
-    part: Literal["drawer", "door", "lid", "joint"]
-    """Kind of part: a drawer slides level, a door turns about a steep axis, a lid does neither."""
+    part: PartKind | Literal["joint"]
+    """Kind of part that it is asked of; ``joint`` is every one."""
 
 
 TASK_RULES = {
     "open_drawer": TaskRule(verb="open", part="drawer"),
+    "close_drawer": TaskRule(verb="close", part="drawer"),
+    "open_door": TaskRule(verb="open", part="door"),
+    "close_door": TaskRule(verb="close", part="door"),
+    "open_lid": TaskRule(verb="open", part="lid"),
+    "close_lid": TaskRule(verb="close", part="lid"),
     "open_joint": TaskRule(verb="open", part="joint"),
+    "close_joint": TaskRule(verb="close", part="joint"),
 }
 """Names that can be asked for."""
 
@@ -72,7 +84,11 @@ class Task:
     span: float
     """Signed way from closed to open [m or rad]."""
     target: float
-    """Fraction of the span at which the part must rest."""
+    """Fraction of the span at which the part must rest, or beyond it."""
+    begin: tuple[float, float] = (0.0, 0.0)
+    """Fractions of the span between which the part is when an episode begins."""
+    stop: float | None = 1.0
+    """Fraction beyond the target at which the part hits its stop; None if it has none."""
     episode_s: float = 10.0
     """Length of every episode [s]."""
     hold_s: float = 0.5
@@ -86,28 +102,43 @@ class Task:
         if not 0.0 < self.episode_s <= 10.0:
             raise ConfigError(f"task.episode_s is {self.episode_s}; it must be in (0, 10] s")
 
+    @property
+    def closes(self) -> bool:
+        """Whether the part is moved towards its closed end."""
+        return self.target < self.begin[1]
+
+    @property
+    def far(self) -> float:
+        """The fraction that is farthest open of all that the task asks for."""
+        return max(self.target, self.begin[1])
+
+
+def done_word(name: str) -> str:
+    """What a part is when the task ``name`` is done, for texts: opened or closed."""
+    return {"open": "opened", "close": "closed"}[TASK_RULES[name].verb]
+
 
 def matching_joints(name: str, asset: Asset) -> tuple[Joint, ...]:
     """Joints of ``asset`` that the task ``name`` can be asked of; ConfigError if it is unknown."""
     if name not in TASK_RULES:
         raise ConfigError(f"unknown task {name!r}{nearest(name, TASK_RULES)}")
     part = TASK_RULES[name].part
-    return tuple(j for j in asset.joints if part in ("joint", part_kind(j)))
+    return tuple(j for j in asset.joints if part in ("joint", part_kind(asset, j)))
 
 
-def part_kind(joint: Joint) -> Literal["drawer", "door", "lid"]:
-    """What a person would call the part: a level slide is a drawer, a steep hinge a door."""
-    steep = abs(joint.axis_o[2]) > np.cos(np.pi / 4)
-    if joint.kind == "slide":
-        return "lid" if steep else "drawer"
-    return "door" if steep else "lid"
+def matching_tasks(asset: Asset, joint: Joint) -> tuple[str, ...]:
+    """Names of the tasks that can be asked of ``joint``."""
+    kind = part_kind(asset, joint)
+    return tuple(name for name, rule in TASK_RULES.items() if rule.part in ("joint", kind))
 
 
 def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> Task:
     """The task ``name`` for one joint of ``asset``.
 
-    The target is 0.8 of the range, of at most 90 degrees for hinges; a joint without limits is
-    turned by 90 degrees.
+    A part is open at 0.8 of its range, of at most 90 degrees for hinges; a joint without limits
+    at 90 degrees. It is closed within 0.05 of its range from its closed end (of the quarter turn
+    of a joint without limits; at most half of where it may begin, for joints of many turns). To
+    be closed, it begins between half of its open target and that target.
 
     Raises:
         AssetError: No such joint, or not one that the task can be asked of.
@@ -116,19 +147,29 @@ def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> T
     matching = matching_joints(name, asset)
     joint = asset.joint(joint_name)
     if joint not in matching:
-        names = ", ".join(j.name for j in matching) or "none"
+        names = ", ".join(j.name for j in matching)
         raise AssetError(
             f"{asset.name}: {name} cannot be asked of joint {joint_name}; it matches: {names}"
+            if names
+            else f"{asset.name}: {name} matches no joint; {joint_name} can be asked for "
+            + ", ".join(matching_tasks(asset, joint))
         )
     reach = abs(joint.span)
     way = reach if joint.kind == "slide" else min(reach, QUARTER_TURN)
-    share = 1.0 if joint.lower is None else 0.8
+    free = joint.lower is None
+    open_target = (1.0 if free else OPEN_SHARE) * way / reach
+    begin, target, stop = (0.0, 0.0), open_target, 1.0
+    if TASK_RULES[name].verb == "close":
+        begin = (BEGIN_SHARE * open_target, open_target)
+        target, stop = min(CLOSED_SHARE, 0.5 * begin[0]), 0.0
     return Task(
         name=name,
         joint=joint.name,
         kind=joint.kind,
         span=joint.span,
-        target=share * way / reach,
+        target=target,
+        begin=begin,
+        stop=None if free else stop,
         slow=0.02 if joint.kind == "slide" else 0.1,
         **overrides,  # type: ignore[arg-type]  # numbers only, checked by the dataclass
     )
@@ -157,11 +198,16 @@ def at_target(task: Task, opened: Array, speed: Array) -> Mask:
 
 
 def beyond_target(task: Task, opened: Array) -> Mask:
-    """Whether the part is at or beyond the target (N,)."""
+    """Whether the part is at or beyond the target (N,).
+
+    A part is closed on either side of its closed end: one that turns without end can pass it.
+    """
+    if task.closes:
+        return np.asarray(np.abs(opened) <= task.target)
     return np.asarray(opened >= task.target)
 
 
 def no_joint_error(name: str, asset: Asset) -> AssetError:
     """What to say when ``asset`` has no joint for the task ``name``."""
-    have = ", ".join(f"{j.name} ({part_kind(j)})" for j in asset.joints) or "no movable joint"
-    return AssetError(f"{asset.name}: no joint for {name}; it has {have}")
+    have = ", ".join(f"{j.name} ({part_kind(asset, j)})" for j in asset.joints)
+    return AssetError(f"{asset.name}: no joint for {name}; it has {have or 'no movable joint'}")

@@ -60,7 +60,7 @@ def deploy(
     with stand_in:
         for k in range(episodes):
             rng = np.random.default_rng(np.random.SeedSequence([seed, k]))
-            drawn = draw(config, rng)
+            drawn = draw(config, rng, begin=manifest.task.begin)
             stand_in.set_draw(drawn)
             stand_in.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
             recording = None if out is None else Recording()

@@ -44,7 +44,7 @@ class EpisodeResult:
     reason: str
     """One of :data:`articulate.judgement.REASONS`."""
     opened: bool
-    """Whether the part was held open at the end, limits aside."""
+    """Whether the part was held at its target at the end, limits aside."""
     fraction: float
     """How far it was open at the end, 1 at its far limit."""
     ticks: int
@@ -56,7 +56,7 @@ class EpisodeResult:
 
     @property
     def success(self) -> bool:
-        """Opened, and deployable throughout."""
+        """At the target, and deployable throughout."""
         return self.reason == REASONS[0]
 
 

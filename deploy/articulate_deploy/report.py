@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from articulate.draw import COLUMNS, Draw
+from articulate.task import done_word
 from articulate_deploy.episode import EpisodeResult
 
 
@@ -30,12 +31,12 @@ class DeployReport:
 
     @property
     def successes(self) -> int:
-        """Episodes that opened the part and kept the limits."""
+        """Episodes that brought the part to its target and kept the limits."""
         return sum(r.success for r in self.results)
 
     @property
     def opened(self) -> int:
-        """Episodes that opened the part, limits aside."""
+        """Episodes that brought the part to its target, limits aside."""
         return sum(r.opened for r in self.results)
 
     @property
@@ -77,13 +78,13 @@ class DeployReport:
 
     def text(self) -> str:
         """A few lines for people."""
-        n = len(self.results)
+        n, word = len(self.results), done_word(self.task)
         failed = ", ".join(f"{k} {v}" for k, v in self.reasons.items() if k != "success")
         draws = "randomised as in training" if self.randomised else "without randomisation"
         lines = [
             f"{self.task} ({self.joint}) on {self.robot}, {n} episodes {draws}, seed {self.seed}",
-            f"  opened   {self.opened} of {n}",
-            f"  success  {self.successes} of {n} (opened and within every limit)",
+            f"  {word}   {self.opened} of {n}",
+            f"  success  {self.successes} of {n} ({word} and within every limit)",
         ]
         if failed:
             lines.append(f"  failed   {failed}")

@@ -8,51 +8,24 @@ run it side by side. It repeats :func:`articulate.follow.follow` and
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from numba import carray, njit, types  # type: ignore[attr-defined]  # numba says no __all__
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from articulate.errors import MissingError
 from articulate.judgement import COLUMN
 from articulate.transforms import Array, Ints
+from articulate_envs.buffered import DIVERGED
 
-DIVERGED = 1e10
-"""Speed from which a state counts as diverged [rad/s or m/s]; MuJoCo's own ``mjMAXVAL``."""
 _intrinsic: Callable[[Any], Any] = intrinsic  # its own annotation forgets the first argument
 
 _FORCE, _SHORT, _RAW = COLUMN["force"], COLUMN["force_short"], COLUMN["force_raw"]
 _MOMENT, _SPEED, _SHARE = COLUMN["moment"], COLUMN["speed_share"], COLUMN["torque_share"]
 _RATE, _CODE = COLUMN["torque_rate"], COLUMN["code"]
 _TIME, _WHEN = COLUMN["time"], COLUMN["violation_time"]
-
-
-@cache
-def library() -> ctypes.CDLL:
-    """MuJoCo's shared library as it is loaded; MissingError if it is not in the wheel's place."""
-    folder = Path(mujoco.__file__).parent
-    patterns = ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll")
-    names = sorted(path for pattern in patterns for path in folder.glob(pattern))
-    if not names:
-        raise MissingError(f"no MuJoCo library in {folder}; reinstall mujoco from its wheel")
-    lib = ctypes.CDLL(str(names[0]))
-    lib.mj_copyModel.restype = ctypes.c_void_p
-    lib.mj_copyModel.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-    return lib
-
-
-def step_address() -> int:
-    """Address of ``mj_step``."""
-    address = ctypes.cast(library().mj_step, ctypes.c_void_p).value
-    assert address is not None
-    return address
 
 
 class Pointers(NamedTuple):
@@ -103,26 +76,6 @@ class Constants(NamedTuple):
     short_gain: float
     finger_step: float
     finger_open: float
-
-
-class Buffers(NamedTuple):
-    """Arrays that a tick reads and writes, first axis N.
-
-    ``follow`` (N, 7, 3), ``target`` (N, 7), ``closing`` and ``finger`` (N,), ``push`` (N, 3),
-    ``samples`` (N, WIDTH), ``torque`` (N, 7), ``q`` and ``dq`` (N, 7), ``rest`` (N, 4): finger
-    width, part position, part speed, and one until the environment diverges.
-    """
-
-    follow: Array
-    target: Array
-    closing: Array
-    finger: Array
-    push: Array
-    samples: Array
-    torque: Array
-    q: Array
-    dq: Array
-    rest: Array
 
 
 @_intrinsic

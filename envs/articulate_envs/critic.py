@@ -17,6 +17,9 @@ from articulate.layout import Field, Layout
 from articulate.transforms import Array
 from articulate_envs.engine import State
 
+DRAWN = tuple(name for name in COLUMNS if name != "part_open")
+"""What is told of the draws: all but where the part began, for it is seen where it is."""
+_DRAWN = np.array([COLUMNS.index(name) for name in DRAWN])
 PRIVILEGED = Layout(
     (
         Field(name="handle_pos_true", size=3, unit="0.2 m", frame="tool", source="estimator"),
@@ -27,7 +30,7 @@ PRIVILEGED = Layout(
         Field(name="violated", size=1, unit="1", frame="-", source="plant"),
         Field(name="rest", size=1, unit="s", frame="-", source="plant"),
         Field(
-            name="drawn", size=len(COLUMNS), unit="as drawn", frame="-", source="plant",
+            name="drawn", size=len(DRAWN), unit="as drawn", frame="-", source="plant",
             low=-100.0, high=100.0,
         ),
     )
@@ -47,6 +50,6 @@ def privileged(arm: Arm, state: State, judgement: Judgement, drawn: Draw) -> Arr
             "force": np.nan_to_num(state.samples[:, 0:3]) / 20.0,
             "violated": (state.samples[:, COLUMN["code"]] > 0.0).astype(np.float64),
             "rest": np.minimum(judgement.rest_s, 1.0),
-            "drawn": drawn.values,
+            "drawn": drawn.values[:, _DRAWN],
         }
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from articulate.draw import Draw, DrawConfig, draw
+from articulate.errors import EngineError
 from articulate.estimate import NoisyEstimator
 from articulate.judgement import (
     Judgement,
@@ -33,7 +34,7 @@ class Ended:
     code: Ints
     """Codes of :data:`articulate.judgement.REASONS` (M,)."""
     opened: Mask
-    """Whether the part was held open at the end, limits aside (M,)."""
+    """Whether the part was held at its target at the end, limits aside (M,)."""
     from_home: Mask
     """Whether the episode began at home and ran its full length or was cut at rest (M,)."""
     cut: Mask
@@ -72,7 +73,8 @@ class Episodes:
         draws: DrawConfig,
         reward: RewardConfig,
         starts: StartConfig | None,
-        seed: int | np.random.SeedSequence,
+        seed: int | np.random.SeedSequence | np.random.Generator,
+        renew: bool = True,
     ) -> None:
         """Prepare; call :meth:`reset`.
 
@@ -82,16 +84,18 @@ class Episodes:
             reward: Weights.
             starts: Starts along the task; None begins every episode at home.
             seed: Decides all that is random here.
+            renew: Begin a new episode in the tick in which one ends; otherwise :meth:`reset` does.
         """
         self.engine = engine
         self.draws = draws
         self.reward = reward
         self.starts = starts
         self.progress = 0.0
+        self._renew = renew
         scene, n = engine.scene, engine.n_envs
         self._rng = np.random.default_rng(seed)
         self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
-        self._drawn = draw(draws, self._rng, n)
+        self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
         self._judgement = judgement_start(n)
         self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
@@ -111,6 +115,35 @@ class Episodes:
     def judgement(self) -> Judgement:
         """What the episodes that run now have shown."""
         return self._judgement
+
+    @property
+    def begun(self) -> bool:
+        """Whether there was a reset."""
+        return self._state is not None
+
+    @property
+    def state(self) -> State:
+        """What is true now.
+
+        Raises:
+            EngineError: Nothing was begun.
+        """
+        if self._state is None:
+            raise EngineError("step before the first reset: call reset() first")
+        return self._state
+
+    def reseed(self, seed: int | np.random.SeedSequence | np.random.Generator) -> None:
+        """Let ``seed`` decide all that is random from the next reset on, but for the bank."""
+        self._rng = np.random.default_rng(seed)
+
+    def draw_start(self, n: int) -> Start:
+        """How the next N episodes would begin; what is random is drawn."""
+        scene = self.engine.scene
+        drawn = draw(self.draws, self._rng, n, begin=scene.task.begin)
+        if self.starts is None or self._bank is None:
+            return home_start(scene, drawn)
+        share = self.starts.share(self.progress)
+        return mixed_start(scene, self._bank, drawn, share, self._rng)
 
     def reset(self, *, stagger: bool = False, start: Start | None = None) -> Array:
         """Begin all episodes and return the observations (N, size).
@@ -132,14 +165,7 @@ class Episodes:
         return self._observe()
 
     def _begin(self, rows: Ints, start: Start | None = None) -> None:
-        scene = self.engine.scene
-        if start is None:
-            drawn = draw(self.draws, self._rng, len(rows))
-            if self.starts is None or self._bank is None:
-                start = home_start(scene, drawn)
-            else:
-                share = self.starts.share(self.progress)
-                start = mixed_start(scene, self._bank, drawn, share, self._rng)
+        start = self.draw_start(len(rows)) if start is None else start
         self.engine.reset(rows, start)
         self._drawn.values[rows] = start.draw.values
         self._home[rows] = start.home
@@ -155,8 +181,7 @@ class Episodes:
         self._estimator.reset(rows, state.T_wh[rows], state.opened[rows])
 
     def _observe(self) -> Array:
-        state, scene = self._state, self.engine.scene
-        assert state is not None
+        state, scene = self.state, self.engine.scene
         return observation(
             scene.arm,
             q=state.q,
@@ -172,13 +197,11 @@ class Episodes:
 
     def privileged(self) -> Array:
         """What only the value function sees of the environments as they are (N, size)."""
-        assert self._state is not None
-        return privileged(self.engine.scene.arm, self._state, self._judgement, self._drawn)
+        return privileged(self.engine.scene.arm, self.state, self._judgement, self._drawn)
 
     def step(self, action: Array) -> Tick:
         """Run one tick with actions (N, 8), clipped to [-1, 1]."""
-        scene, before = self.engine.scene, self._state
-        assert before is not None
+        scene, before = self.engine.scene, self.state
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         state = self.engine.step(action)
         terms = reward_terms(
@@ -206,12 +229,13 @@ class Episodes:
         ended = None
         if done.any():
             ended = self._end(np.flatnonzero(done), seen, cut)
-            self._begin(ended.rows)
-            self._state = self.engine.state()
-            self._width = self._width.copy()
-            self._width[ended.rows] = self._state.hand_width[ended.rows]
-            seen = seen.copy()
-            seen[ended.rows] = self._observe()[ended.rows]
+            if self._renew:
+                self._begin(ended.rows)
+                self._state = self.engine.state()
+                self._width = self._width.copy()
+                self._width[ended.rows] = self._state.hand_width[ended.rows]
+                seen = seen.copy()
+                seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
 
     def _cut(self) -> Mask:

@@ -36,6 +36,14 @@ NEAR_M = 0.6
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
+def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
+    """Put ``data`` at positions (nq,): what drawing needs, and no dynamics."""
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+
+
 class Film:
     """Draws a scene at positions of its model; close it, or use it in a ``with`` block."""
 
@@ -60,23 +68,9 @@ class Film:
         Raises:
             MissingError: Nothing can be drawn here.
         """
-        T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
-        spec = scene_spec(
-            scene.asset,
-            arm=scene.arm,
-            physics=scene.physics,
-            place=scene.place,
-            scale=scale,
-            visuals=True,
-        )
-        set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
         self.scene = scene
-        self._model = spec.compile()
-        self._root = next(
-            i for i in range(self._model.nbody) if self._model.body(i).name.startswith(PREFIX)
-        )
-        self._model.body_pos[self._root] = T_wo[:3, 3]
-        self._model.body_quat[self._root] = matrix_to_quat(T_wo[:3, :3])
+        self._model = drawn_model(scene, scale=scale, T_wo=T_wo, size=size)
+        self._root = _root_of(self._model)
         self._data = mujoco.MjData(self._model)
         self._size = size
         self._canvas = Canvas(self._model, size, shadows=shadows)
@@ -101,6 +95,17 @@ class Film:
             aspect=self._size[0] / self._size[1],
         )
         return self._view
+
+    def view_from(self, qpos: Array, *, azimuth_deg: float, elevation_deg: float) -> View:
+        """The view in a given direction that shows hand and object at positions (nq,)."""
+        self._place(qpos)
+        return fitted_view(
+            self._points_of_interest(),
+            azimuth_deg=azimuth_deg,
+            elevation_deg=elevation_deg,
+            fov_deg=float(self._model.vis.global_.fovy),
+            aspect=self._size[0] / self._size[1],
+        )
 
     def frame(self, qpos: Array, view: View | None = None) -> Pixels:
         """The scene at positions (nq,), shape (height, width, 3).
@@ -141,10 +146,7 @@ class Film:
         self.close()
 
     def _place(self, qpos: Array) -> None:
-        self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
+        set_positions(self._model, self._data, qpos)
 
     def _points_of_interest(self) -> Array:
         """Corners around the arm, the moving part, and what of the object is near it (P, 3)."""
@@ -186,6 +188,35 @@ class Film:
         while body not in (0, top):
             body = int(self._model.body_parentid[body])
         return body == top
+
+
+def drawn_model(
+    scene: Scene,
+    *,
+    scale: float = 1.0,
+    T_wo: Array | None = None,
+    size: tuple[int, int] = SIZE,
+) -> mujoco.MjModel:
+    """The scene as people see it; the arguments are :class:`Film`'s."""
+    T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
+    spec = scene_spec(
+        scene.asset,
+        arm=scene.arm,
+        physics=scene.physics,
+        place=scene.place,
+        scale=scale,
+        visuals=True,
+    )
+    set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
+    model = spec.compile()
+    root = _root_of(model)
+    model.body_pos[root] = T_wo[:3, 3]
+    model.body_quat[root] = matrix_to_quat(T_wo[:3, :3])
+    return model
+
+
+def _root_of(model: mujoco.MjModel) -> int:
+    return next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
 
 
 def write_film(

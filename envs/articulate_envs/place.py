@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,15 +10,15 @@ from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.draw import DrawConfig
 from articulate.errors import ReachError
-from articulate.kinematics import manipulability, solve_ik, tool_pose
-from articulate.placing import Place, handle_in_world, handle_way, object_pose
+from articulate.kinematics import joint_poses, manipulability, solve_ik, tool_pose
+from articulate.placing import Place, handle_in_world, handle_way, object_pose, tilted
 from articulate.task import Task
-from articulate.transforms import Array, axis_angle_to_matrix, pose
+from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, quat_to_matrix
 
 __all__ = ["Place", "find_place", "handle_in_world", "handle_way", "object_pose"]
 
 STANDOFF_M = 0.13
-"""Wished distance from the start pose's tool to the closed handle [m].
+"""Wished distance from the start pose's tool to the handle as an episode begins [m].
 
 About the sum of the draws of the arm's start and the object's place: hardly an episode begins in
 contact.
@@ -28,65 +28,227 @@ STANDOFF_WEIGHT = 3.0
 X_M = np.arange(0.50, 0.81, 0.025)
 Y_M = np.array([0.0, -0.15, 0.15])
 Z_M = np.array([0.70, 0.75, 0.80, 0.65, 0.60, 0.85])
-"""Places of the closed handle that are tried, in the world frame [m]."""
+"""Places of the handle as an episode begins that are tried, in the world frame [m]."""
+MIN_DRAWN_SHARE = 0.99
+"""Share of drawn poses and sizes at which the arm must reach the whole way."""
+CLEAR_M = 0.06
+"""Wished distance between the arm at its start and the object [m]."""
+ALIKE_M = 0.045
+"""Places nearer to each other than this are tried once [m]."""
+MAX_TRIES = 10
+"""So many places are tried at most for what is drawn."""
+GOOD = 2.0
+"""Of a place that is clear and from which all that is drawn can be reached, one for each."""
+WIDE_X_M = np.array([0.50, 0.55, 0.60, 0.65, 0.70, 0.75, 0.80, 0.40, 0.45])
+WIDE_Z_M = np.array([0.80, 0.70, 0.60, 0.50, 0.40, 0.30, 0.20])
+"""Places that are tried where those do not suffice: handles that rise begin lower [m]."""
+
+STEEP = 0.7
+"""Level part of an approach below which it counts as one from above."""
+HAND_POINTS = np.array(
+    [(0.0, y, z) for y, z in ((0.04, 0.0), (0.10, -0.05), (0.10, -0.10)) for y in (-y, 0.0, y)]
+)
+"""Points on fingers and hand in the tool frame [m]."""
 MIN_JOINT_MARGIN_RAD = 0.10
 """Distance to the joint limits that must be left along the nominal way [rad]."""
 MIN_MANIPULABILITY = 0.04
 """Smallest singular value of the Jacobian that must be left along the nominal way."""
 
 
-def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
-    """The best place for the object, tested from closed to the task's target.
+@dataclass(frozen=True)
+class Stage:
+    """Places that are tried together."""
 
-    The object is turned so that its handle faces the arm; the robot's base or the object is
-    raised as needed (the object's floor may lie above or below the robot's).
+    back_m: float
+    """How far back from home the arm starts [m]."""
+    x_m: Array
+    """Distances of the handle as an episode begins, for an arm that starts at home [m]."""
+    z_m: Array
+    """Its heights [m]."""
+    tilts_rad: tuple[float, ...] = (0.0,)
+    """How the handle is held; see :func:`articulate.placing.tilted` [rad]."""
+
+
+TILTS_RAD = (-0.3, 0.3, -0.6, 0.6)
+"""Tilts that are tried where none will do."""
+STAGES = (
+    Stage(0.0, X_M, Z_M),
+    Stage(0.0, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.08, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.16, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.0, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
+    Stage(0.08, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
+)
+"""Tried in this order; the first that holds a good place is the last."""
+
+
+def find_place(asset: Asset, task: Task, arm: Arm, config: DrawConfig) -> Place:
+    """The best place for the object, tested from closed to the farthest that the task asks for.
+
+    The object is turned so that its closed handle faces the arm; the robot's base or the object
+    is raised as needed (the object's floor may lie above or below the robot's). Places come by
+    their score; the first is taken from which the drawn ones can be reached too and where the arm
+    at its start is clear of the object as it is when an episode begins. Where there is none, the
+    arm starts farther back.
 
     Raises:
         ReachError: There is none; the message says what would help.
     """
-    opened = np.linspace(0.0, task.target, 5)
+    way = np.linspace(*way_ends(task), 5)
     best: tuple[float, Place] | None = None
-    for flip in (False, True):
-        way_o = handle_way(asset, task.joint, opened, flip=flip)
-        approach = way_o[0, :3, 2]
-        yaw = -float(np.arctan2(approach[1], approach[0]))
-        turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), yaw)
-        start_q = _start(arm, turn @ way_o[0, :3, :3])
-        for y in Y_M:
-            grips = np.array([(x, y, z) for z in Z_M for x in X_M])
-            found = _best_grip(arm, way_o, turn, grips, start_q)
-            if found is not None and (best is None or found[0] > best[0]):
-                pos = found[1] - turn @ way_o[0, :3, 3]
-                best = (
-                    found[0],
-                    Place(
-                        pos_w=_triple(pos),
-                        yaw_rad=yaw,
-                        flip=flip,
-                        start_q=tuple(float(v) for v in start_q),
-                        joint_margin_rad=found[2],
-                        manipulability=found[3],
-                        drawn_share=0.0,
-                    ),
-                )
+    for stage in STAGES:
+        places = [
+            found
+            for tilt_rad in stage.tilts_rad
+            for flip in (False, True)
+            for yaw in _yaws(handle_way(asset, task.joint, np.zeros(()))[:3, 2])
+            for y in Y_M
+            for found in _places(
+                tilted(asset, task.joint, tilt_rad), task, arm, way, stage, flip, yaw, y, tilt_rad
+            )
+        ]
+        places.sort(key=lambda found: -found[0])
+        found = _first_good(asset, task, arm, config, [place for _, place in places])
+        if found is not None and (best is None or found[0] > best[0]):
+            best = found
+        if best is not None and best[0] >= GOOD:
+            break
     if best is None:
-        travel = float(np.linalg.norm(np.ptp(way_o[:, :3, 3], axis=0)))
+        handles = handle_way(asset, task.joint, way)[:, :3, 3]
+        travel = float(np.linalg.norm(np.ptp(handles, axis=0)))
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} cannot be followed over its {travel:.2f} m "
-            "from closed to the target with the hand facing it; try a smaller --size or "
+            "between closed and open with the hand facing it; try a smaller --size or "
             "another --joint"
         )
-    share = _drawn_share(asset, task, arm, config, best[1])
-    return replace(best[1], drawn_share=share)
+    return best[1]
+
+
+def _yaws(approach: Array) -> list[float]:
+    """Turns of an object whose closed handle is approached along ``approach`` (3,) that are tried.
+
+    One that is approached from above may stand any way round.
+    """
+    yaw = -float(np.arctan2(approach[1], approach[0]))
+    if np.hypot(approach[0], approach[1]) >= STEEP:
+        return [yaw]
+    return [k * np.pi / 2 for k in range(4)]
+
+
+def way_ends(task: Task) -> tuple[float, float]:
+    """The least and the farthest open fraction between which the handle must be followed."""
+    return min(task.target, task.begin[0]), task.far
+
+
+def _first_good(
+    asset: Asset, task: Task, arm: Arm, config: DrawConfig, places: list[Place]
+) -> tuple[float, Place] | None:
+    """The first of ``places`` that is :data:`GOOD`, else the one nearest to it, and how good."""
+    best: tuple[float, Place] | None = None
+    tried: list[Place] = []
+    for place in places:
+        if any(_alike(place, other) for other in tried):
+            continue
+        tried.append(place)
+        value = min(start_clearance(asset, task, arm, place) / CLEAR_M, 1.0)
+        if best is None or value + 1.0 > best[0]:  # else no share could make it better
+            share = _drawn_share(asset, task, arm, config, place)
+            value += min(share / MIN_DRAWN_SHARE, 1.0)
+            if best is None or value > best[0]:
+                best = (value, replace(place, drawn_share=share))
+        if best[0] >= GOOD or len(tried) == MAX_TRIES:
+            break
+    return best
+
+
+def _alike(a: Place, b: Place) -> bool:
+    """Whether two places are so near to each other that one speaks for both."""
+    distance = float(np.linalg.norm(np.subtract(a.pos_w, b.pos_w)))
+    return a.flip == b.flip and distance < ALIKE_M
+
+
+def _places(
+    asset: Asset,
+    task: Task,
+    arm: Arm,
+    way: Array,
+    stage: Stage,
+    flip: bool,
+    yaw: float,
+    y: float,
+    tilt_rad: float,
+) -> list[tuple[float, Place]]:
+    """Places from which the whole way can be followed, with their scores."""
+    closed, first = handle_way(asset, task.joint, np.array([0.0, task.begin[1]]), flip=flip)
+    turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), yaw)
+    start_q = _start(arm, turn @ closed[:3, :3], stage.back_m)
+    grid = np.array([(x - stage.back_m, y, z) for z in stage.z_m for x in stage.x_m])
+    way_o = handle_way(asset, task.joint, way, flip=flip)
+    way_o[:, :3, 3] -= first[:3, 3]
+    score, margin, able = _scored(arm, way_o, turn, grid, start_q)
+    return [
+        (
+            float(score[k]),
+            Place(
+                pos_w=_triple(grid[k] - turn @ first[:3, 3]),
+                yaw_rad=yaw,
+                flip=flip,
+                start_q=tuple(float(v) for v in start_q),
+                joint_margin_rad=float(margin[k]),
+                manipulability=float(able[k]),
+                drawn_share=0.0,
+                tilt_rad=tilt_rad,
+            ),
+        )
+        for k in np.argsort(-score, kind="stable")
+        if np.isfinite(score[k])
+    ]
+
+
+def start_clearance(asset: Asset, task: Task, arm: Arm, place: Place) -> float:
+    """Distance [m] between the arm at its start and the boxes about the object's links.
+
+    The part is where an episode may begin; it is 0 where the arm is within a box, which may still
+    be empty there.
+    """
+    q = np.asarray(place.start_q)
+    T_wt = tool_pose(arm, q)
+    hand = HAND_POINTS @ T_wt[:3, :3].T + T_wt[:3, 3]
+    points = np.concatenate([hand, joint_poses(q)[3:, :3, 3]])
+    T_ow = inverse(place.T_wo())
+    points = points @ T_ow[:3, :3].T + T_ow[:3, 3]
+    part = asset.joint(task.joint)
+    nearest = np.inf
+    for link in asset.links:
+        moves = next((j for j in asset.joints if j.link == link.name), None)
+        if moves is None:
+            poses = pose(link.pos_o, quat_to_matrix(link.quat_o))[None]
+        else:
+            at = np.linspace(*task.begin, 3) if moves is part else np.zeros(1)
+            poses = asset.T_ol(moves.name, moves.closed + at * moves.span)
+        low, high = (np.asarray(corner) for corner in link.bounds_l)
+        for T_ol in poses:
+            inside = inverse(T_ol)
+            own = points @ inside[:3, :3].T + inside[:3, 3]
+            out = np.maximum(np.maximum(low - own, own - high), 0.0)
+            nearest = min(nearest, float(np.linalg.norm(out, axis=1).min()))
+    return nearest
 
 
 def _triple(v: Array) -> tuple[float, float, float]:
     return (float(v[0]), float(v[1]), float(v[2]))
 
 
-def _start(arm: Arm, rotation: Array) -> Array:
-    """Home with the last joint turned so that the hand's axes lie nearest to the handle's."""
+def _start(arm: Arm, rotation: Array, back_m: float) -> Array:
+    """Home with the last joint turned so that the hand's axes lie nearest to the handle's.
+
+    The tool is moved back from there by ``back_m`` along world x.
+    """
     q = np.asarray(arm.home, dtype=np.float64)
+    if back_m > 0.0:
+        goal = tool_pose(arm, q)
+        goal[0, 3] -= back_m
+        q = solve_ik(arm, goal[None], q, iterations=80).q[0]
     low, high = arm.bounds(0.3)
     turns = np.linspace(low[6], high[6], 721)
     poses = np.repeat(q[None], len(turns), axis=0)
@@ -96,35 +258,43 @@ def _start(arm: Arm, rotation: Array) -> Array:
     return np.asarray(poses[int(np.argmax(fit))])
 
 
-def _best_grip(
-    arm: Arm, way_o: Array, turn: Array, grips: Array, start_q: Array
-) -> tuple[float, Array, float, float] | None:
-    """Best of the closed handle's places (M, 3): its score, itself, margin, manipulability."""
-    steps = len(way_o)
-    rel = np.einsum("ij,kj->ki", turn, way_o[:, :3, 3] - way_o[0, :3, 3])
-    goals = pose(
-        (grips[:, None] + rel).reshape(-1, 3),
-        np.tile(turn @ way_o[:, :3, :3], (len(grips), 1, 1)),
-    )
-    result = solve_ik(arm, goals, start_q, iterations=50)
+def _scored(
+    arm: Arm, way_o: Array, turn: Array, first: Array, start_q: Array
+) -> tuple[Array, Array, Array]:
+    """Score, margin and manipulability (M,) of places of the handle as an episode begins (M, 3).
+
+    ``way_o`` are the handle's poses on its way, seen from there. The score is -inf where the way
+    cannot be followed.
+    """
+    rel = np.einsum("ij,kj->ki", turn, way_o[:, :3, 3])
+    turned = np.broadcast_to(turn @ way_o[:, :3, :3], (len(first), len(way_o), 3, 3))
+    goals = pose(first[:, None] + rel, turned)
+    margin, able = np.full(len(first), -np.inf), np.zeros(len(first))
+    rows = np.arange(len(first))
     low, high = arm.bounds()
-    margin = np.minimum(result.q - low, high - result.q).min(axis=1).reshape(-1, steps).min(axis=1)
-    able = manipulability(arm, result.q).reshape(-1, steps).min(axis=1)
-    ok = result.reached.reshape(-1, steps).all(axis=1)
-    ok &= (margin >= MIN_JOINT_MARGIN_RAD) & (able >= MIN_MANIPULABILITY)
-    if not ok.any():
-        return None
+    for steps in ([0, -1], range(len(way_o))):  # most fail at an end
+        if not rows.size:
+            break
+        part = goals[rows][:, list(steps)]
+        result = solve_ik(arm, part.reshape(-1, 4, 4), start_q, iterations=50)
+        nearest = np.minimum(result.q - low, high - result.q).min(axis=1)
+        margin[rows] = nearest.reshape(len(rows), -1).min(axis=1)
+        able[rows] = manipulability(arm, result.q).reshape(len(rows), -1).min(axis=1)
+        ok = result.reached.reshape(len(rows), -1).all(axis=1)
+        ok &= (margin[rows] >= MIN_JOINT_MARGIN_RAD) & (able[rows] >= MIN_MANIPULABILITY)
+        rows = rows[ok]
     tool = tool_pose(arm, start_q)[:3, 3]
     wish = tool + np.array([STANDOFF_M, 0.0, 0.0])
     score = np.minimum(margin, 0.5) + 2.0 * np.minimum(able, 0.15)
-    score -= STANDOFF_WEIGHT * np.linalg.norm(grips - wish, axis=1)
-    score[~ok] = -np.inf
-    k = int(np.argmax(score))
-    return float(score[k]), grips[k], float(margin[k]), float(able[k])
+    score -= STANDOFF_WEIGHT * np.linalg.norm(first - wish, axis=1)
+    out = np.full(len(first), -np.inf)
+    out[rows] = score[rows]
+    return out, margin, able
 
 
 def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place) -> float:
     """Share of the corners of the drawn box of poses and sizes at which the way can be reached."""
+    asset = tilted(asset, task.joint, place.tilt_rad)
     signs = np.array(np.meshgrid(*([[-1.0, 1.0]] * 3))).reshape(3, -1)
     scale = np.repeat(config.scale, signs.shape[1])
     signs = np.tile(signs, 2)
@@ -137,7 +307,7 @@ def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: 
         yaw=config.yaw_rad * signs[2],
     )
     ok = np.ones(len(scale), dtype=bool)
-    for opened in np.linspace(0.0, task.target, 3):
+    for opened in np.linspace(*way_ends(task), 3):
         goals = handle_in_world(
             asset,
             task.joint,

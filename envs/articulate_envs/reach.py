@@ -1,4 +1,4 @@
-"""The second half of the reach test: is there room for the fingers at the handle?"""
+"""The second half of the reach test: is there room for fingers and arm, in the scene itself?"""
 
 from __future__ import annotations
 
@@ -8,22 +8,25 @@ import numpy as np
 from articulate.errors import ReachError
 from articulate.kinematics import solve_ik
 from articulate.placing import handle_in_world
-from articulate_envs.panda import HAND_BODY
+from articulate.transforms import Array
+from articulate_envs.panda import BASE_BODY, HAND_BODY
+from articulate_envs.place import MIN_DRAWN_SHARE, way_ends
 from articulate_envs.scene import PREFIX, Scene
 
 MAX_OVERLAP_M = 0.003
 """Overlap of collision shapes of hand and object that still counts as room [m]."""
 BACK_M = (0.0, 0.005, 0.01, 0.015)
 """Distances by which the hand may stay behind the middle of the handle [m]."""
-MIN_DRAWN_SHARE = 0.99
-"""Share of drawn poses and sizes at which the arm must reach the whole way."""
 
 
 def check_grasp(scene: Scene) -> float:
-    """Overlap [m] of an open hand at the closed handle with the object, where it is least.
+    """Overlap [m] of an open hand at the handle with the object, the largest along the way.
+
+    Of the places that the hand may take at the handle, the one counts where it is least.
 
     Raises:
-        ReachError: There is no room for the fingers, or the drawn poses lie out of reach.
+        ReachError: There is no room for the fingers, the drawn poses lie out of reach, or the
+            arm at its start is in the way of the object.
     """
     asset, task, place = scene.asset, scene.task, scene.place
     if place.drawn_share < MIN_DRAWN_SHARE:
@@ -32,41 +35,57 @@ def check_grasp(scene: Scene) -> float:
             f"{place.drawn_share:.0%} of the drawn poses and sizes only; try a smaller --size or "
             "smaller --draw.* ranges"
         )
-    best = min(_overlap(scene, back) for back in BACK_M)
+    best = max(
+        min(_overlap(scene, opened, back) for back in BACK_M)
+        for opened in np.linspace(*way_ends(task), 3)
+    )
     if best > MAX_OVERLAP_M:
         raise ReachError(
             f"{asset.name}: no room for the fingers at the handle of {task.joint}: an open hand "
             f"overlaps the object by {1000 * best:.0f} mm; name another --joint or model a handle"
         )
+    for opened in task.begin:
+        if _deepest(scene, np.asarray(place.start_q), opened, BASE_BODY) > 0.0:
+            raise ReachError(
+                f"{asset.name}: the arm at its start is in the way of {task.joint} as it begins, "
+                f"{opened:.0%} open; name another --joint or try a smaller --size"
+            )
     return best
 
 
-def _overlap(scene: Scene, back_m: float) -> float:
+def _overlap(scene: Scene, opened: float, back_m: float) -> float:
     """Deepest contact [m] of the hand, ``back_m`` behind the handle, with the object."""
-    model, at, place = scene.nominal, scene.at, scene.place
+    place = scene.place
     T_wh = handle_in_world(
         scene.asset,
         scene.task.joint,
         T_wo=place.T_wo()[None],
         scale=np.ones(1),
-        opened=np.zeros(1),
+        opened=np.full(1, opened),
         flip=place.flip,
     )
     T_wh[:, :3, 3] -= back_m * T_wh[:, :3, 2]
     q = solve_ik(scene.arm, T_wh, np.asarray(place.start_q), iterations=80).q[0]
+    return _deepest(scene, q, opened, HAND_BODY)
+
+
+def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
+    """Deepest contact [m] of what is ``above`` a body of the arm at ``q`` (7,) with the object."""
+    model, at = scene.nominal, scene.at
     data = mujoco.MjData(model)
     for joint in scene.asset.joints:
-        data.joint(PREFIX + joint.name).qpos[0] = joint.closed
+        part = opened if joint.name == scene.task.joint else 0.0
+        data.joint(PREFIX + joint.name).qpos[0] = joint.closed + part * joint.span
     half = scene.arm.hand.max_width_m / 2.0
     data.qpos[at.arm_q : at.arm_q + 7] = q
     data.qpos[at.finger_q : at.finger_q + 2] = (half, -half)
     mujoco.mj_forward(model, data)
-    hand = model.body(HAND_BODY).id
+    first = model.body(above).id
     deepest = 0.0
     for contact in data.contact:
         bodies = model.geom_bodyid[contact.geom]
         names = [model.body(b).name for b in bodies]
-        on_hand = [_below(model, int(b), hand) for b in bodies]
+        on_hand = [_below(model, int(b), first) for b in bodies]
         if any(on_hand) and any(n.startswith(PREFIX) for n in names):
             deepest = max(deepest, -float(contact.dist))
     return deepest

@@ -62,11 +62,14 @@ class RewardConfig:
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
     the hand on the way and pulls before it has closed."""
     margin: float = 0.08
-    """Opening is paid for up to the target and this share of it beyond: what is known of the part
-    is noisy, and one who aims at the target itself stops short of it."""
+    """The way is paid for up to the target and this share of it beyond, at most half the room to
+    the stop: what is known of the part is noisy, and one who aims at the target itself stops
+    short of it."""
     over: float = 0.5
-    """Share of it that is lost again from there to the end of the range, where the part hits its
-    stop and jerks the hand."""
+    """Share of it that is lost again from there to the part's stop, which jerks the hand."""
+    over_room: float = 0.1
+    """Least share of the range on which that is lost: where the stop is nearer to the target (a
+    part that is to be closed), meeting it costs in proportion less."""
     progress: float = 60.0
     """For each change of that fraction."""
     rest: float = 0.6
@@ -172,10 +175,24 @@ def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) ->
 
 
 def _paid(config: RewardConfig, task: Task, opened: Array) -> Array:
-    """Share (N,) of the way to the target that is paid for, at most 1."""
-    goal = min(task.target * (1.0 + config.margin), 1.0)
-    over = np.clip((opened - goal) / max(1.0 - goal, 1e-9), 0.0, 1.0)
-    return np.asarray(np.clip(opened / goal, 0.0, 1.0) - config.over * over)
+    """Share (N,) of the way to the target that is paid for, at most 1.
+
+    It counts from where the part may begin farthest from its target.
+    """
+    first = task.begin[1]
+    goal = first + (task.target - first) * (1.0 + config.margin)
+    if task.closes:  # on either side of the closed end: one without a stop can pass it
+        opened = np.abs(opened)
+        goal = max(goal, task.target / 2.0)
+    elif task.stop is not None:
+        goal = min(goal, (task.target + task.stop) / 2.0)
+    way = np.clip((opened - first) / (goal - first), 0.0, 1.0)
+    if task.stop is None:
+        return np.asarray(way)
+    sign = -1.0 if task.closes else 1.0
+    room = max(sign * (task.stop - goal), config.over_room)
+    over = np.clip(sign * (opened - goal) / room, 0.0, 1.0)
+    return np.asarray(way - config.over * over)
 
 
 def reward_terms(

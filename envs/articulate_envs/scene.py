@@ -11,7 +11,7 @@ from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
 from articulate.follow import FollowConfig
-from articulate.placing import Place
+from articulate.placing import Place, tilted
 from articulate.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
@@ -55,7 +55,10 @@ class Addresses:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is simulated. Model ``k`` shows the object at size ``scales[k]``."""
+    """What is simulated. Model ``k`` shows the object at size ``scales[k]``.
+
+    The asset's handle is the one that the hand holds, tilted as the place says.
+    """
 
     asset: Asset
     task: Task
@@ -98,21 +101,20 @@ def build_scene(
     Raises:
         MissingError: robosuite, whose Panda is used, is not installed.
     """
-    models = tuple(
-        scene_spec(
-            asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False
-        ).compile()
-        for scale in scales
-    )
+    models = []
+    for scale in scales:
+        spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)
+        _counterbalance(spec, asset, task)
+        models.append(spec.compile())
     return Scene(
-        asset=asset,
+        asset=tilted(asset, task.joint, place.tilt_rad),
         task=task,
         arm=arm,
         follow=follow,
         physics=physics,
         place=place,
         scales=scales,
-        models=models,
+        models=tuple(models),
         at=_addresses(models[0], task),
     )
 
@@ -142,6 +144,27 @@ def scene_spec(
     _add_arena(spec, asset, place, visuals=visuals)
     _add_sensors(spec, root_name)
     return spec
+
+
+def _counterbalance(spec: mujoco.MjSpec, asset: Asset, task: Task) -> None:
+    """Carry the weight of a part that begins open and would fall, so that it stays where it is.
+
+    As springs and struts of lids do. A level drawer and an upright door need none and get none.
+    """
+    joint = asset.joint(task.joint)
+    up = abs(joint.axis_o[2])
+    falls = up > LEVEL if joint.kind == "slide" else up < np.sqrt(1.0 - LEVEL**2)
+    if task.begin[1] <= 0.0 or not falls:
+        return
+    below = [spec.body(PREFIX + joint.link)]
+    while below:
+        body = below.pop()
+        body.gravcomp = 1.0
+        below += list(body.bodies)
+
+
+LEVEL = 1e-3
+"""Sine of an angle that counts as none."""
 
 
 def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:

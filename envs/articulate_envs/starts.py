@@ -29,9 +29,9 @@ class StartConfig:
     until: float = 0.6
     """Share of the training after which the second holds; linear between."""
     grip_share: float = 0.45
-    """Of those starts, the share with the hand closed on the handle of a part that is open."""
+    """Of those starts, the share with the hand closed on the handle of a part on its way."""
     standoff_m: float = 0.12
-    """The others begin before the handle of a closed part, up to this far [m]."""
+    """The others begin before the handle, up to this far [m]; the part is where it begins."""
     empty_share: float = 0.3
     """Of those before the handle, the share with a hand that has closed on nothing, which learns
     to open again."""
@@ -66,13 +66,13 @@ class StartConfig:
 
 
 def home_start(scene: Scene, drawn: Draw) -> Start:
-    """Starts from home plus the drawn offsets, hand open and empty, part closed."""
+    """Starts from home plus the drawn offsets, hand open and empty, part where it was drawn."""
     n = len(drawn.values)
     low, high = scene.arm.bounds(scene.follow.margin_rad)
     return Start(
         draw=drawn,
         q=np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high),
-        opened=np.zeros(n),
+        opened=drawn["part_open"].copy(),
         width=np.full(n, scene.arm.hand.max_width_m),
         closing=-np.ones(n),
         home=np.ones(n, dtype=bool),
@@ -84,9 +84,12 @@ def bank_of_starts(
 ) -> Start:
     """Starts along the task whose arm poses were found by inverse kinematics."""
     n = config.bank
-    drawn = draw(draws, rng, n)
+    task = scene.task
+    drawn = draw(draws, rng, n, begin=task.begin)
     grip = rng.random(n) < config.grip_share
-    opened = np.where(grip, scene.task.target * rng.random(n), 0.0)
+    on_way = task.begin[1] + (task.target - task.begin[1]) * rng.random(n)
+    opened = np.where(grip, on_way, drawn["part_open"])
+    drawn.values[:, COLUMNS.index("part_open")] = opened
     T_wo = object_pose(
         scene.asset,
         scene.task.joint,
@@ -128,7 +131,7 @@ def bank_of_starts(
     )
 
 
-PLACED = ("scale", "x_m", "y_m", "yaw_rad")
+PLACED = ("scale", "x_m", "y_m", "yaw_rad", "part_open")
 """Drawn numbers on which a prepared arm pose depends."""
 
 

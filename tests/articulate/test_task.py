@@ -17,8 +17,8 @@ from articulate.task import (
     fraction,
     make_task,
     matching_joints,
+    matching_tasks,
     no_joint_error,
-    part_kind,
 )
 
 
@@ -48,30 +48,25 @@ def joint(kind="slide", axis=(-1.0, 0.0, 0.0), lower=0.0, upper=0.3, closed=0.0,
     )
 
 
-@pytest.mark.parametrize(
-    ("kind", "axis", "part"),
-    [
-        ("slide", (-1.0, 0.0, 0.0), "drawer"),
-        ("slide", (0.0, 1.0, 0.0), "drawer"),
-        ("slide", (0.0, 0.0, 1.0), "lid"),
-        ("hinge", (0.0, 0.0, -1.0), "door"),
-        ("hinge", (0.0, 1.0, 0.0), "lid"),
-        ("hinge", (0.6, 0.0, 0.8), "door"),
-        ("hinge", (0.8, 0.0, 0.6), "lid"),
-    ],
-)
-def test_a_level_slide_is_a_drawer_a_steep_hinge_a_door_and_the_rest_are_lids(kind, axis, part):
-    assert part_kind(joint(kind=kind, axis=axis)) == part
+@pytest.mark.parametrize("verb", ["open", "close"])
+def test_tasks_match_the_joints_of_their_part_and_joint_matches_all(verb, cabinet, cupboard):
+    assert matching_joints(f"{verb}_drawer", cabinet) == cabinet.joints
+    assert matching_joints(f"{verb}_door", cabinet) == ()
+    assert matching_joints(f"{verb}_drawer", cupboard) == ()
+    assert matching_joints(f"{verb}_door", cupboard) == cupboard.joints
+    assert matching_joints(f"{verb}_joint", cupboard) == cupboard.joints
 
 
-def test_open_drawer_matches_drawers_and_open_joint_matches_all(cabinet, cupboard):
-    assert matching_joints("open_drawer", cabinet) == cabinet.joints
-    assert matching_joints("open_drawer", cupboard) == ()
-    assert matching_joints("open_joint", cupboard) == cupboard.joints
+def test_tasks_of_a_joint_are_those_that_match_it(cupboard):
+    names = matching_tasks(cupboard, cupboard.joint("door_hinge"))
+    assert names == ("open_door", "close_door", "open_joint", "close_joint")
 
 
 def with_joint(asset, item):
-    return dataclasses.replace(asset, joints=(dataclasses.replace(item, name="j"),))
+    """The asset with ``item`` as its only joint ``j``, which moves its last link, ``part``."""
+    last = dataclasses.replace(asset.links[-1], name="part")
+    item = dataclasses.replace(item, name="j", link="part")
+    return dataclasses.replace(asset, links=(*asset.links[:-1], last), joints=(item,))
 
 
 def test_target_of_a_slide_is_four_fifths_of_its_range(cabinet):
@@ -105,6 +100,58 @@ def test_target_of_a_joint_that_opens_backwards_has_its_sign(cabinet):
     assert task.target == pytest.approx(0.8)
 
 
+def test_opening_begins_closed_and_may_run_into_the_end_of_the_range(cabinet):
+    task = make_task("open_drawer", cabinet, "drawer_1_slide")
+    assert (task.begin, task.stop, task.closes, task.far) == ((0.0, 0.0), 1.0, False, task.target)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("kind", "reach", "first"),
+    [
+        ("slide", 0.3, 0.8),
+        ("hinge", np.pi / 3, 0.8),
+        ("hinge", np.pi / 2, 0.8),
+        ("hinge", np.pi, 0.4),
+    ],
+)
+def test_closing_begins_between_half_and_all_of_the_open_target_and_ends_at_a_twentieth(
+    kind, reach, first, sign, cupboard
+):
+    low, high = sorted((0.0, sign * reach))
+    part = joint(kind, (0.0, 0.0, 1.0), lower=low, upper=high, opened=sign * reach)
+    task = make_task("close_joint", with_joint(cupboard, part), "j")
+    assert task.begin == pytest.approx((first / 2, first))
+    assert task.target == 0.05
+    assert (task.stop, task.closes, task.far) == (0.0, True, task.begin[1])
+    assert task.span == pytest.approx(sign * reach)
+
+
+def test_closing_a_joint_of_many_turns_asks_for_half_of_where_it_may_begin(cupboard):
+    screw = joint("hinge", (0.0, 0.0, 1.0), upper=20 * np.pi, opened=20 * np.pi)
+    task = make_task("close_joint", with_joint(cupboard, screw), "j")
+    assert task.begin[0] == pytest.approx(0.01)
+    assert task.target == pytest.approx(0.005)
+
+
+def test_joint_that_turns_without_end_is_closed_from_a_quarter_turn_and_has_no_stop(cupboard):
+    knob = joint("hinge", (0.0, 0.0, 1.0), lower=None, upper=None, opened=-np.pi / 2)
+    asset = with_joint(cupboard, knob)
+    opening, closing = (make_task(f"{verb}_joint", asset, "j") for verb in ("open", "close"))
+    assert (opening.target, opening.stop) == (1.0, None)
+    assert (closing.begin, closing.target, closing.stop) == ((0.5, 1.0), 0.05, None)
+    assert closing.span == pytest.approx(-np.pi / 2)
+
+
+def test_closed_is_within_the_target_on_either_side_of_the_closed_end_and_at_rest(cabinet):
+    task = make_task("close_drawer", cabinet, "drawer_1_slide")
+    opened = np.array([0.05, 0.0, -0.04, -0.06, 0.051, 0.8, 0.0, 0.0])
+    speed = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.019])
+    beyond = [True, True, True, False, False, False, True, True]
+    assert beyond_target(task, opened).tolist() == beyond
+    assert at_target(task, opened, speed).tolist() == [*beyond[:6], False, True]
+
+
 @given(closed=st.floats(-2, 2), span=st.floats(0.1, 3), sign=st.sampled_from([-1, 1]))
 def test_fraction_is_0_when_closed_and_1_at_the_open_end(closed, span, sign):
     q = np.array([closed, closed + sign * span, closed + 2 * sign * span])
@@ -126,6 +173,10 @@ def test_unknown_names_and_joints_are_refused_with_what_exists(error_line, cabin
     error_line(
         'make_task("open_drawer", cabinet, "drawer_9_slide")',
         lambda: make_task("open_drawer", cabinet, "drawer_9_slide"),
+    )
+    error_line(
+        'make_task("close_lid", cabinet, "drawer_1_slide")',
+        lambda: make_task("close_lid", cabinet, "drawer_1_slide"),
     )
     error_line(
         'make_task("open_drawer", cupboard, "door_hinge")',
@@ -150,5 +201,11 @@ def test_rules_that_would_loosen_the_judgement_are_refused(error_line, cabinet):
 
 
 @pytest.mark.parametrize("name", TASK_RULES)
-def test_every_task_can_be_asked_of_a_drawer(name, cabinet):
-    assert make_task(name, cabinet, "drawer_0_slide").name == name
+def test_every_task_can_be_asked_of_some_part(name, cabinet, cupboard):
+    lid = joint("hinge", (0.0, 1.0, 0.0), upper=1.5, opened=1.5)
+    lids = dataclasses.replace(with_joint(cupboard, lid), name="box")
+    flat = dataclasses.replace(lids.links[-1], bounds_l=((0.0, 0.0, 0.0), (0.4, 0.4, 0.02)))
+    lids = dataclasses.replace(lids, links=(lids.links[0], flat))
+    asset = {"drawer": cabinet, "door": cupboard, "lid": lids, "joint": lids}[name.split("_")[1]]
+    task = make_task(name, asset, asset.joints[0].name)
+    assert (task.name, task.closes) == (name, name.startswith("close"))

@@ -271,3 +271,45 @@ def test_a_bank_row_can_be_replayed_by_itself(drawer):
     runs = episodes(drawer)
     runs.reset(start=rows_of(bank, np.arange(N)))
     assert_array_equal(runs.drawn.values, bank.draw.values[:N])
+
+
+def test_without_renewal_an_episode_stays_as_it_ended(drawer):
+    runs = Episodes(
+        ThreadEngine(drawer, 2),
+        draws=DRAWS,
+        reward=RewardConfig(),
+        starts=None,
+        seed=0,
+        renew=False,
+    )
+    runs.reset()
+    ticks = [runs.step(np.zeros((2, 8))) for _ in range(drawer.ticks)]
+    assert [tick.ended is not None for tick in ticks] == [False] * (drawer.ticks - 1) + [True]
+    last = ticks[-1].ended
+    assert last is not None
+    assert ticks[-1].done.all()
+    assert_array_equal(ticks[-1].observation, last.observation)
+    assert_array_equal(runs.judgement.samples, last.peaks)
+    again = runs.reset()
+    assert_array_equal(again[:, OBSERVATION.slice("time_left")], np.ones((2, 1)))
+
+
+def test_a_new_seed_decides_what_comes(drawer):
+    runs = Episodes(
+        ThreadEngine(drawer, 2), draws=DRAWS, reward=RewardConfig(), starts=None, seed=0
+    )
+    seen = []
+    for seed in (5, np.random.default_rng(5), np.random.SeedSequence(5), 6):
+        runs.reseed(seed)
+        seen.append(runs.reset())
+    assert_array_equal(seen[0], seen[1])
+    assert_array_equal(seen[0], seen[2])
+    assert np.any(seen[0] != seen[3])
+
+
+def test_a_step_before_the_first_reset_is_answered_in_one_line(drawer, error_line):
+    runs = Episodes(
+        ThreadEngine(drawer, 1), draws=DRAWS, reward=RewardConfig(), starts=None, seed=0
+    )
+    assert not runs.begun
+    error_line("Episodes.step() before reset()", lambda: runs.step(np.zeros((1, 8))))

@@ -262,6 +262,45 @@ def test_part_whose_target_is_the_end_of_its_range_loses_nothing_there():
     assert terms(state(opened=1.0), task=task)["open"] == pytest.approx(CONFIG.open)
 
 
+SHUTS = dataclasses.replace(TASK, name="close_drawer", target=0.05, begin=(0.4, 0.8), stop=0.0)
+"""A drawer that is to be closed. It is paid for up to the middle between target and stop."""
+
+
+@pytest.mark.parametrize(
+    ("opened", "paid"),
+    [(0.8, 0.0), (0.9, 0.0), (0.4125, 0.5), (0.025, 1.0), (0.0, 1.0 - 0.25 * CONFIG.over)],
+)
+def test_closing_earns_its_way_from_the_farthest_begin_to_half_of_the_target(opened, paid):
+    assert terms(state(opened=opened), task=SHUTS)["open"] == pytest.approx(paid * CONFIG.open)
+    first = state(opened=0.8)
+    change = terms(state(opened=opened), before=first, task=SHUTS)["progress"]
+    assert change == pytest.approx(paid * CONFIG.progress)
+
+
+def test_progress_of_closing_is_paid_for_closing_and_taken_back_for_opening():
+    two = state(opened=0.5), state(opened=0.4)
+    gained = terms(two[1], before=two[0], task=SHUTS)["progress"]
+    assert gained == pytest.approx(CONFIG.progress * 0.1 / 0.775)
+    assert terms(two[0], before=two[1], task=SHUTS)["progress"] == pytest.approx(-gained)
+
+
+def test_rest_of_closing_is_earned_near_the_closed_end_alone():
+    assert terms(state(opened=0.04), task=SHUTS)["rest"] == CONFIG.rest
+    assert terms(state(opened=0.06), task=SHUTS)["rest"] == 0
+    assert terms(state(opened=0.04, speed=-2 * TASK.slow), task=SHUTS)["rest"] == 0
+
+
+def test_part_that_turns_without_end_has_no_stop_to_keep_off():
+    """Opened farther it loses nothing; closed, it must not turn on beyond its closed end."""
+    opens = dataclasses.replace(TASK, kind="hinge", target=1.0, stop=None)
+    for opened in (1.08, 1.5, 4.0):
+        assert terms(state(opened=opened), task=opens)["open"] == pytest.approx(CONFIG.open)
+    assert terms(state(opened=1.0), task=opens)["open"] < CONFIG.open
+    shuts = dataclasses.replace(SHUTS, kind="hinge", begin=(0.5, 1.0), stop=None)
+    paid = [terms(state(opened=o), task=shuts)["open"] for o in (1.0, 0.3, 0.0, -0.3, -1.0)]
+    assert paid == pytest.approx([0.0, paid[1], CONFIG.open, paid[1], 0.0])
+
+
 @given(way=st.lists(st.floats(-0.2, 1.2), min_size=2, max_size=20))
 def test_progress_telescopes(way):
     """Its sum depends on where the part began and ended, not on the way between."""

@@ -220,6 +220,9 @@ class Reference:
         ("drawer", Limits(moment_nm=0.1), "moment"),
         ("drawer", Limits(force_n=2.0), "force"),
         ("door", Limits(speed_share=0.05), "speed"),
+        ("closing_drawer", Limits(force_n=2.0), "force"),
+        ("closing_door", Limits(speed_share=0.05), "speed"),
+        ("closing_lid", Limits(moment_nm=0.1), "moment"),
     ],
 )
 def test_compiled_loop_does_number_by_number_what_the_python_functions_do(

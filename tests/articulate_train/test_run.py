@@ -10,15 +10,11 @@ from articulate.config import load_config
 from articulate.draw import DrawConfig
 from articulate.errors import AssetError, ReachError, RunError, UsageError
 from articulate.placing import handle_way
+from articulate_envs import choose
+from articulate_envs.choose import HOME_HEIGHT_M, choose_joint
 from articulate_train import run as runs
 from articulate_train.config import TrainConfig
-from articulate_train.run import (
-    HOME_HEIGHT_M,
-    choose_joint,
-    create_run,
-    open_run,
-    resume_run,
-)
+from articulate_train.run import create_run, open_run, resume_run
 
 DRAWS = dataclasses.replace(DrawConfig(), scales=3)
 
@@ -49,14 +45,14 @@ def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_taken(
 
 
 def test_of_several_joints_those_that_cannot_be_reached_are_passed_over(cabinet, monkeypatch):
-    reached = runs._reached
+    reached = choose._reached
 
     def picky(config, asset, joint):
         if joint == JOINT:
             raise ReachError(f"{asset.name}: too far")
         return reached(config, asset, joint)
 
-    monkeypatch.setattr(runs, "_reached", picky)
+    monkeypatch.setattr(choose, "_reached", picky)
     assert choose_joint(wish(cabinet), cabinet)[0].joint == "drawer_1_slide"
 
 

@@ -62,7 +62,7 @@ class TrainConfig:
     asset: str
     """URDF file, or folder of an asset."""
     task: str = "open_drawer"
-    """What is asked: open_drawer, open_joint."""
+    """What is asked; --list-tasks lists the names."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
     closed: Literal["auto", "lower", "upper"] = "auto"

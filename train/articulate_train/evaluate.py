@@ -90,7 +90,7 @@ def roll_out(
 ) -> Rollout:
     """Run ``episodes`` episodes from home side by side, with the policy's mean action."""
     first, second = stream.spawn(2)
-    drawn = draw(draws, np.random.default_rng(first), episodes)
+    drawn = draw(draws, np.random.default_rng(first), episodes, begin=scene.task.begin)
     engine = ThreadEngine(scene, episodes, threads=threads)
     env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=second)
     seen = env.reset(start=home_start(scene, drawn))

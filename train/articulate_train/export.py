@@ -262,7 +262,7 @@ def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> 
         ),
         task=run.task,
         place=run.place,
-        object=run.asset,
+        object=scene.asset,
         object_sha256=run.asset.content_id(),
         scene=scene_entry(scene),
         estimator=_estimator(draws, follow.rate_hz),

@@ -13,7 +13,7 @@ import numpy as np
 
 from articulate.config import to_yaml
 from articulate.errors import MissingError
-from articulate.task import Task
+from articulate.task import Task, done_word
 from articulate_envs.film import picture, write_film
 from articulate_envs.rewards import TERMS
 from articulate_envs.scene import Scene
@@ -37,9 +37,10 @@ class Evaluated:
     def text(self) -> str:
         """A few lines for a terminal."""
         r = self.report
+        episodes = sum(s.success.episodes for s in r.seeds)
         lines = [
             f"success {r.success_rate:.1%} (worst seed {r.worst_seed_success_rate:.1%}), "
-            f"opened {r.opened_rate:.1%}, of {sum(s.success.episodes for s in r.seeds)} episodes"
+            f"{done_word(r.info.task)} {r.opened_rate:.1%}, of {episodes} episodes"
         ]
         reasons = ", ".join(f"{k} {v}" for k, v in r.reasons.items() if k != "success")
         if reasons:
@@ -72,11 +73,12 @@ def judge_run(run: Run, *, episodes: int) -> Evaluated:
 
 
 def target_text(task: Task) -> str:
-    """What counts as open, in words."""
+    """What counts as done, in words."""
     unit = "m" if task.kind == "slide" else "rad"
     way = abs(task.span) * task.target
     slow = f"slower than {task.slow} {unit}/s"
-    return f"{way:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
+    most = "at most " if task.closes else ""
+    return f"{most}{way:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
 
 
 def _info(run: Run) -> RunInfo:

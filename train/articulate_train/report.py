@@ -72,7 +72,7 @@ class Curve:
     success: Array
     """Share of successes among training episodes from home (K,)."""
     opened: Array
-    """Share that opened, limits aside (K,)."""
+    """Share whose part was held at the target, limits aside (K,)."""
     reward_terms: Array
     """Mean sums over an episode of each of :data:`articulate_envs.rewards.TERMS` (K, TERMS)."""
 
@@ -108,7 +108,7 @@ class RunInfo:
     joint: str
     """Joint of the object."""
     target_text: str
-    """What counts as open, in words."""
+    """What counts as done, in words."""
     target: float
     """Fraction of the joint's way at which the part must rest."""
     steps: int

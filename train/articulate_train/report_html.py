@@ -22,6 +22,7 @@ import numpy as np
 from articulate.files import write_json, write_text
 from articulate.judgement import REASONS
 from articulate.page import Bars, Chart, Line, Page, Points, Tile
+from articulate.task import done_word
 from articulate.transforms import Array
 from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
@@ -46,8 +47,9 @@ REASON_TEXT = {
     "force": "force on the hand too high",
     "moment": "moment on the hand too high",
     "not_open": "not open at the end",
-    "moving": "open, but not at rest",
+    "moving": "at the target, but not at rest",
     "diverged": "simulation diverged",
+    "not_closed": "not closed at the end",
 }
 """What a reader is told of :data:`articulate.judgement.REASONS`."""
 PEAK_TEXT = {
@@ -163,13 +165,13 @@ class _ReportPage(Page):
 
 def _headline(page: Page, report: Report) -> None:
     iqm, opened = report.success_iqm, report.opened_iqm
-    rate = report.success_rate
+    rate, word = report.success_rate, done_word(report.info.task)
     tone: Literal["plain", "good", "bad"] = "plain"
     if rate >= GOOD or rate < BAD:
         tone = "good" if rate >= GOOD else "bad"
     tiles = [
-        Tile(value=_percent(rate), label="success: opened, within all limits", tone=tone),
-        Tile(value=_percent(report.opened_rate), label="opened, limits aside"),
+        Tile(value=_percent(rate), label=f"success: {word}, within all limits", tone=tone),
+        Tile(value=_percent(report.opened_rate), label=f"{word}, limits aside"),
         Tile(value=_percent(report.worst_seed_success_rate), label="success of the worst seed"),
     ]
     if report.nominal_success_rate is not None:
@@ -179,7 +181,7 @@ def _headline(page: Page, report: Report) -> None:
     seeds = len(report.seeds)
     page.text(
         f"{iqm.episodes} episodes with {seeds} trained {'policy' if seeds == 1 else 'policies'}. "
-        f"Interquartile mean over seeds: success {_interval(iqm)}, opened {_interval(opened)}. "
+        f"Interquartile mean over seeds: success {_interval(iqm)}, {word} {_interval(opened)}. "
         f"All episodes taken together: success {_interval(report.success_pooled)}."
     )
 
@@ -301,7 +303,8 @@ def _timeline_chart(report: Report, title: str, unit: str, name: str, goal: floa
 def _seeds(page: Page, report: Report) -> None:
     page.section("Seeds", "Shares with 95 % intervals (Wilson).")
     nominal = any(s.nominal_success is not None for s in report.seeds)
-    header = ["seed", "success", "opened", *(["not randomised"] if nominal else [])]
+    word = done_word(report.info.task)
+    header = ["seed", "success", word, *(["not randomised"] if nominal else [])]
     rows: list[list[str]] = []
     for s in report.seeds:
         row = [str(s.seed), _interval(s.success), _interval(s.opened)]
@@ -320,6 +323,7 @@ def _learning(page: Page, report: Report) -> None:
     if not report.curves:
         return
     page.section("Learning", "Training episodes from home, with the noise of exploration.")
+    done = f"{done_word(report.info.task).capitalize()}, limits aside"
     charts = [
         Chart(
             title=title,
@@ -331,7 +335,7 @@ def _learning(page: Page, report: Report) -> None:
             y_label="% of episodes",
             y_range=(0.0, 100.0),
         )
-        for title, name in (("Success", "success"), ("Opened, limits aside", "opened"))
+        for title, name in (("Success", "success"), (done, "opened"))
     ]
     charts += _reward_charts(report)
     page.charts(*charts)

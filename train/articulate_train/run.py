@@ -24,18 +24,16 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from articulate.arm import PANDA, Arm, Hand
 from articulate.asset import Asset, load_asset
 from articulate.config import load_config, to_yaml
 from articulate.convert import ConvertConfig
-from articulate.errors import AssetError, ReachError, RunError
+from articulate.errors import RunError
 from articulate.files import write_json, write_text
 from articulate.prove.prove import proven_asset
-from articulate.task import Limits, Task, make_task, matching_joints, no_joint_error
-from articulate_envs.place import Place, find_place, handle_way
-from articulate_envs.reach import check_grasp
+from articulate.task import Limits, Task
+from articulate_envs.choose import choose_joint
+from articulate_envs.place import Place
 from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
 
@@ -82,67 +80,6 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             out[name] = "not installed"
     return out
-
-
-def choose_joint(config: TrainConfig, asset: Asset) -> tuple[Task, Place]:
-    """The task and place of the joint asked for, or of the best that can be reached.
-
-    Where several joints match and none is named, the reachable one is taken whose handle, where
-    the object stands, is nearest the height of the hand's home.
-
-    Raises:
-        AssetError: No such joint, or none that matches the task.
-        ReachError: None can be reached.
-    """
-    if config.joint is not None:
-        if config.joint not in {joint.name for joint in asset.joints}:
-            raise _unknown_joint(config, asset)
-        return _reached(config, asset, config.joint)
-    matching = matching_joints(config.task, asset)
-    if not matching:
-        raise no_joint_error(config.task, asset)
-    found: list[tuple[float, Task, Place]] = []
-    reasons: list[str] = []
-    for joint in matching:
-        if asset.handle_of(joint.name) is None:
-            reasons.append(f"{joint.name} has no handle; add one to the object")
-            continue
-        try:
-            task, place = _reached(config, asset, joint.name)
-        except ReachError as error:
-            reasons.append(str(error).removeprefix(f"{asset.name}: "))
-            continue
-        height = float(handle_way(asset, joint.name, np.zeros(()))[2, 3])
-        found.append((abs(height - HOME_HEIGHT_M), task, place))
-    if not found:
-        others = f"none of {len(reasons)} joints can be reached: " if len(reasons) > 1 else ""
-        raise ReachError(f"{asset.name}: {others}{reasons[0]}")
-    _, task, place = min(found, key=lambda item: (item[0], item[1].joint))
-    return task, place
-
-
-def _unknown_joint(config: TrainConfig, asset: Asset) -> AssetError:
-    names = [joint.name for joint in matching_joints(config.task, asset)]
-    if not names:
-        return no_joint_error(config.task, asset)
-    return AssetError(
-        f"{asset.name}: no joint {config.joint!r}; {config.task} matches: {', '.join(names)}"
-    )
-
-
-def _reached(config: TrainConfig, asset: Asset, joint: str) -> tuple[Task, Place]:
-    """Task and place of one joint; ReachError if it cannot be reached or held."""
-    task = make_task(config.task, asset, joint)
-    place = find_place(asset, task, PANDA, config.draw)
-    scene = build_scene(
-        asset, task, arm=PANDA, follow=config.follow, physics=config.physics, place=place
-    )
-    check_grasp(scene)
-    return task, place
-
-
-HOME_HEIGHT_M = 0.78
-"""Height of the tool over the robot's base at home [m]; objects stand on the robot's floor."""
 
 
 def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
@@ -284,7 +221,8 @@ def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Pa
 
 
 def _task(content: dict[str, Any]) -> Task:
-    return Task(**{**content, "limits": Limits(**content["limits"])})
+    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
+    return Task(**{**plain, "limits": Limits(**content["limits"])})
 
 
 def _arm(content: dict[str, Any]) -> Arm:

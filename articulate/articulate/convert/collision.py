@@ -62,6 +62,7 @@ def collision_shapes(
     if not seen:
         return ()
     shapes: list[Shape] = []
+    only_given = True
     for link in dict.fromkeys(p.link for p in (*geometry.visuals, *geometry.collisions)):
         visuals = [p for p in geometry.visuals if p.link == link]
         given = [p for p in geometry.collisions if p.link == link]
@@ -73,6 +74,7 @@ def collision_shapes(
                 shapes += from_given
                 continue
             repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
+        only_given = False
         for piece in by_element(chosen):
             shapes += piece_shapes(piece, part, config, repairs)
     if not shapes:  # everything is small
@@ -81,9 +83,11 @@ def collision_shapes(
     whole = Surface(joined([p.mesh for p in seen]))
     tol = tolerance(whole.mesh) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
-    plain = without_hidden(merged(plain, whole, tol))
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     budget = round(fineness(part, config) * config.max_geoms) - len(handles)
+    if not only_given or len(plain) > budget:  # what the file gives itself seals nothing
+        plain = merged(plain, whole, tol)
+    plain = without_hidden(plain)
     plain = without_spare(plain, whole.mesh, budget)
     return (*within_budget(plain, budget, part, repairs), *handles)
 
@@ -275,9 +279,11 @@ def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
         return None
     points, _ = sample_surface(seen, 400)
     outside = np.min([shape.outside(points) for shape in shapes], axis=0)
-    names = " ".join(dict.fromkeys(p.name for p in visuals))
+    told = any(is_handle(s.piece) for s in shapes)  # elements that say themselves what they are
+    names = " ".join(dict.fromkeys(p.name for p in visuals if not (told and is_handle(p.name))))
     ok = float(np.mean(outside <= tol)) >= 0.95
-    return [replace(s, piece=names) for s in shapes] if ok else None
+    named = [s if is_handle(s.piece) else replace(s, piece=names) for s in shapes]
+    return named if ok else None
 
 
 def _from_primitive(piece: Piece) -> Shape:

@@ -67,15 +67,21 @@ def is_normalised(urdf: Path) -> bool:
 
 
 def category_of(urdf: Path, config: ConvertConfig) -> str:
-    """PartNet-Mobility's name of the category, or ``"unknown"``."""
+    """PartNet-Mobility's name of the category, or ``"unknown"``.
+
+    It stands in PartNet-Mobility's ``meta.json``, or in a ``source.json`` beside the file.
+    """
     if config.category:
         return config.category
-    try:
-        content = json.loads((urdf.parent / "meta.json").read_text(encoding="utf-8"))
-        found = content.get("model_cat")
-    except (OSError, ValueError, AttributeError):
-        return "unknown"
-    return found if isinstance(found, str) and found else "unknown"
+    for name, key in (("meta.json", "model_cat"), ("source.json", "category")):
+        try:
+            content = json.loads((urdf.parent / name).read_text(encoding="utf-8"))
+            found = content.get(key)
+        except (OSError, ValueError, AttributeError):
+            continue
+        if isinstance(found, str) and found:
+            return found
+    return "unknown"
 
 
 def scale_of(urdf: Path, config: ConvertConfig, longest: float) -> tuple[float, str]:

@@ -1,6 +1,7 @@
-"""Where objects come from: a protocol, and procedural objects that are ours to give."""
+"""Where objects come from: a protocol, procedural objects that are ours to give, data sets."""
 
 from articulate.library.library import Library
-from articulate.library.procedural.cabinet import CabinetLibrary
+from articulate.library.partnet import PartNetLibrary
+from articulate.library.procedural.library import ProceduralLibrary
 
-__all__ = ["CabinetLibrary", "Library"]
+__all__ = ["Library", "PartNetLibrary", "ProceduralLibrary"]

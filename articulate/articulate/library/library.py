@@ -24,6 +24,14 @@ class Library(Protocol):
         """Ids of all objects, in a fixed order."""
         ...
 
+    def category(self, object_id: str) -> str:
+        """PartNet-Mobility's name of the object's category, ``"unknown"`` if it has none.
+
+        Raises:
+            AssetError: There is no such object.
+        """
+        ...
+
     def write(self, object_id: str, folder: Path) -> Path:
         """Write the object into ``folder`` and return the path of its URDF.
 

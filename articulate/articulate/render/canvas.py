@@ -7,10 +7,13 @@ that everything but pictures works without one.
 
 from __future__ import annotations
 
+import atexit
+import functools
 import importlib
 import os
 import sys
 import warnings
+import weakref
 from collections.abc import Sequence
 from typing import Any
 
@@ -44,6 +47,9 @@ class Canvas:
         self._model = model
         self._size = size
         self._gl, self._context = open_context(model, size)
+        # One that nobody closed goes before its driver does: what is registered last ends first.
+        self._at_exit = functools.partial(_close_late, weakref.ref(self))
+        atexit.register(self._at_exit)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 100)
         self._option = mujoco.MjvOption()
@@ -72,9 +78,17 @@ class Canvas:
         return pixels[::-1]  # OpenGL counts rows from below
 
     def close(self) -> None:
-        """Give back the buffer."""
+        """Give back the buffer; closing twice is no harm."""
+        atexit.unregister(self._at_exit)
         self._context.free()
         self._gl.free()
+
+
+def _close_late(canvas: weakref.ref[Canvas]) -> None:
+    """Close a canvas that is still there at the end of the process."""
+    left = canvas()
+    if left is not None:
+        left.close()
 
 
 def open_context(model: mujoco.MjModel, size: tuple[int, int]) -> tuple[Any, mujoco.MjrContext]:

@@ -68,7 +68,7 @@ class MujocoRobot:
         self._bundle = bundle
         self._manifest = bundle.manifest
         self._nominal: mujoco.MjModel | None = None
-        self._drawn = nominal_draw()
+        self._drawn = nominal_draw(begin=bundle.manifest.task.begin)
         self._stopped = True
 
     @property
@@ -143,7 +143,10 @@ class MujocoRobot:
         self._drawn = drawn
 
     def reset_to(self, q: Array, hand_width_m: float) -> None:
-        """Begin anew: the arm at rest at ``q``, every part closed, under the last draw."""
+        """Begin anew under the last draw, the arm at rest at ``q``.
+
+        Every part is closed but the task's, which is where it was drawn.
+        """
         nominal = self._connected()
         manifest, at = self._manifest, self._at
         self._T_wo = self._object_pose()
@@ -154,6 +157,9 @@ class MujocoRobot:
         for joint in manifest.object.joints:
             adr = self._model.joint(manifest.scene.object_prefix + joint.name).qposadr[0]
             self._data.qpos[adr] = joint.closed
+        part = manifest.object.joint(manifest.task.joint)
+        opened = float(self._drawn["part_open"][0])
+        self._data.qpos[at.part_q] = part.closed + opened * part.span
         self._data.qpos[at.arm_q] = q
         self._data.qpos[at.finger_q] = np.array([0.5, -0.5]) * hand_width_m
         self._A, self._B = discrete(manifest.control.follow.omega_rad_s, manifest.scene.timestep_s)

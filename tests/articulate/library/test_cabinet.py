@@ -11,16 +11,16 @@ import pytest
 import trimesh
 import yourdfpy
 
-from articulate.errors import AssetError, ConfigError
-from articulate.library import CabinetLibrary, Library
-from articulate.library.procedural.boxes import mass_properties
+from articulate.errors import ConfigError
 from articulate.library.procedural.cabinet import (
     EMBEDDED,
     CabinetConfig,
     embedded_cabinet,
+    embedded_door_cabinet,
     write_cabinet,
 )
 from articulate.library.procedural.cabinet_parts import GAP_M, cabinet_parts
+from articulate.library.procedural.meshes import mass_properties
 
 SEEDS = range(12)
 
@@ -38,7 +38,7 @@ def _boxes_o(size):
     """(part, box) of every box in the object frame, closed."""
     for part in cabinet_parts(size):
         x, y, z = (0.0, 0.0, 0.0) if part.motion is None else part.motion.origin_p
-        for box in part.boxes:
+        for box in part.solids:
             yield part.name, box.seen_from((-x, -y, -z))
 
 
@@ -94,7 +94,7 @@ def test_mujoco_and_yourdfpy_read_the_mass_and_inertia_of_the_panels(embedded):
     model = mujoco.MjModel.from_xml_path(str(embedded))
     urdf = yourdfpy.URDF.load(str(embedded), load_meshes=True)
     for part in cabinet_parts(EMBEDDED):
-        what = mass_properties(part.boxes)
+        what = mass_properties(part.solids)
         inertial = urdf.link_map[part.name].inertial
         np.testing.assert_allclose(inertial.mass, what.mass_kg, rtol=1e-8)
         np.testing.assert_allclose(inertial.inertia, what.inertia_l, rtol=1e-6, atol=1e-8)
@@ -221,9 +221,8 @@ def test_a_bad_value_is_one_line_that_says_what_is_accepted(given, says):
     assert "\n" not in str(caught.value)
 
 
-def test_the_library_lists_and_writes_cabinets(tmp_path):
-    library: Library = CabinetLibrary(count=3)
-    assert list(library.ids()) == ["cabinet_0", "cabinet_1", "cabinet_2"]
-    assert library.write("cabinet_1", tmp_path).name == "cabinet.urdf"
-    with pytest.raises(AssetError, match="known: cabinet_0 to cabinet_2"):
-        library.write("cabinet_3", tmp_path)
+def test_the_door_cabinet_of_the_examples_has_a_drawer_above_two_doors(tmp_path):
+    urdf = yourdfpy.URDF.load(str(embedded_door_cabinet(tmp_path)), load_meshes=False)
+    assert list(urdf.link_map) == ["carcass", "drawer_0", "door_0", "door_1"]
+    heights = [urdf.get_transform(name, "carcass")[2, 3] for name in ("drawer_0", "door_0")]
+    assert heights[0] > heights[1]

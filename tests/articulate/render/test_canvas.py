@@ -1,5 +1,6 @@
 """That a driver is missing is told without one; drawing itself needs EGL (marked render)."""
 
+import subprocess
 import sys
 from types import ModuleType
 
@@ -58,3 +59,16 @@ def test_what_is_high_is_drawn_high_and_what_is_hidden_is_not_drawn():
     assert len(red) > 50
     assert red[:, 0].mean() < 24  # rows count from above
     assert not np.any(pixels[..., 2] > pixels[..., 0] + 50)
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("closings", [0, 1, 2])
+def test_canvas_ends_in_silence_however_often_it_was_closed(closings):
+    """One that nobody closed must go before its driver does, at the end of the process."""
+    code = (
+        "import mujoco; from articulate.render.canvas import Canvas; "
+        f"canvas = Canvas(mujoco.MjModel.from_xml_string({BALL!r}), (64, 48), shadows=False); "
+        f"[canvas.close() for _ in range({closings})]"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.stdout, done.stderr, done.returncode) == ("", "", 0)

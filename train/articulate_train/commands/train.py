@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from articulate.commands.flags import parse
 from articulate.errors import RunError
+from articulate_train.commands.listing import asks_for_a_list, show_list
 from articulate_train.config import TrainConfig
 
 if TYPE_CHECKING:
@@ -28,6 +29,10 @@ class TrainFlags(TrainConfig):
     Example: train --asset cabinet.urdf --task open_drawer --seeds 0 1 2
     """
 
+    list_tasks: bool = False
+    """Print the names of the tasks and what they ask, and stop."""
+    list_joints: str | None = None
+    """Print the joints of this object and the tasks that can be asked of them, and stop."""
     out: Path | None = None
     """Folder of the run; by default runs/<asset>-<task>-<time>."""
     resume: bool = False
@@ -46,6 +51,8 @@ class TrainFlags(TrainConfig):
 
 def main(argv: Sequence[str]) -> int:
     """Train, evaluate, write the report; 130 when interrupted."""
+    if asks_for_a_list(argv):
+        return show_list(argv)
     flags = parse(TrainFlags, argv, prog="train", default=_resumed(argv))
     # From here on torch and MuJoCo are needed; --help and bad flags are answered without them.
     from articulate.prove.store import default_cache
@@ -91,7 +98,7 @@ def _out(flags: TrainFlags) -> Path:
 def _tell(progress: SeedProgress) -> None:
     _say(
         f"seed {progress.seed}  {progress.steps / 1e6:5.2f} of {progress.total / 1e6:.2f}M  "
-        f"{progress.steps_per_s:6.0f} steps/s  opened {progress.opened:4.0%}  "
+        f"{progress.steps_per_s:6.0f} steps/s  at target {progress.opened:4.0%}  "
         f"success {progress.success:4.0%}"
     )
 

@@ -7,16 +7,16 @@ doors from the left of somebody who stands before the cabinet (from +y).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
 
-from articulate.errors import AssetError, ConfigError, nearest
+from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
-from articulate.library.procedural.cabinet_parts import COLOURS, CabinetSize, cabinet_parts
+from articulate.library.procedural.cabinet_parts import MATERIALS, CabinetSize, cabinet_parts
 from articulate.library.procedural.urdf import write_urdf
 
 Arrangement = Literal["drawers_above", "doors_above", "beside"]
@@ -126,44 +126,25 @@ class CabinetConfig:
         return size
 
 
-class CabinetLibrary:
-    """Cabinets ``cabinet_0`` to ``cabinet_<count - 1>``, number = seed."""
-
-    source = "procedural cabinet"
-    licence = "MIT"
-
-    def __init__(self, count: int = 100) -> None:
-        self.count = count
-
-    def ids(self) -> Sequence[str]:
-        """Ids in the order of their seeds."""
-        return [f"cabinet_{seed}" for seed in range(self.count)]
-
-    def write(self, object_id: str, folder: Path) -> Path:
-        """Write the cabinet into ``folder`` and return the path of its URDF."""
-        ids = self.ids()
-        if object_id not in ids:
-            raise AssetError(
-                f"no object {object_id!r} among the procedural cabinets; "
-                f"known: cabinet_0 to cabinet_{self.count - 1}"
-            )
-        return write_cabinet(CabinetConfig(seed=ids.index(object_id)), folder)
-
-
 def write_cabinet(config: CabinetConfig, folder: Path) -> Path:
     """Write the URDF, ``meshes/`` and ``source.json`` into ``folder``; return the URDF's path.
 
     The same configuration gives the same bytes.
     """
-    path = write_urdf("cabinet", cabinet_parts(config.size()), COLOURS, folder)
+    path = write_urdf("cabinet", cabinet_parts(config.size()), folder, MATERIALS)
     origin = {"source": f"procedural cabinet, seed {config.seed}", "licence": "MIT"}
-    write_json(folder / "source.json", origin)
+    write_json(folder / "source.json", {**origin, "category": "StorageFurniture"})
     return path
 
 
 def embedded_cabinet(folder: Path) -> Path:
     """Write the cabinet of the examples into ``folder``; return the path of its URDF."""
     return write_cabinet(CabinetConfig(), folder)
+
+
+def embedded_door_cabinet(folder: Path) -> Path:
+    """Write the same cabinet with one drawer above two doors; return the path of its URDF."""
+    return write_cabinet(CabinetConfig(n_drawers=1, n_doors=2), folder)
 
 
 def _embedded() -> dict[str, float | int | str]:

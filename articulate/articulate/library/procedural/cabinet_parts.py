@@ -10,7 +10,8 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from articulate.library.procedural.boxes import Box
+from articulate.library.procedural.build import Span, Spans, box
+from articulate.library.procedural.materials import Material
 from articulate.library.procedural.urdf import Motion, Part, Shape
 
 GAP_M = 0.003
@@ -27,17 +28,16 @@ HANDLE_DENSITY_KG_M3 = 2700.0
 """Density of aluminium [kg/m^3]."""
 EDGE_M = 0.02
 """Margin of a handle from the edges of its front [m]."""
-Span = tuple[float, float]
-"""Lower and higher end along one axis [m]."""
-Spans = tuple[Span, Span, Span]
-"""A box, by its extent along x, y and z [m]."""
-COLOURS = {
-    "carcass": (0.82, 0.80, 0.76, 1.0),
-    "front": (0.72, 0.53, 0.34, 1.0),
-    "tray": (0.90, 0.87, 0.80, 1.0),
-    "handle": (0.25, 0.26, 0.28, 1.0),
+DOOR_EDGE_M = 0.04
+"""The same across a door that is wide enough: the finger of an open hand at one of two doors must
+pass between their handles [m]."""
+MATERIALS = {
+    "carcass": Material(rgba=(0.82, 0.80, 0.76, 1.0)),
+    "front": Material(rgba=(0.72, 0.53, 0.34, 1.0)),
+    "tray": Material(rgba=(0.90, 0.87, 0.80, 1.0)),
+    "handle": Material(rgba=(0.25, 0.26, 0.28, 1.0)),
 }
-"""Red, green, blue, opacity."""
+"""Materials by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,7 +283,8 @@ def _door(size: CabinetSize, bay: Bay, number: int) -> Part:
         effort=50.0,
         velocity=3.0,
     )
-    from_edge = EDGE_M + size.handle_thickness_m / 2
+    margin = min(DOOR_EDGE_M, max(EDGE_M, bay.width_m / 2 - size.handle_thickness_m))
+    from_edge = margin + size.handle_thickness_m / 2
     at_y = inner - outer + bay.hinge_side * from_edge
     handle = _handle(size, number, middle_y=at_y, upright=True)
     return _part(bay.name, motion, (front,), handle)
@@ -322,23 +323,13 @@ def _handle(size: CabinetSize, number: int, *, middle_y: float, upright: bool) -
 
 def _shape(name: str, material: str, spans: dict[str, Spans], density_kg_m3: float) -> Shape:
     boxes = (
-        Box(
-            name=piece,
-            low=(x[0], y[0], z[0]),
-            high=(x[1], y[1], z[1]),
-            density_kg_m3=density_kg_m3,
-        )
-        for piece, (x, y, z) in spans.items()
+        dataclasses.replace(box(extent), name=piece, density_kg_m3=density_kg_m3)
+        for piece, extent in spans.items()
     )
-    return Shape(name=name, material=material, boxes=tuple(boxes))
+    return Shape(name=name, material=material, solids=tuple(boxes))
 
 
 def _part(name: str, motion: Motion, shapes_o: tuple[Shape, ...], handle: Shape) -> Part:
     """A link from shapes in the object frame and a handle in its own."""
-    shapes = (
-        dataclasses.replace(
-            shape, boxes=tuple(box.seen_from(motion.origin_p) for box in shape.boxes)
-        )
-        for shape in shapes_o
-    )
-    return Part(name=name, shapes=(*shapes, handle), motion=motion)
+    part = Part.moving(name, motion, shapes_o)
+    return dataclasses.replace(part, shapes=(*part.shapes, handle))

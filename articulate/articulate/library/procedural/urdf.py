@@ -1,32 +1,38 @@
-"""Parts made of boxes, written as a URDF whose bytes depend on nothing but the parts.
+"""Parts made of solids, written as a URDF whose bytes depend on nothing but the parts.
 
-Every visual is one mesh file; collision geometry is the boxes themselves, so that what is
-hollow stays hollow in every simulator.
+Every visual is one mesh file; collision geometry is the convex pieces of the solids, so that
+what is hollow stays hollow in every simulator.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET  # noqa: TID251 - it only writes here, reads nothing
 
 from articulate.asset import Vec3
-from articulate.files import write_text
-from articulate.library.procedural.boxes import Box, mass_properties, number, obj_text
+from articulate.files import write_bytes, write_text
+from articulate.library.procedural.materials import PALETTE, Material, picture
+from articulate.library.procedural.meshes import hull_text, mass_properties, number, obj_text
+from articulate.library.procedural.solids import Collider, Solid
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """Boxes that are seen as one mesh of one colour."""
+    """Solids that are seen as one mesh of one material."""
 
     name: str
     """Name of the visual and of its mesh file, unique in the object."""
-    boxes: tuple[Box, ...]
-    """Boxes in the frame of the link."""
+    solids: tuple[Solid, ...]
+    """Solids in the frame of the link."""
     material: str
-    """Name of the colour, a key of the ``colours`` given to ``write_urdf``."""
+    """Name of the material, a key of the ``palette`` given to ``write_urdf``."""
+
+    def seen_from(self, origin: Vec3) -> Shape:
+        """The same shape in a parallel frame whose origin is at ``origin`` [m]."""
+        return replace(self, solids=tuple(solid.seen_from(origin) for solid in self.solids))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +41,7 @@ class Motion:
 
     name: str
     """Name of the joint."""
-    kind: Literal["prismatic", "revolute"]
+    kind: Literal["prismatic", "revolute", "continuous"]
     """URDF's word."""
     parent: str
     """Name of the parent link."""
@@ -44,7 +50,7 @@ class Motion:
     axis: Vec3
     """Unit axis in the part's frame."""
     upper: float
-    """Far end of opening [m or rad]; closed is 0."""
+    """Far end of opening [m or rad]; closed is 0. It says nothing of what turns without end."""
     damping: float
     """Viscous damping [N s/m or Nm s/rad]."""
     friction: float
@@ -66,36 +72,60 @@ class Part:
     motion: Motion | None = None
     """None for the root."""
 
+    @classmethod
+    def moving(cls, name: str, motion: Motion, shapes_p: Iterable[Shape]) -> Part:
+        """A link from shapes in the frame of its parent, closed."""
+        return cls(
+            name=name,
+            shapes=tuple(shape.seen_from(motion.origin_p) for shape in shapes_p),
+            motion=motion,
+        )
+
     @property
-    def boxes(self) -> tuple[Box, ...]:
-        """Boxes of all shapes, in the frame of the link."""
-        return tuple(box for shape in self.shapes for box in shape.boxes)
+    def solids(self) -> tuple[Solid, ...]:
+        """Solids of all shapes, in the frame of the link."""
+        return tuple(solid for shape in self.shapes for solid in shape.solids)
 
 
 def write_urdf(
-    name: str, parts: Sequence[Part], colours: Mapping[str, Sequence[float]], folder: Path
+    name: str, parts: Sequence[Part], folder: Path, palette: Mapping[str, Material] = PALETTE
 ) -> Path:
-    """Write ``<name>.urdf`` and ``meshes/*.obj`` into ``folder``; return the path of the URDF.
+    """Write ``<name>.urdf`` and ``meshes/`` into ``folder``; return the path of the URDF.
 
     Args:
         name: Name of the robot element and of the file.
         parts: Links, parents before children.
-        colours: Red, green, blue and opacity in [0, 1] of each material.
         folder: Made if absent.
+        palette: Materials by name.
     """
+    meshes = folder / "meshes"
     for part in parts:
         for shape in part.shapes:
-            write_text(folder / "meshes" / f"{shape.name}.obj", obj_text(shape.boxes))
+            grain = palette[shape.material].grain
+            tile_m = palette[shape.material].tile_m
+            text = obj_text(shape.solids, shape.material if grain else "", tile_m)
+            write_text(meshes / f"{shape.name}.obj", text)
+            for key, collider in _colliders(shape):
+                if collider.mesh is not None:
+                    write_text(meshes / "collision" / f"{key}.obj", hull_text(collider.mesh))
+    pictures = {key: m for key, m in _used(parts, palette).items() if m.grain}
+    for key, material in pictures.items():
+        write_bytes(meshes / f"{key}.png", picture(key, material))
+    if pictures:
+        write_text(meshes / "materials.mtl", "\n".join(map(_mtl, pictures)))
     path = folder / f"{name}.urdf"
-    write_text(path, urdf_text(name, parts, colours))
+    write_text(path, urdf_text(name, parts, palette))
     return path
 
 
-def urdf_text(name: str, parts: Sequence[Part], colours: Mapping[str, Sequence[float]]) -> str:
+def urdf_text(name: str, parts: Sequence[Part], palette: Mapping[str, Material] = PALETTE) -> str:
     """The URDF alone, elements and attributes in a fixed order."""
     robot = ET.Element("robot", name=name)
-    for material, rgba in colours.items():
-        ET.SubElement(ET.SubElement(robot, "material", name=material), "color", rgba=_row(rgba))
+    for key, material in _used(parts, palette).items():
+        element = ET.SubElement(robot, "material", name=key)
+        ET.SubElement(element, "color", rgba=_row(material.rgba))
+        if material.grain:
+            ET.SubElement(element, "texture", filename=f"meshes/{key}.png")
     for part in parts:
         robot.append(_link(part))
     for part in parts:
@@ -105,9 +135,31 @@ def urdf_text(name: str, parts: Sequence[Part], colours: Mapping[str, Sequence[f
     return f'<?xml version="1.0"?>\n{ET.tostring(robot, encoding="unicode")}\n'
 
 
+def _used(parts: Sequence[Part], palette: Mapping[str, Material]) -> dict[str, Material]:
+    """Materials of ``parts`` in the order of the palette."""
+    names = {shape.material for part in parts for shape in part.shapes}
+    return {key: material for key, material in palette.items() if key in names}
+
+
+def _mtl(name: str) -> str:
+    """A material of an OBJ: its picture, unchanged."""
+    return f"newmtl {name}\nKd 1 1 1\nmap_Kd {name}.png\n"
+
+
+def _colliders(shape: Shape) -> list[tuple[str, Collider]]:
+    """Convex pieces of a shape with names that are unique in the object."""
+    found = []
+    for solid in shape.solids:
+        pieces = solid.colliders()
+        for k, piece in enumerate(pieces):
+            number_k = f"_{k}" if len(pieces) > 1 else ""
+            found.append((f"{shape.name}_{solid.name}{number_k}", piece))
+    return found
+
+
 def _link(part: Part) -> ET.Element:
     link = ET.Element("link", name=part.name)
-    what = mass_properties(part.boxes)
+    what = mass_properties(part.solids)
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=_row(what.com_l), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=number(what.mass_kg))
@@ -123,11 +175,23 @@ def _link(part: Part) -> ET.Element:
         ET.SubElement(geometry, "mesh", filename=f"meshes/{shape.name}.obj")
         ET.SubElement(visual, "material", name=shape.material)
     for shape in part.shapes:
-        for box in shape.boxes:
-            collision = ET.SubElement(link, "collision", name=f"{shape.name}_{box.name}")
-            ET.SubElement(collision, "origin", xyz=_row(box.centre), rpy="0 0 0")
-            ET.SubElement(ET.SubElement(collision, "geometry"), "box", size=_row(box.size))
+        for key, piece in _colliders(shape):
+            link.append(_collision(key, piece))
     return link
+
+
+def _collision(name: str, piece: Collider) -> ET.Element:
+    collision = ET.Element("collision", name=name)
+    ET.SubElement(collision, "origin", xyz=_row(piece.centre), rpy=_row(piece.rpy))
+    geometry = ET.SubElement(collision, "geometry")
+    if piece.kind == "box":
+        ET.SubElement(geometry, "box", size=_row(piece.size))
+    elif piece.kind == "cylinder":
+        radius, length = (number(value) for value in piece.size)
+        ET.SubElement(geometry, "cylinder", radius=radius, length=length)
+    else:
+        ET.SubElement(geometry, "mesh", filename=f"meshes/collision/{name}.obj")
+    return collision
 
 
 def _joint(child: str, motion: Motion) -> ET.Element:
@@ -138,6 +202,8 @@ def _joint(child: str, motion: Motion) -> ET.Element:
     ET.SubElement(joint, "axis", xyz=_row(motion.axis))
     limit = {"lower": 0.0, "upper": motion.upper, "effort": motion.effort}
     limit["velocity"] = motion.velocity
+    if motion.kind == "continuous":
+        del limit["lower"], limit["upper"]
     ET.SubElement(joint, "limit", {key: number(value) for key, value in limit.items()})
     dynamics = {"damping": number(motion.damping), "friction": number(motion.friction)}
     ET.SubElement(joint, "dynamics", dynamics)

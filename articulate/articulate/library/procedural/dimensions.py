@@ -1,0 +1,97 @@
+"""Dimensions of an object: fields with the range that each is drawn from."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from articulate.errors import ConfigError, nearest
+from articulate.library.procedural.urdf import Part
+
+DIGITS = 3
+"""What is drawn is rounded to so many digits: millimetres."""
+
+
+def between(low: float, high: float) -> Any:  # a field, as in dataclasses.field
+    """A number from ``low`` to ``high``."""
+    return dataclasses.field(metadata={"between": (low, high)})
+
+
+def whole(low: int, high: int) -> Any:  # as above
+    """A whole number from ``low`` to ``high``, both included."""
+    return dataclasses.field(metadata={"whole": (low, high)})
+
+
+def one_of(*choices: str) -> Any:  # as above
+    """One of ``choices``, all as likely."""
+    return dataclasses.field(metadata={"choices": choices})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimensions(ABC):
+    """Every dimension of one object, all within their ranges.
+
+    A category is a subclass whose fields are made by :func:`between`, :func:`whole` and
+    :func:`one_of`.
+    """
+
+    category: ClassVar[str]
+    """PartNet-Mobility's name of the category."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            _check(type(self).__name__, field, getattr(self, field.name))
+
+    @classmethod
+    def sample(cls, seed: int) -> Self:
+        """Dimensions drawn with ``seed``: the same seed gives the same ones.
+
+        Seed 0 draws nothing: it is the middle of every range and the first of all choices.
+
+        Raises:
+            ConfigError: ``seed`` is below 0.
+        """
+        if seed < 0:
+            raise ConfigError(f"{cls.__name__}: seed is {seed}; it must be at least 0")
+        fields = dataclasses.fields(cls)
+        shares = np.random.default_rng(seed).random(len(fields))
+        return cls(
+            **{
+                field.name: _drawn(field, float(share) if seed else None)
+                for field, share in zip(fields, shares, strict=True)
+            }
+        )
+
+    @abstractmethod
+    def parts(self) -> list[Part]:
+        """Links, parents before children; z up, the front towards -x, standing on z = 0."""
+
+
+def _drawn(field: dataclasses.Field[Any], share: float | None) -> float | int | str:
+    """The value at ``share`` of the range of a field, or the value of seed 0."""
+    about = field.metadata
+    if "choices" in about:
+        choices: tuple[str, ...] = about["choices"]
+        return choices[0 if share is None else int(share * len(choices))]
+    share = 0.5 if share is None else share
+    if "whole" in about:
+        low, high = about["whole"]
+        return int(low + int(share * (high - low + 1)))
+    low, high = about["between"]
+    return round(float(low + share * (high - low)), DIGITS)
+
+
+def _check(name: str, field: dataclasses.Field[Any], value: Any) -> None:
+    about = field.metadata
+    if "choices" in about:
+        if value not in about["choices"]:
+            known = nearest(str(value), about["choices"])
+            raise ConfigError(f"{name}.{field.name} is {value!r}{known}")
+        return
+    low, high = about["whole"] if "whole" in about else about["between"]
+    if not low <= value <= high:
+        raise ConfigError(f"{name}.{field.name} is {value}; it must be in [{low}, {high}]")

@@ -1,0 +1,64 @@
+"""Where a child goes at its parent: one table, one formula."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.transforms import Array
+
+
+@dataclass(frozen=True)
+class Side:
+    """A side of the parent, seen with the front along +x, the right along +y and up along +z."""
+
+    axis: int
+    """0, 1 or 2: the axis along which the child moves."""
+    sign: int
+    """Which of the two faces: +1 the one with the larger coordinate."""
+    inside: bool
+    """Whether the child lies within the parent's box, flush with that face, or outside at it."""
+
+
+TABLE: dict[str, Side | None] = {
+    "above": Side(2, +1, False),
+    "above_inside": Side(2, +1, True),
+    "below": Side(2, -1, False),
+    "below_inside": Side(2, -1, True),
+    "left": Side(1, -1, False),
+    "left_inside": Side(1, -1, True),
+    "right": Side(1, +1, False),
+    "right_inside": Side(1, +1, True),
+    "front": Side(0, +1, False),
+    "front_inside": Side(0, +1, True),
+    "back": Side(0, -1, False),
+    "back_inside": Side(0, -1, True),
+    "inside": None,
+}
+"""Placements by name; ``inside`` has no side."""
+
+
+def shift(side: Side, child: Array, parent: Array, clearance: float) -> float:
+    """Way of the child along the side's axis [m].
+
+    Args:
+        side: Where it goes.
+        child: Lowest and highest corner of its box (2, 3) [m].
+        parent: The same of the parent.
+        clearance: Gap between the faces that meet: outwards from the parent's face where the
+            child lies outside, inwards where it lies inside [m].
+    """
+    outer = (1 + side.sign) // 2  # row of the face on that side
+    face = parent[outer, side.axis]
+    own = child[outer if side.inside else 1 - outer, side.axis]
+    away = -side.sign if side.inside else side.sign
+    return float(face + away * clearance - own)
+
+
+def centred(child: Array, parent: Array, side: Side | None) -> Array:
+    """Way (3,) that brings the middles together on every axis but the side's own [m]."""
+    way = (parent.sum(axis=0) - child.sum(axis=0)) / 2.0
+    if side is not None:
+        way[side.axis] = 0.0
+    return np.asarray(way)

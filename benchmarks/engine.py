@@ -1,0 +1,441 @@
+"""How near the batched engine comes to what physics alone costs, and how far ahead of robosuite.
+
+    python benchmarks/engine.py --json
+
+All on the embedded cabinet at 20 Hz, in one run, in blocks that alternate, so that what else the
+machine does hits both sides; ratios are medians over ``--rounds`` blocks.
+
+``limit_ratio``
+    Environment steps a second of whole episodes (randomised starts, follower, physics, judgement,
+    observations, reward, resets) over those of ``mj_step`` alone, with MuJoCo's warm start, on the
+    same number of threads, from the same states with the same controls: what those episodes did
+    is recorded and replayed by a compiled loop that only writes controls and steps.
+``robosuite_ratio_equal``, ``robosuite_ratio_shipped``
+    Over a plain robosuite environment with the same cabinet (``robosuite_cabinet.py``) in
+    ``SubprocVecEnv`` on the same cores, resets included, with the best of ``--workers``; first
+    with our physics step set to its 2 ms, then as it is shipped.
+``training_ratio``
+    Whole training (engine and PPO) over the engine alone.
+``steps_per_s_at``, ``memory_mb_per_env``, ``reset_ms``
+    The rate over numbers of environments, what each of them holds, and what a reset takes, drawn
+    size included.
+
+Actions are slow random motions from starts along the task, half of them with the hand closed on the
+handle. Run it on a machine that does nothing else; ``load_before`` says whether it was idle.
+"""
+
+# ruff: noqa: E402 - the environment comes before numpy and torch
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"  # here and in the workers
+os.environ.setdefault("MUJOCO_GL", "egl")  # robosuite sets it otherwise; nothing is rendered
+
+import argparse
+import json
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import mujoco
+import numpy as np
+import torch
+from numba import carray, njit  # type: ignore[attr-defined]  # numba says no __all__
+from robosuite_cabinet import Fixture, make_env
+from stable_baselines3.common.vec_env import SubprocVecEnv
+from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
+
+from articulate.follow import discrete, follow
+from articulate.transforms import Array
+from articulate_envs.compiled import _call, _doubles
+from articulate_envs.episodes import Episodes
+from articulate_envs.scene import Scene, build_scene
+from articulate_envs.starts import StartConfig
+from articulate_envs.threads import ThreadEngine
+from articulate_train.config import TrainConfig
+
+ROBOSUITE_STEP_S = 0.002
+"""Physics step of robosuite [s]."""
+STARTS = StartConfig(share_first=1.0, share_last=1.0, cut=0.0)
+"""Episodes begin along the task and run their full length."""
+HELD_TICKS = 10
+"""So long an action lasts."""
+
+
+@njit(nogil=True, error_model="numpy", boundscheck=False)
+def replay(first, last, mj_step, pointers, where, controls, pushes):
+    """``mj_step`` of environments ``first`` to ``last`` - 1 with controls (N, T, substeps, nu)."""
+    nu = controls.shape[3]
+    for i in range(first, last):
+        ctrl = carray(_doubles(pointers.ctrl[i]), nu)
+        xfrc = carray(_doubles(pointers.xfrc[i] + 48 * where.push_row), 6)
+        for t in range(controls.shape[1]):
+            for k in range(3):
+                xfrc[k] = pushes[i, t, k]
+            for s in range(controls.shape[2]):
+                for k in range(nu):
+                    ctrl[k] = controls[i, t, s, k]
+                _call(mj_step, pointers.model[i], pointers.data[i])
+
+
+@dataclass
+class Recorded:
+    """What stood before each tick: all that the controls of its substeps follow from."""
+
+    follow: list[Array] = field(default_factory=list)
+    target: list[Array] = field(default_factory=list)
+    closing: list[Array] = field(default_factory=list)
+    finger: list[Array] = field(default_factory=list)
+    push: list[Array] = field(default_factory=list)
+
+    def controls(self, scene: Scene) -> tuple[Array, Array]:
+        """Controls (N, T, substeps, nu) and pushes (N, T, 3)."""
+        at, hand, dt = scene.at, scene.arm.hand, scene.physics.timestep_s
+        A, B = discrete(scene.follow.omega_rad_s, dt)
+        step, widest = hand.finger_speed_m_s * dt, hand.max_width_m / 2.0
+        n, ticks = len(self.finger[0]), len(self.finger)
+        out = np.zeros((n, ticks, scene.substeps, scene.nominal.nu))
+        for t in range(ticks):
+            state, finger = self.follow[t], self.finger[t]
+            way = np.where(self.closing[t] > 0.0, -step, step)
+            for s in range(scene.substeps):
+                state = follow(state, self.target[t], A, B)
+                finger = np.clip(finger + way, 0.0, widest)
+                out[:, t, s, at.arm_ctrl : at.arm_ctrl + 7] = state[:, :, 0]
+                out[:, t, s, at.finger_ctrl] = finger
+                out[:, t, s, at.finger_ctrl + 1] = -finger
+        return out, np.stack(self.push, axis=1)
+
+
+class RecordingEngine(ThreadEngine):
+    """The batched engine, which also notes what each tick begins with."""
+
+    def __init__(self, scene: Scene, n_envs: int, *, threads: int) -> None:
+        super().__init__(scene, n_envs, threads=threads)
+        self.recorded: Recorded | None = None
+
+    def _advance(self) -> None:
+        if self.recorded is not None:
+            for name in vars(self.recorded):
+                getattr(self.recorded, name).append(getattr(self._buffers, name).copy())
+        super()._advance()
+
+    def replay_seconds(self, kept: dict[str, Array], controls: Array, pushes: Array) -> float:
+        """Time that ``mj_step`` alone takes from the snapshot ``kept`` with those controls [s]."""
+        self.restore(kept)
+        args = (self._mj_step, self._pointers, self._where, controls, pushes)
+        edges = [int(edge) for edge in self._edges]
+        with ThreadPoolExecutor(self.threads) as pool:
+            begin = time.perf_counter()
+            spans = pairwise(edges)
+            jobs = [pool.submit(replay, first, last, *args) for first, last in spans]
+            for job in jobs:
+                job.result()
+            return time.perf_counter() - begin
+
+    def positions(self) -> Array:
+        """Positions of all models (N, nq)."""
+        return np.stack([data.qpos.copy() for data in self._data])
+
+
+def episodes_on(engine: ThreadEngine, config: TrainConfig) -> Episodes:
+    """Episodes as in training at its beginning, all of full length."""
+    return Episodes(engine, draws=config.draw, reward=config.reward, starts=STARTS, seed=0)
+
+
+def motions(n: int, ticks: int) -> Array:
+    """Slow random actions (T, N, 8); half the hands stay closed."""
+    rng = np.random.default_rng(1)
+    held = rng.uniform(-1.0, 1.0, (ticks // HELD_TICKS + 1, n, 8))
+    actions = np.repeat(held, HELD_TICKS, axis=0)[:ticks]
+    actions[:, ::2, 7] = 1.0
+    return np.asarray(actions)
+
+
+def timed(episodes: Episodes, actions: Array) -> float:
+    """Time of one tick for each of ``actions`` (T, N, 8) [s]."""
+    begin = time.perf_counter()
+    for action in actions:
+        episodes.step(action)
+    return time.perf_counter() - begin
+
+
+def limit(scene: Scene, config: TrainConfig, args: argparse.Namespace) -> dict[str, Any]:
+    """Whole episodes against ``mj_step`` alone."""
+    ticks = min(args.ticks, scene.ticks)
+    engine = RecordingEngine(scene, args.envs, threads=args.threads)
+    episodes = episodes_on(engine, config)
+    actions = motions(args.envs, ticks)
+    steps = actions.shape[0] * actions.shape[1]
+    ratios, ours, alone, errors = [], [], [], []
+    for k in range(args.rounds + 1):
+        episodes.reset()
+        snapshot, kept = episodes.snapshot(), engine.snapshot()
+        recorded = engine.recorded = Recorded()
+        for action in actions[:-1]:
+            episodes.step(action)
+        reached = engine.positions()  # the last tick of an episode begins the next one
+        episodes.step(actions[-1])
+        engine.recorded = None
+        controls, pushes = recorded.controls(scene)
+        engine.replay_seconds(kept, controls[:, :-1], pushes[:, :-1])
+        errors.append(float(np.abs(engine.positions() - reached).max()))
+        floor = engine.replay_seconds(kept, controls, pushes)
+        episodes.restore(snapshot)
+        seconds = timed(episodes, actions)
+        if k > 0:  # the first round compiles and fills caches
+            ours.append(steps / seconds)
+            alone.append(steps / floor)
+            ratios.append(floor / seconds)
+            _tell(f"engine {ours[-1]:.0f}, mj_step alone {alone[-1]:.0f} env-steps/s")
+    engine.close()
+    return {
+        "limit_ratio": median(ratios),
+        "limit_ratios": ratios,
+        "engine_steps_per_s": median(ours),
+        "mj_step_steps_per_s": median(alone),
+        "physics_us_per_env_step": 1e6 * args.threads / median(alone),
+        "replay_error": max(errors),
+    }
+
+
+def rate_of(scene: Scene, config: TrainConfig, n: int, args: argparse.Namespace) -> Block:
+    """A block of whole episodes of ``n`` environments, to be called again and again."""
+    engine = ThreadEngine(scene, n, threads=args.threads)
+    episodes = episodes_on(engine, config)
+    episodes.reset(stagger=True)
+    actions = motions(n, min(args.ticks, scene.ticks))
+    timed(episodes, actions[:2])
+    return Block(lambda: actions.shape[0] * n / timed(episodes, actions), engine.close)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Something that gives a rate [env-steps/s] whenever it is measured."""
+
+    measure: Callable[[], float]
+    close: Callable[[], None]
+
+
+def robosuite_block(fixture: Fixture, horizon: int, workers: int) -> Block:
+    """Whole episodes of robosuite's environments under random actions."""
+    envs = SubprocVecEnv([partial(make_env, fixture, horizon)] * workers, start_method="forkserver")
+    envs.seed(0)
+    envs.reset()
+    rng = np.random.default_rng(2)
+    shape = (workers, *(envs.action_space.shape or ()))
+    for _ in range(WARM_UP_STEPS):
+        envs.step(np.zeros(shape, dtype=np.float32))
+
+    def measure() -> float:
+        actions = rng.uniform(-1.0, 1.0, (horizon, *shape)).astype(np.float32)
+        begin = time.perf_counter()
+        for action in actions:
+            envs.step(action)
+        return horizon * workers / (time.perf_counter() - begin)
+
+    return Block(measure, envs.close)
+
+
+def rivals(
+    scene: Scene, config: TrainConfig, fixture: Fixture, args: argparse.Namespace
+) -> dict[str, Any]:
+    """Ours, at both physics steps, against robosuite."""
+    horizon = min(args.ticks, scene.ticks)
+    search = {}
+    for workers in args.workers:
+        block = robosuite_block(fixture, horizon, workers)
+        search[workers] = block.measure()
+        block.close()
+        _tell(f"robosuite, {workers} workers: {search[workers]:.0f} env-steps/s")
+    best = max(search, key=lambda workers: search[workers])
+    equal = scene_with(scene, ROBOSUITE_STEP_S)
+    blocks = {
+        "robosuite": robosuite_block(fixture, horizon, best),
+        "equal": rate_of(equal, config, args.envs, args),
+        "shipped": rate_of(scene, config, args.envs, args),
+    }
+    rates = alternating(blocks, args.rounds)
+    out: dict[str, Any] = {"robosuite_workers": best, "robosuite_steps_per_s": rates["robosuite"]}
+    for name in ("equal", "shipped"):
+        ratios = [a / b for a, b in zip(rates[name], rates["robosuite"], strict=True)]
+        out[f"robosuite_ratio_{name}"] = median(ratios)
+        out[f"{name}_steps_per_s"] = rates[name]
+    return out | {"robosuite_search": {str(k): v for k, v in search.items()}}
+
+
+def scene_with(scene: Scene, timestep_s: float) -> Scene:
+    """The scene with another physics step."""
+    return build_scene(
+        scene.asset,
+        scene.task,
+        arm=scene.arm,
+        follow=scene.follow,
+        physics=replace(scene.physics, timestep_s=timestep_s),
+        place=scene.place,
+        scales=scene.scales,
+    )
+
+
+def alternating(blocks: dict[str, Block], rounds: int) -> dict[str, list[float]]:
+    """Rates of all blocks, measured in turn; they are closed."""
+    rates: dict[str, list[float]] = {name: [] for name in blocks}
+    for _ in range(rounds):
+        for name, block in blocks.items():
+            rates[name].append(block.measure())
+            _tell(f"{name}: {rates[name][-1]:.0f} env-steps/s")
+    for block in blocks.values():
+        block.close()
+    return rates
+
+
+def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
+    """Whole training against the engine alone, with as many environments."""
+    scene, config = ours.learner.episodes.engine.scene, ours.learner.config
+
+    def update() -> float:
+        begin, steps = time.perf_counter(), 0
+        for _ in range(args.updates):
+            steps += ours.update()
+        return steps / (time.perf_counter() - begin)
+
+    ours.update()  # the first one compiles and fills caches
+    blocks = {
+        "training": Block(update, ours.close),
+        "engine": rate_of(scene, config, config.ppo.n_envs, args),
+    }
+    rates = alternating(blocks, args.rounds)
+    pairs = zip(rates["training"], rates["engine"], strict=True)
+    return {
+        "training_ratio": median(a / b for a, b in pairs),
+        "training_steps_per_s": median(rates["training"]),
+    }
+
+
+def scaling(scene: Scene, config: TrainConfig, args: argparse.Namespace) -> dict[str, Any]:
+    """Rate, memory and cost of a reset over numbers of environments."""
+    rates, held, resets = {}, {}, {}
+    for n in args.counts:
+        before = memory_mb()
+        engine = ThreadEngine(scene, n, threads=args.threads)
+        episodes = episodes_on(engine, config)
+        episodes.reset(stagger=True)
+        actions = motions(n, args.scaling_ticks)
+        timed(episodes, actions[:2])
+        held[n] = (memory_mb() - before) / n
+        rates[n] = median(actions[:, :, 0].size / timed(episodes, actions) for _ in range(3))
+        begin = time.perf_counter()
+        episodes.reset()
+        resets[n] = 1e3 * (time.perf_counter() - begin) / n
+        engine.close()
+        _tell(f"{n} environments: {rates[n]:.0f} env-steps/s, {held[n]:.2f} MB, {resets[n]:.3f} ms")
+    return {
+        "steps_per_s_at": {str(n): rate for n, rate in rates.items()},
+        "lowest_share_of_best": min(rates.values()) / max(rates.values()),
+        "memory_mb_per_env": held[max(held)],
+        "reset_ms": resets[max(resets)],
+    }
+
+
+def memory_mb() -> float:
+    """Memory that this process holds now [MB] (Linux)."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def scene_cost(scene: Scene) -> dict[str, Any]:
+    """What of the scene decides its cost."""
+    model = scene.nominal
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return {
+        "nv": int(model.nv),
+        "ngeom": int(model.ngeom),
+        "substeps": scene.substeps,
+        "physics_step_s": scene.physics.timestep_s,
+        "ticks": scene.ticks,
+    }
+
+
+def measure(args: argparse.Namespace) -> dict[str, Any]:
+    """All parts that are asked for; what ``--json`` prints."""
+    torch.set_num_threads(1)
+    result: dict[str, Any] = {"load_before": os.getloadavg()[0]}
+    with tempfile.TemporaryDirectory() as folder:
+        ours, fixture, settings = prepare(Path(folder), args.preset, args.threads)
+        scene, config = ours.learner.episodes.engine.scene, ours.learner.config
+        if "limit" in args.parts:
+            result |= limit(scene, config, args)
+        if "scaling" in args.parts:
+            result |= scaling(scene, config, args)
+        if "robosuite" in args.parts:
+            result |= rivals(scene, config, fixture, args)
+        if "training" in args.parts:
+            result |= training(ours, args)
+        ours.close()
+    return result | {
+        "scene": scene_cost(scene) | {"joint": settings.joint},
+        "envs": args.envs,
+        "threads": args.threads,
+        "rounds": args.rounds,
+        "cpus": len(os.sched_getaffinity(0)),
+        "load_after": os.getloadavg()[0],
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in PACKAGES},
+    }
+
+
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+PARTS = ("limit", "scaling", "robosuite", "training")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--json", action="store_true", help="print the whole result as JSON")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--rounds", type=int, default=5, help="blocks of each side")
+    parser.add_argument("--envs", type=int, default=64, help="environments of ours")
+    parser.add_argument(
+        "--ticks", type=int, default=200, help="ticks of a block, an episode at most"
+    )
+    parser.add_argument("--updates", type=int, default=3, help="updates of a block of training")
+    parser.add_argument("--counts", type=int, nargs="+", default=[16, 32, 64, 128, 256, 512, 1024])
+    parser.add_argument("--scaling-ticks", type=int, default=40, help="ticks for each of them")
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 3, 4])
+    parser.add_argument(
+        "--threads", type=int, default=len(os.sched_getaffinity(0)), help="threads of our engine"
+    )
+    parser.add_argument("--preset", help="preset or YAML file of our training")
+    args = parser.parse_args()
+    result = measure(args)
+    if args.json:
+        print(json.dumps(result, indent=1))
+        return
+    for name in (
+        "limit_ratio",
+        "robosuite_ratio_equal",
+        "robosuite_ratio_shipped",
+        "training_ratio",
+    ):
+        if name in result:
+            print(f"{name} {result[name]:.2f}")
+
+
+if __name__ == "__main__":
+    main()

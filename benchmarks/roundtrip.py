@@ -1,0 +1,147 @@
+"""URDFs written as programs and compiled back: do the links go the same ways?
+
+python benchmarks/roundtrip.py $ARTICULATE_DATA --json
+
+Yourdfpy judges both files: poses of every link at random joint states, relative to the root link.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import yourdfpy
+
+from articulate.errors import AssetError
+from articulate.program.built import ProgramError
+from articulate.program.decompile import decompile
+from articulate.program.parts import parts_of
+from articulate.program.run import compile_program
+from articulate.transforms import Array, normalised
+
+STATES = 20
+ALLOWED = 1e-6
+"""Largest difference of an entry of a pose [m or 1]."""
+
+
+@dataclass(frozen=True)
+class Trip:
+    """What became of one object."""
+
+    id: str
+    outcome: str
+    """``same``, ``different``, ``refused`` (by the reader, with its reason) or ``not compiled``."""
+    error: float | None = None
+    """Largest difference of an entry of a pose."""
+    links: int = 0
+    joints: int = 0
+    seconds: float = 0.0
+    message: str = ""
+
+
+def round_trip(object_id: str, urdf: Path, out: Path, rng: np.random.Generator) -> Trip:
+    """Decompile ``urdf``, compile the program into ``out``, and compare."""
+    start = time.perf_counter()
+    try:
+        source = decompile(urdf)
+        found = compile_program(source, parts_of(urdf), out)
+    except AssetError as error:
+        return Trip(object_id, "refused", message=str(error))
+    if isinstance(found, ProgramError):
+        return Trip(object_id, "not compiled", message=str(found))
+    seconds = time.perf_counter() - start
+    one, other = read(urdf), read(found)
+    worst = difference(one, other, rng)
+    return Trip(
+        object_id,
+        "same" if worst <= ALLOWED else "different",
+        worst,
+        len(one.link_map),
+        len(one.actuated_joint_names),
+        round(seconds, 2),
+    )
+
+
+def read(path: Path) -> yourdfpy.URDF:
+    """The file as yourdfpy reads it, with axes of unit length as the standard has them."""
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
+    robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
+    for joint in robot.robot.joints:
+        if joint.axis is not None:
+            joint.axis = normalised(joint.axis)
+    return robot
+
+
+def difference(one: yourdfpy.URDF, other: yourdfpy.URDF, rng: np.random.Generator) -> float:
+    """Largest difference of an entry of any link's pose over random states; inf if one lacks."""
+    links = list(one.link_map)
+    if set(links) != set(other.link_map) or one.base_link not in other.link_map:
+        return float("inf")
+    if set(one.actuated_joint_names) != set(other.actuated_joint_names):
+        return float("inf")
+    worst = 0.0
+    for _ in range(STATES):
+        q = state(one, rng)
+        poses = [poses_of(robot, links, one.base_link, q) for robot in (one, other)]
+        worst = max(worst, float(np.abs(poses[0] - poses[1]).max()))
+    return worst
+
+
+def state(robot: yourdfpy.URDF, rng: np.random.Generator) -> dict[str, float]:
+    """A position within the limits of each joint, or within a turn or a metre."""
+    q = {}
+    for name in robot.actuated_joint_names:
+        limit = robot.joint_map[name].limit
+        low, high = (None, None) if limit is None else (limit.lower, limit.upper)
+        if low is None or high is None or abs(high - low) > 20.0:
+            low, high = (-1.0, 1.0) if robot.joint_map[name].type == "prismatic" else (-3.0, 3.0)
+        q[name] = float(rng.uniform(min(low, high), max(low, high)))
+    return q
+
+
+def poses_of(robot: yourdfpy.URDF, links: list[str], base: str, q: Mapping[str, float]) -> Array:
+    """Poses (N, 4, 4) of ``links`` in ``base``."""
+    robot.update_cfg(dict(q))
+    return np.array([robot.get_transform(link, base) for link in links])
+
+
+def main() -> None:
+    """All objects of ``assets.json`` that are URDFs, or every n-th."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("data", type=Path, help="folder of assets.json and assets/")
+    parser.add_argument("--index", type=Path, help="assets.json, if it lies elsewhere")
+    parser.add_argument("--every", type=int, default=1, help="take every n-th object")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    flags = parser.parse_args()
+    index = flags.index or flags.data / "assets.json"
+    entries = json.loads(index.read_text(encoding="utf-8"))["assets"]
+    entries = [entry for entry in entries if entry["format"] == "urdf"][:: flags.every]
+    rng = np.random.default_rng(0)
+    trips = []
+    for entry in entries:
+        with tempfile.TemporaryDirectory() as folder:
+            trip = round_trip(entry["id"], flags.data / entry["path"], Path(folder), rng)
+        print(f"{trip.id}: {trip.outcome} {trip.message}", file=sys.stderr)
+        trips.append(trip)
+    errors = [trip.error for trip in trips if trip.error is not None]
+    result = {
+        "objects": len(trips),
+        "outcomes": dict(Counter(trip.outcome for trip in trips)),
+        "worst_error": max(errors, default=None),
+        "median_s": float(np.median([trip.seconds for trip in trips])) if trips else None,
+        "trips": [asdict(trip) for trip in trips],
+    }
+    print(json.dumps(result, indent=1) if flags.json else result["outcomes"])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""One environment in plain Python: the reference that the batched engine is held against.
+
+It runs the functions that a robot runs, one physics step after another, and needs no compiler.
+It is what :mod:`articulate_envs.gym` and :mod:`articulate_envs.suite` step.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from articulate.follow import discrete, follow
+from articulate.judgement import judge_sample
+from articulate_envs.buffered import DIVERGED, BufferedEngine
+from articulate_envs.scene import Scene, wrench_of
+
+
+class SingleEngine(BufferedEngine):
+    """One environment, stepped in Python; see :class:`articulate_envs.engine.Engine`."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Make one environment of ``scene``; call :meth:`reset` before stepping."""
+        super().__init__(scene, 1)
+        self._matrices = discrete(scene.follow.omega_rad_s, scene.physics.timestep_s)
+        at = scene.at
+        self._arm_v = slice(at.arm_q, at.arm_q + 7)
+        self._watched_v = slice(0, max(at.part_v, at.finger_q + 1) + 1)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model, with what was drawn written into it at each reset."""
+        return self._models[0]
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state of the physics."""
+        return self._data[0]
+
+    def _advance(self) -> None:
+        data, at, b = self.data, self.scene.at, self._buffers
+        data.xfrc_applied[at.part_body, :3] = b.push[0]
+        for _ in range(self.scene.substeps):
+            if b.rest[0, 3] == 0.0:
+                return
+            self._control()
+            mujoco.mj_step(self.model, data)
+            if not np.all(np.abs(data.qvel[self._watched_v]) < DIVERGED):
+                b.rest[0, 3] = 0.0
+                b.samples[0, 0] = np.nan
+                return
+            self._judge()
+        b.q[0] = data.qpos[self._arm_v]
+        b.dq[0] = data.qvel[self._arm_v]
+        b.rest[0, 0] = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
+        b.rest[0, 1] = data.qpos[at.part_q]
+        b.rest[0, 2] = data.qvel[at.part_v]
+
+    def _control(self) -> None:
+        """Move the follower and the fingers on by one physics step."""
+        b, at, hand = self._buffers, self.scene.at, self.scene.arm.hand
+        b.follow[:] = follow(b.follow, b.target, *self._matrices)
+        step = hand.finger_speed_m_s * self.scene.physics.timestep_s
+        way = -step if b.closing[0] > 0.0 else step
+        wide = min(max(b.finger[0] + way, 0.0), hand.max_width_m / 2.0)
+        b.finger[0] = wide
+        ctrl = self.data.ctrl
+        ctrl[at.arm_ctrl : at.arm_ctrl + 7] = b.follow[0, :, 0]
+        ctrl[at.finger_ctrl : at.finger_ctrl + 2] = wide, -wide
+
+    def _judge(self) -> None:
+        b, data, scene = self._buffers, self.data, self.scene
+        tool_w = data.site_xpos[scene.at.tool_site][None]
+        wrench, touch = wrench_of(data.sensordata[None], scene.at, tool_w)
+        torque = data.qfrc_actuator[self._arm_v][None].copy()
+        b.samples[:] = judge_sample(
+            b.samples,
+            dq=data.qvel[self._arm_v][None],
+            torque=torque,
+            torque_before=b.torque,
+            wrench=wrench,
+            touch=touch,
+            dt=scene.physics.timestep_s,
+            arm=scene.arm,
+            limits=scene.task.limits,
+        )
+        b.torque[:] = torque

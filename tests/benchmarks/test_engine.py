@@ -1,0 +1,48 @@
+"""The benchmark of the engine runs, and its limit does what the engine did."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("robosuite", reason="robosuite is not installed; scripts/install does that")
+
+TINY = """
+ppo: {n_envs: 2, n_steps: 16, batch_size: 32, n_epochs: 1}
+draw: {scales: 3}
+"""
+FLAGS = (
+    "--rounds 1 --envs 4 --ticks 10 --updates 1 --counts 2 4 --scaling-ticks 4 --workers 1 "
+    "--threads 2"
+)
+
+
+@pytest.mark.slow
+def test_a_tiny_measurement_prints_every_figure(tmp_path):
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    script = Path(__file__).parents[2] / "benchmarks" / "engine.py"
+    preset = ["--preset", str(tmp_path / "tiny.yaml")]
+    done = subprocess.run(
+        [sys.executable, str(script), "--json", *preset, *FLAGS.split()],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=600,
+        env=os.environ | {"PYTHONWARNINGS": "ignore"},
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    # mj_step alone, from the same states with the same controls, ends where the engine did.
+    assert result["replay_error"] < 1e-9
+    for name in ("limit", "robosuite", "training"):
+        assert any(key.startswith(f"{name}_ratio") for key in result)
+    assert 0.0 < result["limit_ratio"] < 1.1
+    assert result["robosuite_ratio_equal"] == pytest.approx(
+        result["equal_steps_per_s"][0] / result["robosuite_steps_per_s"][0]
+    )
+    assert set(result["steps_per_s_at"]) == {"2", "4"}
+    assert result["reset_ms"] > 0.0
+    assert result["scene"]["substeps"] == 10
