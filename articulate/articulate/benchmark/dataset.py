@@ -22,14 +22,13 @@ from articulate.errors import AssetError, ConfigError, nearest
 from articulate.library.library import Library
 
 LIBRARIES = {
-    "cabinets": "articulate.library:CabinetLibrary",
-    "procedural": "articulate.library.procedural.library:ProceduralLibrary",
+    "procedural": "articulate.library:ProceduralLibrary",
 }
 """Procedural libraries by name, imported when asked for."""
 TRUTH = "mobility_v2"
 """Entries of an index with another ``truth`` are not to be scored against."""
 SEEDS = 5
-"""Objects of each category, or of the one kind, that a procedural library makes by default."""
+"""Objects of each category that a procedural library is asked for."""
 
 
 class Dataset(Protocol):
@@ -191,7 +190,7 @@ class LibraryDataset:
     def category(self, object_id: str) -> str:
         """PartNet-Mobility's name of the category, as the library says."""
         said = getattr(self._library, "category", None)
-        return str(said(object_id)) if callable(said) else "StorageFurniture"
+        return str(said(object_id)) if callable(said) else "unknown"
 
     def known(self, object_id: str) -> Sequence[KnownJoint]:
         """The joints of the URDF that the library writes."""
@@ -201,13 +200,14 @@ class LibraryDataset:
     def load(self, object_id: str) -> TrueObject:
         """The object, scaled to PartNet-Mobility's size."""
         with tempfile.TemporaryDirectory() as folder:
-            source = read_urdf(self._library.write(object_id, Path(folder)))
+            path = self._library.write(object_id, Path(folder))
+            source = read_urdf(path)
             return true_object(
                 source,
                 joints_in_urdf(source),
                 object_id=object_id,
                 category=self.category(object_id),
-                labels={},
+                labels=semantic_names(path.parent),
                 in_metres=True,
             )
 

@@ -33,7 +33,7 @@ class BenchmarkFlags:
     """
 
     dataset: Annotated[str, tyro.conf.Positional]
-    """An index such as assets.json, a folder of URDFs, or a library: cabinets, procedural."""
+    """An index such as assets.json, a folder of URDFs, or the library: procedural."""
     out: Path
     """Folder for results.json, report.html and one record for each object."""
     actor: str = "prior"

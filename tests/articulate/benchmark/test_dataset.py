@@ -61,11 +61,11 @@ def test_a_folder_offers_every_urdf_in_it(tmp_path):
 
 
 def test_a_library_is_opened_by_name():
-    dataset = open_dataset("cabinets")
+    dataset = open_dataset("procedural")
     assert isinstance(dataset, LibraryDataset)
-    assert dataset.ids()[0] == "cabinet_0"
-    assert len(dataset.known("cabinet_0")) == 3
-    assert dataset.category("cabinet_0") == "StorageFurniture"
+    assert "laptop-0000" in dataset.ids()
+    assert [k.kind for k in dataset.known("laptop-0000")] == ["revolute"]
+    assert dataset.category("laptop-0000") == "Laptop"
 
 
 def test_semantic_names_are_read_from_beside_the_urdf(tmp_path):
@@ -76,7 +76,7 @@ def test_semantic_names_are_read_from_beside_the_urdf(tmp_path):
 
 
 def test_a_data_set_that_is_nowhere_is_refused(error_line):
-    error_line('open_dataset("cabinetz")', lambda: open_dataset("cabinetz"))
+    error_line('open_dataset("procedurel")', lambda: open_dataset("procedurel"))
 
 
 def test_a_file_that_is_no_index_is_refused(tmp_path, error_line):

@@ -107,7 +107,7 @@ def test_every_flag_has_a_word_of_help():
 
 
 def test_the_flags_decide_the_settings(tmp_path):
-    flags = BenchmarkFlags(dataset="cabinets", out=tmp_path, n_frames=9, seed=4)
+    flags = BenchmarkFlags(dataset="procedural", out=tmp_path, n_frames=9, seed=4)
     assert (flags.config().n_frames, flags.config().seed) == (9, 4)
     with pytest.raises(ConfigError):
-        BenchmarkFlags(dataset="cabinets", out=tmp_path, n_frames=1).config()
+        BenchmarkFlags(dataset="procedural", out=tmp_path, n_frames=1).config()
