@@ -63,7 +63,7 @@ def closing_scene(folder: Path, part: str) -> Scene:
     """A drawer or a door that is to be closed, in episodes of one second."""
     if part == "lid":
         return lid_scene(folder, "close")
-    asset = make_cabinet(folder) if part == "drawer" else make_cupboard(folder)
+    asset = make_cabinet(folder) if part == "drawer" else make_cupboard(folder, degrees=70.0)
     return make_scene(asset, "drawer_2_slide" if part == "drawer" else "door_hinge", verb="close")
 
 

@@ -152,7 +152,8 @@ def _first_good(
         tried.append(place)
         value = min(start_clearance(asset, task, arm, place) / CLEAR_M, 1.0)
         if best is None or value + 1.0 > best[0]:  # else no share could make it better
-            share = _drawn_share(asset, task, arm, config, place)
+            least = 0.0 if best is None else (best[0] - value) * MIN_DRAWN_SHARE
+            share = _drawn_share(asset, task, arm, config, place, least)
             value += min(share / MIN_DRAWN_SHARE, 1.0)
             if best is None or value > best[0]:
                 best = (value, replace(place, drawn_share=share))
@@ -292,8 +293,13 @@ def _scored(
     return out, margin, able
 
 
-def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place) -> float:
-    """Share of the corners of the drawn box of poses and sizes at which the way can be reached."""
+def _drawn_share(
+    asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place, least: float
+) -> float:
+    """Share of the corners of the drawn box of poses and sizes at which the way can be reached.
+
+    Where it is not above ``least``, it may be told too high.
+    """
     asset = tilted(asset, task.joint, place.tilt_rad)
     signs = np.array(np.meshgrid(*([[-1.0, 1.0]] * 3))).reshape(3, -1)
     scale = np.repeat(config.scale, signs.shape[1])
@@ -307,7 +313,7 @@ def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: 
         yaw=config.yaw_rad * signs[2],
     )
     ok = np.ones(len(scale), dtype=bool)
-    for opened in np.linspace(*way_ends(task), 3):
+    for opened in np.linspace(*way_ends(task), 3)[[0, 2, 1]]:
         goals = handle_in_world(
             asset,
             task.joint,
@@ -317,4 +323,6 @@ def _drawn_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: 
             flip=place.flip,
         )
         ok &= solve_ik(arm, goals, np.asarray(place.start_q), iterations=80).reached
+        if ok.mean() <= least:
+            break
     return float(ok.mean())

@@ -67,12 +67,14 @@ class StartConfig:
 
 def home_start(scene: Scene, drawn: Draw) -> Start:
     """Starts from home plus the drawn offsets, hand open and empty, part where it was drawn."""
-    n = len(drawn.values)
+    n, opened = len(drawn.values), drawn["part_open"].copy()
+    first, last = scene.task.begin
+    assert np.all((opened >= first) & (opened <= last)), "drawn without the task's begin"
     low, high = scene.arm.bounds(scene.follow.margin_rad)
     return Start(
         draw=drawn,
         q=np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high),
-        opened=drawn["part_open"].copy(),
+        opened=opened,
         width=np.full(n, scene.arm.hand.max_width_m),
         closing=-np.ones(n),
         home=np.ones(n, dtype=bool),
@@ -89,7 +91,6 @@ def bank_of_starts(
     grip = rng.random(n) < config.grip_share
     on_way = task.begin[1] + (task.target - task.begin[1]) * rng.random(n)
     opened = np.where(grip, on_way, drawn["part_open"])
-    drawn.values[:, COLUMNS.index("part_open")] = opened
     T_wo = object_pose(
         scene.asset,
         scene.task.joint,

@@ -122,3 +122,12 @@ def test_progress_is_read_up_to_a_line_that_is_cut_off(tmp_path):
 def test_seed_without_progress_has_its_number_alone(tiny):
     write_checkpoint(tiny.seed_folder(0), 0)
     assert last_progress(tiny, 0) == {"seed": 0}
+
+
+def test_progress_that_is_written_anew_meanwhile_is_not_told(tiny):
+    """A seed that is resumed drops the lines after its checkpoint."""
+    tiny.seed_folder(0).mkdir()
+    (tiny.seed_folder(0) / PROGRESS).write_text("")
+    seen = {0: 5}
+    campaign._tell(tiny, 0, seen, lambda _: pytest.fail("told"))
+    assert seen == {0: 5}

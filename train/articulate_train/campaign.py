@@ -117,7 +117,7 @@ def _tell(
     run: Run, seed: int, seen: dict[int, int], on_progress: Callable[[SeedProgress], None]
 ) -> None:
     rows = read_progress(run.seed_folder(seed))
-    if len(rows) == seen.get(seed, 0):
+    if not rows or len(rows) == seen.get(seed, 0):
         return
     seen[seed] = len(rows)
     row = rows[-1]

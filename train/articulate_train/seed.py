@@ -20,7 +20,7 @@ import torch
 from torch.utils.tensorboard import SummaryWriter
 
 from articulate.errors import ArticulateError, DivergedError
-from articulate.files import write_json
+from articulate.files import write_json, write_text
 from articulate.judgement import REASONS
 from articulate_envs.episodes import Ended
 from articulate_envs.rewards import TERMS
@@ -72,7 +72,7 @@ class SeedProcess:
             if row["steps"] <= steps:
                 kept.append(line)
                 self._before_s = float(row["seconds"])
-        path.write_text("".join(f"{line}\n" for line in kept))
+        write_text(path, "".join(f"{line}\n" for line in kept))  # it is read meanwhile
 
     def stop(self, *_: Any) -> None:
         """Stop after the update that runs."""
