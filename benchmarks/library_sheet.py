@@ -40,7 +40,7 @@ def spec_of(name: str, parts: list[Part], folder: Path) -> mujoco.MjSpec:
     """The object that was written into ``folder`` on a stage, with its pictures."""
     spec = mujoco.MjSpec()
     palette = CATEGORIES[name].palette
-    bodies = {}
+    bodies: dict[str, mujoco.MjsBody] = {}
     for key in {shape.material for part in parts for shape in part.shapes}:
         material = spec.add_material(name=key, rgba=palette[key].rgba)
         if palette[key].grain:

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
+from articulate.library.partnet import PartNetLibrary
+from articulate.library.procedural.library import ProceduralLibrary
+
 
 class Library(Protocol):
     """A source of articulated objects, each known by an id and written out as a URDF."""
@@ -39,3 +42,12 @@ class Library(Protocol):
             AssetError: There is no such object.
         """
         ...
+
+
+def open_library(folder: Path | None = None) -> Library:
+    """The objects of PartNet-Mobility in ``folder``; without a folder the procedural ones.
+
+    Raises:
+        UsageError: ``folder`` holds no object.
+    """
+    return ProceduralLibrary() if folder is None else PartNetLibrary(folder)

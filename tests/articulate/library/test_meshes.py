@@ -116,7 +116,7 @@ def test_normals_are_round_where_the_solid_is_and_flat_at_its_ends():
     normals = smooth_normals(corners, triangles)
     side = np.abs(normals[..., 2]) < 0.5
     radial = corners[triangles] * [1.0, 1.0, 0.0] / 0.1
-    np.testing.assert_allclose(normals[side], radial[side], atol=0.02)
+    np.testing.assert_allclose(normals[side], radial[side], atol=0.04)  # flat ones: 0.1
     np.testing.assert_allclose(np.abs(normals[~side][:, 2]), 1.0)
 
 

@@ -8,7 +8,7 @@ import pytest
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import read_input
 from articulate.errors import AssetError, UsageError
-from articulate.library import Library, PartNetLibrary
+from articulate.library import Library, PartNetLibrary, ProceduralLibrary, open_library
 from articulate.library.procedural.categories import write_object
 
 URDF = """<robot name="x"><link name="base"/>
@@ -43,6 +43,11 @@ def test_ids_are_the_folders_in_the_order_of_their_numbers(folder):
     assert list(library.ids()) == ["7", "10", "102"]
     assert (library.category("7"), library.category("102")) == ("Oven", "unknown")
     assert "non-commercial" in library.licence
+
+
+def test_without_a_folder_the_procedural_library_is_opened(folder):
+    assert isinstance(open_library(), ProceduralLibrary)
+    assert open_library(folder).ids() == ("7", "10", "102")
 
 
 def test_a_written_object_is_read_like_the_original_and_holds_no_truth(folder, tmp_path):

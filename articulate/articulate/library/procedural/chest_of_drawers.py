@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from articulate.library.procedural.build import Piece, around, cavity, linked, shape, shrunk
+from articulate.library.procedural.build import (
+    Piece,
+    around,
+    cavity,
+    corners_of,
+    linked,
+    shape,
+    shrunk,
+)
 from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
 from articulate.library.procedural.drawers import GAP_M, drawer
 from articulate.library.procedural.urdf import Part
@@ -51,10 +59,9 @@ class ChestOfDrawers(Dimensions):
                 around(0.0, board),
                 (self.leg_m + board, top - board),
             )
-        corners = [(a, b) for a in shrunk(body_x, 0.03) for b in shrunk(y, 0.03)]
         legs: dict[str, Piece] = {
             f"leg_{k}": (around(a, 0.04), around(b, 0.04), (0.0, self.leg_m))
-            for k, (a, b) in enumerate(corners)
+            for k, (a, b) in enumerate(corners_of(body_x, y, 0.03))
         }
         chest = Part(
             name="chest",

@@ -10,6 +10,7 @@ from articulate.library.procedural.build import (
     Piece,
     around,
     bar_handle,
+    corners_of,
     frame,
     hinge,
     knob,
@@ -60,9 +61,7 @@ class Microwave(Dimensions):
         body_x = (front[1] + GAP_M, x[1])
         feet: dict[str, Piece] = {
             f"foot_{k}": Rod(start=(a, b, 0.0), end=(a, b, z[0]), radius_m=0.012)
-            for k, (a, b) in enumerate(
-                (a, b) for a in shrunk(body_x, 0.04) for b in shrunk(y, 0.04)
-            )
+            for k, (a, b) in enumerate(corners_of(body_x, y, 0.04))
         }
         middle = (y[1] + split) / 2
         plate = Rod(

@@ -11,6 +11,7 @@ from articulate.library.procedural.build import (
     RIGHT,
     Piece,
     cavity,
+    corners_of,
     hinge,
     knob,
     linked,
@@ -63,10 +64,9 @@ class Safe(Dimensions):
         inner_y, inner_z = shrunk(y, self.wall_m), shrunk(z, self.wall_m)
         middle = 0.5 * sum(inner_z)
         shelf = ((body_x[0] + 0.03, x[1] - self.wall_m), inner_y, (middle, middle + 0.006))
-        corners = [(a, b) for a in shrunk(body_x, 0.04) for b in shrunk(y, 0.04)]
         feet: dict[str, Piece] = {
             f"foot_{k}": Rod(start=(a, b, 0.0), end=(a, b, z[0]), radius_m=0.018)
-            for k, (a, b) in enumerate(corners)
+            for k, (a, b) in enumerate(corners_of(body_x, y, 0.04))
         }
         body = Part(
             name="body",

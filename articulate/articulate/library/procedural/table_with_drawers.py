@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from articulate.library.procedural.build import Piece, around, cavity, linked, shape, shrunk
+from articulate.library.procedural.build import (
+    Piece,
+    around,
+    cavity,
+    corners_of,
+    linked,
+    shape,
+    shrunk,
+)
 from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
 from articulate.library.procedural.drawers import GAP_M, drawer
 from articulate.library.procedural.urdf import Part
@@ -50,10 +58,9 @@ class TableWithDrawers(Dimensions):
             span = around(case_y[1] - k * step, board)
             within = (case[0][0], case[0][1] - board)
             pieces[f"divider_{k}"] = (within, span, shrunk(case[2], board))
-        corners = [(a, b) for a in shrunk(x, self.leg_m / 2) for b in shrunk(y, self.leg_m / 2)]
         legs: dict[str, Piece] = {
             f"leg_{k}": (around(a, self.leg_m), around(b, self.leg_m), (0.0, under))
-            for k, (a, b) in enumerate(corners)
+            for k, (a, b) in enumerate(corners_of(x, y, self.leg_m / 2))
         }
         top: dict[str, Piece] = {"top": (x, y, (under, self.height_m))}
         table = Part(
