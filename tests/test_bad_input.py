@@ -150,6 +150,126 @@ def test_train_without_robosuite_says_how_to_get_it(refused, monkeypatch):
     refused("train --asset cabinet", "train --asset cabinet  # without robosuite")
 
 
+@pytest.mark.usefixtures("objects_here")
+@pytest.mark.parametrize(
+    "flags",
+    [
+        "--asset cabinet --require-success 90",
+        "--asset cabinet --require-success most",
+        "--asset cabinet --dry-run --resume --out old",
+        "--asset cabinet --size big",
+        "--asset cabinet --draw.mass 1",
+        "--asset cabinet --draw.mass 1.3 0.7",
+        "--asset cabinet --ppo.net wide",
+        "--asset cabinet --seeds",
+        "--asset cabinet --episodes 0",
+        "--asset cabinet --json=yes",
+        "--asset cabinet --config",
+        "--asset",
+        "cabinet",
+        "",
+    ],
+)
+def test_train_refuses_flags(refused, run_folder, tmp_path, flags):
+    shutil.copytree(run_folder / "run", tmp_path / "old")
+    refused(f"train {flags}".strip())
+
+
+@pytest.mark.usefixtures("objects_here")
+def test_train_dry_run_refuses_to_overwrite_its_picture(refused, tmp_path):
+    (tmp_path / "old.png").write_text("mine")
+    refused("train --asset cabinet --dry-run --out old")
+
+
+@pytest.mark.usefixtures("objects_here")
+def test_the_cache_must_be_usable(refused, tmp_path, monkeypatch):
+    monkeypatch.setenv("ARTICULATE_CACHE_GB", "much")
+    refused("train --asset cabinet", "train --asset cabinet  # ARTICULATE_CACHE_GB=much")
+    refused("cache", "cache  # ARTICULATE_CACHE_GB=much")
+    monkeypatch.delenv("ARTICULATE_CACHE_GB")
+    (tmp_path / "file").write_text("mine")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    for call in ("train --asset cabinet", "check chest.urdf"):
+        refused(call, f"{call}  # XDG_CACHE_HOME is a file")
+
+
+@pytest.mark.usefixtures("objects_here")
+def test_a_full_disk_is_told_before_the_work(refused, monkeypatch, run_folder, tmp_path):
+    free = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
+    monkeypatch.setattr("articulate.files.shutil.disk_usage", lambda _: free)
+    for call in ("train --asset cabinet --out run", "check . --out checked"):
+        refused(call, f"{call}  # 1 MB is free")
+    shutil.copytree(run_folder / "run", tmp_path / "made")
+    refused("export made --out b.zip", "export made --out b.zip  # 1 MB is free")
+
+
+@pytest.mark.usefixtures("objects_here")
+@pytest.mark.parametrize(
+    "flags",
+    [
+        "",
+        "nowhere.urdf",
+        "empty",
+        "/dev/null",
+        "chest.urdf --out old",
+        "chest.urdf --out mine",
+        "chest.urdf --ot checked",
+        "chest.urdf letter.urdf",
+        "chest.urdf --jobs -1",
+        "chest.urdf --jobs two",
+        "chest.urdf --limit 0",
+        "chest.urdf --max-geoms 0",
+        "chest.urdf --closed uper",
+        "chest.urdf --against nowhere.urdf",
+        "chest.urdf --config absent.yaml",
+        "chest.urdf --size -1",
+        "--explain opennes",
+    ],
+)
+def test_check_refuses(refused, tmp_path, flags):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "letter.txt").write_text("mine")
+    (tmp_path / "mine").write_text("mine")
+    refused(f"check {flags}".strip())
+
+
+@pytest.mark.parametrize(
+    "flags",
+    ["lst", "list clean", "clean", "clean --keep-gb -1", "clean --keep-gb all", "clean --keep 1"],
+)
+def test_cache_refuses(refused, flags):
+    refused(f"cache {flags}")
+
+
+@pytest.mark.parametrize("line", ["trian", "--versio", "--completion", "--completion csh", "-x"])
+def test_what_is_no_command_is_refused(refused, line):
+    refused(line, f"articulate {line}")
+
+
+def test_watch_refuses(refused, run_folder, tmp_path):
+    shutil.copytree(run_folder / "run", tmp_path / "run")
+    shutil.copytree(run_folder / "bundle", tmp_path / "bundle")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "old.mp4").write_text("mine")
+    (tmp_path / "letter.txt").write_text("Dear Sir or Madam")
+    for flags in (
+        "",
+        "nowhere",
+        "empty",
+        "letter.txt",
+        "run --seed 7",
+        "run --episode -1",
+        "run --out old.mp4",
+        "run --out clip.avi",
+        "run --out clip.mp4 --viewer",
+        "run bundle",
+        "bundle --seed 1",
+        "bundle --sed 1",
+    ):
+        refused(f"watch {flags}".strip())
+
+
 def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_folder, tmp_path):
     for verb in ("evaluate nowhere", "export nowhere --out bundle.zip"):
         refused(verb)
@@ -160,7 +280,14 @@ def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_
     write_checkpoint(tmp_path / "run" / "seed_0", 0)
     refused("export run --out bundle.zip --seed 4")
     refused("evaluate run --episodes 0")
-    refused("export run")
+    for flags in ("", "run --require-success 90", "run --episodes", "run --episode 5", "run old"):
+        refused(f"evaluate {flags}".strip())
+    for flags in ("", "run --seed first", "run --out run", "run --oot b.zip", "run --out empty/"):
+        (tmp_path / "empty").mkdir(exist_ok=True)
+        refused(f"export {flags}".strip())
+    (tmp_path / "bundles").mkdir()
+    (tmp_path / "bundles" / "run-seed_0.zip").write_text("mine")
+    refused("export run", "export run  # its default --out exists")
 
 
 def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tmp_path):
@@ -168,8 +295,26 @@ def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tm
     bundle = shutil.copytree(run_folder / "bundle", tmp_path / "bundle")
     for robot in ("panda", "fr3", "kuka"):
         refused(f"deploy bundle --robot {robot}")
-    for flags in ("--episodes 0", "--episodes few", "--robt mujoco"):
+    for flags in (
+        "--episodes 0",
+        "--episodes few",
+        "--robt mujoco",
+        "--robot mujco",
+        "--robot pybullet",
+        "--seed -1",
+        "--require-success 2",
+        "--out full",
+        "--out full/letter.txt",
+        "bundle",
+    ):
+        (tmp_path / "full").mkdir(exist_ok=True)
+        (tmp_path / "full" / "letter.txt").write_text("mine")
         refused(f"deploy bundle {flags}")
+    refused("deploy")
+    (tmp_path / "letter.txt").write_text("Dear Sir or Madam")
+    refused("deploy letter.txt")
+    (tmp_path / "empty").mkdir()
+    refused("deploy empty")
     policy = bundle / "policy.onnx"
     policy.write_bytes(policy.read_bytes()[:-1] + b"x")
     refused("deploy bundle", "deploy bundle  # its policy was changed")

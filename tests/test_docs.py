@@ -16,8 +16,11 @@ from mkdocs.config import load_config
 
 from articulate.asset import Asset, Handle, Joint, Link
 from articulate.commands.benchmark import BenchmarkFlags
+from articulate.commands.cache import CacheFlags
 from articulate.commands.check import CheckFlags
+from articulate.commands.completion import SHELLS
 from articulate.commands.flags import parse
+from articulate.commands.watch import WatchFlags
 from articulate.draw import DrawConfig
 from articulate.follow import FollowConfig
 from articulate.judgement import REASONS
@@ -58,7 +61,12 @@ FLAGS = {
     "export": ExportFlags,
     "deploy": DeployFlags,
     "benchmark": BenchmarkFlags,
+    "watch": WatchFlags,
+    "cache": CacheFlags,
 }
+COMMON = {"--config", "--help", "--quiet", "--verbose"}
+"""Flags of every command."""
+
 OTHERS = {"source", "tensorboard"}
 """Commands in the documents that are not ours."""
 
@@ -162,6 +170,9 @@ def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
         command, rest = call[0].removeprefix(".venv/bin/"), call[1:]
         if command == "articulate":
             command, rest = rest[0], rest[1:]
+        if command == "--completion":
+            assert rest[0] in SHELLS
+            continue
         if command in FLAGS:
             resumes = TrainFlags(asset="kept") if "--resume" in rest else None
             parse(FLAGS[command], rest, default=resumes, prog=command)
@@ -234,14 +245,18 @@ def test_arguments_and_options_of_environments_are_those_of_the_code():
     assert [row[0].strip("`") for row in table("engines.md", "option")] == list(OPTIONS)
 
 
-@pytest.mark.parametrize("command", ["check-asset", "train", "evaluate", "export-policy", "deploy"])
+@pytest.mark.parametrize(
+    "command",
+    ["check-asset", "train", "evaluate", "export-policy", "deploy", "watch", "cache"],
+)
 def test_pages_of_commands_name_flags_that_exist(command):
     known = {f"--{f.name.replace('_', '-')}" for f in dataclasses.fields(FLAGS[command])}
     page = (ROOT / "docs" / "commands" / f"{command}.md").read_text(encoding="utf-8")
+    page = re.sub(r"`deploy --seed 0`", "", page)  # of another command
     found = re.findall(r"(?<![\w-])--[a-z][a-z-]*", page)
     told = {flag.replace("--no-randomise", "--randomise") for flag in found}
     groups = {f"--{g}" for g in ("draw", "reward", "starts", "follow", "physics", "ppo")}
-    assert told <= known | groups | {"--config", "--help"}
+    assert told <= known | groups | COMMON
 
 
 @pytest.mark.parametrize("script", ["install", "test", "lint", "check", "quickstart"])

@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from articulate.errors import AssetError, nearest
+from articulate.errors import AssetError, field_error, nearest
 from articulate.files import write_text
 from articulate.transforms import Array, axis_angle_to_matrix, pose, quat_to_matrix
 
@@ -252,7 +252,9 @@ def load_asset(folder: Path) -> Asset:
             f"{folder}: not an asset folder ({error}); make one with check-asset"
         ) from None
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
-        raise AssetError(f"{path}: not an asset of schema {SCHEMA} {SCHEMA_VERSION}")
+        raise AssetError(
+            f"{path}: not an asset of schema {SCHEMA} {SCHEMA_VERSION}; make it with check-asset"
+        )
     return _decode(content, folder, path)
 
 
@@ -277,4 +279,4 @@ def _decode(content: dict[str, Any], folder: Path, path: Path) -> Asset:
             **plain,
         )
     except (KeyError, TypeError) as error:
-        raise AssetError(f"{path}: field missing or not known: {error}") from None
+        raise AssetError(f"{path}: {field_error(error)}; make it with check-asset") from None

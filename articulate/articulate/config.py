@@ -293,7 +293,7 @@ class _Decoder:
             and isinstance(value, (int, float, str))
             and not isinstance(value, bool)
         ):
-            number = _number(hint, value)
+            number = number_of(hint, value)
             if number is not None:
                 return number
         raise self.refuse(key, value, _WORDS[hint])
@@ -312,7 +312,7 @@ class _Decoder:
         return ConfigError(f"{self.where}: unknown key {key}{hint}")
 
 
-def _number(hint: type[Any], value: float | str) -> float | int | None:
+def number_of(hint: type[Any], value: float | str) -> float | int | None:
     """``value`` as a number, or None; YAML 1.1 takes ``1e-3`` for text, so text may be one."""
     if hint is int and isinstance(value, int):
         return value

@@ -68,7 +68,7 @@ class DrawConfig:
         for f in fields(self):
             value = getattr(self, f.name)
             if isinstance(value, tuple) and value[0] > value[1]:
-                raise ConfigError(f"draw.{f.name} is {value}; its first number must not be larger")
+                raise ConfigError(f"draw.{f.name} is {value}; the smaller number comes first")
             if f.name in FACTORS and not value[0] > 0.0:
                 raise ConfigError(f"draw.{f.name} is {value}; factors must be above 0")
             if f.name.endswith("delay_ticks") and not 0 <= value[0] <= value[1] <= MAX_DELAY_TICKS:

@@ -20,6 +20,7 @@ be accepted, what to do next.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 
@@ -61,6 +62,20 @@ class MissingError(UsageError):
 
 class DivergedError(ArticulateError):
     """Training produced values that are not finite."""
+
+
+def field_error(error: KeyError | TypeError) -> str:
+    """What a constructor or a look-up complained of, in words for those who wrote the file."""
+    text = str(error)
+    unknown = re.search(r"unexpected keyword argument '(\w+)'", text)
+    if unknown:
+        return f"unknown field {unknown[1]}"
+    absent = re.search(r"missing \d+ required \S+ arguments?: (.+)$", text)
+    if absent:
+        return f"field {absent[1]} is missing"
+    if isinstance(error, KeyError):
+        return f"field {text} is missing"
+    return f"a field is of the wrong kind ({text})"
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,6 +45,33 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def require_space(folder: Path, need_bytes: int, what: str) -> None:
+    """Refuse to begin where the disk has too little room.
+
+    Args:
+        folder: Where files will be written; it need not exist.
+        need_bytes: What they take.
+        what: What takes them, for the message.
+
+    Raises:
+        UsageError: Less is free.
+    """
+    above = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(above).free
+    if free < need_bytes:
+        raise UsageError(
+            f"{folder}: {what} takes about {need_bytes / 1e6:.0f} MB, and {free / 1e6:.0f} MB are "
+            "free on its disk; free some or choose another --out"
+        )
+
+
+def copy_writable(source: Path, target: Path) -> None:
+    """Copy a folder that may be read-only to one that can be written, and removed again."""
+    shutil.copytree(source, target, copy_function=shutil.copyfile, dirs_exist_ok=True)
+    for folder in (target, *(path for path in target.rglob("*") if path.is_dir())):
+        folder.chmod(0o755)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from articulate.errors import ConfigError, nearest
+from articulate.errors import ConfigError, field_error, nearest
 from articulate.transforms import Array
 
 
@@ -97,7 +97,7 @@ def layout_from_list(items: list[dict[str, Any]]) -> Layout:
     try:
         fields = tuple(Field(**{k: v for k, v in item.items() if k != "slice"}) for item in items)
     except TypeError as error:
-        raise ConfigError(f"layout: {error}") from None
+        raise ConfigError(f"layout: {field_error(error)}; export the bundle again") from None
     layout = Layout(fields)
     for item in items:
         where = layout.slice(item["name"])

@@ -74,7 +74,9 @@ def load_bundle(path: Path) -> Bundle:
         raise BundleError(f"{path}: no such bundle; export-policy makes one from a run")
     text = contents.pop(MANIFEST_FILE, None)
     if text is None:
-        raise BundleError(f"{path}: not a bundle, it has no {MANIFEST_FILE}")
+        raise BundleError(
+            f"{path}: not a bundle, it has no {MANIFEST_FILE}; give what export-policy made"
+        )
     try:
         manifest = decode_manifest(text.decode("utf-8"), f"{path}/{MANIFEST_FILE}")
     except UnicodeDecodeError:
@@ -96,7 +98,7 @@ def _from_folder(folder: Path) -> dict[str, bytes]:
         if stat.S_ISDIR(mode):
             continue
         if not stat.S_ISREG(mode):
-            raise BundleError(f"{folder}: {name} is not a plain file")
+            raise BundleError(f"{folder}: {name} is not a plain file; a bundle holds no links")
         total += path.stat().st_size
         _check_size(folder, total, len(contents))
         contents[name] = path.read_bytes()
@@ -126,7 +128,7 @@ def _from_zip(path: Path) -> dict[str, bytes]:
         EOFError,
         OSError,
     ) as error:
-        raise BundleError(f"{path}: not a bundle ({error})") from None
+        raise BundleError(f"{path}: not a bundle ({error}); give what export-policy made") from None
     return contents
 
 
@@ -155,15 +157,15 @@ def _check_size(path: Path, total: int, count: int) -> None:
 
 def _check_sums(manifest: Manifest, contents: dict[str, bytes], path: Path) -> None:
     for name in sorted(set(contents) - set(manifest.files)):
-        raise BundleError(f"{path}: {name} is not in the manifest")
+        raise BundleError(f"{path}: {name} is not in the manifest; take it out of the bundle")
     for name in sorted(set(manifest.files) - set(contents)):
-        raise BundleError(f"{path}: {name} is missing")
+        raise BundleError(f"{path}: {name} is missing; export it again")
     for name, content in contents.items():
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
             raise BundleError(f"{path}: {name} was changed after export; export it again")
     for name in (manifest.policy.file, manifest.golden.file, manifest.scene.file):
         if name not in contents:
-            raise BundleError(f"{path}: {name} is missing")
+            raise BundleError(f"{path}: {name} is missing; export it again")
 
 
 def _check_fits(bundle: Bundle) -> None:
@@ -175,7 +177,9 @@ def _check_fits(bundle: Bundle) -> None:
         raise BundleError(f"{bundle.where}: {error}") from None
     own = limit_table_sha256(arm)
     if manifest.limit_table_sha256 != own or limit_table_sha256(manifest.robot) != own:
-        raise BundleError(f"{bundle.where}: its limit tables are not those of the {arm.name}")
+        raise BundleError(
+            f"{bundle.where}: its limit tables are not those of the {arm.name}; export it again"
+        )
     for name, layout, known in (
         ("observation", manifest.observation, OBSERVATION),
         ("action", manifest.action, ACTION),

@@ -48,8 +48,10 @@ def deploy(
         ConfigError: The robot is not known, or a number not accepted.
         UsageError: ``out`` cannot be written.
     """
-    if episodes < 1 or seed < 0:
-        raise ConfigError(f"--episodes {episodes} --seed {seed}: at least 1 and at least 0")
+    if episodes < 1:
+        raise ConfigError(f"episodes is {episodes}; it must be at least 1")
+    if seed < 0:
+        raise ConfigError(f"seed is {seed}; it must be 0 or more")
     bundle = load_bundle(path)
     manifest, policy = bundle.manifest, Policy(bundle)
     config = one_size(manifest) if randomise else still(manifest)

@@ -29,7 +29,9 @@ def new_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         held = any(folder.iterdir())
     except OSError as error:
-        raise UsageError(f"{folder}: cannot be written ({error.strerror}); choose --out") from None
+        raise UsageError(
+            f"{folder}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
     if held:
         raise UsageError(f"{folder}: exists and is not empty; choose another --out")
 

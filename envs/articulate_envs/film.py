@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from articulate.errors import MissingError
-from articulate.files import whole_file
 from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
+from articulate.render.encode import write_clip
 from articulate.render.view import View, camera_axes, fitted_view
 from articulate.transforms import Array, matrix_to_quat
 from articulate_envs.panda import HAND_BODY
@@ -26,8 +25,6 @@ SIZE = (480, 360)
 """Width and height of a clip [px]; even numbers, as H.264 wants them."""
 PICTURE_SIZE = (960, 720)
 """Width and height of a picture [px]."""
-H264 = "-crf 25 -preset medium -threads 1 -movflags +faststart -f mp4"
-"""How clips are encoded: small, and played while they load."""
 AZIMUTHS_DEG = (52.0, -52.0, 68.0, -68.0, 84.0, -84.0, 100.0, -100.0)
 """Directions of view that are tried, from along +x (the arm faces it) towards +y."""
 ELEVATIONS_DEG = (-22.0, -34.0)
@@ -244,8 +241,7 @@ def write_film(
         MissingError: Nothing can be drawn here, or the encoder is not installed.
     """
     with Film(scene, scale=scale, T_wo=T_wo, size=size) as film:
-        _encode(path, film.frames(np.asarray(qpos)), size, round(1.0 / tick_s))
-    return path
+        return write_clip(path, film.frames(np.asarray(qpos)), size, round(1.0 / tick_s))
 
 
 def picture(
@@ -267,29 +263,3 @@ def picture(
     out = BytesIO()
     image.save(out, "PNG", optimize=True)
     return out.getvalue()
-
-
-def _encode(path: Path, frames: Iterable[Pixels], size: tuple[int, int], rate: int) -> None:
-    try:
-        # Brings an encoder of its own; wanted for clips alone.
-        import imageio_ffmpeg  # type: ignore[import-untyped]  # it ships no annotations
-    except ImportError:
-        raise MissingError(
-            "no clips without imageio-ffmpeg; run: pip install imageio-ffmpeg"
-        ) from None
-    with whole_file(path) as temporary:
-        writer = imageio_ffmpeg.write_frames(
-            str(temporary),
-            size,
-            fps=rate,
-            codec="libx264",
-            macro_block_size=2,
-            quality=None,
-            output_params=H264.split(),
-        )
-        writer.send(None)
-        try:
-            for frame in frames:
-                writer.send(np.ascontiguousarray(frame))
-        finally:
-            writer.close()

@@ -12,13 +12,13 @@ import numpy as np
 
 from articulate.arm import PANDA
 from articulate.asset import Asset
+from articulate.cache import cache_folder
 from articulate.config import from_mapping, to_plain
 from articulate.convert import ConvertConfig
 from articulate.draw import NO_DRAW, DrawConfig
 from articulate.errors import ConfigError, nearest
 from articulate.follow import FollowConfig
 from articulate.prove.prove import proven_asset
-from articulate.prove.store import default_cache
 from articulate.task import TASK_RULES
 from articulate_envs.choose import choose_joint
 from articulate_envs.engine import Engine
@@ -129,7 +129,7 @@ def make_scene(config: EnvConfig) -> Scene:
         UsageError: The object cannot be read, was refused, or cannot be reached.
     """
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
-    asset = proven_asset(Path(config.asset), default_cache(), wish)
+    asset = proven_asset(Path(config.asset), cache_folder(), wish)
     return _scene(asset, _Wish.of(config))
 
 

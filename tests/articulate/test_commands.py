@@ -1,5 +1,5 @@
 import errno
-import io
+import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
-import tyro
 
 from articulate import commands
+from articulate.commands import console
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, UsageError
 
@@ -40,7 +41,7 @@ class Ppo:
 class Train:
     """Train a policy."""
 
-    run: Annotated[Path, tyro.conf.Positional]
+    run: Annotated[Path, POSITIONAL]
     """Folder of the run."""
     asset: Path
     """The object."""
@@ -117,20 +118,69 @@ def test_values_in_dashes_or_underscores_are_the_same_flag():
         "R",
         "--asset a",
         "R --asset a --config",
+        "R --asset a --json=yes",
+        "R --asset a --task open_drawr",
+        "R --asset a -j",
     ],
 )
 def test_wrong_flags_are_one_line(argv, error_line):
-    line = error_line(
-        f"parse(Train, {argv.split()})", lambda: parse(Train, argv.split(), prog="train")
+    error_line(f"parse(Train, {argv.split()})", lambda: parse(Train, argv.split(), prog="train"))
+
+
+def test_help_is_told_where_output_is_not_utf_8():
+    result = subprocess.run(
+        [sys.executable, "-m", "articulate", "train", "--help"],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
     )
-    assert not set(line) & set("│╭─")
+    assert result.returncode == 0
+    assert b"--draw.position-m" in result.stdout
 
 
-@pytest.mark.parametrize("argv", ["R --asset a --ppo.learning-rate fast", "R", "R --asset"])
-def test_wrong_flags_are_the_same_line_where_output_is_not_utf_8(argv, error_line, monkeypatch):
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding="ascii"))
-    call = f"parse(Train, {argv.split()})"
-    error_line(call, lambda: parse(Train, argv.split(), prog="train"))
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--ppo.horizon=7", {"ppo": Ppo(horizon=7)}),
+        ("--ppo.horizon 1e3", {"ppo": Ppo(horizon=1000)}),
+        ("--ppo.learning-rate -1", {"ppo": Ppo(learning_rate=-1.0)}),
+        ("--seeds", {}),
+        ("--seeds 1 2 --seeds 3", {"seeds": (3,)}),
+        ("--json --no-json", {"json": False}),
+        ("--task=open_joint", {"task": "open_joint"}),
+    ],
+)
+def test_values_can_be_given_in_several_ways(words, expected):
+    argv = ["R", "--asset", "a", *words.split()]
+    if words == "--seeds":
+        with pytest.raises(ConfigError, match="--seeds: a value is missing; give --seeds INT"):
+            parse(Train, argv)
+        return
+    assert parse(Train, argv) == Train(run=Path("R"), asset=Path("a"), **expected)
+
+
+@pytest.mark.parametrize(
+    ("flag", "heard"), [("-q", ""), ("--quiet", ""), ("--json", "told "), ("-v", "told more ")]
+)
+def test_every_command_can_say_less_or_more(flag, heard, capsys):
+    def verb(argv):
+        parse(Train, argv)
+        console.say("told")
+        console.detail("more")
+        return 0
+
+    assert commands.run_command(verb, ["R", "--asset", "a", flag]) == 0
+    assert capsys.readouterr().err == heard.replace(" ", "\n")
+
+
+def test_words_after_two_dashes_are_no_flags():
+    assert parse(Train, ["--asset", "a", "--", "--run"]).run == Path("--run")
+
+
+def test_values_of_two_presets_and_a_flag_meet_in_one_group(tmp_path):
+    (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
+    default = Train(run=Path("D"), asset=Path("d"))
+    argv = ["--config", str(tmp_path / "x.yaml"), "--ppo.learning-rate", "0.5"]
+    assert parse(Train, argv, default).ppo == Ppo(horizon=2, learning_rate=0.5)
 
 
 def test_flag_that_no_preset_gives_stays_required(tmp_path):
@@ -256,6 +306,25 @@ def test_import_and_help_touch_no_heavy_module(code):
     assert not HEAVY & set(result.stderr.split())
 
 
+VERBS = ["check", "train", "evaluate", "export", "deploy", "watch", "cache"]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_a_verb_has_an_example_and_touches_no_heavy_module(verb):
+    result = fresh(
+        f"import sys; sys.argv = ['articulate', '{verb}', '--help']\n"
+        "from articulate.commands import main\n"
+        "try: main()\n"
+        "finally: print(*sys.modules, file=sys.stderr)"
+    )
+    assert result.returncode == 0
+    assert "\nExample: " in result.stdout
+    assert result.stdout.count("--help") == 1
+    assert not HEAVY - {"numpy"} & set(result.stderr.split())
+    if verb != "train":  # its defaults are classes that compute
+        assert "numpy" not in result.stderr.split()
+
+
 def test_python_m_articulate_is_the_command():
     result = subprocess.run(
         [sys.executable, "-m", "articulate", "--version"], capture_output=True, text=True
@@ -265,7 +334,8 @@ def test_python_m_articulate_is_the_command():
 
 def test_reader_that_goes_away_is_no_bug():
     code = (
-        "from articulate.commands import run_command; run_command(lambda _: print('x' * 10**7), [])"
+        "from articulate.commands import console, run_command; "
+        "run_command(lambda _: console.emit('x' * 10**7), [])"
     )
     shell = f'{sys.executable} -c "{code}" | head -c 5'
     result = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)

@@ -1,7 +1,4 @@
 import math
-import subprocess
-import sys
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -221,25 +218,3 @@ def test_presets_of_the_checkout_are_found_by_name():
     assert preset_folder() == ROOT / "configs"
     for name in preset_names():
         assert preset_path(name) == ROOT / "configs" / f"{name}.yaml"
-
-
-@pytest.mark.slow
-def test_wheel_holds_the_four_packages_and_finds_its_presets(tmp_path):
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    with zipfile.ZipFile(wheel) as archive:
-        names = archive.namelist()
-        archive.extractall(tmp_path / "site")
-    tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
-    assert tops == {"articulate", "articulate_envs", "articulate_train", "articulate_deploy"}
-    code = "from articulate import config; print(config.preset_folder(), *config.preset_names())"
-    found = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env={"PYTHONPATH": str(tmp_path / "site")},
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout.split()
-    assert found == [str(tmp_path / "site/articulate/_configs"), *preset_names()]

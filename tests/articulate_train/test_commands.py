@@ -81,7 +81,7 @@ def test_interrupted_training_says_how_to_go_on(done, capsys, monkeypatch):
     assert main(["train", "--resume", "--out", str(done.folder)]) == 130
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.endswith(f"stopped; go on with: train --resume --out {done.folder}\n")
+    assert printed.err.endswith(f"interrupted; go on with: train --resume --out {done.folder}\n")
 
 
 def test_training_that_diverges_is_one_line_and_exit_1(done, capsys, monkeypatch, tmp_path):
@@ -111,7 +111,7 @@ def test_success_below_what_is_required_is_exit_3_with_the_report_all_the_same(d
     argv = ["evaluate", str(done.folder), "--require-success"]
     assert main([*argv, "1"]) == 3
     printed = capsys.readouterr()
-    assert "below the 100% required" in printed.err
+    assert "below the 100.0% required" in printed.err
     assert "report: " in printed.out
     assert main([*argv, "0"]) == 0
 

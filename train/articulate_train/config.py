@@ -100,9 +100,10 @@ class TrainConfig:
         if self.task not in TASK_RULES:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
         if not self.seeds or len(set(self.seeds)) != len(self.seeds) or min(self.seeds) < 0:
-            raise ConfigError(f"seeds are {self.seeds}; they must be distinct and not negative")
+            shown = " ".join(map(str, self.seeds))
+            raise ConfigError(f"seeds are {shown}; they must be distinct and not negative")
         if self.steps < self.ppo.n_envs * self.ppo.n_steps:
             least = self.ppo.n_envs * self.ppo.n_steps
-            raise ConfigError(f"steps is {self.steps}; one update alone takes {least}")
+            raise ConfigError(f"steps is {self.steps}; one update alone takes {least}, give more")
         if self.episodes < 1:
             raise ConfigError(f"episodes is {self.episodes}; it must be at least 1")

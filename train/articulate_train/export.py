@@ -24,7 +24,7 @@ import torch
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
 from articulate.draw import DrawConfig
 from articulate.errors import RunError, UsageError
-from articulate.files import sha256, whole_file
+from articulate.files import require_space, sha256, whole_file
 from articulate.manifest import (
     GOLDEN_FILE,
     MANIFEST_FILE,
@@ -52,6 +52,8 @@ from articulate_train.run import Run, open_run, versions
 
 OPSET = 18
 """Version of ONNX's operators that is asked for."""
+BUNDLE_BYTES = 40_000_000
+"""What a large bundle takes, with what it is packed from."""
 ARM_LICENCE = "Apache-2.0 (meshes of franka_description), MIT (model of robosuite)"
 """Licence of the arm in the exported scene."""
 _NOT_FREE = re.compile(r"non[- ]?commercial|\bnc\b|research only|academic", re.IGNORECASE)
@@ -82,12 +84,13 @@ class Exported:
         }
 
 
-def export_policy(folder: Path, out: Path, *, seed: int | None = None) -> Exported:
+def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = None) -> Exported:
     """Write the bundle of one seed of the run in ``folder`` to ``out``, whole or not at all.
 
     Args:
         folder: The run.
-        out: A path ending in ``.zip``, or a folder that does not exist.
+        out: A path ending in ``.zip``, or a folder that does not exist; by default
+            ``bundles/<run>-seed_<seed>.zip``.
         seed: The seed; None takes the best.
 
     Raises:
@@ -96,8 +99,10 @@ def export_policy(folder: Path, out: Path, *, seed: int | None = None) -> Export
     """
     run = open_run(folder)
     chosen, rule, success = choose_seed(run, seed)
+    out = out or Path("bundles") / f"{run.folder.resolve().name}-seed_{chosen}.zip"
     if out.exists():
         raise UsageError(f"{out}: exists; choose another --out")
+    require_space(out, BUNDLE_BYTES, "a bundle")
     policy = load_policy(run.seed_folder(chosen))
     scene = run.scene((1.0,))
     files = bundle_files(scene, policy)
@@ -325,4 +330,6 @@ def write_bundle(out: Path, files: dict[str, bytes]) -> None:
         temporary.replace(out)
     except OSError as error:
         shutil.rmtree(temporary, ignore_errors=True)
-        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose --out") from None
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None

@@ -19,6 +19,7 @@ import os
 import platform
 import shutil
 import sys
+import tempfile
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -26,10 +27,11 @@ from typing import Any
 
 from articulate.arm import PANDA, Arm, Hand
 from articulate.asset import Asset, load_asset
+from articulate.cache import using
 from articulate.config import load_config, to_yaml
 from articulate.convert import ConvertConfig
-from articulate.errors import RunError
-from articulate.files import write_json, write_text
+from articulate.errors import RunError, field_error
+from articulate.files import copy_writable, require_space, write_json, write_text
 from articulate.prove.prove import proven_asset
 from articulate.task import Limits, Task
 from articulate_envs.choose import choose_joint
@@ -96,13 +98,22 @@ def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
         UsageError: The object cannot be read or reached.
     """
     _check_free(folder)
-    asset = prepare_asset(config, cache)
-    task, place = choose_joint(config, asset)
-    temporary = folder.with_name(f".{folder.name}.part")
+    with using(cache):
+        asset = prepare_asset(config, cache)
+        task, place = choose_joint(config, asset)
+        require_space(folder, run_bytes(config, asset), "a run")
+        _write_run(folder, config, asset, task, place)
+    return open_run(folder)
+
+
+def _write_run(folder: Path, config: TrainConfig, asset: Asset, task: Task, place: Place) -> None:
+    temporary = None
     try:
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
-        shutil.copytree(asset.folder, temporary / "asset")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        # A name of its own: another run may be made beside this one at the same moment.
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        temporary.chmod(0o755)
+        copy_writable(asset.folder, temporary / "asset")
         write_text(temporary / CONFIG, to_yaml(config))
         write_scene(temporary, task, place, PANDA)
         write_json(temporary / "versions.json", versions())
@@ -111,8 +122,20 @@ def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
         why = error.strerror or "copying failed"
         raise RunError(f"{folder}: cannot be written ({why}); choose another --out") from None
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    return open_run(folder)
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def run_bytes(config: TrainConfig, asset: Asset) -> int:
+    """What a run takes on disk at most, generously [bytes]."""
+    object_bytes = sum(p.stat().st_size for p in asset.folder.rglob("*") if p.is_file())
+    return object_bytes + len(config.seeds) * (SEED_BYTES + config.steps // 10) + REPORT_BYTES
+
+
+SEED_BYTES = 4_000_000
+"""A seed's checkpoint, twice while it is written, and its log."""
+REPORT_BYTES = 20_000_000
+"""The report with its clips."""
 
 
 def _check_free(folder: Path) -> None:
@@ -174,9 +197,10 @@ def open_run(folder: Path) -> Run:
     try:
         scene = json.loads(path.read_text(encoding="utf-8"))
         task, place, arm = _task(scene["task"]), _place(scene["place"]), _arm(scene["arm"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        kind = f"{type(error).__name__}: {error}"
-        raise RunError(f"{path}: cannot be read ({kind}); train again") from None
+    except (KeyError, TypeError) as error:
+        raise RunError(f"{path}: {field_error(error)}; train again") from None
+    except (OSError, ValueError, AttributeError) as error:
+        raise RunError(f"{path}: cannot be read ({error}); train again") from None
     return Run(
         folder=folder,
         config=load_config(TrainConfig, folder / CONFIG),

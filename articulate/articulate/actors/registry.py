@@ -8,6 +8,7 @@ from articulate.actors.protocol import Actor
 from articulate.errors import ConfigError, MissingError, nearest
 
 ACTORS = {
+    "geometric-video": "articulate.actors.geometric.video:video_actor",
     "prior": "articulate.actors.prior:PriorActor",
 }
 """Where each actor is defined; called without arguments it gives an actor."""

@@ -2,13 +2,14 @@
 
 Verbs are entry points of the group ``articulate.commands``, imported when they are asked for.
 A verb is a function ``main(argv) -> int`` that lets errors through; what is said about them,
-and the exit code, is decided here.
+and the exit code, is decided here. It prints results by :func:`articulate.commands.console.emit`,
+progress by :func:`~articulate.commands.console.say`, and its module names the class of its flags
+``FLAGS``, from which completion is made.
 """
 
 from __future__ import annotations
 
 import errno
-import os
 import sys
 import tempfile
 import traceback
@@ -16,14 +17,14 @@ from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from articulate.commands import console
+from articulate.commands.interrupt import INTERRUPT_EXIT, two_strokes
 from articulate.errors import UsageError, nearest
 
 GROUP = "articulate.commands"
 DISTRIBUTION = "articulate-robots"
 USAGE_EXIT = 2
 BUG_EXIT = 1
-INTERRUPT_EXIT = 130
-"""128 + SIGINT, as shells count."""
 
 Main = Callable[[Sequence[str]], int]
 
@@ -33,8 +34,12 @@ SUMMARIES = {
     "evaluate": "evaluate a run again",
     "export": "write a run's policy as a bundle for robots",
     "benchmark": "score an actor on objects whose joints are known",
+    "observe": "say how the part that is operated in a film moves",
     "deploy": "run a bundle on a robot or a stand-in",
+    "watch": "see a policy act: a clip, a recording for rerun, or a window",
+    "cache": "list or clean what earlier checks left behind",
 }
+GLOBAL = ("--help", "--version", "--completion")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,10 +48,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not arguments or arguments[0] in {"-h", "--help"}:
         print(_help())
         return 0 if arguments else USAGE_EXIT
-    if arguments[0] in {"-V", "--version"}:
+    first, rest = arguments[0], arguments[1:]
+    if first in {"-V", "--version"}:
         print(f"articulate {version()}")
         return 0
-    return run_command(_verb(arguments[0]), arguments[1:])
+    if first.partition("=")[0] == "--completion":
+        return run_command(_completion, [*first.split("=")[1:], *rest])
+    return run_command(_verb(first), rest)
 
 
 def run_command(command: Main, argv: Sequence[str]) -> int:
@@ -54,24 +62,28 @@ def run_command(command: Main, argv: Sequence[str]) -> int:
 
     Bad input and a full disk give 2, an interrupt 130, and a bug 1, with its trace in a file.
     """
-    try:
-        return command(argv)
-    except UsageError as error:
-        return _complain(str(error), USAGE_EXIT)
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPT_EXIT)
-    except BrokenPipeError:
-        # The reader of our output has gone (`| head`): nothing is left to say, not even at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BUG_EXIT
-    except Exception as error:  # noqa: BLE001  a bug: its trace goes into a file, one line to the user
-        if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
-            where = f" for {error.filename}" if error.filename else ""
-            return _complain(
-                f"no space left on the disk{where}; free some or choose another --out", USAGE_EXIT
-            )
-        kind = type(error).__name__
-        return _complain(f"{kind}: {_one_line(str(error))}; trace in {_write_trace()}", BUG_EXIT)
+    with console.session(), two_strokes():
+        try:
+            return command(argv)
+        except UsageError as error:
+            return _complain(str(error), USAGE_EXIT)
+        except KeyboardInterrupt:
+            hint = console.interrupt_hint()
+            return _complain(f"interrupted{hint and f'; {hint}'}", INTERRUPT_EXIT)
+        except BrokenPipeError:
+            console.forget_results()  # their reader has gone (`| head`)
+            return BUG_EXIT
+        except Exception as error:  # noqa: BLE001  a bug: its trace goes into a file, one line to the user
+            return _unexpected(error)
+
+
+def _unexpected(error: Exception) -> int:
+    if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        where = f" for {error.filename}" if error.filename else ""
+        line = f"no space left on the disk{where}; free some or choose another --out"
+        return _complain(line, USAGE_EXIT)
+    kind = type(error).__name__
+    return _complain(f"{kind}: {_one_line(str(error))}; trace in {_write_trace()}", BUG_EXIT)
 
 
 def version() -> str:
@@ -112,6 +124,9 @@ def _verb(name: str) -> Main:
 
     def command(argv: Sequence[str]) -> int:
         found = [entry for entry in metadata.entry_points(group=GROUP) if entry.name == name]
+        if not found and name.startswith("-"):
+            close = nearest(name, GLOBAL)
+            raise UsageError(f"{name}: unknown flag{close}; a command comes first: articulate VERB")
         if not found:
             known = metadata.entry_points(group=GROUP).names
             raise UsageError(f"{name}: no such command{nearest(name, known)}")
@@ -135,20 +150,36 @@ def _help() -> str:
     width = max(map(len, names), default=0)
     verbs = [f"  {name:<{width}}  {SUMMARIES.get(name, '')}".rstrip() for name in names]
     lines = [
-        "usage: articulate VERB [options]",
+        "usage: articulate VERB [flags]",
         "",
         "From a description of an articulated object to an arm that opens it.",
         "",
         "verbs:",
         *(verbs or ["  none: the distribution is not installed"]),
         "",
-        "articulate VERB --help lists the options of a verb; --version tells the version.",
+        "articulate VERB --help lists the flags of a verb; --version tells the version;",
+        "--completion bash|zsh|fish prints a script that completes verbs and flags.",
+        "",
+        "exit codes: 0 done, 1 a bug, 2 bad input and nothing written, 3 done but not what was",
+        "asked for, 130 interrupted.",
     ]
     return "\n".join(lines)
 
 
+def _completion(argv: Sequence[str]) -> int:
+    from articulate.commands.completion import SHELLS, script, verb_words  # imports every verb
+
+    if len(argv) != 1:
+        raise UsageError(f"--completion needs the name of a shell: {', '.join(SHELLS)}")
+    entries = sorted(metadata.entry_points(group=GROUP), key=lambda entry: entry.name)
+    # The shell is checked first: verbs take a while to import.
+    made = script(argv[0], {}) and script(argv[0], {e.name: verb_words(e) for e in entries})
+    console.emit(made.rstrip("\n"))
+    return 0
+
+
 def _complain(message: str, code: int) -> int:
-    print(_one_line(message), file=sys.stderr)
+    console.complain(_one_line(message))
     return code
 
 
@@ -157,6 +188,7 @@ def _one_line(text: str) -> str:
 
 
 def _write_trace() -> Path:
+    """File that holds the trace of the exception at hand and the call it came from."""
     with tempfile.NamedTemporaryFile(
         "w", prefix="articulate-", suffix=".log", delete=False, encoding="utf-8"
     ) as stream:

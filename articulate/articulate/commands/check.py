@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import tyro
-
+from articulate.cache import cache_folder, using
+from articulate.commands import console
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
+from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
+from articulate.files import require_space
 from articulate.prove.batch import Batch, Checked, items_in, write_junit
 from articulate.prove.clauses import explained
 from articulate.prove.record import PAGE_FILE, content_of
-from articulate.prove.store import default_cache
 
-REFUSED = 3
 BAR = 24
 """Letters of the progress bar."""
+RESULT_BYTES = 4_000_000
+"""About what the page of one object takes, and its shapes."""
 NOTE = "note: "
 """Begins what changes nothing in the list of repairs."""
 LONGEST = 100
@@ -36,10 +38,11 @@ class CheckFlags:
     Example: check-asset cabinet.urdf --out checked/cabinet
     """
 
-    asset: Annotated[Path | None, tyro.conf.Positional] = None
+    asset: Annotated[Path | None, POSITIONAL] = None
     """URDF or MJCF file, a folder that holds one, an asset folder, or a folder of such."""
     out: Path | None = None
-    """Folder for the asset, its proof and the page; with a folder for each of many."""
+    """Folder for the asset, its proof and the page, with a folder for each of many; by default
+    checked/<asset>. An earlier result there is replaced, anything else is left alone."""
     jobs: int = 1
     """Objects that are checked side by side; 0: one for each processor."""
     limit: float = 300.0
@@ -72,12 +75,12 @@ class CheckFlags:
             return
         if self.asset is None:
             raise ConfigError("missing: ASSET; give a URDF, an MJCF file or a folder, or --explain")
-        if self.out is None:
-            raise ConfigError("missing: --out; give the folder to write")
         if self.jobs < 0:
             raise ConfigError(f"--jobs is {self.jobs}; it must be 0 or more")
         if not self.limit > 0.0:
             raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
+        if self.max_geoms is not None and self.max_geoms < 1:
+            raise ConfigError(f"--max-geoms is {self.max_geoms}; it must be at least 1")
 
     def options(self) -> dict[str, Any]:
         """The configuration of the conversion, as far as it is not the default."""
@@ -93,56 +96,73 @@ class CheckFlags:
         return {key: value for key, value in given.items() if value is not None}
 
 
+FLAGS = CheckFlags
+
+
 def main(argv: Sequence[str]) -> int:
     """Check and print; 3 if anything was refused."""
     flags = parse(CheckFlags, argv, prog="check-asset")
     if flags.explain is not None:
-        print(explained(flags.explain))
+        console.emit(explained(flags.explain))
         return 0
     assert flags.asset is not None
-    assert flags.out is not None
     if flags.against is not None and not flags.against.exists():
         raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
     items, single = items_in(flags.asset)
+    out = flags.out or Path("checked") / _name(flags.asset)
+    require_space(out, _need_bytes(flags.asset, len(items)), f"checking {flags.asset}")
+    console.hint_after_interrupt("what was checked is kept, and the same call goes on")
+    cache = cache_folder()
     batch = Batch(
-        out=flags.out,
-        cache=default_cache(),
+        out=out,
+        cache=cache,
         options=flags.options(),
         limit_s=flags.limit,
         single=single,
         fresh=flags.fresh,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(items))
-    results = list(_shown(batch.run(items, jobs), 0 if single else len(items)))
+    with using(cache):
+        results = list(_shown(batch.run(items, jobs), 0 if single else len(items)))
     results.sort(key=lambda r: [item.name for item in items].index(r.item.name))
     if flags.junit is not None:
         write_junit(results, flags.junit)
     if not single:
-        _write_index(results, flags.out / "index.html")
+        _write_index(results, out / "index.html")
     if flags.json:
-        print(json.dumps(_content(results, single=single), indent=1, allow_nan=False))
+        console.emit_json(_content(results, single=single))
     else:
-        print(_one(results[0]) if single else _table(results, flags.out / "index.html"))
-    return REFUSED if any(r.proof.verdict == "refused" for r in results) else 0
+        console.emit(_one(results[0]) if single else _table(results, out / "index.html"))
+    return MISSED if any(r.proof.verdict == "refused" for r in results) else 0
+
+
+def _name(asset: Path) -> str:
+    """What a result is called by default: as the file, or as the folder."""
+    return (asset.stem if asset.is_file() else asset.resolve().name) or "objects"
+
+
+def _need_bytes(asset: Path, count: int) -> int:
+    """What ``count`` results take, here and in the cache, judged by the input's size."""
+    files = (path for path in asset.rglob("*") if path.is_file())  # none below a file
+    return 2 * (sum(path.stat().st_size for path in files) + count * RESULT_BYTES)
 
 
 def _shown(results: Iterator[Checked], total: int) -> Iterator[Checked]:
     """The same results, with progress on stderr where there are many: ``total`` above 0."""
     counts: Counter[str] = Counter()
-    live = sys.stderr.isatty()
+    live = console.is_live()
     for done, result in enumerate(results, 1):
         counts[result.proof.verdict] += 1
         if total and live:
             bar = "#" * (BAR * done // total)
             told = ", ".join(f"{n} {verdict}" for verdict, n in sorted(counts.items()))
-            line = f"[{bar:<{BAR}}] {done}/{total}  {told}  {result.item.name}"
-            print(f"\r{line[:110]:<110}", end="", file=sys.stderr, flush=True)
+            console.rewrite(f"[{bar:<{BAR}}] {done}/{total}  {told}  {result.item.name}")
         elif total:
             line = f"{done}/{total} {result.item.name}: {result.proof.verdict}"
-            print(f"{line} ({result.proof.seconds:.1f} s)", file=sys.stderr, flush=True)
+            console.say(f"{line} ({result.proof.seconds:.1f} s)")
         yield result
     if total and live:
-        print(file=sys.stderr)
+        console.say("")
 
 
 def _write_index(results: Sequence[Checked], path: Path) -> None:

@@ -1,32 +1,36 @@
-"""Flags of a command: a dataclass, presets and the command line, in this order."""
+"""Flags of a command: a dataclass, presets and the command line, in this order.
+
+The command line is read here, and not by a library for it: ``--help`` has to answer in a third of
+a second, and every mistake has to be one line that names the nearest flag or value.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import functools
-import io
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
-import tyro
-
+from articulate.commands import console
+from articulate.commands.fields import MISSING, Flag, default_of, flag_docs, flags_of
+from articulate.commands.help import help_text
 from articulate.config import field_values, find_config, read_yaml
 from articulate.errors import ConfigError, nearest
 
 T = TypeVar("T")
+Values = dict[tuple[str, ...], Any]
+"""What was given, by the path of its field."""
 
-_FLAG = re.compile(r"(?<![\w-])--[a-z][\w.-]*")
-_BOX = re.compile(r"^[│|] ?(.*?)\s*[│|]$")
-_ANSI = re.compile(r"\x1b\[[0-9;]*m")
-_CONFIG_HELP = (
-    "--config FILE|PRESET takes values from a YAML file or a preset; flags given here win. "
-    "Repeat it to lay one over another."
-)
-_SHORTER = {"Error parsing ": "", "Unrecognized options: ": "unexpected: "}
+LEVELS = {
+    "-q": console.QUIET,
+    "--quiet": console.QUIET,
+    "-v": console.VERBOSE,
+    "--verbose": console.VERBOSE,
+}
+"""Flags of every command, besides ``--config`` and ``--help``."""
+_NUMBER = re.compile(r"-(\d|\.\d|inf)")
 
 
 def parse(
@@ -38,7 +42,7 @@ def parse(
 ) -> T:
     """A ``cls`` of its defaults, then every ``--config``, then the flags in ``argv``.
 
-    ``--help`` prints the flags and raises SystemExit(0).
+    ``--help`` prints the flags and raises SystemExit(0); ``-q`` and ``-v`` are heeded here.
 
     Args:
         cls: A frozen dataclass; its docstrings are the help.
@@ -50,46 +54,47 @@ def parse(
     Raises:
         ConfigError: A flag is not known, or a value not accepted.
     """
-    presets, rest = _take_presets(list(argv))
-    base: Any = _with_presets(cls, presets, default)
-    about = f"{(description or cls.__doc__ or '').strip()}\n{_CONFIG_HELP}"
-    kind: Any = (
-        cls  # typed as a plain class, so that tyro's overloads with and without a default agree
-    )
     name = prog or Path(sys.argv[0]).name
-    call = functools.partial(tyro.cli, kind, prog=name, description=about)
-    call = call if base is None else functools.partial(call, default=base)
-    errors = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(errors):
-            return cast("T", call(args=rest))
-    except SystemExit as stop:
-        if stop.code in (0, None):
-            raise
-        raise ConfigError(_sentence(rest, _known_flags(call), errors.getvalue())) from None
+    if any(word in ("-h", "--help") for word in argv):
+        console.emit(help_text(cls, name, description or cls.__doc__ or ""))
+        raise SystemExit(0)
+    presets, rest = _take_common(list(argv))
+    base = _base(cls, presets, default)
+    flags = list(flags_of(cls, base))
+    given = _read(flags, rest, name)
+    missing = [f for f in flags if f.default is MISSING and f.path not in given]
+    if missing:
+        docs = flag_docs(cls)
+        told = [f"{usage(f)} ({first_sentence(docs.get(f.path, ''))})" for f in missing]
+        raise ConfigError(f"missing: {', '.join(told)}; see {name} --help")
+    return cls(**_laid_over(cls, base, given))
 
 
-def _take_presets(argv: list[str]) -> tuple[list[str], list[str]]:
-    """What ``--config`` names, in order, and the other arguments."""
+def _take_common(argv: list[str]) -> tuple[list[str], list[str]]:
+    """What ``--config`` names, in order, and the other arguments; ``-q`` and ``-v`` are heeded."""
     presets, rest = [], []
     words = iter(argv)
     for word in words:
         if word == "--config":
             name = next(words, "")
             if not name or name.startswith("--"):
-                raise ConfigError("--config: expects a YAML file or the name of a preset")
+                known = "give a YAML file or the name of a preset"
+                raise ConfigError(f"--config: a value is missing; {known}")
             presets.append(name)
         elif word.startswith("--config="):
             presets.append(word.removeprefix("--config="))
+        elif word in LEVELS:
+            console.set_level(LEVELS[word])
         else:
             rest.append(word)
     return presets, rest
 
 
-def _with_presets(cls: type[T], presets: list[str], default: T | None) -> T | None:
-    """``default`` under the presets; fields that nothing gives stay required."""
-    if not presets:
-        return default
+def _base(cls: type[Any], presets: list[str], default: Any) -> dict[str, Any]:
+    """Values of fields of ``default`` under the presets, as far as any are known."""
+    base: dict[str, Any] = {}
+    if default is not None:
+        base = {f.name: getattr(default, f.name) for f in dataclasses.fields(cls)}
     values: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for preset in presets:
@@ -98,8 +103,7 @@ def _with_presets(cls: type[T], presets: list[str], default: T | None) -> T | No
         field_values(cls, content, str(path))  # complains of this file by its own name
         values = _merged(values, content)
         sources[str(path)] = preset
-    decoded = field_values(cls, values, " + ".join(sources))
-    return _partial(cls, decoded, default)
+    return base | (field_values(cls, values, " + ".join(sources)) if presets else {})
 
 
 def _merged(low: Mapping[str, Any], high: Mapping[str, Any]) -> dict[str, Any]:
@@ -111,63 +115,96 @@ def _merged(low: Mapping[str, Any], high: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _partial(cls: type[T], values: dict[str, Any], default: T | None) -> T:
-    """An instance for tyro to read defaults from: unchecked, with holes where none is known."""
-    partial = object.__new__(cls)
-    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
-        if field.name in values:
-            value = values[field.name]
-        elif default is not None:
-            value = getattr(default, field.name)
-        elif field.default is not dataclasses.MISSING:
-            value = field.default
-        elif field.default_factory is not dataclasses.MISSING:
-            value = field.default_factory()
+def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
+    """Values of the flags that stand in ``argv``; the last of the same counts."""
+    named = {f.name: f for f in flags if not f.positional}
+    named |= {_negated(f.name): f for f in flags if f.is_switch}
+    given: Values = {}
+    loose: list[str] = []
+    words = list(argv)
+    while words:
+        word = words.pop(0)
+        if word == "--":
+            loose += words
+            break
+        if not _is_flag(word):
+            loose.append(word)
+            continue
+        name, equals, value = word.partition("=")
+        name = name.replace("_", "-")
+        flag = named.get(name)
+        if flag is None:
+            close = nearest(name, named)
+            more = close if "did you mean" in close else f"; see {prog} --help"
+            raise ConfigError(f"{name}: unknown flag{more}")
+        if flag.is_switch:
+            if equals:
+                raise ConfigError(f"{name} is a switch; leave out {equals}{value}")
+            given[flag.path] = name == flag.name
+            continue
+        taken = [value] if equals else _taken(flag, words)
+        if not taken:
+            raise ConfigError(f"{name}: a value is missing; give {usage(flag)}, see {prog} --help")
+        given[flag.path] = flag.value(taken)
+    _place(flags, loose, given, prog)
+    return given
+
+
+def _is_flag(word: str) -> bool:
+    return word.startswith("-") and word != "-" and not _NUMBER.match(word)
+
+
+def _negated(name: str) -> str:
+    return f"--no-{name.removeprefix('--')}"
+
+
+def _taken(flag: Flag, words: list[str]) -> list[str]:
+    """The words that belong to ``flag``, taken from the front of ``words``."""
+    most = len(words) if flag.is_list else len(flag.items or (None,))
+    taken: list[str] = []
+    while words and len(taken) < most and not _is_flag(words[0]):
+        taken.append(words.pop(0))
+    return taken
+
+
+def usage(flag: Flag) -> str:
+    """A flag as it is to be given."""
+    return flag.name if flag.positional else f"{flag.name} {flag.metavar}"
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence of an explanation, without its full stop."""
+    return re.split(r"[.;:] |[.]$", text, maxsplit=1)[0]
+
+
+def _place(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) -> None:
+    """Hand words without a flag to the arguments without a name."""
+    for flag in (f for f in flags if f.positional):
+        if not loose:
+            break
+        count = len(loose) if flag.is_list else 1
+        given[flag.path] = flag.value(loose[:count])
+        del loose[:count]
+    if loose:
+        raise ConfigError(f"unexpected: {' '.join(loose)}; see {prog} --help")
+
+
+def _laid_over(cls: type[Any], values: dict[str, Any], given: Values) -> dict[str, Any]:
+    """``values`` of fields of ``cls`` with what was given laid over them."""
+    inner: dict[str, Values] = {}
+    for (first, *rest), value in given.items():
+        if rest:
+            inner.setdefault(first, {})[tuple(rest)] = value
         else:
-            value = tyro.MISSING
-        object.__setattr__(partial, field.name, value)
-    return partial
+            values[first] = value
+    for name, changes in inner.items():
+        old = values.get(name)
+        if old is None:
+            field = next(f for f in dataclasses.fields(cls) if f.name == name)
+            old = default_of(field)
+        values[name] = dataclasses.replace(old, **_laid_over(type(old), _kept(old), changes))
+    return values
 
 
-def _known_flags(call: Callable[..., Any]) -> set[str]:
-    """All flags, read from the help, whose form is all that tyro promises to keep."""
-    text = io.StringIO()
-    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
-        call(args=["--help"])
-    return set(_FLAG.findall(text.getvalue()))
-
-
-def _sentence(argv: Sequence[str], known: set[str], box: str) -> str:
-    """One line of what tyro said in a box, with the nearest flag where one is not known."""
-    for word in argv:
-        flag = word.split("=", 1)[0].replace("_", "-")
-        if word.startswith("--") and word != "--" and flag not in known:
-            close = nearest(flag, known)
-            return f"{flag}: unknown flag{close if 'did you mean' in close else '; see --help'}"
-    lines = list(_box_lines(box))
-    head = lines[0].strip() if lines else "the command line is not accepted"
-    if head.startswith("Missing from"):
-        # "Missing from PROG:", on several lines where PROG is long; then flags, then their help.
-        start = next((i for i, line in enumerate(lines, 1) if line.endswith(":")), 1)
-        rest = lines[start:]
-        indent = min((len(line) - len(line.lstrip()) for line in rest), default=0)
-        names = [line.strip() for line in rest if not line[indent : indent + 1].isspace()]
-        return f"missing: {', '.join(names)}; see --help"
-    head = " ".join(line.strip() for line in lines) or head
-    for verbose, short in _SHORTER.items():
-        head = head.replace(verbose, short)
-    return f"{head.rstrip('.')}; see --help"
-
-
-def _box_lines(box: str) -> Iterator[str]:
-    """Lines of the first section of a box."""
-    lines = _ANSI.sub("", box).splitlines()
-    if not any(map(_BOX.match, lines)):  # where output is not UTF-8: a title, a rule, no sides
-        rule = next((i for i, line in enumerate(lines) if set(line.strip()) == {"-"}), -1)
-        lines = [f"|{line}|" for line in lines[rule + 1 :]]
-    for line in lines:
-        match = _BOX.match(line)
-        if match and match[1] and set(match[1].strip()) in ({"─"}, {"-"}):
-            return
-        if match and match[1].strip():
-            yield match[1]
+def _kept(old: Any) -> dict[str, Any]:
+    return {field.name: getattr(old, field.name) for field in dataclasses.fields(old) if field.init}

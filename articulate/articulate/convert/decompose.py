@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from articulate.cache import touch
 from articulate.files import whole_file
 from articulate.transforms import Array
 
@@ -50,6 +51,7 @@ def decompose(
     ).hexdigest()
     kept = None if cache_dir is None else cache_dir / "decompositions" / f"{key}.npz"
     if kept is not None and kept.is_file():
+        touch(kept)
         return _load(kept)
     with tempfile.TemporaryDirectory(prefix="articulate-") as folder:
         source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"

@@ -15,6 +15,8 @@ THIN_M = 0.002
 """Least thickness of a collision shape at the usual tolerance, half of it at finer ones [m]."""
 NEAR_SHARE = 0.94
 """Share of a shape's surface that must lie near the surface it stands for ..."""
+SURE_SHARE = 0.96
+"""A box with less of it near gives way to the hull if that is nearer."""
 USUAL_TOL_M = 0.003
 """... at this tolerance and above [m]; what strays is less in proportion below it."""
 MAX_CORNERS = 32
@@ -84,15 +86,21 @@ class Fit:
     def best(self, tol: float, *, turned: bool = True, panel_m: float = 0.0) -> Shape | None:
         """What :func:`fitted` says."""
         if self._upright.is_fit(tol, panel_m):
-            return self._upright.shape
+            return self._nearer(self._upright, tol, panel_m)
         if self._round is not None and not self._round.may_be_near(max(tol, panel_m)):
             return None  # no box about it comes nearer
         tight = self._tight
         if turned:
             around = self._around
             if around is not None and around.is_fit(tol, panel_m):
-                return around.shape
+                return self._nearer(around, tol, panel_m)
         return tight.shape if tight is not None and tight.is_fit(tol, panel_m) else None
+
+    def _nearer(self, box: Judged, tol: float, panel_m: float) -> Shape:
+        """A box that fits, or the hull where that lies nearer and the box only just fits."""
+        share = box.share(box.allowed_m(tol, panel_m))
+        tight = self._tight if share < SURE_SHARE else None
+        return tight.shape if tight is not None and tight.share(tol) > share else box.shape
 
     @cached_property
     def _upright(self) -> Judged:
@@ -150,13 +158,20 @@ class Judged:
         if not self.may_be_near(tol):
             return False
         least = 1.0 - (1.0 - NEAR_SHARE) * min(1.0, tol / USUAL_TOL_M)
-        return float((self._all <= tol).mean()) >= least
+        return self.share(tol) >= least
+
+    def share(self, tol: float) -> float:
+        """Share of the shape's surface that has triangles at most ``tol`` below it [m]."""
+        return float((self._all <= tol).mean())
 
     def is_fit(self, tol: float, panel_m: float) -> bool:
         """The same, where panels up to a thickness may have relief [m]."""
+        return self.is_near(self.allowed_m(tol, panel_m))
+
+    def allowed_m(self, tol: float, panel_m: float) -> float:
+        """How far the surface may lie below the shape: a panel's relief as deep as it is thick."""
         thickness = 2.0 * min(self.shape.half)
-        depth = thickness if 0.0 < thickness <= panel_m else 0.0
-        return self.is_near(max(tol, depth))
+        return max(tol, thickness if 0.0 < thickness <= panel_m else 0.0)
 
 
 def is_near(shape: Shape, surface: Surface, tol: float) -> bool:

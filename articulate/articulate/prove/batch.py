@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import queue
@@ -15,7 +16,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 from articulate.errors import UsageError
 from articulate.files import write_text
@@ -66,7 +66,9 @@ def items_in(source: Path) -> tuple[list[Item], bool]:
         )
     if not source.is_dir():
         if not source.is_file():
-            raise UsageError(f"{source}: is neither a file nor a folder")
+            raise UsageError(
+                f"{source}: is neither a file nor a folder; give a URDF, an MJCF file or a folder"
+            )
         return [Item(name=source.stem, file=source)], True
     one = _one_in(source)
     if one is not None:
@@ -275,4 +277,6 @@ def write_junit(results: Sequence[Checked], path: Path) -> None:
 
 def _quoted(text: str) -> str:
     """An XML attribute without what XML cannot hold."""
-    return quoteattr("".join(c for c in text if c.isprintable() or c in "\n\t"))
+    shown = "".join(c for c in text if c.isprintable() or c in "\n\t")
+    # xml.sax.saxutils would bring an HTTP client with it.
+    return f'"{html.escape(shown)}"'.replace("\n", "&#10;").replace("\t", "&#9;")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -15,6 +14,7 @@ import mujoco
 import numpy as np
 
 from articulate.asset import Asset, load_asset
+from articulate.cache import alone
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import (
     Reading,
@@ -30,6 +30,7 @@ from articulate.convert.meshfile import named_by
 from articulate.convert.origin import ORIGIN_FILE
 from articulate.convert.repairs import is_note
 from articulate.errors import AssetError, UsageError
+from articulate.files import copy_writable
 from articulate.proof import Clause, JointProof, Proof, Verdict
 from articulate.prove import store
 from articulate.prove.clauses import meanings
@@ -185,12 +186,24 @@ def checked(
     """
     assert config.cache_dir is not None
     cache = config.cache_dir
+    with alone(cache, store.ticket(file, options)[:32]) as waited:
+        found = store.find(file, options, cache) if waited else None
+        return found or _checked(file, config, options, against, cache)
+
+
+def _checked(
+    file: Path,
+    config: ConvertConfig,
+    options: Mapping[str, Any],
+    against: Path | None,
+    cache: Path,
+) -> Path:
     start = time.perf_counter()
     inputs: list[Path] = []
     try:
         if file.is_dir():
             folder = cache / "assets" / f"{file.name[:40]}-{store.ticket(file, options)[:20]}"
-            shutil.copytree(file, folder, dirs_exist_ok=True)
+            copy_writable(file, folder)
             origin = None
             if against is not None:
                 reading = read_input(urdf_in(against), config)

@@ -7,6 +7,7 @@ which folder of the cache the result lies. The result counts only while all of t
 
 from __future__ import annotations
 
+import errno
 import functools
 import hashlib
 import json
@@ -18,22 +19,23 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from articulate.cache import cache_folder, touch
 from articulate.errors import UsageError
-from articulate.files import sha256, write_json
+from articulate.files import copy_writable, sha256, write_json
 from articulate.prove.record import PROOF_FILE
 
 CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
 """What decides about a verdict, inside the package."""
 MOST_NAMES = 5000
 """So many file names beside a source are looked at for files that came or went."""
+HAND_OVERS = 20
+"""So often a place is tried that others write to as well."""
 MOST_BYTES = 64_000_000
 """Larger source files are not read here."""
 
 
-def default_cache() -> Path:
-    """Where results are kept: ``articulate`` in the user's cache folder."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "articulate"
+default_cache = cache_folder
+"""Where results are kept."""
 
 
 @functools.cache
@@ -67,6 +69,8 @@ def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
             return None
     except (OSError, ValueError, KeyError, TypeError):
         return None
+    touch(folder)
+    touch(_record(source, options, cache))
     return folder
 
 
@@ -92,6 +96,7 @@ def keep(
         "listing": _listing(source),
         "folder": folder.relative_to(cache).as_posix(),
     }
+    touch(folder)
     write_json(_record(source, options, cache), content)
 
 
@@ -147,12 +152,18 @@ def hand_over(folder: Path, out: Path) -> None:
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-        fresh = temporary / "new"
-        shutil.copytree(folder, fresh)
-        fresh.chmod(0o755)
-        if out.exists():
-            out.rename(temporary / "old")
-        fresh.rename(out)
+        copy_writable(folder, temporary / "new")
+        for k in range(HAND_OVERS):
+            try:
+                if out.exists():
+                    out.rename(temporary / f"old_{k}")
+                (temporary / "new").rename(out)
+                break
+            except OSError as error:
+                # Another call hands over to the same place at this moment: one after the other.
+                beaten = error.errno in {errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST}
+                if not beaten or k + 1 == HAND_OVERS:
+                    raise
     except OSError as error:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"

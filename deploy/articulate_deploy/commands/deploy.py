@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
+from articulate.commands import console
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
-from articulate_deploy.deploy import deploy
-from articulate_deploy.episode import EpisodeResult
+from articulate.commands.success import check_share, missed
+from articulate.errors import ConfigError
+
+if TYPE_CHECKING:
+    from articulate_deploy.episode import EpisodeResult
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DeployFlags:
-    """Run a policy bundle on a robot and say how many episodes opened the part."""
+    """Run a policy bundle on a robot and say how many episodes opened the part.
 
-    bundle: tyro.conf.Positional[Path]
+    Example: deploy cabinet.zip --robot mujoco --episodes 20
+    """
+
+    bundle: Annotated[Path, POSITIONAL]
     """Folder or zip file that export-policy made."""
     robot: str = "mujoco"
     """Name of the robot: mujoco, a stand-in in this process."""
@@ -29,19 +34,32 @@ class DeployFlags:
     """Decides all that is drawn."""
     randomise: bool = True
     """Draw as in training, the object's size aside."""
-    json: bool = False
-    """Print the result as JSON."""
     out: Path | None = None
-    """Folder for recordings; none are kept without it."""
+    """Folder for recordings, new or empty; none are kept without it."""
+    require_success: float = 0.0
+    """Exit with 3 if the success rate is below this share, in [0, 1]."""
+    json: bool = False
+    """Print the report as JSON and nothing else on standard output."""
+
+    def __post_init__(self) -> None:
+        if self.episodes < 1:
+            raise ConfigError(f"--episodes is {self.episodes}; it must be at least 1")
+        if self.seed < 0:
+            raise ConfigError(f"--seed is {self.seed}; it must be 0 or more")
+        check_share(self.require_success)
+
+
+FLAGS = DeployFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the command and return its exit code."""
+    """Deploy and print; 3 if the success rate is below what was required."""
     flags = parse(DeployFlags, argv, prog="deploy")
+    from articulate_deploy.deploy import deploy  # ONNX Runtime; --help does without
 
     def progress(index: int, result: EpisodeResult) -> None:
         line = f"episode {index + 1}/{flags.episodes}: {result.reason}, {result.fraction:.0%} open"
-        print(line, file=sys.stderr)
+        console.say(line)
 
     report = deploy(
         flags.bundle,
@@ -52,5 +70,5 @@ def main(argv: Sequence[str]) -> int:
         out=flags.out,
         on_episode=progress,
     )
-    print(json.dumps(report.as_dict(), indent=1) if flags.json else report.text())
-    return 0
+    console.emit_json(report.as_dict()) if flags.json else console.emit(report.text())
+    return missed(report.successes / len(report.results), flags.require_success)

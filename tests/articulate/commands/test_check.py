@@ -97,7 +97,7 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
     ("words", "said"),
     [
         ((), "missing: ASSET"),
-        (("a.urdf",), "missing: --out"),
+        (("a.urdf",), "a.urdf: does not exist"),
         (("nowhere.urdf", "--out", "x"), "does not exist"),
         (("nowhere.urdf", "--out", "x", "--jobs", "-1"), "--jobs is -1"),
         (("nowhere.urdf", "--out", "x", "--limit", "0"), "--limit is 0 s"),

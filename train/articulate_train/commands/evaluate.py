@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
+from articulate.commands import console
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
+from articulate.commands.success import check_share, missed
 from articulate.errors import ConfigError
 
 if TYPE_CHECKING:
     from articulate_train.run import Run
-
-MISSED = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +24,7 @@ class EvaluateFlags:
     Example: evaluate runs/cabinet --episodes 200
     """
 
-    run: Annotated[Path, tyro.conf.Positional]
+    run: Annotated[Path, POSITIONAL]
     """Folder of the run."""
     episodes: int | None = None
     """Episodes for each seed; by default what the run's configuration says."""
@@ -39,6 +36,10 @@ class EvaluateFlags:
     def __post_init__(self) -> None:
         if self.episodes is not None and self.episodes < 1:
             raise ConfigError(f"--episodes is {self.episodes}; it must be at least 1")
+        check_share(self.require_success)
+
+
+FLAGS = EvaluateFlags
 
 
 def main(argv: Sequence[str]) -> int:
@@ -56,8 +57,5 @@ def show(run: Run, episodes: int, required: float, *, as_json: bool) -> int:
     from articulate_train.judge_run import judge_run  # torch and MuJoCo
 
     done = judge_run(run, episodes=episodes)
-    print(json.dumps(done.report.content(), indent=1) if as_json else done.text())
-    if done.report.success_rate < required:
-        print(f"success is below the {required:.0%} required", file=sys.stderr)
-        return MISSED
-    return 0
+    console.emit_json(done.report.content()) if as_json else console.emit(done.text())
+    return missed(done.report.success_rate, required)

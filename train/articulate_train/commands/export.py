@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from articulate.commands import console
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 
 
@@ -21,14 +19,18 @@ class ExportFlags:
     Example: export-policy runs/cabinet --out cabinet.zip
     """
 
-    run: Annotated[Path, tyro.conf.Positional]
+    run: Annotated[Path, POSITIONAL]
     """Folder of the run."""
-    out: Path
-    """Bundle to write: a path ending in .zip, or a folder that does not exist."""
+    out: Path | None = None
+    """Bundle to write: a path ending in .zip, or a folder that does not exist; by default
+    bundles/<run>-seed_<seed>.zip. Nothing is overwritten."""
     seed: int | None = None
     """Seed to export; by default the best."""
     json: bool = False
     """Print the result as JSON."""
+
+
+FLAGS = ExportFlags
 
 
 def main(argv: Sequence[str]) -> int:
@@ -38,9 +40,8 @@ def main(argv: Sequence[str]) -> int:
 
     done = export_policy(flags.run, flags.out, seed=flags.seed)
     for warning in done.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    if flags.json:
-        print(json.dumps(done.as_dict(), indent=1))
-    else:
-        print(f"{done.path}: seed {done.seed} ({done.seed_rule}), {done.size_bytes / 1e3:.0f} kB")
+        console.complain(f"warning: {warning}")
+    size = f"{done.size_bytes / 1e3:.0f} kB"
+    text = f"{done.path}: seed {done.seed} ({done.seed_rule}), {size}"
+    console.emit_json(done.as_dict()) if flags.json else console.emit(text)
     return 0

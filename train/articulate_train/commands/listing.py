@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from articulate.cache import cache_folder
+from articulate.commands import console
 from articulate.commands.flags import parse
 
 if TYPE_CHECKING:
@@ -55,7 +56,6 @@ def show_list(argv: Sequence[str]) -> int:
         content["tasks"] = tasks
         lines += [f"{row['name']:13s} {row['verb']} {row['of']}" for row in tasks]
     if flags.list_joints is not None:
-        from articulate.prove.store import default_cache
         from articulate_train.config import TrainConfig
         from articulate_train.run import prepare_asset
 
@@ -65,11 +65,11 @@ def show_list(argv: Sequence[str]) -> int:
             size=flags.size,
             category=flags.category,
         )
-        asset = prepare_asset(config, default_cache())
+        asset = prepare_asset(config, cache_folder())
         rows = joint_rows(asset)
         content |= {"asset": asset.name, "joints": [row.as_dict() for row in rows]}
         lines += [line(row) for row in rows] or [f"{asset.name} has no movable joint"]
-    print(json.dumps(content, indent=1) if flags.json else "\n".join(lines))
+    console.emit_json(content) if flags.json else console.emit("\n".join(lines))
     return 0
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import sys
+import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -11,15 +10,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from articulate.cache import cache_folder
+from articulate.commands import console
 from articulate.commands.flags import parse
-from articulate.errors import RunError
+from articulate.commands.success import check_share
+from articulate.errors import ConfigError, RunError
 from articulate_train.commands.listing import asks_for_a_list, show_list
 from articulate_train.config import TrainConfig
 
 if TYPE_CHECKING:
     from articulate_train.campaign import SeedProgress
-
-INTERRUPTED = 130
+    from articulate_train.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +38,9 @@ class TrainFlags(TrainConfig):
     """Folder of the run; by default runs/<asset>-<task>-<time>."""
     resume: bool = False
     """Go on with the run in --out from its last checkpoints."""
+    dry_run: bool = False
+    """Train nothing: write a picture of the scene, and say what is reached, how many minutes
+    training will take and how much disk."""
     no_evaluate: bool = False
     """Stop after training; `evaluate RUN` makes the report later."""
     require_success: float = 0.0
@@ -44,9 +48,18 @@ class TrainFlags(TrainConfig):
     json: bool = False
     """Print the report as JSON and nothing else on standard output."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_share(self.require_success)
+        if self.dry_run and self.resume:
+            raise ConfigError("--dry-run is for new runs; leave out either it or --resume")
+
     def config(self) -> TrainConfig:
         """What the run folder keeps."""
         return TrainConfig(**{f.name: getattr(self, f.name) for f in fields(TrainConfig)})
+
+
+FLAGS = TrainFlags
 
 
 def main(argv: Sequence[str]) -> int:
@@ -55,22 +68,60 @@ def main(argv: Sequence[str]) -> int:
         return show_list(argv)
     flags = parse(TrainFlags, argv, prog="train", default=_resumed(argv))
     # From here on torch and MuJoCo are needed; --help and bad flags are answered without them.
-    from articulate.prove.store import default_cache
     from articulate_train.campaign import train_seeds
     from articulate_train.commands.evaluate import show
-    from articulate_train.run import create_run, resume_run
+    from articulate_train.run import resume_run
 
-    out = _out(flags)
-    config = flags.config()
-    run = resume_run(out, config) if flags.resume else create_run(config, out, default_cache())
-    _say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
+    if flags.dry_run:
+        return _dry_run(flags)
+    run = resume_run(_given(flags), flags.config()) if flags.resume else _new_run(flags)
+    console.say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
+    again = console.command_line(["train", "--resume", "--out", run.folder])
+    console.hint_after_interrupt(f"go on with: {again}")
     if not train_seeds(run, _tell):
-        _say(f"stopped; go on with: train --resume --out {run.folder}")
-        return INTERRUPTED
+        raise KeyboardInterrupt
     if flags.no_evaluate:
-        print(json.dumps({"run": str(run.folder)}) if flags.json else run.folder)
+        folder = str(run.folder)
+        console.emit_json({"run": folder}) if flags.json else console.emit(folder)
         return 0
     return show(run, run.config.episodes, flags.require_success, as_json=flags.json)
+
+
+def _dry_run(flags: TrainFlags) -> int:
+    from articulate_train.dry_run import dry_run  # heavy, see main
+
+    out = flags.out or Path("runs") / _default_name(flags)
+    found = dry_run(flags.config(), cache_folder(), Path(f"{out}.png"))
+    console.emit_json(found.as_dict()) if flags.json else console.emit(found.text())
+    return 0
+
+
+def _default_name(flags: TrainFlags) -> str:
+    stem = Path(flags.asset).resolve().stem or "asset"
+    return f"{stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
+
+
+def _new_run(flags: TrainFlags) -> Run:
+    """A new run in ``--out``, or in a folder below ``runs`` that nobody else takes."""
+    from articulate_train.run import create_run  # heavy, see main
+
+    config, cache = flags.config(), cache_folder()
+    if flags.out is not None:
+        return create_run(config, flags.out, cache)
+    base = _default_name(flags)
+    for k in itertools.count(1):
+        folder = Path("runs") / (base if k == 1 else f"{base}-{k}")
+        try:
+            return create_run(config, folder, cache)
+        except RunError:
+            if not folder.exists():
+                raise  # else a run that began in the same second was faster
+    raise AssertionError
+
+
+def _given(flags: TrainFlags) -> Path:
+    assert flags.out is not None  # _resumed saw to it
+    return flags.out
 
 
 def _resumed(argv: Sequence[str]) -> TrainFlags | None:
@@ -88,20 +139,9 @@ def _resumed(argv: Sequence[str]) -> TrainFlags | None:
     return TrainFlags(**{f.name: getattr(kept, f.name) for f in fields(TrainConfig)}, out=folder)
 
 
-def _out(flags: TrainFlags) -> Path:
-    if flags.out is not None:
-        return flags.out
-    stem = Path(flags.asset).stem or "asset"
-    return Path("runs") / f"{stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
-
-
 def _tell(progress: SeedProgress) -> None:
-    _say(
+    console.say(
         f"seed {progress.seed}  {progress.steps / 1e6:5.2f} of {progress.total / 1e6:.2f}M  "
         f"{progress.steps_per_s:6.0f} steps/s  at target {progress.opened:4.0%}  "
         f"success {progress.success:4.0%}"
     )
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,1 @@
+"""Actors and critics that need geometry and no network."""

@@ -1,0 +1,354 @@
+"""Fit: which part of a known object moves in a clip, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
+from articulate.actors.geometric.layers import CAP, Layers, draw, layers_of
+from articulate.actors.geometric.light import fit_light, solve_light, still_samples
+from articulate.actors.geometric.refine import Freedom, position_unit, refine
+from articulate.actors.geometric.round import round_axis
+from articulate.actors.geometric.search import Fit, coarse_fit, path_again, turned_path, with_gain
+from articulate.actors.geometric.shot import LARGEST_ENLARGEMENT, Shot, change_map, shot_of
+from articulate.actors.geometric.surface import Surface, surface_of
+from articulate.actors.geometric.sweep import SAME_DEPTH, all_views
+from articulate.actors.protocol import Pixels
+from articulate.render.camera import Camera
+from articulate.render.parts import PartMesh
+from articulate.transforms import Array, Ints
+
+QUICK_PX, QUICK_FRAMES = 72, 8
+COARSE_PX, COARSE_FRAMES = 112, 12
+FINE_PX, FINE_FRAMES = 224, 14
+"""Longest side of the region [px] and number of frames: to choose the part, to choose among
+candidates, and to refine."""
+MOST_FRAMES = 40
+"""Most frames that are looked at while searching: small regions allow more."""
+SUSPECTS = 6
+"""Parts that are tried."""
+SEEDS = 3
+"""Suspects of which it is asked what moves along."""
+LIGHT_ROUNDS = 2
+"""Times that the light is learned from what moves before candidates are compared."""
+KEPT = 8
+"""Candidates that are refined coarsely."""
+FINAL = 3
+"""Candidates that are refined finely."""
+SAME_WISH = 0.97
+"""Cosine of the angle between axes that count as the same when one is not wanted again."""
+SHOWS = 0.006
+"""Share of the largest cost of a part's pixels below which its motion hardly shows."""
+SNAP = 0.01
+"""Share of the gain that an axis along one of the object's directions may cost."""
+HINGE_GAIN = 0.04
+"""A hinge must explain more than a slide by this share of what is explained at all."""
+REACH = 0.5
+"""Farthest a slide goes, as a share of the object's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A clip and the object in it."""
+
+    clip: Pixels
+    camera: Camera
+    parts: tuple[PartMesh, ...]
+    change: NDArray[np.bool_]
+    box: tuple[int, int, int, int]
+
+    @property
+    def size_m(self) -> float:
+        """Diagonal of the object [m]."""
+        points = np.concatenate([p.bounds for p in self.parts])
+        return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def look(self, most_px: int, n_frames: int, frames: Ints | None = None) -> Look:
+        """The region in which something changes."""
+        if frames is None:
+            n_frames = max(n_frames, min(MOST_FRAMES, self._affordable(most_px, n_frames)))
+            frames = np.unique(np.linspace(0, len(self.clip) - 1, n_frames).round().astype(int))
+        shot = shot_of(self.clip, self.camera, frames, self.box, most_px)
+        left, right, top, bottom = self.box
+        height, width = shot.size
+        piece = cv2.resize(
+            self.change[top:bottom, left:right].astype(np.float32),
+            (width, height),
+            interpolation=cv2.INTER_AREA,
+        )
+        middle = np.mean([p.centre for p in self.parts], axis=0)
+        surface = surface_of(self.parts, pixel_m=shot.pixel_m(middle))
+        change = np.asarray(piece > 0.25)
+        return Look(shot, surface, change, fit_light(shot, surface, change))
+
+    def _affordable(self, most_px: int, n_frames: int) -> int:
+        """Number of frames that take as long as ``n_frames`` of ``most_px`` squared would."""
+        left, right, top, bottom = self.box
+        factor = min(LARGEST_ENLARGEMENT, most_px / max(right - left, bottom - top))
+        area = (right - left) * (bottom - top) * factor**2
+        return int(n_frames * most_px**2 / max(area, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A shot with the object as coarse as it is."""
+
+    shot: Shot
+    surface: Surface
+    change: NDArray[np.bool_]
+    light: Array
+
+    def layers(self, moving: Sequence[int]) -> Layers:
+        """With the parts ``moving`` taken out."""
+        return layers_of(self.shot, self.surface, moving, self.light, self.change)
+
+
+def scene_of(clip: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Scene:
+    """The scene; its box is the whole picture if nothing changes in it."""
+    change = change_map(clip)
+    rows, columns = np.nonzero(change)
+    height, width = change.shape
+    if not len(rows):
+        return Scene(clip, camera, tuple(parts), change, (0, width, 0, height))
+    left, right = np.percentile(columns, (0.2, 99.8))
+    top, bottom = np.percentile(rows, (0.2, 99.8))
+    margin = 6 + 0.12 * max(right - left, bottom - top)
+    box = (
+        max(0, int(left - margin)),
+        min(width, int(right + margin) + 1),
+        max(0, int(top - margin)),
+        min(height, int(bottom + margin) + 1),
+    )
+    return Scene(clip, camera, tuple(parts), change, box)
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked of a motion, after a critic has spoken."""
+
+    kind: Literal["slide", "turn"] | None = None
+    """Only such; None: either."""
+    not_axes: tuple[tuple[float, float, float], ...] = ()
+    """Directions that are not wanted again."""
+    not_parts: tuple[int, ...] = ()
+    """Parts that are not thought to lead the motion."""
+
+    def allows(self, fit: Fit) -> bool:
+        """Whether ``fit`` is what is asked for."""
+        if self.kind is not None and fit.motion.kind != self.kind:
+            return False
+        near = (abs(float(fit.motion.axis_o @ np.asarray(axis))) for axis in self.not_axes)
+        return all(value < SAME_WISH for value in near)
+
+
+def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
+    """The motion that explains the clip best.
+
+    None if no part is in the region that changes, or none does what is asked.
+    """
+    wish = wish or Wish()
+    quick = scene.look(QUICK_PX, QUICK_FRAMES)
+    ranked = [part for part in rank_parts(quick) if part not in wish.not_parts]
+    if not ranked:
+        return None
+    reach = REACH * scene.size_m
+    firsts = [_quick_fit(quick, part, reach) for part in ranked[:SUSPECTS]]
+    firsts.sort(key=lambda fit: -fit.gain)
+    seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
+    seed = max(seeds, key=lambda fit: fit.gain)
+    for _ in range(LIGHT_ROUNDS):
+        quick = replace(quick, light=better_light(quick, seed, quick.shot))
+        seed = _attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
+    moving = seed.parts
+    coarse = replace(scene.look(COARSE_PX, COARSE_FRAMES), light=quick.light)
+    layers = coarse.layers(moving)
+    fits = _candidates(coarse, layers, moving, reach, wish)
+    if not fits:
+        return None
+    coarse = replace(coarse, light=better_light(coarse, fits[0], coarse.shot))
+    layers = coarse.layers(moving)
+    fits = [_tightened(fit, layers) for fit in fits]
+    fits.sort(key=lambda fit: -fit.gain)
+    fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
+    fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
+    layers = fine.layers(moving)
+    finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
+    best = _everywhere(scene, _chosen(finals), fine)
+    return _round_or_not(fine, best, seed.parts[0])
+
+
+def _everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
+    """``fit`` with its position in every frame of the clip.
+
+    A turn is also sought anew on the full circle: wheels look alike after a fraction of a turn,
+    so that only frames close to each other tell which way they go.
+    """
+    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+    layers = look.layers(fit.parts)
+    start = replace(fit, q=np.interp(look.shot.indices, fine.shot.indices, fit.q))
+    tries = [path_again(start, layers, 1.5 * position_unit(start, layers))]
+    if fit.motion.kind == "turn":
+        tries.append(turned_path(start, layers))
+    fixed = Freedom(axis=False, pivot=False)
+    best = min((refine(one, layers, fixed, rounds=3) for one in tries), key=lambda fit: fit.cost)
+    return with_gain(best, layers)
+
+
+def _round_or_not(look: Look, fit: Fit, seed: int) -> Fit:
+    """``fit``, or an endless turn of a round part where next to nothing is explained by ``fit``."""
+    surface = look.surface.only([seed])
+    layers = look.layers(fit.parts)
+    share = fit.gain / (CAP * len(fit.q) * max(1, layers.own_px))
+    if share > SHOWS:
+        return fit
+    motion = round_axis(surface, axes_of(surface))
+    if motion is None:
+        return fit
+    q = np.linspace(0.0, 2.0 * np.pi, len(fit.q))
+    return replace(fit, motion=motion, q=q, gain=0.0)
+
+
+def _tightened(fit: Fit, layers: Layers) -> Fit:
+    """``fit`` with its path sought again and its pivot refined."""
+    again = path_again(fit, layers, 2.0 * position_unit(fit, layers))
+    return with_gain(refine(again, layers, Freedom(axis=False), rounds=5), layers)
+
+
+def roundest(scene: Scene) -> Fit | None:
+    """An endless turn of the smallest round part that is seen, where nothing shows in the clip."""
+    height, width = scene.clip.shape[1:3]
+    look = replace(scene, box=(0, width, 0, height)).look(COARSE_PX * 2, 2)
+    seen = draw(look.surface, look.shot)
+    visible = np.unique(look.surface.part_ids[seen.face_ids[seen.face_ids >= 0]])
+    found: list[tuple[float, int, Motion]] = []
+    for part in visible:
+        surface = look.surface.only([int(part)])
+        motion = round_axis(surface, axes_of(surface))
+        if motion is not None:
+            size = float(np.linalg.norm(np.ptp(surface.points_o, axis=0)))
+            found.append((size, int(part), motion))
+    if not found:
+        return None
+    _, part, motion = min(found, key=lambda item: item[0])
+    return Fit(motion, np.linspace(0.0, 2.0 * np.pi, len(scene.clip)), 0.0, (part,))
+
+
+def rank_parts(look: Look) -> list[int]:
+    """Parts by how much changes where they are, most first; those with nothing left out."""
+    seen = draw(look.surface, look.shot)
+    ids = np.where(seen.face_ids >= 0, look.surface.part_ids[seen.face_ids], -1)
+    total = max(1, int(look.change.sum()))
+    scores: list[tuple[float, int]] = []
+    for part in np.unique(look.surface.part_ids):
+        mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+        if not mask.any():
+            alone = draw(look.surface.only([int(part)]), look.shot)
+            mask = alone.face_ids >= 0
+            if not mask.any():
+                continue
+        inside = float((mask & look.change).sum())
+        score = inside / total * np.sqrt(inside / float(mask.sum()))
+        if inside > 0:
+            scores.append((score, int(part)))
+    return [part for _, part in sorted(scores, reverse=True)]
+
+
+def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
+    layers = look.layers([part])
+    surface = look.surface.only([part])
+    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k != part])
+    motions = motions_of(surface, rest, axes_of(surface)[:3])
+    return max(
+        (coarse_fit(motion, layers, (part,), reach_m) for motion in motions),
+        key=lambda fit: fit.gain,
+    )
+
+
+def _attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
+    """``seed`` with the parts that move as it does, itself first."""
+    T_o = seed.motion.T_o(seed.q)
+    best = seed
+    cost = float(look.layers(seed.parts).path_cost(T_o).sum())
+    for part in others:
+        if part in best.parts:
+            continue
+        layers = look.layers((*best.parts, part))
+        more = float(layers.path_cost(T_o).sum())
+        if more < cost - 0.01 * max(seed.gain, 0.0):
+            best, cost = (
+                with_gain(replace(seed, parts=(*best.parts, part), cost=more), layers),
+                more,
+            )
+    return best
+
+
+def _candidates(
+    look: Look, layers: Layers, moving: tuple[int, ...], reach_m: float, wish: Wish
+) -> list[Fit]:
+    """The best candidates, at least one slide and one turn if both are allowed."""
+    surface = look.surface.only(moving)
+    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in moving])
+    motions = motions_of(surface, rest, axes_of(look.surface.only(moving[:1])))
+    fits = sorted(
+        (coarse_fit(motion, layers, moving, reach_m) for motion in motions),
+        key=lambda fit: -fit.gain,
+    )
+    return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
+
+
+def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
+    """The first ``n``, and the first of each kind."""
+    kept = list(fits[:n])
+    for kind in ("slide", "turn"):
+        if all(fit.motion.kind != kind for fit in kept):
+            kept += [fit for fit in fits if fit.motion.kind == kind][:1]
+    return kept
+
+
+def better_light(look: Look, fit: Fit, shot: Shot) -> Array:
+    """The light, from what stands still and from what moves where ``fit`` says that it is."""
+    layers = look.layers(fit.parts)
+    still = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in fit.parts])
+    q = np.interp(look.shot.indices, shot.indices, fit.q)
+    groups = []
+    if len(still.faces):
+        groups.append(still_samples(look.shot, still, look.change))
+    for t, T_o in enumerate(fit.motion.T_o(q)):
+        seen = draw(layers.moving, look.shot, T_o)
+        near = cv2.erode((seen.face_ids >= 0).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+        mask = near & (seen.nearness * SAME_DEPTH >= layers.nearness)
+        ids = seen.face_ids[mask]
+        views = all_views(seen.points_c, layers.moving.faces)[ids]
+        groups.append((views, layers.moving.albedo[ids], look.shot.frames[t][mask]))
+    views, albedo, colours = (np.concatenate(column) for column in zip(*groups, strict=True))
+    return solve_light(views, albedo, colours)
+
+
+def _finished(fit: Fit, layers: Layers, before: Shot, shot: Shot) -> Fit:
+    """``fit`` refined in a finer shot, its axis snapped back where that costs nothing."""
+    start = replace(fit, q=np.interp(shot.indices, before.indices, fit.q))
+    start = path_again(start, layers, 1.5 * position_unit(start, layers))
+    bound = refine(start, layers, Freedom(axis=False))
+    again = path_again(bound, layers, 1.5 * position_unit(bound, layers))
+    if again.cost < bound.cost:
+        bound = refine(again, layers, Freedom(axis=False), rounds=4)
+    free = refine(bound, layers, Freedom())
+    bound, free = with_gain(bound, layers), with_gain(free, layers)
+    return bound if bound.gain >= (1.0 - SNAP) * free.gain else free
+
+
+def _chosen(fits: Sequence[Fit]) -> Fit:
+    """The one that gains most, slides being preferred."""
+    best = max(fits, key=lambda fit: fit.gain)
+    slides = [fit for fit in fits if fit.motion.kind == "slide"]
+    if slides and best.motion.kind == "turn":
+        slide = max(slides, key=lambda fit: fit.gain)
+        if slide.gain >= (1.0 - HINGE_GAIN) * best.gain:
+            return slide
+    return best

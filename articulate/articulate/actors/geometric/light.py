@@ -1,0 +1,114 @@
+"""Light: how an object is lit, learned from the pictures of it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from articulate.actors.geometric.layers import draw
+from articulate.actors.geometric.shot import Shot
+from articulate.actors.geometric.surface import Surface
+from articulate.actors.geometric.sweep import LIGHT_ROWS, all_views
+from articulate.transforms import Array, normalised
+
+FIRST = (0.5, 0.3, 0.2)
+"""What is thought of ambient, camera and lamp light before anything is seen."""
+BELIEF = 0.004
+"""Weight of that thought against all pixels together."""
+FEWEST = 30
+"""Fewer pixels say nothing of the light."""
+MOST = 1500
+"""Pixels that are looked at."""
+SOFT = 0.02
+"""Residuals above this count less and less, of 1."""
+
+
+def plain_light() -> Array:
+    """The light that is thought of before anything is seen (LIGHT_ROWS, 3)."""
+    light = np.zeros((LIGHT_ROWS, 3))
+    light[:3] = np.array(FIRST)[:, None]
+    light[3] = normalised([0.3, -0.8, -0.5])
+    return light
+
+
+def fit_light(shot: Shot, everything: Surface, change: NDArray[np.bool_]) -> Array:
+    """How the object is lit (LIGHT_ROWS, 3), from what does not change.
+
+    Args:
+        shot: The frames.
+        everything: All parts at 0.
+        change: Pixels that change (H, W).
+    """
+    return solve_light(*still_samples(shot, everything, change))
+
+
+def still_samples(
+    shot: Shot, surface: Surface, change: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Views (N, 4), albedo (N, 3), colours (N, 3) of pixels of ``surface`` that do not change."""
+    seen = draw(surface, shot)
+    inside = cv2.erode((seen.face_ids >= 0).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+    mask = inside & ~change
+    ids = seen.face_ids[mask]
+    views = all_views(seen.points_c, surface.faces)[ids]
+    colours = np.median(shot.frames, axis=0)[mask].astype(np.float64)
+    return np.asarray(views), surface.albedo[ids], colours
+
+
+def solve_light(views: Array, albedo: Array, colours: Array) -> Array:
+    """The light (LIGHT_ROWS, 3) under which faces have the given colours.
+
+    Args:
+        views: Normal and how much it faces the camera (N, 4).
+        albedo: (N, 3), 0 to 255.
+        colours: (N, 3), 0 to 255.
+    """
+    if len(views) < FEWEST:
+        return plain_light()
+    chosen = np.linspace(0, len(views) - 1, min(MOST, len(views))).round().astype(int)
+    views, albedo, colours = views[chosen], albedo[chosen] / 255.0, colours[chosen] / 255.0
+    best, best_cost = plain_light()[3], np.inf
+    for directions in (_sphere(90), None):
+        if directions is None:
+            directions = normalised(best + 0.25 * _sphere(30))
+        for direction in directions:
+            strength, cost = _strengths(views, albedo, colours, direction, rounds=1)
+            if cost < best_cost:
+                best, best_cost = direction, cost
+    light = np.empty((LIGHT_ROWS, 3))
+    strength, _ = _strengths(views, albedo, colours, best, rounds=4)
+    light[:3] = strength[:, None]
+    light[3] = best
+    return light
+
+
+def _strengths(
+    views: Array, albedo: Array, colours: Array, direction: Array, *, rounds: int
+) -> tuple[Array, float]:
+    """Strengths (3,) of ambient, camera and lamp light, and the sum of absolute residuals."""
+    lamp = np.maximum(views[:, :3] @ direction, 0.0)
+    terms = np.stack([np.ones(len(views)), views[:, 3], lamp], axis=1)
+    rows = (albedo[:, :, None] * terms[:, None, :]).reshape(-1, 3)
+    target = colours.reshape(-1)
+    pull = np.sqrt(BELIEF * len(rows) * float((rows[:, 0] ** 2).mean()))
+    weight = np.ones(len(rows))
+    for _ in range(rounds):
+        scaled = rows * weight[:, None]
+        normal = scaled.T @ rows + np.eye(3) * pull**2
+        force = scaled.T @ target + np.array(FIRST) * pull**2
+        root = np.linalg.cholesky(normal)
+        strength, _ = nnls(root.T, np.linalg.solve(root, force))
+        off = np.abs(rows @ strength - target)
+        weight = SOFT / np.maximum(off, SOFT)
+    return strength, float(np.minimum(off, 5 * SOFT).sum())
+
+
+def _sphere(n: int) -> Array:
+    """``n`` directions spread evenly over the sphere (n, 3)."""
+    k = np.arange(n) + 0.5
+    height = 1.0 - 2.0 * k / n
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    radius = np.sqrt(1.0 - height**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)

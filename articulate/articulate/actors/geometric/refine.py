@@ -1,0 +1,170 @@
+"""Refine: axis, pivot and every position together, by Gauss-Newton on the pictures themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from articulate.actors.geometric.candidates import Motion, plane_of
+from articulate.actors.geometric.layers import Layers
+from articulate.actors.geometric.search import Fit
+from articulate.actors.geometric.sweep import Floats, draw_over
+from articulate.transforms import Array, axis_angle_to_matrix, normalised
+
+SOFT = 24.0
+"""Differences of a colour above this count less and less."""
+NUDGE_PX = 0.8
+"""Motion in the picture over which derivatives are taken."""
+CONVERGED = 2e-4
+"""Relative fall of the cost below which refining ends."""
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What may change besides the positions."""
+
+    axis: bool = True
+    pivot: bool = True
+
+    def size(self, motion: Motion) -> int:
+        """Number of parameters."""
+        return 2 * int(self.axis) + 2 * int(self.pivot and motion.kind == "turn")
+
+
+def refine(fit: Fit, layers: Layers, freedom: Freedom, *, rounds: int = 8) -> Fit:
+    """A fit that costs no more, near ``fit``.
+
+    Args:
+        fit: Where to begin; its positions are those of the frames of ``layers``.
+        layers: The shot.
+        freedom: What may change.
+        rounds: Most steps.
+    """
+    best = replace(fit, cost=float(layers.path_cost(fit.motion.T_o(fit.q)).sum()))
+    damping = 1e-2
+    for _ in range(rounds):
+        hessian, gradient, scales = _normal_equations(best, layers, freedom)
+        before = best.cost
+        for _ in range(4):
+            lifted = hessian + damping * np.diag(np.diag(hessian) + 1e-9 * np.trace(hessian))
+            step = np.linalg.solve(lifted + 1e-6 * np.eye(len(hessian)), gradient)
+            step = np.clip(step, -6.0, 6.0) * scales
+            trial = _stepped(best, step, freedom)
+            cost = float(layers.path_cost(trial.motion.T_o(trial.q)).sum())
+            if cost < best.cost:
+                best, damping = replace(trial, cost=cost), max(damping * 0.3, 1e-4)
+                break
+            damping *= 5.0
+        if before - best.cost <= CONVERGED * abs(before):
+            break
+    return best
+
+
+def shifted(motion: Motion, change: Array, freedom: Freedom) -> Motion:
+    """``motion`` with its axis tilted and its pivot moved across it by ``change``.
+
+    Args:
+        motion: Where from.
+        change: Tilts about two axes [rad] if the axis is free, then shifts [m] if the pivot is.
+        freedom: What may change.
+    """
+    across = plane_of(motion.axis_o)
+    axis, pivot, k = motion.axis_o, motion.pivot_o, 0
+    if freedom.axis:
+        turn = change[0] * across[0] + change[1] * across[1]
+        axis = normalised(
+            axis_angle_to_matrix(normalised(turn + 1e-300), np.linalg.norm(turn)) @ axis
+        )
+        k = 2
+    if freedom.pivot and motion.kind == "turn":
+        pivot = pivot + change[k] * across[0] + change[k + 1] * across[1]
+    return replace(motion, axis_o=axis, pivot_o=pivot)
+
+
+def position_unit(fit: Fit, layers: Layers) -> float:
+    """Change of position that moves the part by about a pixel [m or rad]."""
+    return float(_units(fit, layers, Freedom(axis=False, pivot=False))[-1])
+
+
+def _stepped(fit: Fit, step: Array, freedom: Freedom) -> Fit:
+    n = freedom.size(fit.motion)
+    return replace(fit, motion=shifted(fit.motion, step[:n], freedom), q=fit.q + step[n:])
+
+
+def _normal_equations(fit: Fit, layers: Layers, freedom: Freedom) -> tuple[Array, Array, Array]:
+    """Hessian (D, D), descent direction (D,) and units (D,) of all parameters, positions last."""
+    n, n_frames = freedom.size(fit.motion), len(fit.q)
+    scales = _units(fit, layers, freedom)
+    hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
+    for t in range(n_frames):
+        columns = _jacobian(fit, layers, freedom, t, scales)
+        here = model_picture(fit.motion.T_o(fit.q[t]), layers)
+        off = (layers.shot.frames[t] - here).reshape(-1).astype(np.float64)
+        changed = np.flatnonzero(np.abs(columns).max(axis=0) > 0.3)
+        rows, off = columns[:, changed], off[changed]
+        weight = 1.0 / np.maximum(np.abs(off), SOFT)
+        weight[np.abs(off) > 4.0 * SOFT] *= 0.25
+        weighted = rows * weight
+        small, force = weighted @ rows.T, weighted @ off
+        where = np.array([*range(n), n + t])
+        hessian[np.ix_(where, where)] += small
+        gradient[where] += force
+    return hessian, gradient, scales
+
+
+def _jacobian(fit: Fit, layers: Layers, freedom: Freedom, t: int, scales: Array) -> Array:
+    """Change of frame t of the model with each parameter that touches it (n + 1, H W 3)."""
+    n = freedom.size(fit.motion)
+    columns = []
+    for k in range(n + 1):
+        pair = []
+        for sign in (1.0, -1.0):
+            if k < n:
+                change = np.zeros(n)
+                change[k] = sign * scales[k]
+                moved = shifted(fit.motion, change, freedom).T_o(fit.q[t])
+            else:
+                moved = fit.motion.T_o(fit.q[t] + sign * scales[n + t])
+            pair.append(model_picture(moved, layers))
+        columns.append(0.5 * (pair[0] - pair[1]).reshape(-1))
+    return np.stack(columns).astype(np.float64)
+
+
+def model_picture(T_o: Array, layers: Layers) -> Floats:
+    """The picture (H, W, 3) that is expected with what moves in pose ``T_o`` (4, 4)."""
+    picture = layers.still.copy()
+    shown = np.zeros(layers.shot.size, dtype=np.bool_)
+    surface = layers.moving
+    draw_over(
+        (surface.points_o, surface.faces, surface.albedo),
+        layers.light,
+        np.ascontiguousarray(layers.shot.T_co @ T_o),
+        layers.shot.pinhole,
+        layers.nearness,
+        picture,
+        shown,
+    )
+    return picture
+
+
+def _units(fit: Fit, layers: Layers, freedom: Freedom) -> Array:
+    """How much of each parameter moves the part by about a pixel (D,)."""
+    points = layers.moving.points_o
+    middle = points.mean(axis=0)
+    pixel_m = NUDGE_PX * layers.shot.pixel_m(middle)
+    arm = points - fit.motion.pivot_o
+    across = arm - np.outer(arm @ fit.motion.axis_o, fit.motion.axis_o)
+    radius = float(np.percentile(np.linalg.norm(across, axis=1), 90)) + 1e-9
+    length = float(np.percentile(np.linalg.norm(arm, axis=1), 90)) + 1e-9
+    if fit.motion.kind == "slide":
+        travel = max(float(np.abs(fit.q).max()), 2.0 * pixel_m)
+        own, tilt = pixel_m, pixel_m / travel
+    else:
+        own, tilt = pixel_m / radius, pixel_m / length
+    units = []
+    if freedom.axis:
+        units += [min(tilt, 0.2)] * 2
+    if freedom.pivot and fit.motion.kind == "turn":
+        units += [pixel_m] * 2
+    return np.array([*units, *([own] * len(fit.q))])

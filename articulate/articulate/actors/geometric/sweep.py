@@ -1,0 +1,225 @@
+"""Machine code of the search: a part in hundreds of poses a second, compared with every frame.
+
+Cameras are those of OpenCV: x right, y down, z ahead; the middle of the first pixel is (0, 0).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from articulate.render.raster import fill
+
+Floats = NDArray[np.float32]
+LIGHT_ROWS = 4
+"""Rows of a light: ambient, from the camera, from a lamp far away (each a share of the albedo for
+each colour), and the direction towards that lamp in the camera's frame."""
+SAME_DEPTH = 1.002
+"""What is nearer by less than this factor is not in front."""
+
+
+@njit(cache=True, nogil=True)
+def carried(points_o: Any, T_co: Any, out: Any) -> None:
+    """Points (V, 3) in the camera's frame into ``out`` (V, 3)."""
+    for i in range(len(points_o)):
+        x, y, z = points_o[i, 0], points_o[i, 1], points_o[i, 2]
+        for k in range(3):
+            out[i, k] = T_co[k, 0] * x + T_co[k, 1] * y + T_co[k, 2] * z + T_co[k, 3]
+
+
+@njit(cache=True, nogil=True)
+def box_of(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> None:
+    """First and last column and row in which the points may be seen into ``box`` (4,)."""
+    left, right, top, bottom = 1e9, -1e9, 1e9, -1e9
+    for i in range(len(points_c)):
+        z = points_c[i, 2]
+        if z < 0.05:
+            left, right, top, bottom = 0.0, width - 1.0, 0.0, height - 1.0
+            break
+        u = pinhole[0] * points_c[i, 0] / z + pinhole[2]
+        v = pinhole[1] * points_c[i, 1] / z + pinhole[3]
+        left, right = min(left, u), max(right, u)
+        top, bottom = min(top, v), max(bottom, v)
+    box[0] = int(min(max(np.floor(left), 0), width))
+    box[1] = int(max(min(np.ceil(right), width - 1), -1))
+    box[2] = int(min(max(np.floor(top), 0), height))
+    box[3] = int(max(min(np.ceil(bottom), height - 1), -1))
+
+
+@njit(cache=True, nogil=True)
+def face_view(points_c: Any, face: Any, view: Any) -> None:
+    """Unit normal of a face, turned to the camera, and how much it faces it, into ``view`` (4,)."""
+    a, b, c = points_c[face[0]], points_c[face[1]], points_c[face[2]]
+    ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    gx, gy, gz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    x, y, z = ey * gz - ez * gy, ez * gx - ex * gz, ex * gy - ey * gx
+    size = np.sqrt(x * x + y * y + z * z)
+    view[:] = 0.0
+    if size < 1e-18:
+        return
+    mx, my, mz = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
+    facing = (x * mx + y * my + z * mz) / (size * np.sqrt(mx * mx + my * my + mz * mz))
+    if facing > 0.0:
+        size = -size
+    view[0], view[1], view[2], view[3] = x / size, y / size, z / size, abs(facing)
+
+
+@njit(cache=True, nogil=True)
+def all_views(points_c: Any, faces: Any) -> Any:
+    """What :func:`face_view` says of each face (F, 4)."""
+    out = np.zeros((len(faces), 4))
+    for f in range(len(faces)):
+        face_view(points_c, faces[f], out[f])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
+    """Colour of each face (F, 3), 0 to 255, under ``light`` (LIGHT_ROWS, 3)."""
+    colours = np.zeros((len(faces), 3), dtype=np.float32)
+    view = np.zeros(4)
+    for f in range(len(faces)):
+        face_view(points_c, faces[f], view)
+        lamp = view[0] * light[3, 0] + view[1] * light[3, 1] + view[2] * light[3, 2]
+        lamp = max(lamp, 0.0)
+        for k in range(3):
+            value = light[0, k] + light[1, k] * view[3] + light[2, k] * lamp
+            colours[f, k] = min(max(value * albedo[f, k], 0.0), 255.0)
+    return colours
+
+
+@njit(cache=True, nogil=True)
+def pixel_costs(frames: Any, colour: Any, base: Any, cap: float, out: Any) -> None:
+    """Add to ``out`` (T,) what a pixel costs in ``colour`` (3,) rather than ``base`` (T,)."""
+    r, g, b = colour[0], colour[1], colour[2]
+    for t in range(len(out)):
+        cost = abs(frames[t, 0] - r) + abs(frames[t, 1] - g) + abs(frames[t, 2] - b)
+        out[t] += min(cost, cap) - base[t]
+
+
+@njit(cache=True, nogil=True)
+def sweep_costs(
+    surface: Any,
+    light: Any,
+    poses_co: Any,
+    pinhole: Any,
+    static_nearness: Any,
+    frames: Any,
+    base: Any,
+    diagonal: bool,
+    cap: Any,
+    out: Any,
+) -> None:
+    """Change of the cost of each frame when a part is drawn in each pose.
+
+    Args:
+        surface: Corners of the part (V, 3) [m], its faces (F, 3) and their colours (F, 3).
+        light: (LIGHT_ROWS, 3), in the camera's frame.
+        poses_co: Camera from part, one for each pose (Q, 4, 4).
+        pinhole: fx, fy, cx, cy [px].
+        static_nearness: 1 / depth of everything that stands still (H, W).
+        frames: What is seen (H, W, T, 3).
+        base: Cost of each pixel where the part is not (H, W, T).
+        diagonal: Compare pose t with frame t only.
+        cap: Largest cost of a pixel.
+        out: Changed: (Q, T), or (T, 1) if ``diagonal``.
+    """
+    points_o, faces, albedo = surface
+    height, width = static_nearness.shape
+    nearness = np.zeros((height, width), dtype=np.float32)
+    face_ids = np.full((height, width), -1, dtype=np.int32)
+    drawn = np.ones(len(faces), dtype=np.bool_)
+    points_c = np.empty((len(points_o), 3))
+    box = np.empty(4, dtype=np.int64)
+    total = np.empty(out.shape[1], dtype=np.float32)
+    for q in range(len(poses_co)):
+        carried(points_o, poses_co[q], points_c)
+        box_of(points_c, pinhole, height, width, box)
+        fill(points_c, faces, drawn, pinhole, nearness, face_ids)
+        colours = face_colours(points_c, faces, albedo, light)
+        sum_q = out[q]
+        sum_q[:] = 0.0
+        for v in range(box[2], box[3] + 1):
+            total[:] = 0.0
+            for u in range(box[0], box[1] + 1):
+                f = face_ids[v, u]
+                if f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]:
+                    if diagonal:
+                        one = slice(q, q + 1)
+                        pixel_costs(frames[v, u, one], colours[f], base[v, u, one], cap, total)
+                    else:
+                        pixel_costs(frames[v, u], colours[f], base[v, u], cap, total)
+                nearness[v, u] = 0.0
+                face_ids[v, u] = -1
+            for t in range(len(total)):
+                sum_q[t] += total[t]
+
+
+@njit(cache=True, nogil=True)
+def draw_over(
+    surface: Any,
+    light: Any,
+    T_co: Any,
+    pinhole: Any,
+    static_nearness: Any,
+    picture: Any,
+    shown: Any,
+) -> None:
+    """Draw a part in one pose over ``picture`` (H, W, 3) and mark where in ``shown`` (H, W)."""
+    points_o, faces, albedo = surface
+    height, width = static_nearness.shape
+    nearness = np.zeros((height, width), dtype=np.float32)
+    face_ids = np.full((height, width), -1, dtype=np.int32)
+    drawn = np.ones(len(faces), dtype=np.bool_)
+    points_c = np.empty((len(points_o), 3))
+    box = np.empty(4, dtype=np.int64)
+    carried(points_o, T_co, points_c)
+    box_of(points_c, pinhole, height, width, box)
+    fill(points_c, faces, drawn, pinhole, nearness, face_ids)
+    colours = face_colours(points_c, faces, albedo, light)
+    for v in range(box[2], box[3] + 1):
+        for u in range(box[0], box[1] + 1):
+            f = face_ids[v, u]
+            shown[v, u] = f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]
+            if shown[v, u]:
+                for k in range(3):
+                    picture[v, u, k] = colours[f, k]
+
+
+@njit(cache=True, nogil=True)
+def best_path(costs: Any, step_cost: float, largest: int, circular: bool) -> Any:
+    """The cheapest path through ``costs`` (T, Q), as unwrapped column numbers (T,).
+
+    Args:
+        costs: Cost of each column in each row.
+        step_cost: Added for each column that is moved by between two rows.
+        largest: Most columns that are moved by between two rows.
+        circular: The last column is next to the first.
+    """
+    n_rows, n_columns = costs.shape
+    total = costs[0].copy()
+    back = np.zeros((n_rows, n_columns), dtype=np.int64)
+    for t in range(1, n_rows):
+        fresh = np.full(n_columns, np.inf)
+        for q in range(n_columns):
+            for d in range(-largest, largest + 1):
+                p = q - d
+                if circular:
+                    p = p % n_columns
+                elif p < 0 or p >= n_columns:
+                    continue
+                value = total[p] + step_cost * abs(d)
+                if value < fresh[q]:
+                    fresh[q] = value
+                    back[t, q] = d
+        for q in range(n_columns):
+            total[q] = fresh[q] + costs[t, q]
+    path = np.zeros(n_rows, dtype=np.int64)
+    path[n_rows - 1] = np.argmin(total)
+    for t in range(n_rows - 1, 0, -1):
+        column = path[t] % n_columns if circular else path[t]
+        path[t - 1] = path[t] - back[t, column]
+    return path

@@ -1,0 +1,101 @@
+"""Loop: an actor proposes, a critic judges, until the critic is content or turns run out.
+
+What is kept is what the critic rated best, and of equals the earlier. The truth is never asked.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from articulate.actors.protocol import (
+    GOOD_ENOUGH,
+    Attempt,
+    Critic,
+    Evidence,
+    Prediction,
+    TraceStep,
+)
+
+MAX_TURNS = 3
+
+
+class Proposer(Protocol):
+    """An actor that can try again, knowing what was said of what it proposed before."""
+
+    @property
+    def name(self) -> str:
+        """Name in reports."""
+        ...
+
+    def propose(self, evidence: Evidence, attempts: Sequence[Attempt]) -> Prediction:
+        """What to say next, given every earlier attempt with its verdict.
+
+        A prediction with a ``refusal`` ends the loop: there is nothing more to propose.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """A proposer and a critic as one actor."""
+
+    proposer: Proposer
+    critic: Critic | None
+    """None: the first proposal is the answer."""
+    max_turns: int = MAX_TURNS
+    """Most proposals."""
+
+    @property
+    def name(self) -> str:
+        """Name in reports."""
+        return self.proposer.name
+
+    def predict(self, evidence: Evidence) -> Prediction:
+        """The proposal that the critic rated best."""
+        attempts: list[Attempt] = []
+        trace: list[TraceStep] = []
+        kept: Prediction | None = None
+        for turn in range(max(1, self.max_turns if self.critic else 1)):
+            start = time.monotonic()
+            proposal = self.proposer.propose(evidence, attempts)
+            trace += proposal.trace
+            if proposal.refusal:
+                kept = kept or proposal
+                break
+            judged = self._judged(evidence, proposal)
+            seconds = time.monotonic() - start
+            attempts.append(
+                Attempt(joints=proposal.joints, verdict=judged.verdict, seconds=seconds)
+            )
+            if judged.verdict is not None:
+                trace.append(_step(turn, judged))
+            if kept is None or _rating(judged) > _rating(kept):
+                kept = judged
+            if self.critic is None or _rating(judged) > GOOD_ENOUGH:
+                break
+        assert kept is not None
+        return replace(kept, attempts=tuple(attempts), trace=tuple(trace))
+
+    def _judged(self, evidence: Evidence, proposal: Prediction) -> Prediction:
+        if self.critic is None:
+            return proposal
+        verdict = self.critic.judge(evidence, proposal)
+        return replace(proposal, verdict=verdict, rating=verdict.rating)
+
+
+def _rating(prediction: Prediction) -> float:
+    return -1.0 if prediction.rating is None else prediction.rating
+
+
+def _step(turn: int, judged: Prediction) -> TraceStep:
+    verdict = judged.verdict
+    assert verdict is not None
+    return TraceStep(
+        title=f"turn {turn + 1}: {verdict.failure}, rated {verdict.rating:.1f}",
+        text=verdict.reason,
+        figures=verdict.figures,
+        pictures=verdict.pictures,
+    )

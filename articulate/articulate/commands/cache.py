@@ -1,0 +1,111 @@
+"""``articulate cache``: what earlier checks left behind, listed or cleaned away."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from articulate.cache import Entry, cache_folder, clean, entries, limit_bytes
+from articulate.commands import console
+from articulate.commands.fields import POSITIONAL
+from articulate.commands.flags import parse
+from articulate.errors import ConfigError, UsageError
+
+SHOWN = 20
+"""Entries that are listed one by one, the largest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CacheFlags:
+    """List what is kept of earlier conversions and proofs, or clean it away.
+
+    Everything in the cache is made anew when it is needed. Without being asked, entries longest
+    unused go when all take more than 20 GB; ARTICULATE_CACHE_GB sets another limit.
+
+    Example: articulate cache clean --keep-gb 2
+    """
+
+    action: Annotated[Literal["list", "clean"], POSITIONAL] = "list"
+    """What to do: list, clean."""
+    keep_gb: float = 0.0
+    """Leave the entries used last, up to this size [GB]; only for clean."""
+    json: bool = False
+    """Print the result as JSON and nothing else on standard output."""
+
+    def __post_init__(self) -> None:
+        if not self.keep_gb >= 0.0:
+            raise ConfigError(f"--keep-gb is {self.keep_gb:g}; it must be 0 GB or more")
+
+
+FLAGS = CacheFlags
+
+
+def main(argv: Sequence[str]) -> int:
+    """List or clean, and print."""
+    flags = parse(CacheFlags, argv, prog="articulate cache")
+    folder = cache_folder()
+    if flags.action == "list":
+        found = entries(folder)
+        content = _content(folder, found)
+        console.emit_json(content) if flags.json else console.emit(_listed(folder, found))
+        return 0
+    if flags.keep_gb == 0.0 and not folder.exists():
+        raise UsageError(f"{folder}: there is no cache yet; nothing to clean")
+    done = clean(folder, int(flags.keep_gb * 1e9))
+    if flags.json:
+        console.emit_json({"folder": str(folder), **done.as_dict()})
+        return 0
+    busy = f"; {done.busy} may be in use and stay" if done.busy else ""
+    console.emit(
+        f"{folder}: {done.removed} entries removed ({_size(done.removed_bytes)}), "
+        f"{done.left} left ({_size(done.left_bytes)}){busy}"
+    )
+    return 0
+
+
+def _content(folder: Path, found: Sequence[Entry]) -> dict[str, Any]:
+    return {
+        "folder": str(folder),
+        "bytes": sum(entry.bytes for entry in found),
+        "limit_bytes": limit_bytes(),
+        "entries": [
+            {
+                "kind": entry.kind,
+                "name": entry.path.name,
+                "bytes": entry.bytes,
+                "used": _date(entry.used, "%Y-%m-%dT%H:%M:%SZ"),
+            }
+            for entry in found
+        ],
+    }
+
+
+def _listed(folder: Path, found: Sequence[Entry]) -> str:
+    """A line for each kind, and the largest entries."""
+    total = sum(entry.bytes for entry in found)
+    limit = _size(limit_bytes())
+    lines = [f"{folder}: {len(found)} entries, {_size(total)} of at most {limit}"]
+    for kind in sorted({entry.kind for entry in found}):
+        of = [entry.bytes for entry in found if entry.kind == kind]
+        lines.append(f"  {kind:<16} {len(of):>6} entries  {_size(sum(of)):>9}")
+    largest = sorted(found, key=lambda entry: -entry.bytes)[:SHOWN]
+    if largest:
+        lines.append("largest:")
+    for entry in largest:
+        day = _date(entry.used, "%Y-%m-%d %H:%M")
+        lines.append(f"  {_size(entry.bytes):>9}  used {day}  {entry.kind}/{entry.path.name}")
+    return "\n".join(lines)
+
+
+def _size(size_bytes: float) -> str:
+    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size_bytes >= scale:
+            return f"{size_bytes / scale:.1f} {unit}"
+    return f"{size_bytes:.0f} B"
+
+
+def _date(when: float, form: str) -> str:
+    return time.strftime(form, time.gmtime(when))

@@ -1,0 +1,65 @@
+"""``articulate observe``: what moves in a film, and how, without any geometry."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from articulate.commands.flags import parse
+from articulate.errors import ConfigError
+from articulate.vision.video import Reading, read_clip
+from articulate.vision.watch import Observation, watch
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObserveFlags:
+    """Say how the part that is operated in a film moves: kind of joint, axis, path in the picture.
+
+    Example: articulate observe drawer.mp4 --json
+    """
+
+    clip: Annotated[Path | None, tyro.conf.Positional] = None
+    """Film, e.g. an .mp4, in which one part is operated."""
+    side: int = 480
+    """Frames are made smaller so that no side is longer [px]."""
+    frames: int = 72
+    """Frames that are looked at, evenly spread."""
+    json: bool = False
+    """Print the result as JSON and nothing else on standard output."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be watched."""
+        if self.clip is None:
+            raise ConfigError("missing: CLIP; give a film, e.g. drawer.mp4")
+        if self.side < 64:
+            raise ConfigError(f"--side is {self.side}; it must be 64 px or more")
+        if self.frames < 8:
+            raise ConfigError(f"--frames is {self.frames}; it must be 8 or more")
+
+
+def main(argv: Sequence[str]) -> int:
+    """Watch and print."""
+    flags = parse(ObserveFlags, argv, prog="articulate observe")
+    assert flags.clip is not None
+    clip = read_clip(flags.clip, Reading(longest_side_px=flags.side, most_frames=flags.frames))
+    seen = watch(clip, str(flags.clip))
+    print(json.dumps(seen.as_json(), indent=1) if flags.json else _told(seen))
+    return 0
+
+
+def _told(seen: Observation) -> str:
+    x, y, z = seen.axis_c
+    what = "slides along" if seen.kind == "prismatic" else "turns about"
+    first, last = seen.path_px[0], seen.path_px[-1]
+    return (
+        f"{seen.kind}: a part {what} ({x:.2f}, {y:.2f}, {z:.2f}) (x right, y down, z ahead), "
+        f"clear by {seen.confidence:.2f}\n"
+        f"a point of it goes from ({first[0]:.0f}, {first[1]:.0f}) to ({last[0]:.0f}, "
+        f"{last[1]:.0f}) px; what moves lies in columns {seen.box_px[0]:.0f} to "
+        f"{seen.box_px[1]:.0f}, rows {seen.box_px[2]:.0f} to {seen.box_px[3]:.0f}"
+    )

@@ -1,0 +1,1 @@
+"""Clips: reading them, following points through them, and what moves in them."""

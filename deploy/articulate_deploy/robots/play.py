@@ -1,0 +1,181 @@
+"""One episode of a bundle on the stand-in in this process, to be watched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from articulate.draw import draw
+from articulate.judgement import FIELDS
+from articulate.render.canvas import Canvas, Pixels
+from articulate.render.encode import write_clip
+from articulate.render.play import Play
+from articulate.render.view import View, fitted_view
+from articulate.transforms import Array
+from articulate_deploy.bundle import Bundle, load_bundle
+from articulate_deploy.deploy import one_size, still
+from articulate_deploy.episode import Recording, run_episode, start_of
+from articulate_deploy.estimators.truth import TruthEstimator
+from articulate_deploy.policy import Policy
+from articulate_deploy.robots.mujoco import MujocoRobot
+
+SIZE = (640, 480)
+"""Width and height of a clip [px]."""
+AZIMUTH_DEG, ELEVATION_DEG = 52.0, -22.0
+HORIZON_RGB, ZENITH_RGB = (0.93, 0.945, 0.955), (0.70, 0.78, 0.85)
+ARM_RGBA = (0.92, 0.92, 0.93, 1.0)
+PART_RGBA = ((0.80, 0.79, 0.76, 1.0), (0.72, 0.53, 0.34, 1.0), (0.55, 0.63, 0.66, 1.0))
+"""Colours of the object: its root, and its moving links in turn."""
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+FLOOR_RGBA = (0.80, 0.82, 0.83, 1.0)
+
+
+class _Seen(MujocoRobot):
+    """Keeps what it went through."""
+
+    def __init__(self, bundle: Bundle) -> None:
+        super().__init__(bundle)
+        self.qpos: list[Array] = []
+
+    def send_action(self, action: dict[str, float]) -> dict[str, float]:
+        self.qpos.append(self._data.qpos.copy())
+        return super().send_action(action)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The scene under the last draw."""
+        return self._model
+
+
+def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool) -> Play:
+    """Let the policy of the bundle at ``path`` act for one episode.
+
+    Args:
+        path: The bundle.
+        seed: Must be None: a bundle holds one policy.
+        episode: The episode that ``deploy --seed 0`` counts so.
+        randomise: Draw as in training, the object's size aside; else the start of the arm alone.
+
+    Raises:
+        BundleError: The bundle is not sound.
+    """
+    assert seed is None
+    bundle = load_bundle(path)
+    manifest = bundle.manifest
+    config = one_size(manifest) if randomise else still(manifest)
+    rng = np.random.default_rng(np.random.SeedSequence([0, episode]))
+    drawn = draw(config, rng)
+    robot, recording = _Seen(bundle), Recording()
+    with robot:
+        robot.set_draw(drawn)
+        robot.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
+        estimator = TruthEstimator(robot, config, manifest.task, drawn, rng)
+        result = run_episode(
+            Policy(bundle),
+            robot,
+            estimator,
+            manifest,
+            delay_ticks=int(drawn["delay_ticks"][0]),
+            recording=recording,
+        )
+        model = _as_seen(bundle, robot.model)
+    arrays, qpos = recording.arrays(), np.stack(robot.qpos)
+    tick_s = manifest.control.follow.tick_s
+
+    def film(file: Path) -> Path:
+        return write_clip(file, _frames(model, qpos), SIZE, round(1.0 / tick_s))
+
+    task = manifest.task
+    column = {name: k for k, name in enumerate(FIELDS)}
+    return Play(
+        title=f"{task.name} of {manifest.object.name} ({task.joint})",
+        reason=result.reason,
+        model=model,
+        qpos=qpos,
+        tick_s=tick_s,
+        series={
+            "opened": arrays["part_open"],
+            "force_n": arrays["judgement"][:, column["force"]],
+            "part_speed": arrays["part_speed"],
+        },
+        film=film,
+    )
+
+
+def _as_seen(bundle: Bundle, drawn: mujoco.MjModel) -> mujoco.MjModel:
+    """The scene of a bundle with a sky, light and colours, its object where it was drawn."""
+    text, meshes = bundle.scene_assets()
+    spec = mujoco.MjSpec.from_string(text, assets=meshes)
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=ZENITH_RGB,
+        rgb2=HORIZON_RGB,
+        width=64,
+        height=384,
+    )
+    spec.visual.headlight.ambient = (0.45, 0.45, 0.45)
+    spec.visual.headlight.diffuse = (0.55, 0.55, 0.55)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
+    model = spec.compile()
+    scene = bundle.manifest.scene
+    own = 0
+    for b in range(1, model.nbody):
+        of = model.geom_bodyid == b
+        if model.body(b).name.startswith(scene.object_prefix):
+            model.geom_rgba[of] = PART_RGBA[0] if own == 0 else PART_RGBA[1 + (own - 1) % 2]
+            own += 1
+        else:
+            model.geom_rgba[of] = ARM_RGBA
+    # A bundle holds the shapes that touch, which are hidden, and not those that are seen.
+    model.geom_group[:] = 0
+    model.geom_rgba[model.geom_bodyid == 0] = FLOOR_RGBA
+    root = model.body(scene.object_root).id
+    model.body_pos[root], model.body_quat[root] = drawn.body_pos[root], drawn.body_quat[root]
+    return model
+
+
+def _frames(model: mujoco.MjModel, qpos: Array) -> Iterator[Pixels]:
+    """One picture for each row of positions (T, nq)."""
+    data = mujoco.MjData(model)
+    canvas = Canvas(model, SIZE, shadows=False)
+    try:
+        view = _view(model, data, qpos)
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = view.lookat_w
+        camera.distance = view.distance_m
+        camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
+        for q in qpos:
+            _place(model, data, q)
+            yield canvas.draw(data, camera)
+    finally:
+        canvas.close()
+
+
+def _view(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> View:
+    """From the front and above, so that every moving shape is in the picture."""
+    points = []
+    for q in qpos[:: max(1, len(qpos) // 5)]:
+        _place(model, data, q)
+        for i in np.flatnonzero(model.geom_bodyid != 0):
+            corners = model.geom_aabb[i, :3] + model.geom_aabb[i, 3:] * CORNERS
+            points.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
+    return fitted_view(
+        np.concatenate(points),
+        azimuth_deg=AZIMUTH_DEG,
+        elevation_deg=ELEVATION_DEG,
+        fov_deg=float(model.vis.global_.fovy),
+        aspect=SIZE[0] / SIZE[1],
+    )
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, q: Array) -> None:
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)

@@ -1,0 +1,77 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.test_bad_input import taken_as_proven
+
+from articulate.commands import main
+from articulate.errors import MissingError
+from articulate_train import dry_run as dry
+from articulate_train import run as runs
+from articulate_train.run import choose_joint
+
+
+@pytest.fixture
+def wished(fresh, monkeypatch):
+    """The configuration of a tiny run, whose asset is taken as it is."""
+    monkeypatch.setattr(runs, "proven_asset", taken_as_proven)
+    return replace(fresh.config, seeds=(0, 1, 2), jobs=2, steps=6400)
+
+
+def test_a_dry_run_tells_scene_reach_time_and_disk(wished, tmp_path):
+    found = dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png")
+    task, place = choose_joint(wished, runs.prepare_asset(wished, tmp_path))
+    assert (found.joint, found.drawn_share) == (task.joint, place.drawn_share)
+    assert found.overlap_m <= 0.003
+    # Two rounds of seeds at the measured rate.
+    assert found.minutes == pytest.approx(2 * 6400 / found.steps_per_s / 60.0, abs=0.01)
+    assert found.disk_bytes > 20e6
+    assert "joint drawer_2_slide" in found.text()
+
+
+@pytest.mark.render
+def test_its_picture_shows_the_scene_and_nothing_is_overwritten(wished, tmp_path, error_line):
+    found = dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png")
+    content = (tmp_path / "a.png").read_bytes()
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    assert found.picture == tmp_path / "a.png"
+    error_line(
+        "dry_run(picture that exists)",
+        lambda: dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png"),
+    )
+
+
+def test_without_a_driver_it_says_why_there_is_no_picture(wished, tmp_path, monkeypatch):
+    def missing(*_, **__):
+        raise MissingError("no pictures here")
+
+    monkeypatch.setattr(dry, "picture", missing)
+    found = dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png")
+    assert found.picture is None
+    assert "picture  no pictures here" in found.text()
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_the_scene_is_drawn_as_episodes_begin(fresh):
+    scene = fresh.scene((1.0,))
+    qpos = dry.start_qpos(scene)
+    assert np.allclose(qpos[scene.at.arm_q : scene.at.arm_q + 7], fresh.place.start_q)
+    assert qpos.shape == (scene.nominal.nq,)
+
+
+def test_train_dry_run_trains_nothing(cabinet, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(runs, "proven_asset", taken_as_proven)
+    monkeypatch.setattr(dry, "_drawn", lambda *_: (None, "not drawn"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.yaml").write_text(
+        "ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net: [8, 8]}\n"
+        "draw: {scales: 3}\nstarts: {bank: 16}\nseeds: [0]\nsteps: 64\n"
+    )
+    argv = ["train", "--asset", str(cabinet.folder), "--config", "tiny.yaml", "--dry-run"]
+    assert main([*argv, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["task"] == "open_drawer"
+    assert content["minutes"] >= 0
+    assert not (tmp_path / "runs").exists()
