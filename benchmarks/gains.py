@@ -35,12 +35,13 @@ from articulate.follow import FollowConfig
 from articulate.kinematics import self_motion, solve_ik, tool_jacobian_t
 from articulate.placing import handle_in_world, object_pose
 from articulate.transforms import Array, axis_angle_to_matrix
+from articulate_envs.choose import choose_joint
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.scene import Scene, build_scene
 from articulate_envs.starts import StartConfig, bank_of_starts
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import TrainConfig
-from articulate_train.run import choose_joint, prepare_asset
+from articulate_train.run import prepare_asset
 
 SHARES = (1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.06)
 PULL_M_S = 0.12

@@ -18,8 +18,9 @@ from typing import Any
 
 from articulate.errors import UsageError
 from articulate.library.procedural.cabinet import embedded_cabinet
+from articulate_envs.choose import choose_joint
 from articulate_train.config import TrainConfig
-from articulate_train.run import choose_joint, prepare_asset
+from articulate_train.run import prepare_asset
 
 SEKTION = "assets/isaacgymenvs/sektion_cabinet_model/urdf/sektion_cabinet.urdf"
 

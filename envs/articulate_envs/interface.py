@@ -80,6 +80,10 @@ def start_asked_for(options: Mapping[str, Any] | None, start: Start, scene: Scen
             if name == "closing":
                 value = np.where(value > 0.0, 1.0, -1.0)
             asked[name] = np.broadcast_to(value, getattr(start, name).shape)
+    if "opened" in asked:
+        values = start.draw.values.copy()
+        values[:, COLUMNS.index("part_open")] = asked["opened"]
+        asked["draw"] = Draw(values)
     return replace(start, **asked)
 
 
@@ -95,6 +99,8 @@ def _drawn(asked: Any, start: Start, scene: Scene) -> Start:
             number = _size(number, scene)
         elif name in FACTORS and number <= 0.0:
             raise EngineError(f"reset: draw.{name} is {number}; factors must be above 0")
+        elif name == "part_open" and not 0.0 <= number <= 1.0:
+            raise EngineError(f"reset: draw.part_open is {number}; it must lie within 0 and 1")
         elif name in WHOLE and number not in range(MAX_DELAY_TICKS + 1):
             raise EngineError(
                 f"reset: draw.{name} is {number}; it must be a whole number up to {MAX_DELAY_TICKS}"

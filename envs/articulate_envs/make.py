@@ -12,7 +12,7 @@ import numpy as np
 
 from articulate.arm import PANDA
 from articulate.asset import Asset
-from articulate.cache import cache_folder
+from articulate.cache import cache_folder, using
 from articulate.config import from_mapping, to_plain
 from articulate.convert import ConvertConfig
 from articulate.draw import NO_DRAW, DrawConfig
@@ -129,8 +129,10 @@ def make_scene(config: EnvConfig) -> Scene:
         UsageError: The object cannot be read, was refused, or cannot be reached.
     """
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
-    asset = proven_asset(Path(config.asset), cache_folder(), wish)
-    return _scene(asset, _Wish.of(config))
+    cache = cache_folder()
+    with using(cache):
+        asset = proven_asset(Path(config.asset), cache, wish)
+        return _scene(asset, _Wish.of(config))
 
 
 @dataclass(frozen=True, kw_only=True)

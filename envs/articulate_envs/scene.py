@@ -104,7 +104,7 @@ def build_scene(
     models = []
     for scale in scales:
         spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)
-        _counterbalance(spec, asset, task)
+        counterbalance(spec, asset, task)
         models.append(spec.compile())
     return Scene(
         asset=tilted(asset, task.joint, place.tilt_rad),
@@ -146,7 +146,7 @@ def scene_spec(
     return spec
 
 
-def _counterbalance(spec: mujoco.MjSpec, asset: Asset, task: Task) -> None:
+def counterbalance(spec: mujoco.MjSpec, asset: Asset, task: Task) -> None:
     """Carry the weight of a part that begins open and would fall, so that it stays where it is.
 
     As springs and struts of lids do. A level drawer and an upright door need none and get none.

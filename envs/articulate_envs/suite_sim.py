@@ -12,7 +12,7 @@ from articulate.observe import ACTION
 from articulate.render.canvas import Pixels
 from articulate.transforms import Array
 from articulate_envs.film import Film
-from articulate_envs.scene import Scene, scene_spec
+from articulate_envs.scene import Scene, counterbalance, scene_spec
 from articulate_envs.single import SingleEngine
 from articulate_envs.window import Window, require_display
 
@@ -45,6 +45,7 @@ class SceneModel:
             scale=scale,
             visuals=False,
         )
+        counterbalance(spec, scene.asset, scene.task)
         spec.compile()
         return str(spec.to_xml())
 

@@ -118,7 +118,9 @@ def test_options_replace_what_was_drawn(drawer, env):
     assert state.hand_width[0] == pytest.approx(0.02)
     assert state.hand.closing[0] == 1.0
     _, plain = env.reset(seed=3)
-    kept = {k: v for k, v in plain["draw"].items() if k not in ("scale", "mass")}
+    assert info["draw"]["part_open"] == 0.5
+    other = ("scale", "mass", "part_open")
+    kept = {k: v for k, v in plain["draw"].items() if k not in other}
     assert kept.items() <= info["draw"].items()
 
 
@@ -135,6 +137,7 @@ def test_drawn_offsets_of_the_start_move_the_arm(drawer, env):
         ("draw.scales", {"draw": {"scales": 1.0}}),
         ("draw.scale=0.93", {"draw": {"scale": 0.93}}),
         ("draw.mass=-1", {"draw": {"mass": -1.0}}),
+        ("draw.part_open=2", {"draw": {"part_open": 2.0}}),
         ("draw.delay_ticks=0.5", {"draw": {"delay_ticks": 0.5}}),
         ("opened=1.5", {"opened": 1.5}),
         ("q=six numbers", {"q": [0.0] * 6}),
