@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import pytest
+
 from articulate.actors.loop import Loop
 from articulate.actors.protocol import Evidence, PredictedJoint, Prediction, Verdict
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from articulate.errors import UsageError
 from articulate.vision.moving import camera_motion, moving_points
 from articulate.vision.tracks import PointTracks, follow_points, read_tracks

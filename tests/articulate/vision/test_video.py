@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from articulate.errors import UsageError
 from articulate.render.clip import Clip, write_clip
 from articulate.vision.video import ClipError, Reading, check_moves, read_clip
@@ -46,7 +47,7 @@ def test_an_empty_file_is_refused(tmp_path):
 
 def test_a_file_that_is_no_film_is_refused(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"this is no film at all" * 100)
-    with pytest.raises(ClipError, match="cannot be read as a film|no frame can be read"):
+    with pytest.raises(ClipError, match=r"cannot be read as a film|no frame can be read"):
         read_clip(tmp_path / "a.mp4")
 
 

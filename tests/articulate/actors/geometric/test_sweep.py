@@ -1,9 +1,10 @@
 """The compiled loops of the search against plain ones."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
+
 from articulate.actors.geometric.sweep import best_path, draw_over, sweep_costs
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -67,7 +68,7 @@ def test_the_cheapest_path_is_that_of_trying_all(seed, circular):
 
     def price(columns):
         total = sum(costs[t, c] for t, c in enumerate(columns))
-        for a, b in zip(columns, columns[1:], strict=False):
+        for a, b in pairwise(columns):
             gap = abs(a - b)
             gap = min(gap, 5 - gap) if circular else gap
             if gap > largest:

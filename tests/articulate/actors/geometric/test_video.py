@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from articulate.actors.geometric.critic import VideoCritic
 from articulate.actors.geometric.video import VideoProposer, video_actor
 from articulate.actors.protocol import Evidence, PredictedJoint, Prediction
@@ -32,7 +33,9 @@ def disc(name, middle, radius, rgb):
     """A round knob about x."""
     turn = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     ring = np.column_stack([np.zeros(48), radius * np.cos(turn), radius * np.sin(turn)])
-    points = np.concatenate([ring, ring + [0.06, 0, 0], [[0, 0, 0], [0.06, 0, 0]]]) + middle
+    points = (
+        np.concatenate([ring, ring + np.array([0.06, 0, 0]), [[0, 0, 0], [0.06, 0, 0]]]) + middle
+    )
     faces = []
     for k in range(48):
         n = (k + 1) % 48
