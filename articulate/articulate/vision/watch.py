@@ -134,7 +134,7 @@ def _observed(steps: list[Step], moving: MovingPoints, side: float) -> Observati
     path, box = _path_and_box(moving)
     if fleeing < FLEEING or widening < WIDENS:
         kind: Literal["revolute", "prismatic"] = "prismatic"
-        axis = _slide_direction(steps, side, depth=fleeing < FLEEING, along=along)
+        axis: Array = _slide_direction(steps, side, depth=fleeing < FLEEING, along=along)
     else:
         kind, axis = "revolute", np.array([across[0], across[1], 0.0])
     clear = abs(widening - WIDENS) / WIDENS

@@ -50,6 +50,8 @@ EDGES_GOOD, EDGES_BAD = 0.75, 0.25
 """Correlation of edges rated 10 and 0."""
 TRACKS_GOOD, TRACKS_BAD = 0.08, 0.6
 """Error of followed points, as a share of how far they move, rated 10 and 0."""
+CALM = 0.4
+"""Weight of the worse witness: on small or plain parts one of the two has nothing to go by."""
 ENOUGH_TRACKS = 12
 """Fewer followed points are no witness."""
 MOVED_PX = 2.0
@@ -303,8 +305,8 @@ def _unused(fit: Fit, joint: PredictedJoint) -> bool:
     """Whether part of the range is never reached in the clip."""
     if joint.lower is None or joint.upper is None:
         return False
-    span = joint.upper - joint.lower
-    return bool(float(fit.q.max()) - float(fit.q.min()) < 0.8 * span - 1e-9)
+    reached: float = np.ptp(fit.q).item()
+    return reached < 0.8 * (joint.upper - joint.lower) - 1e-9
 
 
 def _pivot_shift(a: Fit, b: Fit) -> float:
@@ -325,13 +327,13 @@ def _wider(fit: Fit, layers: Layers, joint: PredictedJoint, scene: Scene) -> Fit
 
 
 def _rating(witness: Witness) -> float:
-    """0 to 10 from what edges and followed points say; the worse of the two counts double."""
+    """0 to 10 from what edges and followed points say; the better counts a little more."""
     edges = (witness.edges - EDGES_BAD) / (EDGES_GOOD - EDGES_BAD)
     votes = [float(np.clip(edges, 0.0, 1.0))]
     if np.isfinite(witness.track_error):
         tracks = (TRACKS_BAD - witness.track_error) / (TRACKS_BAD - TRACKS_GOOD)
         votes.append(float(np.clip(tracks, 0.0, 1.0)))
-    return 10.0 * (2.0 * min(votes) + max(votes)) / 3.0
+    return 10.0 * (CALM * min(votes) + (1.0 - CALM) * max(votes))
 
 
 def _reason(failure: Failure, witness: Witness) -> str:

@@ -43,6 +43,9 @@ FINAL = 3
 """Candidates that are refined finely."""
 SAME_WISH = 0.97
 """Cosine of the angle between axes that count as the same when one is not wanted again."""
+SHOWS_WELL, AS_GOOD_ROUND = 0.06, 0.5
+"""Below the first share of the largest cost, a turn of a round part about its own axis is taken
+that gains the second share of what the best motion gains."""
 SHOWS = 0.006
 """Share of the largest cost of a part's pixels below which its motion hardly shows."""
 SNAP = 0.01
@@ -180,7 +183,7 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     layers = fine.layers(moving)
     finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
     best = _everywhere(scene, _chosen(finals), fine)
-    return _round_or_not(fine, best, seed.parts[0])
+    return _round_or_not(scene, fine, best)
 
 
 def _everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
@@ -200,18 +203,25 @@ def _everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
     return with_gain(best, layers)
 
 
-def _round_or_not(look: Look, fit: Fit, seed: int) -> Fit:
-    """``fit``, or an endless turn of a round part where next to nothing is explained by ``fit``."""
-    surface = look.surface.only([seed])
-    layers = look.layers(fit.parts)
+def _round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
+    """``fit``, or a turn of a round part about its own axis.
+
+    Such a turn shows little, so that what explains a little more is no better; where next to
+    nothing shows, it is said to be endless.
+    """
+    surface = fine.surface.only(fit.parts[:1])
+    layers = fine.layers(fit.parts)
     share = fit.gain / (CAP * len(fit.q) * max(1, layers.own_px))
-    if share > SHOWS:
-        return fit
-    motion = round_axis(surface, axes_of(surface))
+    motion = round_axis(surface, axes_of(surface)) if share <= SHOWS_WELL else None
     if motion is None:
         return fit
-    q = np.linspace(0.0, 2.0 * np.pi, len(fit.q))
-    return replace(fit, motion=motion, q=q, gain=0.0)
+    if share <= SHOWS:
+        return replace(fit, motion=motion, q=np.linspace(0.0, 2.0 * np.pi, len(fit.q)), gain=0.0)
+    if fit.motion.kind == "slide":
+        return fit
+    start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, fit.parts)
+    turning = _everywhere(scene, start, fine)
+    return turning if turning.gain >= AS_GOOD_ROUND * fit.gain else fit
 
 
 def _tightened(fit: Fit, layers: Layers) -> Fit:

@@ -1,0 +1,88 @@
+"""The compiled loops of the search against plain ones."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from articulate.actors.geometric.sweep import best_path, draw_over, sweep_costs
+from articulate.transforms import axis_angle_to_matrix, pose
+
+PINHOLE = np.array([40.0, 40.0, 15.5, 11.5])
+SIZE = (24, 32)
+LIGHT = np.array([[0.5] * 3, [0.3] * 3, [0.2] * 3, [0.0, 0.0, -1.0]])
+POINTS = np.array([[-0.3, -0.2, 0.0], [0.3, -0.2, 0.0], [0.3, 0.2, 0.0], [-0.3, 0.2, 0.0]])
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+SURFACE = (POINTS, FACES, np.full((2, 3), 120.0))
+
+
+def poses(n):
+    turns = axis_angle_to_matrix(np.tile([0.0, 1.0, 0.0], (n, 1)), np.linspace(0.0, 1.0, n))
+    return pose(np.column_stack([np.linspace(-0.1, 0.1, n), np.zeros(n), np.full(n, 2.0)]), turns)
+
+
+def setting(n):
+    rng = np.random.default_rng(0)
+    frames = rng.uniform(0, 255, (*SIZE, n, 3)).astype(np.float32)
+    base = rng.uniform(0, 50, (*SIZE, n)).astype(np.float32)
+    behind = np.full(SIZE, 0.2, dtype=np.float32)
+    behind[:, 18:] = 1.0  # something nearer hides the right
+    return frames, base, behind
+
+
+def test_costs_are_those_of_drawn_pictures():
+    frames, base, behind = setting(4)
+    T, out = poses(4), np.empty((4, 4))
+    sweep_costs(SURFACE, LIGHT, T, PINHOLE, behind, frames, base, False, np.float32(90.0), out)
+    for q, t in product(range(4), range(4)):
+        picture, shown = np.zeros((*SIZE, 3), np.float32), np.zeros(SIZE, bool)
+        draw_over(SURFACE, LIGHT, T[q], PINHOLE, behind, picture, shown)
+        assert shown.any()
+        assert not shown[:, 18:].any()
+        off = np.minimum(np.abs(frames[:, :, t] - picture).sum(axis=-1), 90.0)
+        assert out[q, t] == pytest.approx(float((off - base[:, :, t])[shown].sum()), rel=1e-3)
+
+
+def test_the_diagonal_is_the_diagonal():
+    frames, base, behind = setting(5)
+    every, own = np.empty((5, 5)), np.empty((5, 1))
+    cap = np.float32(90.0)
+    sweep_costs(SURFACE, LIGHT, poses(5), PINHOLE, behind, frames, base, False, cap, every)
+    sweep_costs(SURFACE, LIGHT, poses(5), PINHOLE, behind, frames, base, True, cap, own)
+    assert np.allclose(own[:, 0], np.diagonal(every), rtol=1e-4)
+
+
+def test_a_face_turned_to_camera_and_lamp_has_all_light():
+    picture, shown = np.zeros((*SIZE, 3), np.float32), np.zeros(SIZE, bool)
+    nothing = np.zeros(SIZE, dtype=np.float32)
+    draw_over(SURFACE, LIGHT, poses(1)[0], PINHOLE, nothing, picture, shown)
+    assert np.allclose(picture[shown], 120.0, atol=1.5)
+
+
+@pytest.mark.parametrize("circular", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_cheapest_path_is_that_of_trying_all(seed, circular):
+    costs = np.random.default_rng(seed).uniform(0, 10, (4, 5))
+    largest, step_cost = 1, 1.5
+    path = best_path(costs, step_cost, largest, circular)
+
+    def price(columns):
+        total = sum(costs[t, c] for t, c in enumerate(columns))
+        for a, b in pairwise(columns):
+            gap = abs(a - b)
+            gap = min(gap, 5 - gap) if circular else gap
+            if gap > largest:
+                return np.inf
+            total += step_cost * gap
+        return total
+
+    best = min(price(columns) for columns in product(range(5), repeat=4))
+    assert price([int(c) % 5 for c in path]) == pytest.approx(best)
+    assert np.abs(np.diff(path)).max() <= largest
+
+
+def test_a_turn_that_passes_the_end_of_the_circle_goes_on_counting():
+    costs = np.ones((6, 8))
+    for t in range(6):
+        costs[t, (6 + t) % 8] = 0.0
+    assert best_path(costs, 0.01, 2, True).tolist()[-1] - best_path(costs, 0.01, 2, True)[0] == 5

@@ -1,0 +1,68 @@
+"""Reading films, and refusing what is none."""
+
+import numpy as np
+import pytest
+
+from articulate.errors import UsageError
+from articulate.render.clip import Clip, write_clip
+from articulate.vision.video import ClipError, Reading, check_moves, read_clip
+
+
+def ramp(n_frames, step=4):
+    frames = np.full((n_frames, 48, 64, 3), 200, dtype=np.uint8)
+    for t in range(n_frames):
+        frames[t, 10:30, 5 + step * t : 20 + step * t] = (20, 60, 120)
+    return frames
+
+
+def film(path, frames, fps=20.0):
+    return write_clip(path, Clip(frames=frames, times_s=np.arange(len(frames)) / fps))
+
+
+def test_a_film_comes_back_with_its_frames_and_times(tmp_path):
+    frames = ramp(8)
+    clip = read_clip(film(tmp_path / "a.mp4", frames))
+    assert clip.frames.shape == frames.shape
+    assert clip.fps == pytest.approx(20.0, rel=0.02)
+    assert np.abs(clip.frames.astype(int) - frames).mean() < 6.0
+
+
+def test_frames_are_thinned_evenly_and_made_smaller(tmp_path):
+    path = film(tmp_path / "a.mp4", ramp(10))
+    clip = read_clip(path, Reading(longest_side_px=32, most_frames=4))
+    assert clip.frames.shape == (4, 24, 32, 3)
+    assert np.allclose(clip.times_s * 20.0, [0, 3, 6, 9], atol=0.05)
+
+
+def test_a_missing_film_is_refused(tmp_path):
+    with pytest.raises(ClipError, match="no such file"):
+        read_clip(tmp_path / "none.mp4")
+
+
+def test_an_empty_file_is_refused(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(b"")
+    with pytest.raises(ClipError, match="is empty"):
+        read_clip(tmp_path / "a.mp4")
+
+
+def test_a_file_that_is_no_film_is_refused(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(b"this is no film at all" * 100)
+    with pytest.raises(ClipError, match=r"cannot be read as a film|no frame can be read"):
+        read_clip(tmp_path / "a.mp4")
+
+
+def test_a_film_of_one_frame_is_refused(tmp_path):
+    with pytest.raises(ClipError, match="one frame"):
+        read_clip(film(tmp_path / "a.mp4", ramp(1)))
+
+
+def test_frames_that_are_alike_are_refused():
+    rng = np.random.default_rng(0)
+    still = np.repeat(ramp(1), 6, axis=0)
+    noisy = np.clip(still + rng.normal(0.0, 0.8, still.shape), 0, 255).astype(np.uint8)
+    with pytest.raises(UsageError, match="nothing moves"):
+        check_moves(noisy, "a.mp4")
+
+
+def test_frames_in_which_a_patch_moves_are_accepted():
+    check_moves(ramp(6), "a.mp4")
