@@ -16,6 +16,7 @@ from tests.test_bad_input import taken_as_proven
 
 from articulate.commands import main
 from articulate.errors import RunError
+from articulate.files import require_space
 from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate_train import run as runs
 from articulate_train.commands import train
@@ -182,7 +183,7 @@ def cabinet_flags(tmp_path, monkeypatch):
 
 
 def test_runs_that_begin_in_the_same_second_get_folders_of_their_own(cabinet_flags, monkeypatch):
-    monkeypatch.setattr(train.time, "strftime", lambda _: "now")
+    monkeypatch.setattr("articulate_train.commands.train.time.strftime", lambda _: "now")
     first, second = (train._new_run(cabinet_flags) for _ in range(2))
     assert first.folder == Path("runs/cabinet-open_drawer-now")
     assert second.folder == Path("runs/cabinet-open_drawer-now-2")
@@ -193,7 +194,7 @@ def test_two_runs_at_once_in_one_folder_leave_one_of_them_whole(tmp_path, monkey
 
     monkeypatch.setattr(runs, "proven_asset", taken_as_proven)
     asset = make_cabinet(tmp_path / "cabinet")
-    barrier, free = threading.Barrier(2), runs.require_space
+    barrier, free = threading.Barrier(2), require_space
 
     def meet(*words):
         barrier.wait(timeout=60)  # both have seen that the folder is free

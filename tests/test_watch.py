@@ -4,6 +4,7 @@ import json
 import sys
 import types
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,7 +95,7 @@ def test_without_rerun_one_line_says_how_to_get_it(run_play, tmp_path, monkeypat
 
 
 def test_a_window_shows_every_tick_until_it_is_closed(run_play, monkeypatch):
-    seen = []
+    seen: list[Any] = []
 
     class Window:
         def __init__(self, model, data):
@@ -113,11 +114,11 @@ def test_a_window_shows_every_tick_until_it_is_closed(run_play, monkeypatch):
             seen.append(self.data.qpos.copy())
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(plays.time, "sleep", lambda _: None)
-    viewer = types.ModuleType("mujoco.viewer")
+    monkeypatch.setattr("articulate.render.play.time.sleep", lambda _: None)
+    viewer: Any = types.ModuleType("mujoco.viewer")
     viewer.launch_passive = Window
     monkeypatch.setitem(sys.modules, "mujoco.viewer", viewer)
-    monkeypatch.setattr(plays.mujoco, "viewer", viewer, raising=False)
+    monkeypatch.setattr("mujoco.viewer", viewer, raising=False)
     plays.show(run_play)
     assert np.allclose(seen[:20], run_play.qpos)
     assert np.allclose(seen[20:], run_play.qpos[:5])

@@ -56,9 +56,9 @@ def brought_by(metadata, extra):
         of = re.search(r"extra == ['\"]([\w-]+)['\"]", marker)
         if of is not None and of[1] != extra:
             continue
-        name = re.match(r"[\w.-]+", requirement)[0]
+        name = re.split(r"[^\w.-]", requirement.strip(), maxsplit=1)[0]
         if name == own:
-            for more in re.search(r"\[(.*)\]", requirement)[1].split(","):
+            for more in requirement.partition("[")[2].partition("]")[0].split(","):
                 names |= brought_by(metadata, more.strip())
         else:
             names.add(name.lower())

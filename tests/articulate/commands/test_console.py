@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -75,7 +76,11 @@ def test_nothing_but_results_reaches_stdout():
 
 
 def test_standard_output_is_as_before_after_a_command(capfd):
-    assert run_command(lambda _: console.emit("result") or 0, []) == 0
+    def verb(_):
+        console.emit("result")
+        return 0
+
+    assert run_command(verb, []) == 0
     print("still here")
     os.write(1, b"and here\n")
     out, err = capfd.readouterr()
@@ -84,8 +89,8 @@ def test_standard_output_is_as_before_after_a_command(capfd):
 
 
 def test_what_a_module_of_commands_prints_is_a_result(capsys):
-    spoken = {"__name__": "somebody.commands.verb"}
-    heard = {"__name__": "somebody.library"}
+    spoken: dict[str, Any] = {"__name__": "somebody.commands.verb"}
+    heard: dict[str, Any] = {"__name__": "somebody.library"}
     exec("def verb(_): print('a result'); library()", spoken)
     exec("def library(): print('a remark')", heard)
     spoken["library"] = heard["library"]
