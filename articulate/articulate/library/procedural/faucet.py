@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from articulate.library.procedural.build import Piece, arc, bow, hinge, knob, linked, shape
+from articulate.library.procedural.build import Piece, arc, bow, hinge, linked, shape
 from articulate.library.procedural.dimensions import Dimensions, between, one_of
 from articulate.library.procedural.solids import Rod, cone
 from articulate.library.procedural.urdf import Part
@@ -59,8 +59,14 @@ class Faucet(Dimensions):
             for name, side, turn in (("hot", 1.0, -1.0), ("cold", -1.0, 1.0)):
                 at = (0.0, side * 0.095, 0.057)
                 motion = hinge("body", name, at, (0.0, 0.0, turn), math.pi / 2, stiff=0.05)
-                own = knob(f"{name}_knob", at, 0.021, 0.034, axis=2, material=self.finish)
-                parts.append(Part(name=name, shapes=(own,), motion=motion))
+                over = (0.0, at[1], at[2] + 0.022)
+                hub = Rod(start=at, end=(0.0, at[1], at[2] + 0.032), radius_m=0.015)
+                rod = Rod(start=over, end=(0.0, at[1] + side * 0.065, over[2]), radius_m=0.006)
+                shapes = (
+                    shape(f"{name}_hub", self.finish, {"hub": hub}),
+                    shape(f"{name}_handle", self.finish, {"rod": rod}),
+                )
+                parts.append(Part(name=name, shapes=shapes, motion=motion))
         else:
             parts.append(self._lever((0.0, -r - 0.001, PLATE_M + 0.6 * self.column_m)))
         return linked(parts)
