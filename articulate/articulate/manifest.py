@@ -29,7 +29,7 @@ from articulate.placing import Place
 from articulate.task import Task
 
 SCHEMA = "articulate.policy-bundle"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 MANIFEST_FILE, POLICY_FILE = "manifest.json", "policy.onnx"
 GOLDEN_FILE, SCENE_FILE = "golden.npz", "scene/scene.xml"
 LIMIT_TABLES = ("q_min", "q_max", "dq_max", "ddq_max", "dddq_max", "tau_max", "dtau_max")

@@ -158,11 +158,15 @@ def _drawn(scene: Scene, file: Path) -> tuple[Path | None, str]:
 
 
 def start_qpos(scene: Scene) -> Array:
-    """Positions (nq,) of the scene's model as an episode begins: the arm home, parts closed."""
+    """Positions (nq,) of the scene's model as an episode begins: the arm home, parts closed.
+
+    A part that is to be closed is as far open as it may begin.
+    """
     model, at = scene.nominal, scene.at
     qpos = np.array(model.qpos0, dtype=np.float64)
     for joint in scene.asset.joints:
-        qpos[model.joint(PREFIX + joint.name).qposadr[0]] = joint.closed
+        begin = scene.task.begin[1] if joint.name == scene.task.joint else 0.0
+        qpos[model.joint(PREFIX + joint.name).qposadr[0]] = joint.closed + begin * joint.span
     half = scene.arm.hand.max_width_m / 2.0
     qpos[at.arm_q : at.arm_q + 7] = scene.place.start_q
     qpos[at.finger_q : at.finger_q + 2] = (half, -half)

@@ -163,7 +163,7 @@ def main_direction(steps: list[Step]) -> Array:
 def robust_lines(rows: Array, values: Array, soft: float) -> Array:
     """Coefficients (P,) of ``rows`` (N, P) that give ``values`` (N,) with least absolute errors."""
     weight = np.ones(len(values))
-    solution = np.zeros(rows.shape[1])
+    solution: Array = np.zeros(rows.shape[1])
     for _ in range(8):
         scaled = rows * weight[:, None]
         left = scaled.T @ rows + 1e-9 * np.eye(rows.shape[1])

@@ -67,7 +67,7 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
     manifest = bundle.manifest
     config = one_size(manifest) if randomise else still(manifest)
     rng = np.random.default_rng(np.random.SeedSequence([0, episode]))
-    drawn = draw(config, rng)
+    drawn = draw(config, rng, begin=manifest.task.begin)
     robot, recording = _Seen(bundle), Recording()
     with robot:
         robot.set_draw(drawn)
