@@ -37,7 +37,7 @@ class Rated:
     def judge(self, evidence, prediction):
         rating = self.ratings[prediction.joints[0].part]
         failure = "success" if rating > 5.0 else "joint_axis"
-        return Verdict(failure=failure, rating=rating)
+        return Verdict(failure=failure, rating=rating)  # type: ignore[arg-type]
 
 
 EVIDENCE = Evidence(modality="video", parts=())

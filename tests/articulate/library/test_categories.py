@@ -61,16 +61,16 @@ def test_kinematics_are_the_closed_form(name, tmp_path):
     parts = CATEGORIES[name].parts(1)
     urdf = yourdfpy.URDF.load(str(write_object(name, 1, tmp_path)), load_meshes=False)
     rng = np.random.default_rng(1)
-    q = {p.motion.name: rng.uniform(0.0, p.motion.upper or 1.0) for p in parts[1:]}
+    q = {p.motion.name: rng.uniform(0.0, p.motion.upper or 1.0) for p in parts[1:]}  # type: ignore[union-attr]
     urdf.update_cfg(q)
     expected = {parts[0].name: np.eye(4)}
     for part in parts[1:]:
         motion = part.motion
-        axis, by = np.asarray(motion.axis), q[motion.name]
+        axis, by = np.asarray(motion.axis), q[motion.name]  # type: ignore[union-attr]
         assert np.linalg.norm(axis) == pytest.approx(1.0)
         turned = pose(np.zeros(3), axis_angle_to_matrix(axis, by))
-        moved = pose(by * axis) if motion.kind == "prismatic" else turned
-        expected[part.name] = expected[motion.parent] @ pose(np.asarray(motion.origin_p)) @ moved
+        moved = pose(by * axis) if motion.kind == "prismatic" else turned  # type: ignore[union-attr]
+        expected[part.name] = expected[motion.parent] @ pose(np.asarray(motion.origin_p)) @ moved  # type: ignore[union-attr]
         found = urdf.get_transform(part.name, parts[0].name)
         np.testing.assert_allclose(found, expected[part.name], atol=1e-9)
 
@@ -91,7 +91,7 @@ def test_no_part_reaches_into_another_when_everything_is_closed(name, seed):
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    deepest = {}
+    deepest: dict[tuple[str, ...], float] = {}
     for contact in data.contact:
         one, two = (model.body(model.geom_bodyid[g]).name for g in contact.geom)
         if one != two:
@@ -151,10 +151,10 @@ def test_the_converter_reads_the_true_joints(name, tmp_path):
     for part in reading.parts[1:]:
         own, travel = true[part.name], reading.travels[part.name]
         T_ol = place.T_os @ part.T_sp
-        assert (travel.kind, part.joint.name, part.parent) == (own.kind, own.name, own.parent)
+        assert (travel.kind, part.joint.name, part.parent) == (own.kind, own.name, own.parent)  # type: ignore[union-attr]
         np.testing.assert_allclose(T_ol[:3, :3] @ travel.axis, own.axis_o, atol=1e-9)
         np.testing.assert_allclose(T_ol[:3, 3], own.pivot_o, atol=1e-6)
-        assert (travel.lower, travel.upper) == (own.lower, pytest.approx(own.upper, abs=1e-8))
+        assert (travel.lower, travel.upper) == (own.lower, pytest.approx(own.upper, abs=1e-8))  # type: ignore[comparison-overlap]
         assert travel.closed == 0.0
     assert all(is_note(sentence) for sentence in reading.source.repairs.sentences)
 
@@ -174,7 +174,7 @@ def test_pictures_come_with_the_materials_and_the_converter_reads_their_mean(tmp
     repairs = Repairs()
     ((_, mesh, colour),) = read_mesh(tmp_path / "meshes" / "lid_board.obj", repairs)
     assert mesh.is_watertight
-    np.testing.assert_allclose(colour[:3], [0.72, 0.55, 0.36], atol=0.02)
+    np.testing.assert_allclose(colour[:3], [0.72, 0.55, 0.36], atol=0.02)  # type: ignore[index]
     reading = read_input(tmp_path / "box_with_lid.urdf", ConvertConfig())
     np.testing.assert_allclose(reading.geometry["lid"].shown[0].rgba, [0.72, 0.55, 0.36, 1.0])
 
@@ -184,7 +184,7 @@ def test_quick_categories_are_proven_and_true(name, tmp_path):
     write_object(name, 0, tmp_path / "object")
     proof = check(tmp_path / "object", tmp_path / "out")
     assert (proof.verdict, proof.reasons) == ("proven", ())
-    assert all(joint.opened > 0.9 for joint in proof.joints)
+    assert all(joint.opened > 0.9 for joint in proof.joints)  # type: ignore[operator]
     asset = load_asset(tmp_path / "out")
     assert asset.category == CATEGORIES[name].partnet
     assert all(handle.source == "name" for handle in asset.handles)
@@ -197,7 +197,7 @@ def test_every_category_is_proven_and_true(name, tmp_path):
     write_object(name, 0, tmp_path / "object")
     proof = check(tmp_path / "object", tmp_path / "out")
     assert (proof.verdict, proof.reasons) == ("proven", ())
-    assert all(joint.opened > 0.9 for joint in proof.joints)
+    assert all(joint.opened > 0.9 for joint in proof.joints)  # type: ignore[operator]
     _agrees(CATEGORIES[name].parts(0), load_asset(tmp_path / "out"))
 
 

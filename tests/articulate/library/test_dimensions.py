@@ -55,5 +55,5 @@ def test_a_seed_below_0_is_refused():
 @pytest.mark.parametrize("name", [name for name in CATEGORIES if name != "cabinet"])
 def test_every_dimension_of_every_category_has_a_range(name):
     dimensions = CATEGORIES[name].dimensions
-    for field in fields(dimensions):
+    for field in fields(dimensions):  # type: ignore[arg-type]
         assert set(field.metadata) & {"between", "whole", "choices"}, field.name

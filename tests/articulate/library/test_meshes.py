@@ -72,7 +72,7 @@ def test_a_ring_holds_what_lies_between_its_walls_and_its_wedges_hold_as_much(ax
     count = 2 * ring.wedges
     area = 0.5 * count * np.sin(2 * np.pi / count) * (0.1**2 - 0.08**2)
     np.testing.assert_allclose(volume(corners, triangles), 0.2 * area, rtol=1e-9)
-    hulls = [volume(*piece.mesh) for piece in ring.colliders()]
+    hulls = [volume(*piece.mesh) for piece in ring.colliders()]  # type: ignore[misc]
     np.testing.assert_allclose(sum(hulls), 0.2 * np.pi * (0.1**2 - 0.08**2), rtol=0.03)
     assert min(hulls) > 0.0
 
@@ -82,7 +82,7 @@ def test_a_hole_stays_free_of_the_wedges_of_a_ring():
     turn = np.linspace(0.0, 2.0 * np.pi, 60)
     inside = np.stack([0.058 * 1.2 * np.cos(turn), 0.058 * np.sin(turn), 0 * turn + 0.05], axis=-1)
     for piece in ring.colliders():
-        hull = trimesh.Trimesh(*piece.mesh)
+        hull = trimesh.Trimesh(*piece.mesh)  # type: ignore[misc]
         assert hull.is_watertight
         assert hull.is_convex
         assert not hull.contains(inside).any()
@@ -100,7 +100,7 @@ def test_every_collider_holds_the_corners_of_what_it_stands_for():
         if piece.kind == "box":
             np.testing.assert_allclose(np.ptp(corners, axis=0), piece.size)
         else:
-            np.testing.assert_array_equal(piece.mesh[0], corners)
+            np.testing.assert_array_equal(piece.mesh[0], corners)  # type: ignore[index]
 
 
 def test_a_collider_of_a_rod_lies_along_it():
