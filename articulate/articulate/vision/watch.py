@@ -168,8 +168,8 @@ def robust_lines(rows: Array, values: Array, soft: float) -> Array:
     for _ in range(8):
         scaled = rows * weight[:, None]
         left = scaled.T @ rows + 1e-9 * np.eye(rows.shape[1])
-        solution = np.linalg.solve(left, scaled.T @ values)
-        weight = 1.0 / np.maximum(np.abs(values - rows @ solution), soft)
+        solution = np.asarray(np.linalg.solve(left, scaled.T @ values), dtype=np.float64)
+        weight = np.asarray(1.0 / np.maximum(np.abs(values - rows @ solution), soft))
     return solution
 
 
