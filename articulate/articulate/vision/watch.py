@@ -126,6 +126,7 @@ def steps_of(moving: MovingPoints, middle: Array, side: float) -> list[Step]:
 
 def _observed(steps: list[Step], moving: MovingPoints, side: float) -> Observation:
     along = main_direction(steps)
+    axis: Array
     across = np.array([-along[1], along[0]])
     shift, grown = _unexplained(steps, side)
     widening = _widening(steps, along, across, side)
@@ -134,7 +135,7 @@ def _observed(steps: list[Step], moving: MovingPoints, side: float) -> Observati
     path, box = _path_and_box(moving)
     if fleeing < FLEEING or widening < WIDENS:
         kind: Literal["revolute", "prismatic"] = "prismatic"
-        axis: Array = _slide_direction(steps, side, depth=fleeing < FLEEING, along=along)
+        axis = _slide_direction(steps, side, depth=fleeing < FLEEING, along=along)
     else:
         kind, axis = "revolute", np.array([across[0], across[1], 0.0])
     clear = abs(widening - WIDENS) / WIDENS
@@ -162,13 +163,13 @@ def main_direction(steps: list[Step]) -> Array:
 
 def robust_lines(rows: Array, values: Array, soft: float) -> Array:
     """Coefficients (P,) of ``rows`` (N, P) that give ``values`` (N,) with least absolute errors."""
-    weight = np.ones(len(values))
+    weight: Array = np.ones(len(values))
     solution: Array = np.zeros(rows.shape[1])
     for _ in range(8):
         scaled = rows * weight[:, None]
         left = scaled.T @ rows + 1e-9 * np.eye(rows.shape[1])
         solution = np.asarray(np.linalg.solve(left, scaled.T @ values), dtype=np.float64)
-        weight = 1.0 / np.maximum(np.abs(values - rows @ solution), soft)
+        weight = np.asarray(1.0 / np.maximum(np.abs(values - rows @ solution), soft))
     return solution
 
 

@@ -298,7 +298,7 @@ def _polished(fit: Fit, indices: Ints, layers: Layers) -> Fit:
 
 
 def _alike(a: Array, b: Array) -> bool:
-    return bool(abs(float(a @ b)) > np.cos(SAME_AXIS_RAD))
+    return abs(float(a @ b)) > float(np.cos(SAME_AXIS_RAD))
 
 
 def _unused(fit: Fit, joint: PredictedJoint) -> bool:
