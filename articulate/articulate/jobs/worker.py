@@ -67,7 +67,7 @@ def _attempt(job: Job, state: State) -> int:
             stdout=log,
             stderr=log,
             start_new_session=True,
-            preexec_fn=die_with_parent,  # noqa: PLW1509  # one thread, and it asks for nothing
+            preexec_fn=_prepared,  # noqa: PLW1509  # one thread, and it asks for nothing
         )
         code = _watched(process, job.folder)
     ended = dataclasses.replace(
@@ -82,6 +82,12 @@ def die_with_parent() -> None:
     """Let the kernel kill this process with its parent, so that no job ever runs twice."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _prepared() -> None:
+    """End with the parent, and hear SIGINT even if a shell started all of this to ignore it."""
+    die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _watched(process: subprocess.Popen[bytes], folder: Path) -> int:
