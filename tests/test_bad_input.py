@@ -90,7 +90,6 @@ def objects_here(objects, tmp_path):
         "--asset letter.urdf",
         "--asset page.urdf",
         "--asset chest.urdf",
-        "--asset .",
         "--asset cupboard",
         "--asset cabinet --joint drawer_7",
         "--asset cupboard --joint door_hinge",

@@ -80,7 +80,7 @@ def start_asked_for(options: Mapping[str, Any] | None, start: Start, scene: Scen
             if name == "closing":
                 value = np.where(value > 0.0, 1.0, -1.0)
             asked[name] = np.broadcast_to(value, getattr(start, name).shape)
-    if "opened" in asked:
+    if "opened" in asked and "part_open" not in options.get("draw", {}):
         values = start.draw.values.copy()
         values[:, COLUMNS.index("part_open")] = asked["opened"]
         asked["draw"] = Draw(values)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
-from tests.articulate.jobs.test_jobs import job_of
+from tests.articulate.jobs.test_jobs import job_of, until
 
 ray = pytest.importorskip("ray", reason="ray is not installed: pip install the extra cluster")
 
@@ -38,8 +36,8 @@ def test_jobs_survive_the_loss_of_a_node(tmp_path):
         if len(seen) == 1 or (tmp_path / "go").exists():
             return
         if progress.count("running") == 2:
-            time.sleep(1.0)
             cluster.remove_node(other, allow_graceful=False)
+            until(lambda: "lost" in [load_state(job.folder).phase for job in jobs])
             (tmp_path / "go").touch()
 
     try:
