@@ -19,7 +19,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -114,8 +114,10 @@ def main() -> int:
     mutants = [(k, drawn(rng)) for k in range(flags.count)]
     wanted = [m for m in mutants if not flags.only or m[0] in flags.only]
     done: list[Outcome] = []
-    with ThreadPoolExecutor(flags.jobs) as pool:
-        for outcome in pool.map(lambda m: outcome_of(*m), wanted):
+    # Workers have one thread each, so that what they fork finds no lock taken.
+    workers = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(flags.jobs, mp_context=workers) as pool:
+        for outcome in pool.map(outcome_of, *zip(*wanted, strict=True)):
             done.append(outcome)
             if outcome.kind in ("traceback", "crash", "hang", "stray") or flags.only:
                 print(f"{outcome.index} {outcome.kind}: {outcome.text}", file=sys.stderr)

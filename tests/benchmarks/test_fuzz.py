@@ -1,6 +1,8 @@
 """The fuzzing tells verdicts from what must never happen."""
 
 import importlib
+import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -23,8 +25,13 @@ def mutant(fuzz):
     return fuzz.Mutant((), (), None, ".obj", ())
 
 
-def test_the_untouched_object_is_proven(fuzz, mutant):
-    assert fuzz.outcome_of(0, mutant).kind == "repaired"
+def test_mutants_are_refused_or_proven_and_nothing_else_happens():
+    script = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
+    command = [sys.executable, str(script), "--count", "8", "--only", "0", "2", "--jobs", "1"]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout)
+    assert told["kinds"] == {"refused": 1, "repaired": 1}
+    assert told["bad"] == []
 
 
 def test_an_exception_that_is_not_ours_is_a_traceback(fuzz, mutant, monkeypatch):
