@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import tyro
-
 from articulate.actors.protocol import Modality
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
 from articulate.commands import version
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
@@ -32,7 +31,7 @@ class BenchmarkFlags:
     Example: articulate benchmark assets.json --modality video --actor prior --out runs/prior
     """
 
-    dataset: Annotated[str, tyro.conf.Positional]
+    dataset: Annotated[str, POSITIONAL]
     """An index such as assets.json, a folder of URDFs, or the library: procedural."""
     out: Path
     """Folder for results.json, report.html and one record for each object."""

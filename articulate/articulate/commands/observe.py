@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
+from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError
 from articulate.vision.video import Reading, read_clip
@@ -23,7 +22,7 @@ class ObserveFlags:
     Example: articulate observe drawer.mp4 --json
     """
 
-    clip: Annotated[Path | None, tyro.conf.Positional] = None
+    clip: Annotated[Path | None, POSITIONAL] = None
     """Film, e.g. an .mp4, in which one part is operated."""
     side: int = 480
     """Frames are made smaller so that no side is longer [px]."""

@@ -118,6 +118,7 @@ def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) ->
 
     Trims and rims lie close to panels: what they cover of ``surface`` is covered twice.
     """
+    budget = max(budget, 1)  # handles may have used it up
     if len(shapes) <= budget:
         return shapes
     points, _ = sample_surface(surface, SPARE_SAMPLES)

@@ -11,10 +11,11 @@ from articulate.convert.collision import collision_shapes, is_handle, piece_shap
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
 from articulate.convert.fit import fitted, hull, thick
-from articulate.convert.joining import merged
+from articulate.convert.joining import merged, without_spare
 from articulate.convert.mesh import PartGeometry, Piece
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
+from articulate.convert.shapes import Shape
 
 NO_DECOMPOSITION = ConvertConfig(decompose=False)
 
@@ -173,3 +174,9 @@ def test_the_time_of_a_decomposition_is_the_processors(monkeypatch: pytest.Monke
     monkeypatch.setattr("articulate.convert.decompose.PATIENCE", 1e6)
     mesh = trimesh.creation.torus(0.2, 0.05, major_sections=96, minor_sections=64)
     assert decompose(mesh, 0.002, 16, time_s=1.0) is None
+
+
+def test_handles_that_use_up_the_budget_leave_one_shape_to_the_rest():
+    surface = trimesh.creation.box((0.2, 0.2, 0.2))
+    shapes = [Shape(kind="box", T_ps=np.eye(4), half=(0.1, 0.1, 0.1)) for _ in range(3)]
+    assert len(without_spare(shapes, surface, -3)) == 1
