@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,8 @@ from articulate.transforms import Array
 
 LEAST = 1e-9
 """Least principal inertia [kg m2]."""
+LEAST_GYRATION_M = 1e-4
+"""Least radius of gyration [m]: shapes are so light that ``LEAST`` would be more than fits them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +61,7 @@ def inertial_of(
     if any(link.inertial is not None for link, _ in members) and not rescaled:
         repairs.add(f"inertia of part {name} was absent in part or not physical: computed")
     if mass == found.mass_kg:
-        return found
+        return replace(found, inertia_p=_positive(found.inertia_p))
     factor = mass / found.mass_kg if found.mass_kg > 0.0 else 1.0
     inertia = found.inertia_p * factor if found.mass_kg > 0.0 else 1e-5 * mass * np.eye(3)
     return Inertial(mass_kg=mass, com_p=found.com_p, inertia_p=_positive(inertia))
@@ -84,7 +86,8 @@ def from_shapes(shapes: tuple[Shape, ...], density: float) -> Inertial:
     inertia = np.zeros((3, 3))
     for m, centre, tensor in zip(masses, centres, tensors, strict=True):
         inertia += tensor + m * steiner(centre - com)
-    return Inertial(mass_kg=mass, com_p=com, inertia_p=_positive(inertia))
+    least = mass * LEAST_GYRATION_M**2
+    return Inertial(mass_kg=mass, com_p=com, inertia_p=_positive(inertia, least))
 
 
 def steiner(offset: Array) -> Array:
@@ -136,9 +139,9 @@ def _given(
     return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, given=True)
 
 
-def _positive(inertia: Array) -> Array:
-    """The nearest inertia with principal values of at least ``LEAST`` that some body has."""
+def _positive(inertia: Array, least: float = LEAST) -> Array:
+    """The nearest inertia with principal values of at least ``least`` that some body has."""
     values, axes = np.linalg.eigh((inertia + inertia.T) / 2.0)
-    values = np.maximum(values, LEAST)
+    values = np.maximum(values, least)
     values[2] = min(values[2], (values[0] + values[1]) * (1.0 - 1e-6))
     return np.asarray((axes * values) @ axes.T)

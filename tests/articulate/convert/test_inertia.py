@@ -86,3 +86,18 @@ def test_inertia_that_is_not_physical_is_computed_and_said(source: SourceLink) -
 def test_masses_of_a_rescaled_source_mean_nothing() -> None:
     found, _ = measured(link(2.5, (0.02, 0.03, 0.04)), rescaled=True)
     assert found.mass_kg == pytest.approx(8.0)
+
+
+def test_a_button_of_the_least_mass_has_the_inertia_that_fits_it() -> None:
+    bare = SourceLink(name="button", inertial=None, visuals=(), collisions=())
+    found = inertial_of(
+        ((bare, np.eye(4)),),
+        (box_shape((0.0033, 0.0033, 0.0015)),),
+        500.0,
+        rescaled=True,
+        kind="slide",
+        repairs=Repairs(),
+    )
+    assert found.mass_kg == 0.2
+    expected = 0.2 / 3.0 * np.array([0.0033**2 + 0.0015**2] * 2 + [2 * 0.0033**2])
+    np.testing.assert_allclose(np.diag(found.inertia_p), expected, rtol=1e-3)
