@@ -63,6 +63,9 @@ class CheckFlags:
     """Category that decides presets; by default what the source says."""
     closed: Literal["auto", "lower", "upper"] = "auto"
     """Which limit is the closed position; auto: the one nearer to 0."""
+    collada_up: Literal["auto", "file", "y"] = "auto"
+    """Whether COLLADA meshes with z up stand as in the file or are turned to y up, as Assimp reads
+    them; auto: turned where leaves of doors would turn in their own plane otherwise."""
     mesh_dirs: tuple[Path, ...] = ()
     """Further folders in which meshes are looked for."""
     max_geoms: int | None = None
@@ -89,6 +92,7 @@ class CheckFlags:
             "size_m": self.size,
             "category": self.category,
             "closed": None if self.closed == "auto" else self.closed,
+            "collada_up": None if self.collada_up == "auto" else self.collada_up,
             "mesh_dirs": [str(path.resolve()) for path in self.mesh_dirs] or None,
             "max_geoms": self.max_geoms,
             "licence": self.licence,

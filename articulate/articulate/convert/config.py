@@ -21,6 +21,9 @@ class ConvertConfig:
     """Which limit is the closed position; auto: the one nearer to 0."""
     mesh_dirs: tuple[Path, ...] = ()
     """Further folders in which meshes are looked for."""
+    collada_up: Literal["auto", "file", "y"] = "auto"
+    """Whether COLLADA meshes with z up stand as they are or are turned to y up, as Assimp reads
+    them; auto: turned where leaves would turn in their own plane otherwise."""
     allow_missing: bool = True
     """Go on without an absent mesh where its link keeps other geometry."""
     max_geoms: int = 48

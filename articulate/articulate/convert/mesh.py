@@ -10,7 +10,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from articulate.convert.meshfile import TEXTURES, Group, read_mesh
+from articulate.convert.config import ConvertConfig
+from articulate.convert.meshfile import TEXTURES, Y_FROM_Z, Group, is_z_up, read_mesh
 from articulate.convert.paths import found_elsewhere, resolve
 from articulate.convert.read import SourceGeometry, SourceObject
 from articulate.convert.texture import mean_colour
@@ -97,12 +98,19 @@ def _large(pieces: Iterable[Piece]) -> tuple[Piece, ...]:
 
 
 class Loader:
-    """Reads each mesh file once."""
+    """Reads each mesh file once.
 
-    def __init__(self, source: SourceObject, mesh_dirs: tuple[Path, ...], allow_missing: bool):
+    Args:
+        source: The object.
+        config: Where meshes are looked for, and what is done without them.
+        y_up: Turn COLLADA meshes with z up to y up.
+    """
+
+    def __init__(self, source: SourceObject, config: ConvertConfig, *, y_up: bool = False) -> None:
         self.source = source
-        self.mesh_dirs = mesh_dirs
-        self.allow_missing = allow_missing
+        self.mesh_dirs = config.mesh_dirs
+        self.allow_missing = config.allow_missing
+        self.y_up = y_up
         self.files: dict[str, Path] = {}
         """Mesh files in use, by reference."""
         self._cache: dict[Path, list[Group]] = {}
@@ -201,7 +209,11 @@ class Loader:
 
     def _load(self, path: Path) -> list[Group]:
         if path not in self._cache:
-            self._cache[path] = read_mesh(path, self.source.repairs)
+            groups = read_mesh(path, self.source.repairs)
+            if self.y_up and is_z_up(path):
+                for _, mesh, _ in groups:
+                    mesh.apply_transform(Y_FROM_Z)
+            self._cache[path] = groups
         return self._cache[path]
 
 

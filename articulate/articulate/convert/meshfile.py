@@ -31,6 +31,9 @@ FARTHEST = 1e6
 """Triangles with a corner farther out than this are left out, in units of the file."""
 TEXTURES = "textures were replaced by the mean colour of each"
 
+Y_FROM_Z = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+"""Turns what points along z to point along y (4, 4)."""
+
 Group = tuple[str, trimesh.Trimesh, tuple[float, ...] | None]
 """Name of the group, its triangles, and its colour if the file gives one."""
 
@@ -70,6 +73,14 @@ def named_by(path: Path) -> list[Path]:
         for match in re.finditer(pattern, path.read_bytes()):
             found.append(path.parent / os.fsdecode(match.group(1) or match.group(2)))
     return [file for file in dict.fromkeys(found) if _is_file(file)]
+
+
+def is_z_up(path: Path) -> bool:
+    """Whether the file at ``path`` is a COLLADA mesh that says that z points up."""
+    if path.suffix.lower() != ".dae":
+        return False
+    said = re.search(rb"<up_axis>\s*([XYZ]_UP)", path.read_bytes())
+    return said is not None and said.group(1) == b"Z_UP"
 
 
 def _is_file(path: Path) -> bool:

@@ -218,7 +218,9 @@ def test_meshes_stand_where_muJoCo_puts_them(tmp_path: Path) -> None:
     data = mujoco.MjData(raw)
     mujoco.mj_kinematics(raw, data)
     part = build_parts(source)[0]
-    for g, piece in enumerate(Loader(source, (), allow_missing=False).part(part).visuals):
+    for g, piece in enumerate(
+        Loader(source, ConvertConfig(allow_missing=False)).part(part).visuals
+    ):
         mesh = raw.geom_dataid[g]
         start = raw.mesh_vertadr[mesh]
         corners = raw.mesh_vert[start : start + raw.mesh_vertnum[mesh]]
