@@ -53,7 +53,9 @@ def excludes_of(
         address = model.joint(joint.name).qposadr[0]
         data.qpos[address] = joint.closed
     model.geom_margin[:] = TOUCH_M
-    mujoco.mj_forward(model, data)
+    mujoco.mj_kinematics(model, data)  # without forces, which thousands of contacts overflow
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
     for contact in data.contact[: data.ncon]:
         one, two = (int(model.geom_bodyid[g]) for g in np.sort(contact.geom))
         names = (model.body(one).name, model.body(two).name)

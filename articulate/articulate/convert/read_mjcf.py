@@ -213,6 +213,14 @@ class _Builder:
             else:
                 slope = poly[1]
                 self.mimics[name] = (leader, slope, offset - slope * joints[leader]["ref"])
+        for name, (leader, slope, offset) in list(self.mimics.items()):
+            alone = [leader] == [m[0] for m in self.mimics.values() if m[0] == leader]
+            kinds = (joints[name]["kind"], joints[leader]["kind"])
+            if alone and slope and kinds == ("hinge", "slide"):
+                # A hand turns what drives a slide, such as a knob: the same, told from there.
+                del self.mimics[name]
+                self.mimics[leader] = (name, 1.0 / slope, -offset / slope)
+                self.repairs.note(f"joint {leader} follows {name}, which turns it")
 
     def at(self, joint: Found) -> str:
         return self.text.lines.get(("joint", joint["name"]), str(self.text.path))

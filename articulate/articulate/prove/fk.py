@@ -134,7 +134,7 @@ def mjcf_judge(path: Path) -> Judge:
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     names = {model.body(b).name: b for b in range(1, model.nbody)}
-    addresses = {model.joint(j).name: int(model.jnt_qposadr[j]) for j in range(model.njnt)}
+    addresses = {_joint_name(model, j): int(model.jnt_qposadr[j]) for j in range(model.njnt)}
     # A URDF has the frame of a link on its joint, so that is where conversion puts it.
     T_bl = {n: pose(_anchor(model, b)) for n, b in names.items()}
 
@@ -148,6 +148,12 @@ def mjcf_judge(path: Path) -> Judge:
         }
 
     return poses
+
+
+def _joint_name(model: Model, joint: int) -> str:
+    """Name of a joint; where the file gives none, the one that conversion gives it."""
+    body = model.body(int(model.jnt_bodyid[joint])).name
+    return str(model.joint(joint).name or f"{body}_joint")
 
 
 def _anchor(model: Model, body: int) -> Array:

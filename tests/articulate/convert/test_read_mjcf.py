@@ -145,6 +145,23 @@ def test_linear_equality_between_joints_becomes_a_mimic(tmp_path: Path) -> None:
     assert said(source, "1 constraints between bodies left out")
 
 
+def test_slide_follows_the_knob_that_is_said_to_follow_it(tmp_path: Path) -> None:
+    """q_knob = 0.1 + 50 q_slide is q_slide = q_knob / 50 - 0.002."""
+    body = (
+        f'<body name="a"><joint name="knob"/>{BALL}</body>'
+        f'<body name="b"><joint name="burner" type="slide"/>{BALL}</body>'
+    )
+    text = model(body).replace(
+        "</worldbody>",
+        '</worldbody><equality><joint joint1="knob" joint2="burner" polycoef="0.1 50 0 0 0"/>'
+        "</equality>",
+    )
+    source = read(tmp_path, text)
+    assert joint_of(source, "knob").mimic is None
+    assert joint_of(source, "burner").mimic == pytest.approx(("knob", 0.02, -0.002))
+    assert said(source, "joint burner follows knob, which turns it")
+
+
 def test_equality_without_a_leader_holds_the_joint_where_it_says(tmp_path: Path) -> None:
     slide = '<joint name="j" type="slide" axis="0 0 1" ref="0.1"/>'
     text = model(moving(BALL, joint=slide)).replace(
