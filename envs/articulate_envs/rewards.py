@@ -45,8 +45,11 @@ class RewardConfig:
     """For a hand that is told to close, and for one that is closed, at the handle."""
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
-    early: float = -0.75
-    """For a hand that is told to close, or is closed, away from the handle."""
+    early: float = -0.25
+    """For a hand that is told to close, or is closed, away from the handle, at the beginning."""
+    early_last: float = -0.75
+    """The same at the end of training; linear between (dear at first, closing is given up before
+    it has been learnt what it is good for)."""
     aside: float = -60.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
@@ -241,13 +244,14 @@ def reward_terms(
     done = after.samples[:, code] > 0.0
     broken = (after.samples[:, code] > 0.0) & (before.samples[:, code] == 0.0)
     left = np.where(done, 1.0 + progress * (config.spoiled - 1.0), 1.0)
+    early = config.early + progress * (config.early_last - config.early)
     dear = config.force + progress * (config.force_last - config.force)
     terms = (
         config.approach * nearer,
         config.reach * 0.5 * (near + at),
         config.align * near * aligned,
         config.grip * close * told,
-        config.early * away * told,
+        early * away * told,
         config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
         config.open * left * way,
         config.progress * left * change,

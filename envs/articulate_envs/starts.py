@@ -37,6 +37,9 @@ class StartConfig:
     to open again."""
     empty_m: float = 0.03
     """How far before the handle such a hand is at least [m]."""
+    closing_share: float = 0.4
+    """Of those before the handle, the share that is at it with an open hand that has just been
+    told to close: what closing there leads to is met before the policy has learnt to want it."""
     astray_share: float = 0.15
     """Of those before the handle, the share that lies to one side of it, which learns not to push
     a finger against its front."""
@@ -114,6 +117,8 @@ def bank_of_starts(
     nearest, aside = config.astray_m
     back = np.where(astray, nearest + (config.standoff_m - nearest) * rng.random(n), back)
     sides = np.where(astray, aside, 0.0) * rng.uniform(-1.0, 1.0, (2, n))
+    closing = ~(grip | empty | astray) & (rng.random(n) < config.closing_share)
+    back = np.where(closing, 0.0, back)
     goals = goals @ pose(np.stack([*sides, -back], axis=1))
     found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
     handle = scene.asset.handle_of(scene.task.joint)
@@ -127,7 +132,7 @@ def bank_of_starts(
         q=found.q[ok],
         opened=opened[ok],
         width=np.select([grip, empty], [held, 0.0 * held], scene.arm.hand.max_width_m)[ok],
-        closing=np.where(grip | empty, 1.0, -1.0)[ok],
+        closing=np.where(grip | empty | closing, 1.0, -1.0)[ok],
         home=np.zeros(int(ok.sum()), dtype=bool),
     )
 

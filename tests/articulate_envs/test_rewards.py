@@ -163,7 +163,7 @@ def test_the_way_is_the_narrower_the_less_the_hand_is_open():
 
 def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
     beside = state(offset=[0.03, 0, 0], smooth=1.0, closing=1.0)
-    assert terms(beside, action=SHUT)["early"] < -0.3
+    assert terms(beside, action=SHUT)["early"] < 0.4 * CONFIG.early
     assert terms(beside, action=SHUT, along_m=0.03)["early"] == pytest.approx(0.0, abs=1e-9)
     assert terms(beside, action=SHUT, along_m=0.03)["grip"] == pytest.approx(CONFIG.grip)
 
@@ -201,6 +201,14 @@ def test_closing_at_the_handle_earns_and_away_from_it_costs():
     assert at["early"] == pytest.approx(0.0, abs=1e-9)
     assert away["grip"] == pytest.approx(0.0, abs=1e-9)
     assert away["early"] == pytest.approx(CONFIG.early)
+
+
+@pytest.mark.parametrize(("progress", "share"), [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (2.0, 1.0)])
+def test_closing_away_from_the_handle_grows_dearer_with_the_training(progress, share):
+    config = dataclasses.replace(CONFIG, early=-0.2, early_last=-1.0)
+    away = state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0)
+    cost = terms(away, action=SHUT, config=config, progress=progress * config.until)["early"]
+    assert cost == pytest.approx(-0.2 - 0.8 * share)
 
 
 def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():

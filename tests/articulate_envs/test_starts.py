@@ -11,7 +11,7 @@ from articulate.transforms import rotation_angle
 from articulate_envs.starts import PLACED, StartConfig, bank_of_starts, home_start, mixed_start
 from articulate_envs.threads import ThreadEngine
 
-CONFIG = StartConfig(bank=60)
+CONFIG = StartConfig(bank=60, closing_share=0.0)
 
 
 @pytest.mark.parametrize("name", ["drawer", "door"])
@@ -62,6 +62,27 @@ def test_some_hands_before_the_handle_have_closed_on_nothing_and_stand_clear_of_
     engine.close()
     none = dataclasses.replace(config, empty_share=0.0)
     assert np.all(bank_of_starts(drawer, none, DRAWS, np.random.default_rng(0)).width > 0)
+
+
+def test_some_open_hands_at_the_handle_have_been_told_to_close_and_then_hold_it(drawer):
+    """The commands of policies that want nothing else are zeros: the hand closes all the same."""
+    config = dataclasses.replace(CONFIG, bank=300, closing_share=0.4)
+    bank = bank_of_starts(drawer, config, DRAWS, np.random.default_rng(0))
+    closing = (bank.closing > 0) & (bank.width == drawer.arm.hand.max_width_m)
+    others = (bank.opened == 0) & (bank.width > 0) & ~closing
+    astray = 1.0 - config.astray_share
+    assert closing.sum() / (closing | others).sum() == pytest.approx(0.4 * astray, abs=0.1)
+    n = 8
+    some = rows_of(bank, np.flatnonzero(closing)[:n])
+    engine = ThreadEngine(drawer, n)
+    engine.reset(np.arange(n), some)
+    error = relative(tool_pose(drawer.arm, some.q), engine.state().T_wh)
+    assert np.linalg.norm(error[:, :3, 3], axis=1).max() < 2e-3
+    for _ in range(40):
+        state = engine.step(np.zeros((n, 8)))
+    engine.close()
+    assert np.all(state.hand_width < 0.02)
+    assert np.all(state.hand_width > 0.005)
 
 
 def test_held_handle_stays_in_the_hand(drawer):

@@ -8,7 +8,8 @@ whose names say handle before all others; then the rims seen from the sides and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from articulate.convert.rays import Surface
 from articulate.transforms import Array, normalised
 
 OPENING_M = 0.07
@@ -28,6 +30,14 @@ BITE_M = (0.012, 0.006)
 """Least depth of a finger tip behind the front of what is held: wanted, then accepted [m]."""
 REACH_M = 0.010
 """How far the finger tips go beyond the middle of the pads [m]."""
+TIP_M = 0.0128
+"""How far the fingers go beyond the middle of the pads in all, by franka's finger.stl [m]."""
+CLEAR_M = 0.006
+"""So much room the tips keep to what stands behind the handle, where there is as much [m]."""
+LEAST_BITE_M = 0.008
+"""They go at least so far behind the front of what is held, or as far as there is room [m]."""
+LATERAL_M = 0.045
+"""So far from the middle of what is held the room for open fingers is looked at [m]."""
 CELL_M = 0.004
 """Resolution of the map."""
 PALM_M = (0.10, 0.035, 0.040)
@@ -276,8 +286,63 @@ def _rated(
         bonus = 0.2 * min(length / 0.1, 1.0) + (0.05 if level else 0.0)
         grasp = _measured(handle, points[k], view.normal, closing, length, edge=edge, named=named)
         if grasp is not None:
-            out.append((float(merit[k]) + bonus, grasp))
+            out.append((float(merit[k]) + bonus, held_shallow(grasp, surface)))
     return out
+
+
+def held_shallow(grasp: Grasp, surface: trimesh.Trimesh) -> Grasp:
+    """The grasp drawn back as far as finger tips need to clear what stands behind the handle.
+
+    Args:
+        grasp: A place to hold.
+        surface: All triangles of the closed object, in the object frame.
+    """
+    front = grasp.pos_o + held_depth(grasp.extent[2]) * grasp.normal_o
+    free_m = room_behind(surface, front, grasp.normal_o, grasp.along_o, grasp.extent[1])
+    free_m = max(free_m, BITE_M[1])  # the map has found as much beside it
+    depth = held_depth(grasp.extent[2], free_m)
+    return replace(grasp, pos_o=front - depth * grasp.normal_o)
+
+
+def held_depth(thick_m: float, free_m: float = math.inf) -> float:
+    """How far behind the front of what is held the middle of the pads goes [m].
+
+    Args:
+        thick_m: Depth of what is held along the approach [m].
+        free_m: Room for finger tips behind its front [m].
+    """
+    wanted = min(max(thick_m / 2.0, BITE_M[1] / 2.0), REACH_M)
+    return min(wanted, max(free_m - CLEAR_M, min(LEAST_BITE_M, free_m)) - TIP_M)
+
+
+def room_behind(
+    surface: trimesh.Trimesh, front: Array, normal: Array, along: Array, width_m: float
+) -> float:
+    """How far fingers beside a handle can go behind its front before they meet anything [m].
+
+    Args:
+        surface: All triangles of the closed object.
+        front: Middle of the front of what is held (3,).
+        normal: Towards the hand (3,).
+        along: Long axis of the handle (3,).
+        width_m: What the fingers close on [m].
+    """
+    across = np.cross(normal, along)
+    half = FINGER_M[0] / 2.0
+    low = np.array([-half, -LATERAL_M, -(REACH_M + TIP_M + CLEAR_M)])
+    high = np.array([half, LATERAL_M, BITE_M[0]])
+    placed = (np.asarray(surface.triangles) - front) @ np.column_stack([along, across, normal])
+    near = ((placed.min(axis=1) <= high) & (placed.max(axis=1) >= low)).all(axis=1)
+    if not near.any():
+        return math.inf
+    first = min(width_m / 2.0 + FINGER_M[1] / 4.0, LATERAL_M)
+    beside = np.linspace(first, LATERAL_M, 8)
+    grid = np.meshgrid(np.linspace(-half, half, 5), np.r_[-beside, beside], [0.0], indexing="ij")
+    points = np.stack([g.ravel() for g in grid], axis=1)
+    local = trimesh.Trimesh(**trimesh.triangles.to_kwargs(placed[near]), process=False)
+    up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    depths = Surface(local).depths(points + BITE_M[0] * up, up) - BITE_M[0]
+    return max(float(depths.min()), 0.0)
 
 
 def _middle_of_runs(index: Array, axis: str) -> Array:
@@ -334,7 +399,7 @@ def _measured(
     if abs(middle - float(point @ along)) > 2.0 * CELL_M:
         middle = float(point @ along)
     depth = front - back
-    hold = front - min(max(depth / 2.0, BITE_M[1] / 2.0), REACH_M)
+    hold = front - held_depth(depth)
     pos = middle * along + (low + high) / 2.0 * closing + hold * normal
     kind: Literal["bar", "knob", "edge"] = "knob"
     if edge:

@@ -1,0 +1,80 @@
+"""Fingers hold a handle where their tips clear what stands behind it."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from articulate.convert.handle import (
+    BITE_M,
+    CLEAR_M,
+    LEAST_BITE_M,
+    REACH_M,
+    TIP_M,
+    best_grasp,
+    held_depth,
+    room_behind,
+)
+
+X, Y, Z = np.eye(3)
+
+
+def front_with(piece, *, out_m):
+    """A front in the plane x = 0 seen from +x, and a piece that stands out to ``out_m``."""
+    panel = trimesh.creation.box((0.02, 0.4, 0.3))
+    panel.apply_translation((-0.01, 0.0, 0.0))
+    piece = piece.copy()
+    piece.apply_translation((out_m - piece.bounds[1, 0], 0.0, 0.0))
+    owner = np.r_[np.ones(len(panel.faces), int), np.full(len(piece.faces), 2)]
+    return trimesh.util.concatenate([panel, piece]), owner
+
+
+def knob(depth_m):
+    return trimesh.creation.box((depth_m, 0.03, 0.03))
+
+
+@pytest.mark.parametrize("out_m", [0.012, 0.018, 0.022, 0.027, 0.035, 0.05])
+def test_tips_clear_the_front_behind_a_knob_as_far_as_they_can(out_m):
+    """A knob that stands ``out_m`` off its front leaves that much room behind its own front."""
+    surface, owner = front_with(knob(out_m), out_m=out_m)
+    grasp = best_grasp(surface, owner, opening=X, far_from=None)
+    tips_m = float(grasp.pos_o @ X) - TIP_M
+    bite_m = out_m - tips_m
+    assert tips_m >= min(CLEAR_M, out_m - LEAST_BITE_M) - 1e-6
+    assert bite_m >= LEAST_BITE_M - 1e-6
+    assert bite_m <= REACH_M + TIP_M + 1e-6
+
+
+def test_bar_with_room_behind_it_is_held_as_deep_as_it_would_be_alone():
+    surface, owner = front_with(trimesh.creation.box((0.012, 0.16, 0.012)), out_m=0.05)
+    grasp = best_grasp(surface, owner, opening=X, far_from=None)
+    assert float(grasp.pos_o @ X) == pytest.approx(0.05 - 0.006, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("thick_m", "free_m", "depth_m"),
+    [
+        (0.012, math.inf, 0.006),
+        (0.05, math.inf, REACH_M),
+        (0.05, REACH_M + TIP_M + CLEAR_M, REACH_M),
+        (0.05, 0.02, 0.02 - CLEAR_M - TIP_M),
+        (0.05, LEAST_BITE_M, LEAST_BITE_M - TIP_M),
+        (0.05, BITE_M[1], BITE_M[1] - TIP_M),
+    ],
+)
+def test_depth_is_half_of_what_is_held_or_what_room_allows(thick_m, free_m, depth_m):
+    assert held_depth(thick_m, free_m) == pytest.approx(depth_m)
+
+
+def test_room_behind_is_the_distance_to_the_first_thing_fingers_would_meet():
+    surface, _ = front_with(knob(0.02), out_m=0.02)
+    at = np.array([0.02, 0.0, 0.0])
+    assert room_behind(surface, at, X, Z, 0.03) == pytest.approx(0.02, abs=1e-9)
+    stud = trimesh.creation.box((0.013, 0.002, 0.002))
+    stud.apply_translation((0.0065, 0.03, 0.0))
+    narrow = trimesh.creation.box((0.005, 0.1, 0.1))
+    narrow.apply_translation((0.0105, 0.07, 0.0))
+    crowded = trimesh.util.concatenate([surface, narrow])
+    assert room_behind(crowded, at, X, Z, 0.03) == pytest.approx(0.007, abs=1e-9)
+    assert room_behind(stud, np.array([5.0, 0.0, 0.0]), X, Z, 0.03) == math.inf
