@@ -24,6 +24,7 @@ from articulate.convert.joints import Travel, travel_of
 from articulate.convert.mesh import Loader, PartGeometry, bounds
 from articulate.convert.origin import ORIGIN_FILE, origin_of
 from articulate.convert.presets import density, given_dynamics, joint_preset
+from articulate.convert.rays import NOTHING
 from articulate.convert.read import SourceObject, free_name, read_urdf
 from articulate.convert.read_mjcf import read_mjcf
 from articulate.convert.read_mjcf_files import is_mjcf
@@ -36,7 +37,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "13"
+VERSION = "14"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -212,7 +213,10 @@ finer."""
 
 
 def build_asset(
-    reading: Reading, config: ConvertConfig, known: Shaped | None = None
+    reading: Reading,
+    config: ConvertConfig,
+    known: Shaped | None = None,
+    hollow: Mapping[str, Array] | None = None,
 ) -> tuple[Asset, list[Body], list[Mimic]]:
     """The asset with its bodies and followers, not written yet.
 
@@ -220,12 +224,15 @@ def build_asset(
         reading: The source.
         config: What to do otherwise than by default.
         known: Shapes of an earlier call for the same reading; those of this one are added.
+        hollow: Points (H, 3) in the cavities of links that no shape may fill [m], by link and
+            in its frame.
     """
     source = reading.source
     place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
-    bodies, T_ob = _bodies(reading, place, category, config, {} if known is None else known)
+    known = {} if known is None else known
+    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {})
     if not any(body.shapes for body in bodies):
         raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
     joints = tuple(body.joint for body in bodies if body.joint is not None)
@@ -250,7 +257,12 @@ def build_asset(
 
 
 def _bodies(
-    reading: Reading, place: Placement, category: str, config: ConvertConfig, known: Shaped
+    reading: Reading,
+    place: Placement,
+    category: str,
+    config: ConvertConfig,
+    known: Shaped,
+    hollow: Mapping[str, Array],
 ) -> tuple[list[Body], dict[str, Array]]:
     """Bodies in metres and their poses in the object frame with every joint at 0."""
     repairs = reading.source.repairs
@@ -276,7 +288,8 @@ def _bodies(
         key = (name, config.finer.count(name))
         if key not in known:
             own = Repairs()
-            known[key] = collision_shapes(geometry, name, config, own), own.sentences
+            shapes = collision_shapes(geometry, name, config, own, hollow.get(name, NOTHING))
+            known[key] = shapes, own.sentences
         shapes, sentences = known[key]
         for sentence in sentences:
             repairs.add(sentence)

@@ -88,6 +88,16 @@ def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Clause:
     )
 
 
+def cavity_points(model: ObjectModel, link: str) -> Array:
+    """Points (N, 3) [m] in the cavity of ``link``, others than those that judge it."""
+    corners, faces = surface_of(model, link)
+    hull = _hull(corners)
+    if hull is None:
+        return np.zeros((0, 3))
+    points = hull_points(hull, SAMPLES, seed=1)
+    return np.asarray(points[is_cavity(points, corners[faces])])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Surface:
     """What a link shows, told from another by its content."""
@@ -149,10 +159,10 @@ def width(hull: ConvexHull) -> float:
     return float(-(corners @ planes[:, :3].T + planes[:, 3]).min(axis=0).max(initial=-np.inf))
 
 
-def hull_points(hull: ConvexHull, count: int) -> Array:
-    """Up to ``count`` points (N, 3) spread evenly in ``hull``."""
+def hull_points(hull: ConvexHull, count: int, *, seed: int = 0) -> Array:
+    """Up to ``count`` points (N, 3) spread evenly in ``hull``, others for each ``seed``."""
     planes = np.unique(hull.equations.round(9), axis=0)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     low, high = hull.min_bound, hull.max_bound
     found = np.zeros((0, 3))
     for _ in range(50):
