@@ -43,6 +43,8 @@ MAX_ATOMS = 64
 """Most facets of a component that are put together by hand instead of decomposing it."""
 FINER = 2.0
 """What is to be finer is so by this factor, once for each time that it is named."""
+LEAST_LEFT = 0.25
+"""Handles, which are never joined, leave at least this share of the budget to the rest."""
 MAX_HULLS = 16
 """Most convex parts of a decomposition, twice that where it is to be finer."""
 MAX_STAVES = 32
@@ -100,7 +102,8 @@ def collision_shapes(
     tol = tolerance(whole.mesh) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
-    budget = round(fineness(part, config) * config.max_geoms) - len(handles)
+    wanted = round(fineness(part, config) * config.max_geoms)
+    budget = max(wanted - len(handles), round(LEAST_LEFT * wanted))
     if not only_given or len(plain) > budget:  # what the file gives itself seals nothing
         plain = merged(plain, whole, tol)
     plain = without_hidden(plain)
@@ -200,12 +203,16 @@ def _concave(
         if 0 < len(shapes) <= most:
             return shapes
     judged = surface_tolerance(mesh)
-    for near in dict.fromkeys((min(tol, judged), judged)):
+    enough: list[Shape] | None = None
+    finest = judged if is_handle(piece.name) else min(tol, judged)
+    for near in dict.fromkeys((judged, finest)):  # too many are more if finer still
         shells = shell_shapes(mesh, near, piece.name, 2 * most, surface.hollow)
-        if shells is not None:
-            shells = merged(shells, surface, near)
-            if len(shells) <= most:
-                return shells
+        shells = None if shells is None else merged(shells, surface, near)
+        if shells is None or len(shells) > most:
+            break
+        enough = shells
+    if enough is not None:
+        return enough
     if len(atoms) > FEW_ATOMS:
         shapes = _of_facets(atoms, surface, tol, piece.name)
         if 0 < len(shapes) <= most:

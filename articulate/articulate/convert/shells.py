@@ -34,6 +34,8 @@ SMALL = 3.0
 """Patches up to this many tolerances wide collide as their hull."""
 AHEAD = 3
 """So many ways to split a patch are judged by what the next split would gain."""
+ROUGHLY = 1000
+"""Of patches with many more triangles than this only so many say how much their hull holds."""
 LEAST_FACES = 2
 """A patch of fewer triangles is not split."""
 KEPT = 64
@@ -111,7 +113,11 @@ class Patch:
     @cached_property
     def volume(self) -> float:
         """Volume of its convex hull, at least as thick as a shape is [m3]."""
-        points = spanning(self.corners, FEW_WAYS)
+        every = max(1, len(self.faces) // ROUGHLY)
+        some = self.corners
+        if every > 1:
+            some = self.sheet.vertices[self.sheet.faces[self.faces[::every]].reshape(-1)]
+        points = spanning(some, FEW_WAYS)
         flat = self.area * THIN_M
         if len(points) < 4:
             return flat

@@ -32,6 +32,9 @@ LEAST_ROOM = 0.01
 ALLOWED_OPEN = 0.85
 """Least share of the cavity that must lie outside the collision shapes."""
 
+WALL_M = 0.003
+"""Shapes may take this much room beside what is seen [m]."""
+
 FINGER_M = 0.008
 """Room that a finger needs beside a handle [m]."""
 FINGER_WIDTH_M = 0.02
@@ -89,13 +92,17 @@ def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Clause:
 
 
 def cavity_points(model: ObjectModel, link: str) -> Array:
-    """Points (N, 3) [m] in the cavity of ``link``, others than those that judge it."""
+    """Points (N, 3) [m] in the cavity of ``link``, not at its walls, which have some thickness.
+
+    They are others than those that judge it.
+    """
     corners, faces = surface_of(model, link)
     hull = _hull(corners)
     if hull is None:
         return np.zeros((0, 3))
     points = hull_points(hull, SAMPLES, seed=1)
-    return np.asarray(points[is_cavity(points, corners[faces])])
+    points = points[is_cavity(points, corners[faces])]
+    return np.asarray(points[~is_near(points, corners[faces], WALL_M)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
