@@ -48,7 +48,8 @@ LEAST_LEFT = 0.25
 MAX_HULLS = 16
 """Most convex parts of a decomposition, twice that where it is to be finer."""
 MAX_STAVES = 32
-"""Most parts of a surface that needs more than fit into the budget, the same."""
+"""Most parts of a surface that needs more than fit into the budget; where it is to be finer, as
+many as may be."""
 STAVES_NEAR = 0.6
 """They are taken without a decomposition if this share of them lies near the surface."""
 TOL_M = (0.003, 0.010)
@@ -236,7 +237,8 @@ def _split(
     """
     times = fineness(part, config)
     judged = surface_tolerance(surface.mesh)
-    patches = staves(surface.mesh, judged, piece.name, round(MAX_STAVES * times), surface.hollow)
+    most = MAX_STAVES if times == 1.0 else times * config.max_geoms
+    patches = staves(surface.mesh, judged, piece.name, round(most), surface.hollow)
     if patches is None or (times == 1.0 and _near_share(patches, surface, judged) < STAVES_NEAR):
         hulls = decompose(
             surface.mesh,

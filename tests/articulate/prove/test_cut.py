@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.convert.inertia import Inertial
@@ -109,6 +109,7 @@ def test_what_another_shape_covers_is_not_lost():
     assert part.cuts == {0}
 
 
+@settings(max_examples=15)
 @given(units, st.floats(0.001, 0.03))
 def test_an_offer_costs_what_counting_all_points_again_says(normal, depth):
     other = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.015)), half=(0.06, 0.04, 0.005))
