@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
-from articulate.convert.fit import fitted, hull, is_near, thick
+from articulate.convert.fit import Judged, fitted, hull, is_near, thick
 from articulate.convert.joining import (
     MAX_JOINED,
     merged,
@@ -21,10 +21,10 @@ from articulate.convert.joining import (
     without_spare,
 )
 from articulate.convert.mesh import PartGeometry, Piece, joined
-from articulate.convert.rays import Surface
+from articulate.convert.rays import NOTHING, Surface
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
-from articulate.convert.shells import shell_shapes
+from articulate.convert.shells import shell_shapes, staves
 from articulate.transforms import Array
 
 HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECASE)
@@ -43,8 +43,15 @@ MAX_ATOMS = 64
 """Most facets of a component that are put together by hand instead of decomposing it."""
 FINER = 2.0
 """What is to be finer is so by this factor, once for each time that it is named."""
+LEAST_LEFT = 0.25
+"""Handles, which are never joined, leave at least this share of the budget to the rest."""
 MAX_HULLS = 16
 """Most convex parts of a decomposition, twice that where it is to be finer."""
+MAX_STAVES = 32
+"""Most parts of a surface that needs more than fit into the budget; where it is to be finer, as
+many as may be."""
+STAVES_NEAR = 0.6
+"""They are taken without a decomposition if this share of them lies near the surface."""
 TOL_M = (0.003, 0.010)
 """Least and largest distance of a shape's surface from what it stands for [m]."""
 
@@ -55,9 +62,21 @@ def is_handle(name: str) -> bool:
 
 
 def collision_shapes(
-    geometry: PartGeometry, part: str, config: ConvertConfig, repairs: Repairs
+    geometry: PartGeometry,
+    part: str,
+    config: ConvertConfig,
+    repairs: Repairs,
+    hollow: Array = NOTHING,
 ) -> tuple[Shape, ...]:
-    """Convex shapes that stand for one part."""
+    """Convex shapes that stand for one part.
+
+    Args:
+        geometry: What it shows and touches with.
+        part: Its name.
+        config: How fine the shapes are to be.
+        repairs: Takes what was changed.
+        hollow: Points (H, 3) of its cavity that no shape may fill [m].
+    """
     seen = geometry.shown
     if not seen:
         return ()
@@ -76,20 +95,22 @@ def collision_shapes(
             repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
         only_given = False
         for piece in by_element(chosen):
-            shapes += piece_shapes(piece, part, config, repairs)
+            shapes += piece_shapes(piece, part, config, repairs, hollow)
     if not shapes:  # everything is small
         one = hull(thick(np.vstack([p.mesh.vertices for p in seen])), seen[0].name)
         return () if one is None else (one,)
-    whole = Surface(joined([p.mesh for p in seen]))
+    whole = Surface(joined([p.mesh for p in seen]), hollow)
     tol = tolerance(whole.mesh) / fineness(part, config)
     plain = [s for s in shapes if not is_handle(s.piece)]
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
-    budget = round(fineness(part, config) * config.max_geoms) - len(handles)
+    wanted = round(fineness(part, config) * config.max_geoms)
+    budget = max(wanted - len(handles), round(LEAST_LEFT * wanted))
     if not only_given or len(plain) > budget:  # what the file gives itself seals nothing
         plain = merged(plain, whole, tol)
     plain = without_hidden(plain)
     plain = without_spare(plain, whole.mesh, budget)
-    return (*within_budget(plain, budget, part, repairs), *handles)
+    strict = None if fineness(part, config) == 1.0 else whole
+    return (*within_budget(plain, budget, part, repairs, strict), *handles)
 
 
 def fineness(part: str, config: ConvertConfig) -> float:
@@ -118,7 +139,9 @@ def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
     return low if handle else float(np.clip(0.015 * mesh.scale, low, high))
 
 
-def piece_shapes(piece: Piece, part: str, config: ConvertConfig, repairs: Repairs) -> list[Shape]:
+def piece_shapes(
+    piece: Piece, part: str, config: ConvertConfig, repairs: Repairs, hollow: Array = NOTHING
+) -> list[Shape]:
     """Convex shapes for one visual or collision element."""
     if piece.primitive is not None:
         return [_from_primitive(piece)]
@@ -128,13 +151,13 @@ def piece_shapes(piece: Piece, part: str, config: ConvertConfig, repairs: Repair
     if float(np.ptp(piece.mesh.vertices, axis=0).max()) < least:
         return []
     panel_m = 0.0 if handle or fineness(part, config) > 1.0 else PANEL_M
-    surface = Surface(piece.mesh)
+    surface = Surface(piece.mesh, hollow)
     whole = fitted(piece.mesh.vertices, surface, tol, piece.name, panel_m=panel_m)
     if whole is not None:
         return [whole]
     shapes: list[Shape] = []
     for component in components(piece.mesh, least):
-        own = Surface(component)
+        own = Surface(component, hollow)
         shape = fitted(component.vertices, own, tol, piece.name, panel_m=panel_m)
         shapes += [shape] if shape is not None else _concave(own, tol, piece, part, config, repairs)
     return merged(shapes, surface, tol)
@@ -181,21 +204,46 @@ def _concave(
         if 0 < len(shapes) <= most:
             return shapes
     judged = surface_tolerance(mesh)
-    for near in dict.fromkeys((min(tol, judged), judged)):
-        shells = shell_shapes(mesh, near, piece.name, 2 * most)
-        if shells is not None:
-            shells = merged(shells, surface, near)
-            if len(shells) <= most:
-                return shells
+    enough: list[Shape] | None = None
+    finest = judged if is_handle(piece.name) else min(tol, judged)
+    for near in dict.fromkeys((judged, finest)):  # too many are more if finer still
+        shells = shell_shapes(mesh, near, piece.name, 2 * most, surface.hollow)
+        shells = None if shells is None else merged(shells, surface, near)
+        if shells is None or len(shells) > most:
+            break
+        enough = shells
+    if enough is not None:
+        return enough
     if len(atoms) > FEW_ATOMS:
         shapes = _of_facets(atoms, surface, tol, piece.name)
         if 0 < len(shapes) <= most:
             return shapes
     if config.decompose:
+        split = _split(surface, tol, piece, part, config)
+        if split is not None:
+            return split
+    one = hull(thick(mesh.vertices), piece.name)
+    repairs.add(f"part {part}: a concave piece ({piece.name.strip()}) collides as its convex hull")
+    return [] if one is None else [one]
+
+
+def _split(
+    surface: Surface, tol: float, piece: Piece, part: str, config: ConvertConfig
+) -> list[Shape] | None:
+    """Shapes for a component that needs more of them than there may be.
+
+    They stray, then. Patches of the surface are made of it in a moment, a decomposition takes
+    its time and pays only where patches stray much.
+    """
+    times = fineness(part, config)
+    judged = surface_tolerance(surface.mesh)
+    most = MAX_STAVES if times == 1.0 else times * config.max_geoms
+    patches = staves(surface.mesh, judged, piece.name, round(most), surface.hollow)
+    if patches is None or (times == 1.0 and _near_share(patches, surface, judged) < STAVES_NEAR):
         hulls = decompose(
-            mesh,
+            surface.mesh,
             1.2 * tol,
-            round(MAX_HULLS * fineness(part, config)),
+            round(MAX_HULLS * times),
             time_s=config.decompose_s,
             cache_dir=config.cache_dir,
         )
@@ -205,9 +253,14 @@ def _concave(
                 for points in hulls
             ]
             return merged([s for s in found if s is not None], surface, tol)
-    one = hull(thick(mesh.vertices), piece.name)
-    repairs.add(f"part {part}: a concave piece ({piece.name.strip()}) collides as its convex hull")
-    return [] if one is None else [one]
+    return None if patches is None else merged(patches, surface, judged)
+
+
+def _near_share(shapes: list[Shape], surface: Surface, tol: float) -> float:
+    """Share of the surfaces of ``shapes`` that lies at most ``tol`` [m] above ``surface``."""
+    area = np.array([float(shape.mesh.area) for shape in shapes])
+    near = np.array([Judged(shape, surface).first_share(tol) for shape in shapes])
+    return float((area * near).sum() / max(area.sum(), 1e-12))
 
 
 def _of_facets(
@@ -216,7 +269,7 @@ def _of_facets(
     """Shapes of the facets of a component, put together where that fits; none if too many."""
     shapes: list[Shape] = []
     for facet in atoms:
-        found = _flat_shapes(facet, tol, piece)
+        found = _flat_shapes(facet, tol, piece, surface.hollow)
         if found is None or len(shapes) + len(found) > MAX_JOINED:
             return []
         shapes += found
@@ -242,13 +295,15 @@ def _facets(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     return [trimesh.Trimesh(*_used(vertices, faces[groups[k]]), process=False) for k in kept]
 
 
-def _flat_shapes(facet: trimesh.Trimesh, tol: float, piece: str) -> list[Shape] | None:
+def _flat_shapes(
+    facet: trimesh.Trimesh, tol: float, piece: str, hollow: Array
+) -> list[Shape] | None:
     """Shapes of one facet; None if they are too many to be joined."""
-    surface = Surface(facet)
+    surface = Surface(facet, hollow)
     shape = fitted(facet.vertices, surface, tol, piece)
     if shape is not None:
         return [shape]
-    patches = shell_shapes(facet, tol, piece, MAX_ATOMS)
+    patches = shell_shapes(facet, tol, piece, MAX_ATOMS, hollow)
     if patches is not None:
         return merged(patches, surface, tol)
     if len(facet.faces) > MAX_JOINED:

@@ -33,7 +33,7 @@ class ConvertConfig:
     same once more."""
     decompose: bool = True
     """Decompose concave pieces; False: take their convex hulls."""
-    decompose_s: float = 30.0
+    decompose_s: float = 5.0
     """Time limit of one decomposition [s]."""
     cache_dir: Path | None = None
     """Where decompositions are kept; None: nowhere."""

@@ -26,6 +26,7 @@ from articulate.convert.mesh import Loader, PartGeometry, bounds
 from articulate.convert.meshfile import is_z_up
 from articulate.convert.origin import ORIGIN_FILE, origin_of
 from articulate.convert.presets import density, given_dynamics, joint_preset
+from articulate.convert.rays import NOTHING
 from articulate.convert.read import SourceObject, free_name, read_urdf
 from articulate.convert.read_mjcf import read_mjcf
 from articulate.convert.read_mjcf_files import is_mjcf
@@ -236,7 +237,10 @@ finer."""
 
 
 def build_asset(
-    reading: Reading, config: ConvertConfig, known: Shaped | None = None
+    reading: Reading,
+    config: ConvertConfig,
+    known: Shaped | None = None,
+    hollow: Mapping[str, Array] | None = None,
 ) -> tuple[Asset, list[Body], list[Mimic]]:
     """The asset with its bodies and followers, not written yet.
 
@@ -244,12 +248,15 @@ def build_asset(
         reading: The source.
         config: What to do otherwise than by default.
         known: Shapes of an earlier call for the same reading; those of this one are added.
+        hollow: Points (H, 3) in the cavities of links that no shape may fill [m], by link and
+            in its frame.
     """
     source = reading.source
     place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
-    bodies, T_ob = _bodies(reading, place, category, config, {} if known is None else known)
+    known = {} if known is None else known
+    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {})
     if not any(body.shapes for body in bodies):
         raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
     joints = tuple(body.joint for body in bodies if body.joint is not None)
@@ -274,7 +281,12 @@ def build_asset(
 
 
 def _bodies(
-    reading: Reading, place: Placement, category: str, config: ConvertConfig, known: Shaped
+    reading: Reading,
+    place: Placement,
+    category: str,
+    config: ConvertConfig,
+    known: Shaped,
+    hollow: Mapping[str, Array],
 ) -> tuple[list[Body], dict[str, Array]]:
     """Bodies in metres and their poses in the object frame with every joint at 0."""
     repairs = reading.source.repairs
@@ -300,7 +312,8 @@ def _bodies(
         key = (name, config.finer.count(name))
         if key not in known:
             own = Repairs()
-            known[key] = collision_shapes(geometry, name, config, own), own.sentences
+            shapes = collision_shapes(geometry, name, config, own, hollow.get(name, NOTHING))
+            known[key] = shapes, own.sentences
         shapes, sentences = known[key]
         for sentence in sentences:
             repairs.add(sentence)

@@ -31,6 +31,8 @@ SAME_WAY = 3
 """Directions that agree to so many decimals count as one when boxes are turned."""
 MANY = 128
 """More points than this are thinned out before a hull of few corners is looked for."""
+FILLED_SHARE = 0.002
+"""A shape may hold this share of the points that are to be left free, or one of them."""
 ADDED = 0.34
 """Share of the corners still missing that a hull of few corners grows by at once."""
 
@@ -151,7 +153,11 @@ class Judged:
 
     def may_be_near(self, tol: float) -> bool:
         """Whether the first rays leave it open that the shape is near [m]."""
-        return float((self._few <= tol).mean()) >= CLEARLY_NOT
+        return self.first_share(tol) >= CLEARLY_NOT
+
+    def first_share(self, tol: float) -> float:
+        """What the first rays say of :meth:`share` [m]."""
+        return float((self._few <= tol).mean())
 
     def is_near(self, tol: float) -> bool:
         """Whether nearly all of the shape's surface has triangles at most ``tol`` below it [m]."""
@@ -165,8 +171,13 @@ class Judged:
         return float((self._all <= tol).mean())
 
     def is_fit(self, tol: float, panel_m: float) -> bool:
-        """The same, where panels up to a thickness may have relief [m]."""
-        return self.is_near(self.allowed_m(tol, panel_m))
+        """The same, where panels up to a thickness may have relief [m], and nothing is filled."""
+        return self.is_near(self.allowed_m(tol, panel_m)) and not self.fills
+
+    @cached_property
+    def fills(self) -> bool:
+        """Whether it holds more than next to nothing of the cavity that is to be left free."""
+        return fills(self.shape, self.surface.hollow)
 
     def allowed_m(self, tol: float, panel_m: float) -> float:
         """How far the surface may lie below the shape: a panel's relief as deep as it is thick."""
@@ -177,6 +188,16 @@ class Judged:
 def is_near(shape: Shape, surface: Surface, tol: float) -> bool:
     """Whether nearly all of the shape's surface has triangles at most ``tol`` below it [m]."""
     return Judged(shape, surface).is_near(tol)
+
+
+def fills(shape: Shape, hollow: Array) -> bool:
+    """Whether ``shape`` holds more than next to nothing of the points ``hollow`` (H, 3)."""
+    if not len(hollow):
+        return False
+    low, high = shape.bounds
+    some = hollow[((hollow >= low) & (hollow <= high)).all(axis=1)]
+    most = max(1.0, FILLED_SHARE * len(hollow))
+    return len(some) > most and int((shape.outside(some) <= 0.0).sum()) > most
 
 
 def box_shares(boxes: Array, surface: Surface, tol: float) -> Array:

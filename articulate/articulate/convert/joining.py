@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from articulate.convert.fit import box_shares, fitted, hull
+from articulate.convert.fit import box_shares, fills, fitted, hull, is_near
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
@@ -20,6 +20,8 @@ MAX_JOINED = 192
 """More shapes than this are not joined."""
 MAX_REFUSED = 300
 """After this many pairs that cannot be joined the rest is left as it is."""
+OVER_BUDGET = 3.0
+"""Shapes that may not stray are so many times as many as wanted, at most."""
 HOPEFUL_SHARE = 0.25
 """Two shapes are joined only if this share of their common upright box lies near the surface."""
 
@@ -137,11 +139,27 @@ def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) ->
 
 
 def within_budget(
-    shapes: list[Shape], budget: int, part: str, repairs: Repairs
+    shapes: list[Shape],
+    budget: int,
+    part: str,
+    repairs: Repairs,
+    strict: Surface | None = None,
 ) -> tuple[Shape, ...]:
-    """At most ``budget`` shapes: pairs whose common hull adds least volume are joined."""
+    """At most ``budget`` shapes: pairs whose common hull adds least volume are joined.
+
+    Args:
+        shapes: Those of one part.
+        budget: So many are wanted.
+        part: Its name.
+        repairs: Takes what was changed.
+        strict: Surface that joined shapes may not stray from nor fill, even if more than
+            ``budget`` shapes are left then, up to ``OVER_BUDGET`` times as many.
+    """
     shapes = list(shapes)
     before = len(shapes)
+    if strict is not None:
+        shapes = _strictly_joined(shapes, budget, strict)
+        budget = round(OVER_BUDGET * budget)
     while len(shapes) > max(budget, 1):
         shapes = _cheapest_join(shapes)
     if len(shapes) < before:
@@ -149,14 +167,42 @@ def within_budget(
     return tuple(shapes)
 
 
-def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
-    """The shapes with the pair joined whose common upright box adds least volume."""
+def _strictly_joined(shapes: list[Shape], budget: int, surface: Surface) -> list[Shape]:
+    """The shapes with pairs joined whose common hull strays nowhere and fills nothing."""
+    tol = surface_tolerance(surface.mesh)
+    refused = 0
+    while len(shapes) > max(budget, 1) and refused < MAX_REFUSED:
+        added = _added(shapes)
+        order = np.argsort(added, axis=None)[: MAX_REFUSED - refused]
+        for place in order:
+            i, j = (int(k) for k in np.unravel_index(place, added.shape))
+            if not np.isfinite(added[i, j]):
+                return shapes
+            joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
+            if joint is None or fills(joint, surface.hollow) or not is_near(joint, surface, tol):
+                refused += 1
+                continue
+            shapes = [*(s for k, s in enumerate(shapes) if k not in (i, j)), joint]
+            break
+        else:
+            return shapes
+    return shapes
+
+
+def _added(shapes: list[Shape]) -> Array:
+    """Volume [m3] that the common upright box of each pair adds (N, N), inf up to the diagonal."""
     low = np.array([s.bounds[0] for s in shapes])
     high = np.array([s.bounds[1] for s in shapes])
     size = np.prod(high - low, axis=1)
     common = np.prod(np.maximum(high[:, None], high) - np.minimum(low[:, None], low), axis=-1)
     added = common - size[:, None] - size[None]
     added[np.tril_indices(len(shapes))] = np.inf
+    return np.asarray(added)
+
+
+def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
+    """The shapes with the pair joined whose common upright box adds least volume."""
+    added = _added(shapes)
     i, j = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
     joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
     rest = [s for k, s in enumerate(shapes) if k not in (i, j)]

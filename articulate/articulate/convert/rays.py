@@ -10,16 +10,21 @@ from articulate.transforms import Array
 LIFT_M = 0.002
 """Rays start this far above a shape: one of few corners lies below what it stands for [m]."""
 
+NOTHING = np.zeros((0, 3))
+"""No points."""
+
 
 class Surface:
     """Triangles that are asked many times. The mesh must not change meanwhile.
 
     Args:
         mesh: Their mesh.
+        hollow: Points (H, 3) of a cavity that shapes must leave free [m].
     """
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    def __init__(self, mesh: trimesh.Trimesh, hollow: Array = NOTHING) -> None:
         self.mesh = mesh
+        self.hollow = hollow
         triangles = np.asarray(mesh.triangles, dtype=np.float64)
         self._starts = triangles[:, 0]
         self._normals = np.cross(

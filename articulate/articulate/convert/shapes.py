@@ -101,8 +101,8 @@ class Shape:
 
     @cached_property
     def faces(self) -> Faces:
-        """Its corners' hull, if it is one."""
-        return self.known or faces_of(ConvexHull(self.vertices))
+        """The hull of its corners."""
+        return self.known or faces_of(ConvexHull(self.corners))
 
     @cached_property
     def planes(self) -> Array:

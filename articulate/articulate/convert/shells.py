@@ -16,11 +16,11 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from articulate.convert.fit import DIRECTIONS, THIN_M, Fit, hull, spanning, thick, thin_m
-from articulate.convert.rays import Surface
+from articulate.convert.rays import NOTHING, Surface
 from articulate.convert.shapes import Shape
 from articulate.transforms import Array, Ints, Mask
 
-MOST_FACES = 40_000
+MOST_FACES = 200_000
 """Larger meshes are left to the decomposition."""
 FEW_WAYS = DIRECTIONS[::3]
 """Corners that reach farthest along these decide where a patch is split."""
@@ -34,6 +34,8 @@ SMALL = 3.0
 """Patches up to this many tolerances wide collide as their hull."""
 AHEAD = 3
 """So many ways to split a patch are judged by what the next split would gain."""
+ROUGHLY = 1000
+"""Of patches with many more triangles than this only so many say how much their hull holds."""
 LEAST_FACES = 2
 """A patch of fewer triangles is not split."""
 KEPT = 64
@@ -45,27 +47,30 @@ class Sheet:
 
     Args:
         mesh: One connected component.
+        hollow: Points (H, 3) that shapes must leave free [m].
     """
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    def __init__(self, mesh: trimesh.Trimesh, hollow: Array = NOTHING) -> None:
+        self.hollow = hollow
         self.vertices = np.asarray(mesh.vertices, dtype=np.float64)
         self.faces = np.asarray(mesh.faces)
         self._mesh = mesh
 
     def __hash__(self) -> int:
-        return hash((self.vertices.tobytes(), self.faces.tobytes()))
+        return hash((self.vertices.tobytes(), self.faces.tobytes(), self.hollow.tobytes()))
 
     def __eq__(self, other: object) -> bool:
         return (
             isinstance(other, Sheet)
             and np.array_equal(self.vertices, other.vertices)
             and np.array_equal(self.faces, other.faces)
+            and np.array_equal(self.hollow, other.hollow)
         )
 
     def prepare(self) -> None:
         """Measure all that patches are asked about."""
         mesh = self._mesh
-        self.surface = Surface(mesh)
+        self.surface = Surface(mesh, self.hollow)
         self.area = np.asarray(mesh.area_faces)
         self.centres = np.asarray(mesh.triangles_center)
         self.normals = np.asarray(mesh.face_normals)
@@ -108,7 +113,11 @@ class Patch:
     @cached_property
     def volume(self) -> float:
         """Volume of its convex hull, at least as thick as a shape is [m3]."""
-        points = spanning(self.corners, FEW_WAYS)
+        every = max(1, len(self.faces) // ROUGHLY)
+        some = self.corners
+        if every > 1:
+            some = self.sheet.vertices[self.sheet.faces[self.faces[::every]].reshape(-1)]
+        points = spanning(some, FEW_WAYS)
         flat = self.area * THIN_M
         if len(points) < 4:
             return flat
@@ -173,7 +182,9 @@ def _whole(sheet: Sheet) -> Patch:
     return Patch(sheet, np.arange(len(sheet.faces)))
 
 
-def shell_shapes(mesh: trimesh.Trimesh, tol: float, piece: str, most: int) -> list[Shape] | None:
+def shell_shapes(
+    mesh: trimesh.Trimesh, tol: float, piece: str, most: int, hollow: Array = NOTHING
+) -> list[Shape] | None:
     """Boxes and hulls of patches of ``mesh`` that stray from it by at most ``tol`` [m].
 
     Large patches come first; what they cover already needs no shape of its own.
@@ -183,10 +194,11 @@ def shell_shapes(mesh: trimesh.Trimesh, tol: float, piece: str, most: int) -> li
         tol: How far a shape may stray [m].
         piece: Names for the shapes.
         most: Given up beyond this many patches.
+        hollow: Points (H, 3) that the shapes must leave free [m].
     """
     if len(mesh.faces) > MOST_FACES:
         return None
-    waiting = [(0.0, 0, _whole(Sheet(mesh)))]
+    waiting = [(0.0, 0, _whole(Sheet(mesh, hollow)))]
     done: list[Shape] = []
     count = 0
     while waiting:
@@ -206,6 +218,46 @@ def shell_shapes(mesh: trimesh.Trimesh, tol: float, piece: str, most: int) -> li
             for part in parts:
                 count += 1
                 heapq.heappush(waiting, (-part.area, count, part))
+    return done
+
+
+def staves(
+    mesh: trimesh.Trimesh, tol: float, piece: str, most: int, hollow: Array = NOTHING
+) -> list[Shape] | None:
+    """At most ``most`` shapes of patches that hold as little besides ``mesh`` as so few can.
+
+    The patch whose hull holds most is split first. Those that are left when there are enough
+    collide as their hulls, wherever they stray.
+
+    Args:
+        mesh: One connected component.
+        tol: Shapes that stray by at most this are not split [m].
+        piece: Names for the shapes.
+        most: Largest number of shapes.
+        hollow: Points (H, 3) that shapes should leave free [m].
+    """
+    if len(mesh.faces) > MOST_FACES:
+        return None
+    whole = _whole(Sheet(mesh, hollow))
+    waiting = [(-whole.volume, 0, whole)]
+    done: list[Shape] = []
+    count = 0
+    while waiting:
+        _, _, patch = heapq.heappop(waiting)
+        if _covered(patch.spread, done, PLANES * tol):
+            continue
+        points = patch.corners
+        small = float(np.ptp(points, axis=0).max()) <= SMALL * tol
+        shape = None if small else patch.fit(tol, piece)
+        full = len(done) + len(waiting) + 2 > most
+        parts = None if small or full or shape is not None else patch.split
+        if parts is None:
+            shape = shape or hull(thick(points, tol), piece)
+            done += [] if shape is None else [shape]
+        else:
+            for part in parts:
+                count += 1
+                heapq.heappush(waiting, (-part.volume, count, part))
     return done
 
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from articulate.convert.fit import hull
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body
 from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, SAMPLES, near_of
 from articulate.prove.surface import is_near, sample
-from articulate.transforms import Array, Mask, pose
+from articulate.transforms import Array, Ints, Mask, pose
 
 MARGIN = 0.005
 """Cuts leave the coverage of a link above what is allowed by this share."""
@@ -56,10 +56,10 @@ def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
             T_ps = pose(shape.T_ps[:3, 3] - way, axes)
             return replace(shape, T_ps=T_ps, half=(half[0], half[1], half[2]))
     try:
-        faces = ConvexHull(corners)
+        corners, edges = _edges(shape)
     except QhullError:
         return None
-    edges = np.vstack([faces.simplices[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    heights = corners @ normal
     high, low = heights[edges].max(axis=1), heights[edges].min(axis=1)
     cut = edges[(high > limit) & (low < limit)]
     start, end = heights[cut[:, 0]], heights[cut[:, 1]]
@@ -69,6 +69,13 @@ def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
     if rest is None or _thickness(rest.corners) < THINNEST_M:
         return None
     return rest
+
+
+def _edges(shape: Shape) -> tuple[Array, Ints]:
+    """Corners (N, 3) [m] of the hull of ``shape`` and the ends of its edges (E, 2)."""
+    faces = shape.faces
+    index = faces.index
+    return faces.corners, np.vstack([index[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
 
 
 def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
@@ -153,28 +160,30 @@ class Part:
         self._least = ALLOWED_SHARE + MARGIN
         self._most = MOST_SHAPES * (len(self.shapes) + 1)
 
-    def _near(self, shape: Shape) -> Mask:
-        if not len(self._points):
-            return np.zeros(len(self._points), dtype=bool)
-        away = shape.outside(self._points)
-        near = np.asarray(away <= self.near_m)
-        doubtful = np.flatnonzero(near & (away > 0.0))  # near planes, not near a hull for sure
+    def _near(self, shape: Shape, among: Mask | None = None) -> Mask:
+        """Which points lie near ``shape``; the others than ``among`` are not asked."""
+        chosen = np.arange(len(self._points)) if among is None else np.flatnonzero(among)
+        near = np.zeros(len(self._points), dtype=bool)
+        if not len(chosen):
+            return near
+        away = shape.outside(self._points[chosen])
+        near[chosen] = away <= self.near_m
+        doubtful = chosen[(away <= self.near_m) & (away > 0.0)]  # of planes, maybe not of a hull
         if shape.kind == "hull" and len(doubtful):
-            found = is_near(self._points[doubtful], np.asarray(shape.mesh.triangles), self.near_m)
-            near[doubtful] = found
+            triangles = shape.faces.triangles
+            near[doubtful] = is_near(self._points[doubtful], triangles, self.near_m)
         return near
 
     def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:
         """What leaving only ``rest`` of shape ``index`` would cost."""
         shape = self.shapes[index]
-        others = np.zeros(len(self._points), dtype=bool)
-        for k, mask in enumerate(self._covered):
-            if k != index:
-                others |= mask
-        before, after = others | self._covered[index], others
+        own = self._covered[index]
+        covered = np.sum(self._covered, axis=0) - own > 0 if self._covered else own
+        lone = own & ~covered  # what is left lies in the shape: nothing else can be lost
         for piece in rest:
-            after = after | self._near(piece)
-        lost = float((before & ~after).mean()) if len(before) else 0.0
+            lone &= ~self._near(piece, among=lone)
+        after = (covered | own) & ~lone
+        lost = float(lone.mean()) if len(lone) else 0.0
         share = float(after.mean()) if len(after) else 1.0
         count = len(self.shapes) - len(self._gone) - 1 + len(rest)
         return Offer(

@@ -32,6 +32,9 @@ LEAST_ROOM = 0.01
 ALLOWED_OPEN = 0.85
 """Least share of the cavity that must lie outside the collision shapes."""
 
+WALL_M = 0.003
+"""Shapes may take this much room beside what is seen [m]."""
+
 FINGER_M = 0.008
 """Room that a finger needs beside a handle [m]."""
 FINGER_WIDTH_M = 0.02
@@ -86,6 +89,20 @@ def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Clause:
         unit="1",
         message=message,
     )
+
+
+def cavity_points(model: ObjectModel, link: str) -> Array:
+    """Points (N, 3) [m] in the cavity of ``link``, not at its walls, which have some thickness.
+
+    They are others than those that judge it.
+    """
+    corners, faces = surface_of(model, link)
+    hull = _hull(corners)
+    if hull is None:
+        return np.zeros((0, 3))
+    points = hull_points(hull, SAMPLES, seed=1)
+    points = points[is_cavity(points, corners[faces])]
+    return np.asarray(points[~is_near(points, corners[faces], WALL_M)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,10 +166,10 @@ def width(hull: ConvexHull) -> float:
     return float(-(corners @ planes[:, :3].T + planes[:, 3]).min(axis=0).max(initial=-np.inf))
 
 
-def hull_points(hull: ConvexHull, count: int) -> Array:
-    """Up to ``count`` points (N, 3) spread evenly in ``hull``."""
+def hull_points(hull: ConvexHull, count: int, *, seed: int = 0) -> Array:
+    """Up to ``count`` points (N, 3) spread evenly in ``hull``, others for each ``seed``."""
     planes = np.unique(hull.equations.round(9), axis=0)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     low, high = hull.min_bound, hull.max_bound
     found = np.zeros((0, 3))
     for _ in range(50):

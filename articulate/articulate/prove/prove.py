@@ -41,13 +41,14 @@ from articulate.prove.inertia import inertia
 from articulate.prove.limits import limits
 from articulate.prove.mend import mend
 from articulate.prove.model import ObjectModel, load_model
-from articulate.prove.openness import openness
+from articulate.prove.openness import cavity_points, openness
 from articulate.prove.origin import Origin, origin_of_reading
 from articulate.prove.page import write_page
 from articulate.prove.record import PAGE_FILE, load_proof, save_proof
 from articulate.prove.settle import settle
 from articulate.prove.shown import shown
 from articulate.prove.sweep import sweep
+from articulate.transforms import Array
 
 TIMED_STEPS = 100
 """Physics steps that are timed together."""
@@ -244,19 +245,23 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     """
     repairs = reading.source.repairs
     read, shaped = repairs.sentences, Shaped()
+    hollow: dict[str, Array] = {}
     with tempfile.TemporaryDirectory(prefix="articulate-") as temporary:
         for _ in range(PASSES):
             repairs.restore(read)
-            asset, bodies, mimics = build_asset(reading, config, shaped)
+            asset, bodies, mimics = build_asset(reading, config, shaped, hollow)
             first = write_asset(asset, bodies, mimics, Path(temporary) / folder.name)
             try:
                 model = load_model(first)
             except AssetError:  # the clause "loads" says why
                 return write_asset(asset, bodies, mimics, folder)
             clauses = (*openness(model), *coverage(model))
-            coarse = {clause.subject for clause in clauses if clause.outcome == "failed"}
+            failed = [clause for clause in clauses if clause.outcome == "failed"]
+            coarse = {clause.subject for clause in failed}
             if not coarse:
                 break
+            sealed = {clause.subject for clause in failed if clause.name == "openness"}
+            hollow |= {link: cavity_points(model, link) for link in sorted(sealed - set(hollow))}
             config = replace(config, finer=(*config.finer, *sorted(coarse)))
         if not asset.joints:
             return write_asset(asset, bodies, mimics, folder)

@@ -11,7 +11,7 @@ from articulate.convert.collision import collision_shapes, is_handle, piece_shap
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
 from articulate.convert.fit import fitted, hull, thick
-from articulate.convert.joining import merged, without_spare
+from articulate.convert.joining import merged, within_budget, without_spare
 from articulate.convert.mesh import PartGeometry, Piece
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
@@ -115,6 +115,35 @@ def test_the_budget_is_kept_and_said() -> None:
     config = ConvertConfig(max_geoms=5, decompose=False)
     assert len(collision_shapes(geometry, "p", config, repairs)) == 5
     assert "joined to 5" in repairs.sentences[-1]
+
+
+def test_a_sealed_shell_is_made_hollow_and_keeps_its_outside() -> None:
+    door = box((0.5, 0.06, 1.0), (0, 0, 0))
+    piece = Piece(name="door", mesh=door, link="p")
+    geometry = PartGeometry(visuals=(piece,), collisions=(), collides_as_seen=True)
+    cavity = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 3)) * [0.247, 0.027, 0.497]
+    config = ConvertConfig(decompose=False, finer=("p",))
+    (sealed,) = collision_shapes(geometry, "p", config, Repairs())
+    assert sealed.kind == "box"
+    walls = collision_shapes(geometry, "p", config, Repairs(), cavity)
+    assert len(walls) <= 6
+    assert not occupied(walls, cavity).any()
+    seen, _ = trimesh.sample.sample_surface(door, 500, seed=0)
+    away = np.min([wall.outside(seen) for wall in walls], axis=0)
+    assert float((away < 0.003).mean()) > 0.95
+
+
+def test_shapes_that_may_not_stray_are_more_than_wanted() -> None:
+    posts = [box((0.02, 0.02, 0.4), (0.1 * i, 0.1 * (i % 3), 0.2)) for i in range(12)]
+    halves = [box((0.02, 0.02, 0.2), (1.2, 0.0, z)) for z in (0.1, 0.3)]
+    surface = Surface(trimesh.util.concatenate([*posts, *halves]))
+    shapes = [fitted(p.vertices, Surface(p), 0.003, "p") for p in (*posts, *halves)]
+    given = [shape for shape in shapes if shape is not None]
+    assert len(given) == 14
+    assert len(within_budget(given, 5, "p", Repairs())) == 5
+    repairs = Repairs()
+    assert len(within_budget(given, 5, "p", repairs, surface)) == 13
+    assert repairs.sentences == ("part p: 14 collision shapes joined to 13",)
 
 
 def test_good_collision_geometry_of_the_source_is_kept() -> None:

@@ -70,3 +70,28 @@ def test_a_flat_sheet_is_one_shape():
     )
     (shape,) = made(sheet, 8)
     assert shape.kind == "box"
+
+
+def test_with_few_staves_all_is_covered_and_more_of_them_hold_less_besides():
+    mesh = bucket()
+    points, _ = sample_surface(mesh, 1000)
+    volume = []
+    for most in (12, 48):
+        shapes = shells.staves(mesh, TOL, "bucket", most)
+        assert shapes is not None
+        assert len(shapes) <= most
+        nearest = np.min([shape.outside(points) for shape in shapes], axis=0)
+        assert float((nearest <= TOL).mean()) > 0.99
+        volume.append(sum(shape.volume for shape in shapes))
+    assert volume[1] < 0.7 * volume[0]
+
+
+def test_staves_leave_free_what_they_are_told_to():
+    """A closed shell fits its own hull; points inside tell that it is hollow."""
+    shell = trimesh.creation.box((0.4, 0.05, 0.6))
+    inside = np.random.default_rng(0).uniform([-0.19, -0.02, -0.29], [0.19, 0.02, 0.29], (400, 3))
+    for free, count in ((inside[:0], 1), (inside, 6)):
+        shapes = shells.staves(shell, TOL, "door", 12, free)
+        assert shapes is not None
+        assert len(shapes) == count
+    assert all(float(shape.outside(inside).min()) > 0.0 for shape in shapes)

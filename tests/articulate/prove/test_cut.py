@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.convert.inertia import Inertial
@@ -107,6 +107,24 @@ def test_what_another_shape_covers_is_not_lost():
     part.tidy()
     assert len(part.done().shapes) == 2
     assert part.cuts == {0}
+
+
+@settings(max_examples=15)
+@given(units, st.floats(0.001, 0.03))
+def test_an_offer_costs_what_counting_all_points_again_says(normal, depth):
+    other = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.015)), half=(0.06, 0.04, 0.005))
+    part = Part(body(BOX, other))
+    piece = cut_back(BOX, np.array(normal) / np.linalg.norm(normal), depth)
+    after = [other] if piece is None else [other, piece]
+    points = part._points
+    before = np.min([shape.outside(points) for shape in (BOX, other)], axis=0) <= part.near_m
+    near = np.zeros(len(points), dtype=bool)
+    for shape in after:
+        mesh = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces)
+        away = trimesh.proximity.closest_point(mesh, points)[1]
+        near |= (away <= part.near_m) | (shape.outside(points) <= 0.0)
+    offer = part.offer(0, () if piece is None else (piece,))
+    assert offer.lost == pytest.approx(float((before & ~near).mean()), abs=0.0021)
 
 
 def test_the_only_shape_of_a_part_never_goes():

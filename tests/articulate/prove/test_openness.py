@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from tests.articulate.prove.objects import Part, make_object
 
 from articulate.prove.model import load_model
-from articulate.prove.openness import hull_points, is_cavity, openness, width
+from articulate.prove.openness import cavity_points, hull_points, is_cavity, openness, width
 
 TRAY = (
     ((0.0, 0.0, -0.09), (0.2, 0.2, 0.01)),
@@ -35,6 +35,20 @@ def test_a_tray_of_five_walls_is_open(tmp_path):
     assert clause.measured == 1.0
     (share,) = re.findall(r"\((\d+)% of its hull\)", clause.message)
     assert int(share) == pytest.approx(100.0 * CAVITY, abs=3.0)
+
+
+def test_the_points_of_a_cavity_lie_between_its_walls_and_are_not_those_that_judge_it(tmp_path):
+    part = Part(name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=BLOCK, shown=TRAY)
+    model = load_model(make_object(tmp_path / "object", part))
+    points = cavity_points(model, "part")
+    assert len(points) == pytest.approx(2000 * CAVITY * (0.354 / 0.36) ** 2, abs=80)
+    assert (points >= [-0.177, -0.177, -0.077]).all()
+    assert (points <= [0.177, 0.177, 0.1]).all()
+    judged = hull_points(
+        ConvexHull([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (0, 1)]), 9
+    )
+    others = hull_points(ConvexHull(judged), 9, seed=1)
+    assert not np.isin(judged, others).any()
 
 
 def test_a_sealed_tray_is_refused(tmp_path):
