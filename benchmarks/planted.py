@@ -1,0 +1,371 @@
+"""The kinds of defects that are planted, each with its least size and the clauses that name it.
+
+A defect changes ``object.xml`` or a mesh in a copy of an asset's folder. It returns the links and
+joints that it concerns, with those that they carry; none where the asset has nothing that could
+be damaged in this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from lxml import etree
+
+from articulate.asset import Asset
+from articulate.prove.model import load_model
+from articulate.transforms import inverse
+
+TURN_RAD = np.radians(5.0)
+"""Least angle of a defect [rad]."""
+SHARE = 0.02
+"""Least length of a defect, as a share of the object's diagonal."""
+SEEN_M = 1e-3
+"""A mesh that is mirrored or enlarged strays by at least this somewhere [m]."""
+
+Names = tuple[str, ...]
+"""Links and joints that a defect concerns; empty if it was not planted."""
+
+
+@dataclass(frozen=True)
+class Damaged:
+    """A copy of an asset that is being damaged."""
+
+    folder: Path
+    asset: Asset
+    tree: Any
+
+    @property
+    def diagonal(self) -> float:
+        """Of the closed object [m]."""
+        return float(np.linalg.norm(np.subtract(*self.asset.bounds_o)))
+
+    @property
+    def root(self) -> Any:
+        """Body element of the part that stands still."""
+        return self.tree.getroot().find("worldbody/body")
+
+    def joint(self, *, kind: str | None = None, limited: bool = False) -> Any | None:
+        """The first joint of a body, of a kind or with a range if that is asked for."""
+        for joint in self.tree.iterfind(".//body/joint"):
+            if kind in (None, joint.get("type")) and (not limited or joint.get("range")):
+                return joint
+        return None
+
+    def moving(self) -> Iterator[Any]:
+        """Bodies that a joint moves and that can touch something."""
+        for body in self.tree.iter("body"):
+            if body.find("joint") is not None and colliders(body):
+                yield body
+
+    def largest(self) -> tuple[Any, Path] | None:
+        """The visual geom whose mesh file has the largest area, and that file."""
+        shown = [
+            (geom, path)
+            for geom in self.tree.iter("geom")
+            if geom.get("class") == "visual"
+            and (path := self.folder / "meshes" / f"{geom.get('mesh')}.obj").is_file()
+        ]
+        return max(shown, key=lambda s: float(trimesh.load_mesh(s[1]).area), default=None)
+
+
+def colliders(body: Any) -> list[Any]:
+    """Collision geoms of a body."""
+    return [g for g in body.findall("geom") if g.get("class") == "collision"]
+
+
+def carried(body: Any) -> Names:
+    """A body, its joint and all that it carries."""
+    return tuple(str(e.get("name")) for e in body.iter("body", "joint"))
+
+
+def numbers(element: Any, name: str, default: str) -> np.ndarray:
+    """An attribute as numbers."""
+    return np.array([float(v) for v in element.get(name, default).split()])
+
+
+def write(element: Any, name: str, values: Any) -> None:
+    """Numbers as an attribute."""
+    element.set(name, " ".join(f"{v:.9g}" for v in np.atleast_1d(values)))
+
+
+def across(axis: np.ndarray) -> np.ndarray:
+    """A unit vector at right angles to ``axis``."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    out = np.cross(axis, other)
+    return np.asarray(out / np.linalg.norm(out))
+
+
+def axis_tilted(d: Damaged) -> Names:
+    if (joint := d.joint()) is None:
+        return ()
+    axis = numbers(joint, "axis", "0 0 1")
+    write(joint, "axis", np.cos(TURN_RAD) * axis + np.sin(TURN_RAD) * across(axis))
+    return carried(joint.getparent())
+
+
+def axis_reversed(d: Damaged) -> Names:
+    if (joint := d.joint()) is None:
+        return ()
+    write(joint, "axis", -numbers(joint, "axis", "0 0 1"))
+    return carried(joint.getparent())
+
+
+def pivot_moved(d: Damaged) -> Names:
+    if (joint := d.joint(kind="hinge")) is None:
+        return ()
+    way = SHARE * d.diagonal * across(numbers(joint, "axis", "0 0 1"))
+    write(joint, "pos", numbers(joint, "pos", "0 0 0") + way)
+    return carried(joint.getparent())
+
+
+def limits_swapped(d: Damaged) -> Names:
+    if (joint := d.joint(limited=True)) is None:
+        return ()
+    low, high = numbers(joint, "range", "0 0")
+    write(joint, "range", (high, low))
+    joint.set("limited", "false")  # what MuJoCo makes of it in a URDF
+    return carried(joint.getparent())
+
+
+def limits_absent(d: Damaged) -> Names:
+    if (joint := d.joint(limited=True)) is None:
+        return ()
+    del joint.attrib["range"]
+    return carried(joint.getparent())
+
+
+def range_wider(d: Damaged) -> Names:
+    if (joint := d.joint(limited=True)) is None:
+        return ()
+    low, high = numbers(joint, "range", "0 0")
+    write(joint, "range", (low, high + 0.1 * (high - low)))
+    return carried(joint.getparent())
+
+
+def range_in_degrees(d: Damaged) -> Names:
+    if (joint := d.joint(kind="hinge", limited=True)) is None:
+        return ()
+    write(joint, "range", np.degrees(numbers(joint, "range", "0 0")))
+    return carried(joint.getparent())
+
+
+def type_changed(d: Damaged) -> Names:
+    if (joint := d.joint(limited=True)) is None:
+        return ()
+    joint.set("type", "hinge" if joint.get("type") == "slide" else "slide")
+    return carried(joint.getparent())
+
+
+def sealed(d: Damaged) -> Names:
+    """The link with most shapes collides as one box round all that it shows."""
+    body = max(d.tree.iter("body"), key=lambda b: len(colliders(b)))
+    own = colliders(body)
+    if len(own) < 4:
+        return ()
+    low, high = np.array(d.asset.link(str(body.get("name"))).bounds_l)
+    for geom in own[1:]:
+        body.remove(geom)
+    own[0].attrib.pop("mesh", None)
+    own[0].attrib.pop("quat", None)
+    own[0].set("type", "box")
+    write(own[0], "pos", (low + high) / 2.0)
+    write(own[0], "size", np.maximum((high - low) / 2.0, 0.001))
+    return (str(body.get("name")),)
+
+
+def blocked(d: Damaged) -> Names:
+    """A box of the fixed body stands where a part's largest shape is in the middle of its way."""
+    joint = next((j for j in d.asset.joints if j.lower is not None), None)
+    if joint is None:
+        return ()
+    low, high = np.array(d.asset.link(joint.link).bounds_l)
+    half = max(SHARE * d.diagonal, 0.25 * float((high - low).min()))
+    model = load_model(d.asset)
+    data = model.data()
+    model.set_joints(data, {joint.name: joint.closed + 0.5 * joint.span})
+    geoms = model.collision_geoms(joint.link)
+    largest = geoms[np.argmax(model.model.geom_rbound[geoms])]
+    T_ow = inverse(model.T_ol(data, d.asset.links[0].name))
+    centre = T_ow[:3, :3] @ data.geom_xpos[largest] + T_ow[:3, 3]
+    geom = etree.SubElement(d.root, "geom", {"class": "collision", "type": "box", "name": "plug"})
+    write(geom, "pos", centre)
+    write(geom, "size", np.full(3, half))
+    return carried(d.root)
+
+
+def stray_collider(d: Damaged) -> Names:
+    """A shape stands where nothing is seen, as large as a quarter of its link."""
+    body = max(d.tree.iter("body"), key=lambda b: len(colliders(b)))
+    low, high = np.array(d.asset.link(str(body.get("name"))).bounds_l)
+    geom = etree.SubElement(body, "geom", {"class": "collision", "type": "box", "name": "stray"})
+    write(geom, "size", np.maximum((high - low) / 4.0, 0.01))
+    write(geom, "pos", high + 0.5 * (high - low))
+    return (str(body.get("name")),)
+
+
+def colliders_lost(d: Damaged) -> Names:
+    if (body := next(d.moving(), None)) is None:
+        return ()
+    for geom in colliders(body):
+        body.remove(geom)
+    return carried(body)
+
+
+def mass_doubled(d: Damaged) -> Names:
+    inertial = next(d.tree.iter("inertial"))
+    write(inertial, "mass", 2.0 * numbers(inertial, "mass", "1"))
+    return (str(inertial.getparent().get("name")),)
+
+
+def inertia_wrong(d: Damaged) -> Names:
+    inertial = next(d.tree.iter("inertial"))
+    write(inertial, "fullinertia", 2.0 * numbers(inertial, "fullinertia", "1 1 1 0 0 0"))
+    return (str(inertial.getparent().get("name")),)
+
+
+def centre_moved(d: Damaged) -> Names:
+    inertial = next(d.tree.iter("inertial"))
+    moved = numbers(inertial, "pos", "0 0 0") + np.array([SHARE * d.diagonal, 0.0, 0.0])
+    write(inertial, "pos", moved)
+    return (str(inertial.getparent().get("name")),)
+
+
+def _vertices(path: Path, change: Callable[[np.ndarray], np.ndarray], *, flip: bool) -> bool:
+    """Whether the corners of a mesh were changed; not if it would look the same as before."""
+    lines = path.read_text().splitlines()
+    at = [i for i, line in enumerate(lines) if line.startswith("v ")]
+    points = np.array([[float(v) for v in lines[i].split()[1:4]] for i in at])
+    changed = change(points)
+    if float(np.abs(np.sort(changed, axis=0) - np.sort(points, axis=0)).max()) < SEEN_M:
+        return False
+    for i, point in zip(at, changed, strict=True):
+        lines[i] = "v " + " ".join(f"{v:.9g}" for v in point)
+    if flip:
+        for i, line in enumerate(lines):
+            if line.startswith("f "):
+                lines[i] = "f " + " ".join(reversed(line.split()[1:]))
+    path.write_text("\n".join(lines) + "\n")
+    return True
+
+
+def mesh_mirrored(d: Damaged) -> Names:
+    """About the first axis along which the mirrored mesh looks otherwise."""
+    if (found := d.largest()) is None:
+        return ()
+    geom, path = found
+    planted = any(
+        _vertices(path, lambda p, k=k: p * (1.0 - 2.0 * np.eye(3)[k]), flip=True)  # type: ignore[misc]
+        for k in range(3)
+    )
+    return (str(geom.getparent().get("name")),) if planted else ()
+
+
+def mesh_scaled(d: Damaged) -> Names:
+    if (found := d.largest()) is None:
+        return ()
+    geom, path = found
+    planted = _vertices(path, lambda p: 1.05 * p, flip=False)
+    return (str(geom.getparent().get("name")),) if planted else ()
+
+
+def visual_lost(d: Damaged) -> Names:
+    if (found := d.largest()) is None:
+        return ()
+    body = found[0].getparent()
+    body.remove(found[0])
+    return (str(body.get("name")),)
+
+
+def _first_leaf(d: Damaged) -> Any | None:
+    """The first body below the root that carries nothing."""
+    return next((b for b in d.tree.iterfind(".//body/body") if not b.findall("body")), None)
+
+
+def link_lost(d: Damaged) -> Names:
+    """With the contact pairs and equalities that name it, so that the engine loads the rest."""
+    if (body := _first_leaf(d)) is None:
+        return ()
+    names = carried(body)
+    body.getparent().remove(body)
+    for pair in d.tree.xpath("//contact/* | //equality/*"):
+        if {pair.get(key) for key in ("body1", "body2", "joint1", "joint2")} & set(names):
+            pair.getparent().remove(pair)
+    return names
+
+
+def link_moved(d: Damaged) -> Names:
+    body = next(d.tree.iterfind(".//body/body"), None)
+    if body is None:
+        return ()
+    way = np.array([SHARE * d.diagonal, 0.0, 0.0])
+    write(body, "pos", numbers(body, "pos", "0 0 0") + way)
+    return carried(body)
+
+
+def stuck(d: Damaged) -> Names:
+    if (joint := d.joint()) is None:
+        return ()
+    write(joint, "frictionloss", 200.0)
+    return carried(joint.getparent())
+
+
+def sluggish(d: Damaged) -> Names:
+    if (joint := d.joint()) is None:
+        return ()
+    write(joint, "damping", 1000.0)
+    return carried(joint.getparent())
+
+
+def sprung(d: Damaged) -> Names:
+    """A spring pulls the part open by itself."""
+    if (joint := d.joint(limited=True)) is None:
+        return ()
+    known = d.asset.joint(str(joint.get("name")))
+    write(joint, "springref", known.open)
+    write(joint, "stiffness", 60.0 / max(abs(known.span), 1e-3))
+    return carried(joint.getparent())
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of defect."""
+
+    plant: Callable[[Damaged], Names]
+    named_by: Names
+    """Clauses that say what is wrong; others find it only by what it does elsewhere."""
+
+
+POSES = ("fk", "fk_input")
+MOTION = ("settle", "open", "close")
+
+KINDS: dict[str, Kind] = {
+    "axis tilted by 5 degrees": Kind(axis_tilted, POSES),
+    "axis reversed": Kind(axis_reversed, POSES),
+    "pivot moved by 2 % of the diagonal": Kind(pivot_moved, POSES),
+    "limits swapped, read as none": Kind(limits_swapped, ("limits",)),
+    "limits absent": Kind(limits_absent, ("limits",)),
+    "range 10 % wider": Kind(range_wider, ("limits",)),
+    "range in degrees": Kind(range_in_degrees, ("limits",)),
+    "slide for hinge or hinge for slide": Kind(type_changed, ("limits", *POSES)),
+    "sealed by a box": Kind(sealed, ("openness", "coverage")),
+    "way blocked by a box": Kind(blocked, ("sweep", "sweep_authored", "open", "close")),
+    "stray collision shape": Kind(stray_collider, ("coverage",)),
+    "collision shapes of a part lost": Kind(colliders_lost, ("coverage",)),
+    "mass doubled": Kind(mass_doubled, ("inertia",)),
+    "inertia doubled": Kind(inertia_wrong, ("inertia",)),
+    "centre of mass moved by 2 % of the diagonal": Kind(centre_moved, ("inertia",)),
+    "mesh mirrored": Kind(mesh_mirrored, ("shown",)),
+    "mesh 5 % larger": Kind(mesh_scaled, ("shown",)),
+    "visual lost": Kind(visual_lost, ("shown",)),
+    "link lost": Kind(link_lost, ("loads",)),
+    "link moved by 2 % of the diagonal": Kind(link_moved, POSES),
+    "dry friction of 200 N or Nm": Kind(stuck, MOTION),
+    "damping of 1000 N s/m or Nm s/rad": Kind(sluggish, MOTION),
+    "spring of 60 N or Nm that opens": Kind(sprung, MOTION),
+}
+"""What is planted, with its least size."""
