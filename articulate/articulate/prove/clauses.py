@@ -44,7 +44,8 @@ CLAUSES: dict[str, Meaning] = {
     ),
     "shown": Meaning(
         means="At least 99 % of points on what each link shows in the input lie on what it shows "
-        "in the asset, and the other way round, to 0.1 % of its diagonal.",
+        "in the asset, and the other way round, to 0.1 % of its diagonal; so do those on each of "
+        "its meshes by itself.",
         matters="A mesh that was lost, mirrored or scaled once too often makes another object.",
         mend="Look at the link in the page and in the input; in a fresh conversion it is a "
         "fault that is worth a report.",
