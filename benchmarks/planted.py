@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import trimesh
 from lxml import etree
 
-from articulate.asset import Asset
-from articulate.prove.model import load_model
-from articulate.transforms import inverse
+from articulate.asset import Asset, Joint
+from articulate.prove.model import ObjectModel
+from articulate.transforms import inverse, pose
 
 TURN_RAD = np.radians(5.0)
 """Least angle of a defect [rad]."""
@@ -26,6 +27,9 @@ SHARE = 0.02
 """Least length of a defect, as a share of the object's diagonal."""
 SEEN_M = 1e-3
 """A mesh that is mirrored or enlarged strays by at least this somewhere [m]."""
+
+MET_M = 0.005
+"""A box in the way is met by at least this deep [m]."""
 
 Names = tuple[str, ...]
 """Links and joints that a defect concerns; empty if it was not planted."""
@@ -179,23 +183,48 @@ def sealed(d: Damaged) -> Names:
 
 
 def blocked(d: Damaged) -> Names:
-    """A box of the fixed body stands where a part's largest shape is in the middle of its way."""
-    joint = next((j for j in d.asset.joints if j.lower is not None), None)
-    if joint is None:
+    """A box of the fixed body stands in the middle of a part's way.
+
+    It stands in the middle of the part's largest shape, half open, that leaves it free of the
+    part when closed: what stands in a part from the beginning does not block its way.
+    """
+    follow = {e.get("joint1") for e in d.tree.iterfind("equality/joint")}
+    free = (j for j in d.asset.joints if j.lower is not None and j.name not in follow)
+    if (joint := next(free, None)) is None:
         return ()
     low, high = np.array(d.asset.link(joint.link).bounds_l)
     half = max(SHARE * d.diagonal, 0.25 * float((high - low).min()))
-    model = load_model(d.asset)
-    data = model.data()
-    model.set_joints(data, {joint.name: joint.closed + 0.5 * joint.span})
-    geoms = model.collision_geoms(joint.link)
-    largest = geoms[np.argmax(model.model.geom_rbound[geoms])]
-    T_ow = inverse(model.T_ol(data, d.asset.links[0].name))
-    centre = T_ow[:3, :3] @ data.geom_xpos[largest] + T_ow[:3, 3]
+    place = _in_the_way(d, joint, half)
+    if place is None:
+        return ()
     geom = etree.SubElement(d.root, "geom", {"class": "collision", "type": "box", "name": "plug"})
-    write(geom, "pos", centre)
+    write(geom, "pos", place)
     write(geom, "size", np.full(3, half))
     return carried(d.root)
+
+
+def _in_the_way(d: Damaged, joint: Joint, half: float) -> np.ndarray | None:
+    """Middle of a box of the root that ``joint``'s part meets half open and not closed."""
+    spec = mujoco.MjSpec.from_file(str(d.asset.mjcf_path))
+    root = spec.body(d.asset.links[0].name)
+    root.add_geom(name="plug", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, pos=[1, 2, 3])
+    model = ObjectModel(d.asset, spec.compile())
+    m, plug, data = model.model, model.model.geom("plug").id, model.data()
+    geoms = model.collision_geoms(joint.link)
+
+    def depth(place: np.ndarray, share: float) -> float:
+        m.geom_pos[plug] = place
+        model.set_joints(data, {joint.name: joint.closed + share * joint.span})
+        return -min(mujoco.mj_geomDistance(m, data, plug, int(g), 1.0, None) for g in geoms)
+
+    for geom in sorted(geoms.tolist(), key=lambda g: -float(m.geom_rbound[g])):
+        model.set_joints(data, {joint.name: joint.closed + 0.5 * joint.span})
+        body = model.bodies[model.root]
+        T_ow = inverse(pose(data.xpos[body], data.xmat[body].reshape(3, 3)))
+        place = T_ow[:3, :3] @ data.geom_xpos[geom] + T_ow[:3, 3]
+        if depth(place, 0.0) <= 0.0 and depth(place, 0.5) >= MET_M:
+            return place
+    return None
 
 
 def stray_collider(d: Damaged) -> Names:
