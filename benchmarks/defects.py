@@ -50,7 +50,7 @@ Row = dict[str, Any]
 
 def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, Proof | None]:
     """What a defect concerns and the proof of the copy; None where the kind does not apply."""
-    name = f"{folder.name}-{kind}".replace(" ", "_").replace("%", "pc")[:120]
+    name = re.sub(r"\W+", "_", f"{folder.name}-{kind}")[:120]
     copy = out / name
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("proof.*"))

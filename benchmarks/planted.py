@@ -393,8 +393,8 @@ KINDS: dict[str, Kind] = {
     "visual lost": Kind(visual_lost, ("shown",)),
     "link lost": Kind(link_lost, ("loads",)),
     "link moved by 2 % of the diagonal": Kind(link_moved, POSES),
-    "dry friction of 200 N or Nm": Kind(stuck, MOTION),
-    "damping of 1000 N s/m or Nm s/rad": Kind(sluggish, MOTION),
+    "dry friction of 200 N or Nm": Kind(stuck, ("limits", *MOTION)),
+    "damping of 1000 N s/m or Nm s/rad": Kind(sluggish, ("limits", *MOTION)),
     "spring of 60 N or Nm that opens": Kind(sprung, MOTION),
 }
 """What is planted, with its least size."""
