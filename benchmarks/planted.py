@@ -19,6 +19,7 @@ from lxml import etree
 
 from articulate.asset import Asset, Joint
 from articulate.prove.model import ObjectModel
+from articulate.prove.surface import is_near, sample
 from articulate.transforms import inverse, pose
 
 TURN_RAD = np.radians(5.0)
@@ -28,6 +29,12 @@ SHARE = 0.02
 SEEN_M = 1e-3
 """A mesh that is mirrored or enlarged strays by at least this somewhere [m]."""
 
+SHOWS = 0.02
+"""A mesh that is damaged shows at least this share of its link's area by itself."""
+ON_M = 1e-4
+"""What lies this near to another mesh is not shown by itself [m]."""
+POINTS = 500
+"""Points on a mesh that say how much of it that is."""
 MET_M = 0.005
 """A box in the way is met by at least this deep [m]."""
 
@@ -67,14 +74,31 @@ class Damaged:
                 yield body
 
     def largest(self) -> tuple[Any, Path] | None:
-        """The visual geom whose mesh file has the largest area, and that file."""
-        shown = [
-            (geom, path)
-            for geom in self.tree.iter("geom")
-            if geom.get("class") == "visual"
-            and (path := self.folder / "meshes" / f"{geom.get('mesh')}.obj").is_file()
-        ]
-        return max(shown, key=lambda s: float(trimesh.load_mesh(s[1]).area), default=None)
+        """The visual geom that shows most by itself, and its mesh file.
+
+        What lies on another mesh of the same link it does not show by itself. None shows enough
+        where that is less than ``SHOWS`` of the area of its link's meshes.
+        """
+        best, most = None, 0.0
+        for body in self.tree.iter("body"):
+            shown = [
+                (geom, path, np.asarray(trimesh.load_mesh(path, process=False).triangles))
+                for geom in body.findall("geom")
+                if geom.get("class") == "visual"
+                and (path := self.folder / "meshes" / f"{geom.get('mesh')}.obj").is_file()
+            ]
+            areas = [float(trimesh.triangles.area(triangles).sum()) for _, _, triangles in shown]
+            for k in np.argsort(areas)[::-1]:
+                if areas[k] <= most:
+                    break
+                others = np.concatenate(
+                    [np.zeros((0, 3, 3)), *(s[2] for s in shown[:k] + shown[k + 1 :])]
+                )
+                hidden = is_near(sample(shown[k][2], POINTS)[0], others, ON_M)
+                area = areas[k] * float((~hidden).mean())
+                if area > most and area >= SHOWS * sum(areas):
+                    best, most = shown[k][:2], area
+        return best
 
 
 def colliders(body: Any) -> list[Any]:

@@ -157,3 +157,16 @@ def test_results_are_gone_on_with_after_a_kill(defects, folder, source, tmp_path
     defects.of_one((str(folder), str(source), str(tmp_path), float("inf")))
     assert [row["kind"] for row in defects.noted(path)] == ["untouched", "link lost"]
     assert defects.noted(path)[1]["found"]
+
+
+def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(planted, folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    tree = etree.parse(str(copy / "object.xml"))
+    d = planted.Damaged(copy, load_asset(copy), tree)
+    first = d.largest()[0]
+    first.addnext(etree.fromstring(etree.tostring(first)))  # the same mesh once more hides both
+    second = d.largest()[0]
+    assert first.get("mesh") != second.get("mesh")
+    assert first.getparent().get("name") == "body"
+    assert second.getparent().get("name") in {"drawer", "door"}
