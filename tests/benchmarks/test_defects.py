@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 from lxml import etree
 from tests.articulate.convert.cabinets import write_cabinet
 
@@ -170,3 +171,17 @@ def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(planted, 
     assert first.get("mesh") != second.get("mesh")
     assert first.getparent().get("name") == "body"
     assert second.getparent().get("name") in {"drawer", "door"}
+
+
+def test_a_mirror_image_that_looks_the_same_is_no_defect(planted, tmp_path):
+    path = tmp_path / "pot.obj"
+    pot = trimesh.creation.cylinder(radius=0.2, height=0.1, sections=500)
+    pot.apply_translation((0.0, 0.0, 0.05))
+    pot.export(path)
+    before = path.read_bytes()
+    assert not planted._vertices(path, lambda p: p * [-1.0, 1.0, 1.0], flip=True)
+    assert path.read_bytes() == before
+    assert planted._vertices(path, lambda p: p * [1.0, 1.0, -1.0], flip=True)
+    mirrored = trimesh.load_mesh(path)
+    assert mirrored.bounds[0, 2] == pytest.approx(-0.1)
+    assert mirrored.volume == pytest.approx(pot.volume)
