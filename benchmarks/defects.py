@@ -190,7 +190,7 @@ def main() -> int:
     flags = parser.parse_args()
     flags.out.mkdir(parents=True, exist_ok=True)
     items = chosen(flags.checked, flags.data, flags.count)
-    end = time.time() + 60.0 * (flags.minutes or math.inf)
+    end = time.time() + 60.0 * (math.inf if flags.minutes is None else flags.minutes)
     work = [(str(flags.checked / i.name), str(i.file), str(flags.out), end) for i in items]
     with ProcessPoolExecutor(flags.jobs) as pool:
         list(pool.map(of_one, work))
