@@ -134,13 +134,20 @@ def passes(lines: Array, low: Array, high: Array) -> Mask:
 
 def surface_of(model: ObjectModel, link: str) -> tuple[Array, Ints]:
     """Corners (V, 3) [m] and triangles (F, 3) of all that ``link`` shows, in its frame."""
-    m = model.model
     corners, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    for geom in model.visual_geoms(link).tolist():
-        own = triangles_of(m, geom, "visual")
-        if own is None:
-            continue
-        corners.append(apply(pose(m.geom_pos[geom], quat_to_matrix(m.geom_quat[geom])), own[0]))
+    for own in pieces_of(model, link):
+        corners.append(own[0])
         faces.append(own[1] + count)
         count += len(own[0])
     return np.vstack(corners), np.vstack(faces)
+
+
+def pieces_of(model: ObjectModel, link: str) -> list[tuple[Array, Ints]]:
+    """Corners (V, 3) [m] and triangles (F, 3) of each geom that ``link`` shows, in its frame."""
+    m, found = model.model, []
+    for geom in model.visual_geoms(link).tolist():
+        own = triangles_of(m, geom, "visual")
+        if own is not None:
+            T_lg = pose(m.geom_pos[geom], quat_to_matrix(m.geom_quat[geom]))
+            found.append((apply(T_lg, own[0]), own[1]))
+    return found

@@ -44,17 +44,20 @@ CLAUSES: dict[str, Meaning] = {
     ),
     "shown": Meaning(
         means="At least 99 % of points on what each link shows in the input lie on what it shows "
-        "in the asset, and the other way round, to 0.1 % of its diagonal.",
+        "in the asset, and the other way round, to 0.1 % of its diagonal; so do those on each of "
+        "its meshes by itself.",
         matters="A mesh that was lost, mirrored or scaled once too often makes another object.",
         mend="Look at the link in the page and in the input; in a fresh conversion it is a "
         "fault that is worth a report.",
     ),
     "limits": Meaning(
-        means="Type and range of each joint are the same in object.xml, object.urdf and "
-        "asset.json; the range is not empty and holds the closed and the open position.",
+        means="Type, range, damping and dry friction of each joint are the same in object.xml, "
+        "object.urdf and asset.json; the range is not empty and holds the closed and the open "
+        "position.",
         matters="Swapped or absent limits let a simulator turn a drawer inside out: MuJoCo reads "
         "lower above upper as no limit at all and says nothing.",
-        mend="Give lower < upper in the input, or lower = upper = 0 for a part that is fixed.",
+        mend="Give lower < upper in the input, or lower = upper = 0 for a part that is fixed. "
+        "What was changed in one of the three files goes into the others, too.",
     ),
     "inertia": Meaning(
         means="Every link has a mass above 0, an inertia that is positive definite, whose largest "

@@ -10,6 +10,7 @@ import ctypes
 import logging
 import os
 import sys
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -126,6 +127,7 @@ def bullet_judge(path: Path) -> Judge:
         found[base] = _bullet_pose(*centre) @ inverse(_bullet_pose(*local))
         return found
 
+    weakref.finalize(poses, pybullet.disconnect, physicsClientId=client)
     return poses
 
 

@@ -1,8 +1,10 @@
-"""Clause ``limits``: a joint goes as far as the asset and its URDF say, and has a closed end."""
+"""Clause ``limits``: a joint goes as far and as hard as the asset and its URDF say."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +18,30 @@ from articulate.prove.model import ObjectModel
 ALLOWED = 1e-6
 """Largest difference between limits that say the same [m or rad]."""
 TYPES = {"slide": ("prismatic",), "hinge": ("revolute", "continuous")}
+SAME = 1e-5
+"""Share by which damping and dry friction that say the same may differ: digits of the file."""
 Range = tuple[float, float] | None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """What a URDF says of a joint."""
+
+    kind: str
+    span: Range
+    damping: float | None
+    """Viscous damping [N s/m or Nm s/rad], None where it says nothing."""
+    friction: float | None
+    """Dry friction [N or Nm], None where it says nothing."""
+
+
 def limits(model: ObjectModel) -> tuple[Clause, ...]:
-    """Compare the ranges in the MJCF with those in asset.json and in the canonical URDF."""
-    said = _urdf_ranges(model.asset.folder / "object.urdf")
+    """Compare the joints of the MJCF with those of asset.json and of the canonical URDF."""
+    said = _urdf_joints(model.asset.folder / "object.urdf")
     return tuple(_agrees(model, joint, said) for joint in model.asset.joints)
 
 
-def _agrees(model: ObjectModel, joint: Joint, said: dict[str, tuple[str, Range]]) -> Clause:
+def _agrees(model: ObjectModel, joint: Joint, said: Mapping[str, Said]) -> Clause:
     index = model.joints[joint.name]
     limited = bool(model.model.jnt_limited[index])
     own: Range = model.limits(joint.name) if limited else None
@@ -35,13 +51,15 @@ def _agrees(model: ObjectModel, joint: Joint, said: dict[str, tuple[str, Range]]
     gap = _gap(own, noted)
     if gap > ALLOWED:
         faults.append(f"asset.json says {_words(noted)}")
+    faults += _resistance(model, joint, "asset.json", joint.damping, joint.frictionloss)
     if joint.name in said:
-        kind, other = said[joint.name]
-        gap = max(gap, _gap(own, other))
-        if _gap(own, other) > ALLOWED:
-            faults.append(f"object.urdf says {_words(other)}")
-        if kind not in TYPES[joint.kind]:
-            faults.append(f"object.urdf says {kind}")
+        other = said[joint.name]
+        gap = max(gap, _gap(own, other.span))
+        if _gap(own, other.span) > ALLOWED:
+            faults.append(f"object.urdf says {_words(other.span)}")
+        if other.kind not in TYPES[joint.kind]:
+            faults.append(f"object.urdf says {other.kind}")
+        faults += _resistance(model, joint, "object.urdf", other.damping, other.friction)
     elif said:
         faults.append("object.urdf has no such joint")
     message = f"{joint.name} goes {_words(own)}; {joint.closed_rule}"
@@ -74,20 +92,46 @@ def _faults(own: Range, kind: str, joint: Joint) -> list[str]:
     return found
 
 
-def _urdf_ranges(path: Path) -> dict[str, tuple[str, Range]]:
-    """Type and limits of each joint of a URDF; none if it cannot be read."""
+def _resistance(
+    model: ObjectModel, joint: Joint, who: str, damping: float | None, friction: float | None
+) -> list[str]:
+    """Where damping or dry friction in the MJCF are not what ``who`` says."""
+    dof = model.dof_address(joint.name)
+    units = ("N s/m", "N") if joint.kind == "slide" else ("Nm s/rad", "Nm")
+    found = []
+    for what, own, said, unit in (
+        ("damping", float(model.model.dof_damping[dof]), damping, units[0]),
+        ("dry friction", float(model.model.dof_frictionloss[dof]), friction, units[1]),
+    ):
+        if said is not None and not abs(own - said) <= SAME * max(abs(own), abs(said)):
+            found.append(f"its {what} is {own:.4g} {unit}, {who} says {said:.4g}")
+    return found
+
+
+def _urdf_joints(path: Path) -> dict[str, Said]:
+    """What a URDF says of each joint; nothing if it cannot be read."""
     robot = robot_in(path)
     if robot is None:
         return {}
-    found: dict[str, tuple[str, Range]] = {}
+    found: dict[str, Said] = {}
     for joint in robot.joints:
-        limit = joint.limit
+        limit, resists = joint.limit, joint.dynamics
         bounded = joint.type != "continuous" and limit is not None
-        found[joint.name] = (
-            joint.type,
-            (float(limit.lower), float(limit.upper)) if bounded else None,
+        found[joint.name] = Said(
+            kind=joint.type,
+            span=(float(limit.lower), float(limit.upper)) if bounded else None,
+            damping=None if resists is None else _number(resists.damping),
+            friction=None if resists is None else _number(resists.friction),
         )
     return found
+
+
+def _number(text: str | float | None) -> float | None:
+    """A number as yourdfpy hands it on: as text in places; NaN, like nothing else, for a word."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return math.nan
 
 
 def robot_in(path: Path) -> Any:

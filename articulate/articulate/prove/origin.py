@@ -24,9 +24,9 @@ class Origin:
     frame: InputFrame
     root: str
     """Part that does not move."""
-    shown: Mapping[str, Array]
-    """Triangles (F, 3, 3) that each part shows, in metres; the root's in the object frame, those
-    of the others in their own."""
+    shown: Mapping[str, tuple[Array, ...]]
+    """Triangles (F, 3, 3) of each piece that a part shows, in metres; the root's in the object
+    frame, those of the others in their own."""
 
 
 def origin_of_reading(reading: Reading, config: ConvertConfig) -> Origin:
@@ -48,6 +48,5 @@ def origin_of_reading(reading: Reading, config: ConvertConfig) -> Origin:
     )
 
 
-def _triangles(geometry: PartGeometry) -> Array:
-    found = [np.asarray(piece.mesh.triangles, dtype=np.float64) for piece in geometry.shown]
-    return np.concatenate([np.zeros((0, 3, 3)), *found])
+def _triangles(geometry: PartGeometry) -> tuple[Array, ...]:
+    return tuple(np.asarray(piece.mesh.triangles, dtype=np.float64) for piece in geometry.shown)

@@ -7,7 +7,7 @@ from tests.articulate.convert.cabinets import write_cabinet
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.convert.convert import placement_of, read_input
-from articulate.prove.fk import InputFrame, fk, fk_input, urdf_judge
+from articulate.prove.fk import InputFrame, bullet_judge, fk, fk_input, urdf_judge
 from articulate.prove.model import load_model
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -151,3 +151,16 @@ def test_an_mjcf_input_with_a_joint_off_the_origin_of_its_body_agrees(tmp_path):
     model = load_model(convert(source, tmp_path / "asset", config))
     (clause,) = fk_input(model, source, frame_of(source, config))
     assert clause.outcome == "passed", clause.message
+
+
+def test_worlds_of_pybullet_are_closed_after_use(tmp_path):
+    pybullet = pytest.importorskip("pybullet")
+    path = tmp_path / "pair.urdf"
+    path.write_text(MIMIC)
+    first = pybullet.connect(pybullet.DIRECT)
+    pybullet.disconnect(first)
+    for _ in range(3):
+        assert set(bullet_judge(path)({"slide": 0.1})) == {"body", "lead", "tail"}
+    last = pybullet.connect(pybullet.DIRECT)
+    pybullet.disconnect(last)
+    assert last == first

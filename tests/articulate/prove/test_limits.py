@@ -50,3 +50,42 @@ def test_a_range_that_was_changed_in_the_mjcf_fails(tmp_path, old, new, said):
     assert clause.outcome == "failed"
     assert clause.subject == "drawer_0_slide"
     assert said in clause.message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('damping="5.0"', 'damping="50"', "its damping is 50 N s/m, asset.json says 5"),
+        (
+            'frictionloss="2.0"',
+            'frictionloss="1.9"',
+            "its dry friction is 1.9 N, asset.json says 2",
+        ),
+    ],
+)
+def test_a_resistance_that_was_changed_in_the_mjcf_fails(tmp_path, old, new, said):
+    asset = make_cabinet(tmp_path, drawers=1)
+    text = asset.mjcf_path.read_text()
+    assert old in text
+    asset.mjcf_path.write_text(text.replace(old, new))
+    (clause,) = limits(load_model(asset))
+    assert (clause.outcome, clause.subject) == ("failed", "drawer_0_slide")
+    assert said in clause.message
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "outcome"),
+    [
+        ('<dynamics damping="0.1" friction="0.1"/>', "passed"),
+        ('<dynamics damping="0.1"/>', "passed"),
+        ('<dynamics damping="0.1" friction="0.2"/>', "failed"),
+        ('<dynamics damping="9" friction="0.1"/>', "failed"),
+        ('<dynamics friction="much"/>', "failed"),
+    ],
+)
+def test_resistance_in_the_urdf_counts_where_it_says_any(tmp_path, dynamics, outcome):
+    asset = make_cupboard(tmp_path, degrees=90.0)
+    text = URDF.format(kind="revolute", upper=1.5707963267949)
+    (tmp_path / "object.urdf").write_text(text.replace("<limit", f"{dynamics}<limit"))
+    (clause,) = limits(load_model(asset))
+    assert clause.outcome == outcome

@@ -8,7 +8,7 @@ from articulate.convert import ConvertConfig, convert
 from articulate.convert.convert import read_input
 from articulate.prove.model import load_model
 from articulate.prove.origin import origin_of_reading
-from articulate.prove.shown import shares, shown
+from articulate.prove.shown import least_shares, shares, shown
 
 CONFIG = ConvertConfig(decompose=False, size_m=0.4)
 
@@ -64,6 +64,42 @@ def test_shares_of_two_boxes_are_those_of_their_common_faces():
     one = np.asarray(trimesh.creation.box((1.0, 1.0, 1.0)).triangles)
     other = one.copy()
     other[other[:, :, 2] > 0.0] += [0.0, 0.0, 1.0]  # twice as high
-    kept, new = shares(one, other)
+    kept, new = shares([one], [other])
     assert kept == pytest.approx(5.0 / 6.0, abs=0.02)
     assert new == pytest.approx(5.0 / 10.0, abs=0.03)
+
+
+def panels(count):
+    """Boxes of 10 x 10 x 1 cm in a row, and the last of them far smaller than the others."""
+    boxes = [trimesh.creation.box((0.1, 0.1, 0.01)) for _ in range(count - 1)]
+    boxes.append(trimesh.creation.box((0.02, 0.01, 0.01)))
+    for k, box in enumerate(boxes):
+        box.apply_translation((0.2 * k, 0.0, 0.0))
+    return [np.asarray(box.triangles) for box in boxes]
+
+
+def test_a_small_mesh_among_many_counts_by_itself():
+    given = panels(30)
+    moved = [*given[:-1], given[-1] + [0.0, 0.0, 0.05]]
+    assert min(shares(given, moved)) > 0.99  # it is a thousandth of the surface
+    assert least_shares(given, moved) == (0.0, 0.0)
+    assert least_shares(given, given) == (1.0, 1.0)
+
+
+def test_a_small_mesh_that_is_lost_counts_by_itself():
+    given = panels(30)
+    kept, new = least_shares(given, given[:-1])
+    assert kept == 0.0
+    assert new == 1.0
+
+
+def test_what_one_mesh_shows_may_be_shown_by_another():
+    given = panels(3)
+    twice = [*given, given[0]]
+    assert least_shares(given, twice) == (1.0, 1.0)
+
+
+def test_meshes_without_area_are_no_loss():
+    given = panels(3)
+    flat = np.zeros((1, 3, 3))
+    assert least_shares([*given, flat], given) == (1.0, 1.0)

@@ -1,0 +1,187 @@
+"""Every kind of defect is planted, concerns what it names, and is counted as it was judged."""
+
+import importlib
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+from lxml import etree
+from tests.articulate.convert.cabinets import write_cabinet
+
+from articulate.asset import load_asset
+from articulate.convert import ConvertConfig, convert
+from articulate.convert.convert import read_input
+from articulate.proof import Clause, Proof
+from articulate.prove.clauses import CLAUSES
+from articulate.prove.origin import origin_of_reading
+
+CONFIG = ConvertConfig(decompose=False, size_m=0.4)
+
+
+@pytest.fixture(scope="module")
+def modules():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+        yield importlib.import_module("defects"), importlib.import_module("planted")
+        for name in ("defects", "planted", "assets"):
+            sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def defects(modules):
+    return modules[0]
+
+
+@pytest.fixture
+def planted(modules):
+    return modules[1]
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    return write_cabinet(tmp_path_factory.mktemp("source"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, source):
+    return convert(source, tmp_path_factory.mktemp("made") / "cabinet", CONFIG).folder
+
+
+def damage(planted, folder, copy, kind):
+    """What the defect concerns, and whether object.xml or a mesh differs from before."""
+    shutil.copytree(folder, copy)
+    tree = etree.parse(str(copy / "object.xml"))
+    names = planted.KINDS[kind].plant(planted.Damaged(copy, load_asset(copy), tree))
+    tree.write(str(copy / "object.xml"))
+    meshes = any(
+        path.read_bytes() != (folder / "meshes" / path.name).read_bytes()
+        for path in (copy / "meshes").iterdir()
+    )
+    before = etree.tostring(etree.parse(str(folder / "object.xml")), method="c14n")
+    return names, meshes or etree.tostring(tree, method="c14n") != before
+
+
+def test_every_kind_damages_a_cabinet_and_says_what_it_concerns(planted, folder, tmp_path):
+    asset = load_asset(folder)
+    known = {x.name for x in (*asset.links, *asset.joints)}
+    for k, kind in enumerate(planted.KINDS):
+        names, differs = damage(planted, folder, tmp_path / str(k), kind)
+        assert (kind, bool(names), differs) == (kind, True, True)
+        assert set(names) <= known
+
+
+def test_a_kind_that_does_not_apply_changes_nothing(planted, folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    tree = etree.parse(str(copy / "object.xml"))
+    for body in list(tree.iterfind(".//body/body")):
+        body.getparent().remove(body)
+    before = etree.tostring(tree)
+    d = planted.Damaged(copy, load_asset(copy), tree)
+    for kind in ("axis reversed", "limits absent", "link lost", "spring of 60 N or Nm that opens"):
+        assert planted.KINDS[kind].plant(d) == ()
+    assert etree.tostring(tree) == before
+
+
+def test_clauses_that_name_a_kind_are_clauses_of_the_proof(planted):
+    assert {c for kind in planted.KINDS.values() for c in kind.named_by} <= set(CLAUSES)
+
+
+def test_a_lost_link_is_refused_and_named(defects, folder, source, tmp_path):
+    origin = origin_of_reading(read_input(source, CONFIG), CONFIG)
+    names, proof = defects.judged(folder, "link lost", tmp_path, origin)
+    row = defects.row_of("link lost", names, proof, 1.0)
+    assert (row["planted"], row["found"], row["named"]) == (True, True, True)
+    assert row["clauses"] == ["loads"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def failed(name, subject):
+    clause = Clause(name=name, outcome="failed", subject=subject, message="why")
+    return Proof(asset="a", verdict="refused", reasons=("why",), clauses=(clause,))
+
+
+@pytest.mark.parametrize(
+    ("clause", "subject", "named"),
+    [
+        ("limits", "door_1", True),
+        ("limits", "door_11", False),  # another joint
+        ("open", "door_1", False),  # another clause
+    ],
+)
+def test_a_defect_is_named_by_its_clause_and_its_joint(defects, clause, subject, named):
+    row = defects.row_of("limits absent", ("door_1", "door"), failed(clause, subject), 1.0)
+    assert (row["found"], row["named"]) == (True, named)
+
+
+def test_sums_tell_missed_from_not_named_and_false_alarms(defects):
+    def row(kind, clauses, *, named=False):
+        return {
+            "kind": kind,
+            "planted": True,
+            "found": bool(clauses),
+            "named": named,
+            "clauses": clauses,
+            "reasons": clauses,
+            "seconds": 2.0,
+        }
+
+    rows = {
+        "a": [
+            row("untouched", []),
+            row("axis reversed", ["fk"], named=True),
+            row("mesh mirrored", ["shown"], named=True),
+            {**row("pivot moved by 2 % of the diagonal", []), "planted": False},
+        ],
+        "b": [row("untouched", ["open"]), row("axis reversed", []), row("link lost", ["fk"])],
+    }
+    result = defects.summed(rows)
+    assert (result["planted"], result["found"], result["named"]) == (4, 3, 2)
+    assert result["false_alarms"] == {"b": ["open"]}
+    assert result["kinds"]["axis reversed"]["missed"] == ["b"]
+    assert result["kinds"]["link lost"]["not_named"] == ["b"]
+    assert result["kinds"]["mesh mirrored"]["by_input_alone"] == 1
+    assert result["kinds"]["axis reversed"]["by_input_alone"] == 0
+    assert (result["assets"], result["complete"]) == (2, 0)
+
+
+def test_results_are_gone_on_with_after_a_kill(defects, folder, source, tmp_path, monkeypatch):
+    monkeypatch.setattr(defects, "KINDS", {"link lost": defects.KINDS["link lost"]})
+    path = defects.results_of(tmp_path, folder.name)
+    first = {"kind": "untouched", "planted": True, "found": False}
+    path.write_text(json.dumps(first) + '\n{"kind": "link l')
+    defects.of_one((str(folder), str(source), str(tmp_path), 0.0))  # no time is left
+    assert defects.noted(path) == [first]
+    defects.of_one((str(folder), str(source), str(tmp_path), float("inf")))
+    assert [row["kind"] for row in defects.noted(path)] == ["untouched", "link lost"]
+    assert defects.noted(path)[1]["found"]
+
+
+def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(planted, folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    tree = etree.parse(str(copy / "object.xml"))
+    d = planted.Damaged(copy, load_asset(copy), tree)
+    first = d.largest()[0]
+    first.addnext(etree.fromstring(etree.tostring(first)))  # the same mesh once more hides both
+    second = d.largest()[0]
+    assert first.get("mesh") != second.get("mesh")
+    assert first.getparent().get("name") == "body"
+    assert second.getparent().get("name") in {"drawer", "door"}
+
+
+def test_a_mirror_image_that_looks_the_same_is_no_defect(planted, tmp_path):
+    path = tmp_path / "pot.obj"
+    pot = trimesh.creation.cylinder(radius=0.2, height=0.1, sections=500)
+    pot.apply_translation((0.0, 0.0, 0.05))
+    pot.export(path)
+    before = path.read_bytes()
+    assert not planted._vertices(path, lambda p: p * [-1.0, 1.0, 1.0], flip=True)
+    assert path.read_bytes() == before
+    assert planted._vertices(path, lambda p: p * [1.0, 1.0, -1.0], flip=True)
+    mirrored = trimesh.load_mesh(path)
+    assert mirrored.bounds[0, 2] == pytest.approx(-0.1)
+    assert mirrored.volume == pytest.approx(pot.volume)
