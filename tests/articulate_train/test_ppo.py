@@ -140,7 +140,7 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
 def test_average_of_weights_is_the_geometric_sum():
     """After k updates: keep**(k-1) of the first weights, (1-keep) keep**(k-1-i) of the others."""
     keep, values = 0.7, [2.0, -1.0, 5.0, 3.0]
-    average = {}
+    average: dict[str, torch.Tensor] = {}
     for v in values:
         average = blended(average, {"w": torch.tensor([v], dtype=torch.float64)}, keep)
     shares = [keep**3, *((1 - keep) * keep ** (3 - i) for i in (1, 2, 3))]

@@ -39,6 +39,7 @@ def test_tips_clear_the_front_behind_a_knob_as_far_as_they_can(out_m):
     """A knob that stands ``out_m`` off its front leaves that much room behind its own front."""
     surface, owner = front_with(knob(out_m), out_m=out_m)
     grasp = best_grasp(surface, owner, opening=X, far_from=None)
+    assert grasp is not None
     tips_m = float(grasp.pos_o @ X) - TIP_M
     bite_m = out_m - tips_m
     assert tips_m >= min(CLEAR_M, out_m - LEAST_BITE_M) - 1e-6
@@ -49,6 +50,7 @@ def test_tips_clear_the_front_behind_a_knob_as_far_as_they_can(out_m):
 def test_bar_with_room_behind_it_is_held_as_deep_as_it_would_be_alone():
     surface, owner = front_with(trimesh.creation.box((0.012, 0.16, 0.012)), out_m=0.05)
     grasp = best_grasp(surface, owner, opening=X, far_from=None)
+    assert grasp is not None
     assert float(grasp.pos_o @ X) == pytest.approx(0.05 - 0.006, abs=1e-6)
 
 
