@@ -113,6 +113,11 @@ def check_until(name: str, until: float) -> None:
 
 FINGER_M = 0.022
 """Width of a finger along the handle that it holds [m]: 21 mm in franka's finger.stl, and one."""
+PAD_M = 0.008
+"""How far the pads reach to either side of the tool along the approach [m]."""
+HELD_SHARE = 0.6
+"""Fingers at the handle that are at least this share of its thickness apart have it between them:
+whoever holds it beside its middle loses nothing by that."""
 MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
@@ -166,7 +171,9 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
     across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
     room = np.maximum(width - grasp.thick_m, 0.0) / 2.0
     allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
-    beside = np.maximum(np.abs(across) - allowed, 0.0)
+    held = (width >= HELD_SHARE * grasp.thick_m) & (ahead <= PAD_M)
+    held &= np.abs(across) <= grasp.thick_m / 2.0
+    beside = np.where(held, 0.0, np.maximum(np.abs(across) - allowed, 0.0))
     return np.asarray(beside + np.maximum(-ahead - config.beyond_m, 0.0))
 
 

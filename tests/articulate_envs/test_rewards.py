@@ -150,6 +150,20 @@ def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, t
         assert cost == pytest.approx(-50.0 * out, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("width", "across", "ahead", "free"),
+    [
+        (0.03, 0.01, 0.0, True),  # what is held lies beside the middle of the hand
+        (0.03, 0.01, 0.02, False),  # it lies before the pads
+        (0.03, 0.025, 0.0, False),  # it lies beside a finger
+        (0.0, 0.01, 0.0, False),  # closed on nothing
+    ],
+)
+def test_what_is_between_closed_fingers_costs_nothing(width, across, ahead, free):
+    after = dataclasses.replace(state(offset=[0.0, across, ahead]), hand_width=np.full(1, width))
+    assert (terms(after, thick_m=0.03, progress=1.0)["aside"] == 0.0) == free
+
+
 def test_the_way_is_the_narrower_the_less_the_hand_is_open():
     config = dataclasses.replace(CONFIG, aside=-50.0)
     after = state(offset=[0.0, 0.03, 0.0])
