@@ -10,7 +10,7 @@ from articulate.observe import OBSERVATION
 from articulate_envs.critic import PRIVILEGED
 from articulate_train.config import PpoConfig
 from articulate_train.policy import policy_of, read_checkpoint
-from articulate_train.ppo import Learner, blended
+from articulate_train.ppo import Learner
 
 STEPS = 32
 """Steps of an update."""
@@ -52,7 +52,6 @@ def bits(learner):
         out |= {f"adam.{k}.{name}": np.asarray(v).copy() for name, v in state.items()}
     for name, rms in (("seen", norm.obs_rms), ("returns", norm.ret_rms)):
         out |= {f"{name}.{k}": np.array(getattr(rms, k)) for k in ("mean", "var", "count")}
-    out |= {f"average.{k}": v.numpy().copy() for k, v in learner._average.items()}
     return out | {"steps": np.array(model.num_timesteps), "updates": np.array(model._n_updates)}
 
 
@@ -129,41 +128,12 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     train(one, 3)
     one.save(tmp_path)
     raw = one.normalise.old_obs
-    policy = policy_of(read_checkpoint(tmp_path) | {"average": {}})
+    policy = policy_of(read_checkpoint(tmp_path))
     seen = torch.from_numpy(one.normalise.normalize_obs(raw.astype(np.float64)).astype(np.float32))
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
     expected = np.clip(mean.numpy(), -1, 1)
     np.testing.assert_allclose(policy.act(raw[:, : OBSERVATION.size]), expected, atol=1e-5)
-
-
-def test_average_of_weights_is_the_geometric_sum():
-    """After k updates: keep**(k-1) of the first weights, (1-keep) keep**(k-1-i) of the others."""
-    keep, values = 0.7, [2.0, -1.0, 5.0, 3.0]
-    average: dict[str, torch.Tensor] = {}
-    for v in values:
-        average = blended(average, {"w": torch.tensor([v], dtype=torch.float64)}, keep)
-    shares = [keep**3, *((1 - keep) * keep ** (3 - i) for i in (1, 2, 3))]
-    assert sum(shares) == pytest.approx(1.0)
-    assert average["w"].item() == pytest.approx(np.dot(shares, values), abs=1e-12)
-
-
-def test_saved_policy_is_the_average_of_the_trained_ones(learner, tmp_path):
-    one, keep = learner(), PpoConfig().average
-    train(one, 1)
-    first = {k: v.clone() for k, v in one.model.policy.state_dict().items()}
-    train(one, 1)
-    last = one.model.policy.state_dict()
-    one.save(tmp_path)
-    name = "action_net.weight"
-    got = policy_of(read_checkpoint(tmp_path)).head.weight.detach()
-    torch.testing.assert_close(got, keep * first[name] + (1 - keep) * last[name])
-    assert (got - last[name]).abs().max() > 0
-
-
-def test_share_of_the_average_is_below_one():
-    with pytest.raises(ConfigError, match=r"ppo.average is 1.0; it must be in \[0, 1\)"):
-        PpoConfig(average=1.0)
 
 
 def test_policy_does_not_see_what_only_the_value_function_may(learner):

@@ -46,13 +46,8 @@ class PpoConfig:
     """Logarithm of the first standard deviation of actions."""
     net: tuple[int, ...] = (128, 128)
     """Widths of the hidden layers of policy and value, ELU between."""
-    average: float = 0.95
-    """Share of the old in the running average of the policy's weights, at each update; what is
-    evaluated and exported is that average. 0 means the last weights."""
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.average < 1.0:
-            raise ConfigError(f"ppo.average is {self.average}; it must be in [0, 1)")
         size = self.n_envs * self.n_steps
         if self.batch_size < 2 or size % self.batch_size:
             raise ConfigError(

@@ -16,8 +16,6 @@ from articulate.transforms import Array
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
-ACTOR = ("mlp_extractor.policy_net.", "action_net.")
-"""Beginnings of the names of the weights that choose actions."""
 
 
 class Policy(nn.Module):
@@ -72,8 +70,8 @@ def load_policy(folder: Path) -> Policy:
 
 
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
-    """The policy held in a checkpoint: the average of its weights if it keeps one."""
-    weights = checkpoint.get("average") or checkpoint["policy"]
+    """The policy held in a checkpoint's weights and normalisation."""
+    weights = checkpoint["policy"]
     names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
     policy = Policy(
         checkpoint["normalise"]["mean"][: OBSERVATION.size],  # the rest is the value function's

@@ -24,7 +24,7 @@ from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
-from articulate_train.policy import ACTOR, CHECKPOINT
+from articulate_train.policy import CHECKPOINT
 from articulate_train.vecenv import EpisodesVecEnv
 
 
@@ -46,7 +46,6 @@ class Learner:
         self.envs = EpisodesVecEnv(self.episodes)
         self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
         self.model = make_ppo(self.normalise, ppo, seed)
-        self._average: dict[str, torch.Tensor] = {}
 
     def run(self, on_update: Callable[[Learner], bool]) -> None:
         """Collect and update until the configured steps are done.
@@ -73,7 +72,6 @@ class Learner:
                     raise
             if not self.is_finite():
                 raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
-            self._average = blended(self._average, self._actor(), self.config.ppo.average)
             if not on_update(self):
                 return
 
@@ -83,10 +81,6 @@ class Learner:
         plain = np.isfinite(rms.mean).all() and np.isfinite(rms.var).all()
         weights = self.model.policy.parameters()
         return bool(plain) and all(bool(torch.isfinite(p).all()) for p in weights)
-
-    def _actor(self) -> dict[str, torch.Tensor]:
-        weights = self.model.policy.state_dict()
-        return {k: v for k, v in weights.items() if k.startswith(ACTOR)}
 
     def save(self, folder: Path) -> None:
         """Write ``checkpoint.pt`` whole: weights, optimiser, environments, generators."""
@@ -98,7 +92,6 @@ class Learner:
         name, keys, *rest = state
         content = {
             "policy": model.policy.state_dict(),
-            "average": self._average,
             "optimizer": model.policy.optimizer.state_dict(),
             "net": list(self.config.ppo.net),
             "normalise": _running(norm.obs_rms),
@@ -131,7 +124,6 @@ class Learner:
         snapshot = {k: v.numpy() for k, v in content["episodes"].items()}
         self.episodes.restore(snapshot | {"generator": plain["generator"]})
         model.policy.load_state_dict(content["policy"])
-        self._average = dict(content.get("average", {}))
         model.policy.optimizer.load_state_dict(content["optimizer"])
         for rms, key in ((seen, "normalise"), (norm.ret_rms, "returns_rms")):
             rms.mean, rms.var = content[key]["mean"].numpy(), content[key]["var"].numpy()
@@ -154,20 +146,6 @@ class Learner:
     def close(self) -> None:
         """Give back the engine."""
         self.envs.close()
-
-
-def blended(
-    average: dict[str, torch.Tensor], weights: dict[str, torch.Tensor], keep: float
-) -> dict[str, torch.Tensor]:
-    """``keep`` of the average and the rest of the weights; the weights where there is none yet.
-
-    Averages of the weights along a training generalise better than its last ones, which still
-    jump about by as much as the learning rate lets them (Polyak and Juditsky 1992; Izmailov et
-    al. 2018, arXiv:1803.05407).
-    """
-    if not average:
-        return {k: v.detach().clone() for k, v in weights.items()}
-    return {k: keep * v + (1.0 - keep) * weights[k].detach() for k, v in average.items()}
 
 
 TRAINING, EVALUATION = 0, 1
