@@ -206,6 +206,7 @@ def _concave(
     judged = surface_tolerance(mesh)
     enough: list[Shape] | None = None
     finest = judged if is_handle(piece.name) else min(tol, judged)
+    judged = judged if fineness(part, config) == 1.0 else finest
     for near in dict.fromkeys((judged, finest)):  # too many are more if finer still
         shells = shell_shapes(mesh, near, piece.name, 2 * most, surface.hollow)
         shells = None if shells is None else merged(shells, surface, near)
@@ -238,7 +239,8 @@ def _split(
     times = fineness(part, config)
     judged = surface_tolerance(surface.mesh)
     most = MAX_STAVES if times == 1.0 else times * config.max_geoms
-    patches = staves(surface.mesh, judged, piece.name, round(most), surface.hollow)
+    near = judged / times
+    patches = staves(surface.mesh, near, piece.name, round(most), surface.hollow)
     if patches is None or (times == 1.0 and _near_share(patches, surface, judged) < STAVES_NEAR):
         hulls = decompose(
             surface.mesh,

@@ -55,7 +55,7 @@ TIMED_STEPS = 100
 TIMINGS = 7
 """So often; the median counts."""
 
-PASSES = 3
+PASSES = 4
 """Shapes are made so often, each time finer where they seal or miss what is seen."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
