@@ -44,9 +44,9 @@ from articulate.prove.store import check_out, hand_over
 from articulate.render.camera import Camera
 from articulate.render.scene import NOTHING, PartScene
 
-ACTORS = {"video": "geometric-video", "image": "prior", "text": "prior"}
+ACTORS = {"video": "geometric-video", "image": "geometric-text", "text": "geometric-text"}
 """Who answers if nobody is named."""
-TEXT_ACTOR = "prior"
+TEXT_ACTOR = "geometric-text"
 """Who says the joints that a clip does not show."""
 UNSURE = 0.35
 """A joint of which an actor is less sure makes the result doubtful."""
