@@ -15,6 +15,8 @@ from articulate.transforms import Array, normalised, pose
 LIKE = float(np.cos(np.radians(10.0)))
 MOST_NEAR = 300
 """Points of a panel whose normals are compared."""
+OPENED = frozenset({"door", "flap", "lid"})
+"""What is opened first is not in the way."""
 STEPS = tuple(0.07 * k for k in range(1, 14))
 """Shares of a part's depth by which it is moved to see whether it is free."""
 
@@ -87,7 +89,7 @@ def press_of(shape: Shape, scene: Named) -> Line:
 
 def slide_of(shape: Shape, scene: Named, ways: Sequence[tuple[Array, float]]) -> Line:
     """The freest of some ways of sliding out, each with a penalty of its own."""
-    others = scene.around(shape)
+    others = [s for s in scene.around(shape) if s.role not in OPENED]
     found = []
     for axis, penalty in ways:
         depth = float(np.ptp(shape.points @ axis))
@@ -99,7 +101,7 @@ def slide_of(shape: Shape, scene: Named, ways: Sequence[tuple[Array, float]]) ->
 def drawer_of(shape: Shape, scene: Named) -> Line:
     """The way in which a drawer is drawn: mostly to the front."""
     x, y = np.eye(3)[0], np.eye(3)[1]
-    ways = [(x, 0.0), (y, 0.35), (-y, 0.35), (-x, 0.5)]
+    ways = [(x, 0.0), (y, 0.25), (-y, 0.25), (-x, 0.25)]
     return slide_of(shape, scene, ways)
 
 
