@@ -287,10 +287,9 @@ def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
             f"{diagonals[large] / diagonals[small]:.0f} times as large as {meshes[small].name}; "
             "give all in one unit"
         )
-    spread = float(np.linalg.norm(np.ptp(centres, axis=0)))
-    if spread < 1e-6 * diagonals[large]:
+    if float(np.abs(centres).max()) < 1e-6 * diagonals[large]:
         raise AssetError(
-            f"{name}: all parts lie about one point; give them in their places, as they are "
+            f"{name}: all parts lie about the origin; give them in their places, as they are "
             "when every joint is at 0"
         )
     for k, mesh in enumerate(meshes):

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 import time
 from collections.abc import Sequence
@@ -178,7 +179,8 @@ def _judged(story: Story, proof: Proof, order: Order, seconds: float) -> Made:
     """The verdict: what is not proven is unproven, what may be wrong doubtful."""
     doubts = _doubts(story)
     if proof.verdict == "refused":
-        verdict, reasons = "unproven", [*proof.reasons, *doubts]
+        lasting = [re.sub(r"\S*/(?=object\.urdf: )", "", reason) for reason in proof.reasons]
+        verdict, reasons = "unproven", [*lasting, *doubts]
     else:
         verdict, reasons = ("doubtful" if doubts else "proven"), doubts
     return Made(

@@ -37,6 +37,9 @@ ROUND_TRAY = 0.08
 SURE: dict[str, float] = {"unknown": 0.2, "pane": 0.5, "fold": 0.6}
 """How sure the actor is by role, where it is not the usual."""
 USUALLY = 0.8
+BLOCKED, DOUBTED = 0.5, 0.2
+"""A slide on whose freest way more than this share of the part runs into others, and how sure the
+actor is of it. Hinges of real data run into their neighbours too often to be doubted for that."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ def joint_of(shape: Shape, scene: Named, role: Role) -> PredictedJoint:
         return _said(shape, scene, "fixed", None, 1.0)
     if role in {"drawer", "press", "lift", "slot", "pane"}:
         line = _slide(shape, scene, role)
+        sure = min(sure, DOUBTED) if line.blocked > BLOCKED else sure
         share = SHARES.get(role, 0.5)
         way = share * float(np.ptp(shape.points @ line.axis))
         limits = (-way, 0.0) if role == "press" else (0.0, way)

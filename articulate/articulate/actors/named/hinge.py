@@ -50,6 +50,8 @@ class Line:
     sign: float = 1.0
     """Which way about ``axis`` the part is free."""
     source: str = ""
+    blocked: float = 0.0
+    """Share of the part that runs into something on its way, where that was asked."""
 
 
 @dataclass(frozen=True)

@@ -187,6 +187,27 @@ class Named:
             met |= (other.off(moved, 0.8 * self.reach) < np.inf).any(axis=0) & free
         return float(met.mean())
 
+    def stops(self, shape: Shape, others: Iterable[Shape], axis: Array, ways: Array) -> float:
+        """Share of the part's points that meet a surface across their way along ``axis``.
+
+        What they slide along does not stop them, nor what they touch before they move.
+
+        Args:
+            shape: The part that slides.
+            others: What may stop it.
+            axis: Unit vector (3,).
+            ways: Distances (K,).
+        """
+        points = shape.points[::FEWER]
+        moved = points + np.concatenate([[0.0], ways])[:, None, None] * axis
+        met = np.zeros(moved.shape[:2], dtype=np.bool_)
+        for other in others:
+            off, which = other.tree.query(moved, distance_upper_bound=self.reach)
+            near = np.isfinite(off)
+            across = np.abs(other.dense[1][np.where(near, which, 0)] @ axis) > 0.5
+            met |= near & across
+        return float((met[1:].any(axis=0) & ~met[0]).mean())
+
 
 def named_scene(evidence: Evidence) -> Named:
     """The parts of ``evidence`` by what they are called."""

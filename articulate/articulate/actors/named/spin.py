@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from articulate.actors.geometric.round import off_round
 from articulate.actors.named.hinge import Line
 from articulate.actors.named.scene import Named, Shape
-from articulate.transforms import Array, normalised, pose
+from articulate.transforms import Array, normalised
 
 LIKE = float(np.cos(np.radians(10.0)))
 MOST_NEAR = 300
@@ -93,8 +93,8 @@ def slide_of(shape: Shape, scene: Named, ways: Sequence[tuple[Array, float]]) ->
     found = []
     for axis, penalty in ways:
         depth = float(np.ptp(shape.points @ axis))
-        T = pose(np.outer(np.array(STEPS) * depth, axis))
-        found.append(Line(axis, shape.centre, penalty + scene.hits(shape, others, T), 1.0, "free"))
+        blocked = scene.stops(shape, others, axis, np.array(STEPS) * depth)
+        found.append(Line(axis, shape.centre, penalty + blocked, 1.0, "free", blocked))
     return min(found, key=lambda line: line.penalty)
 
 
