@@ -64,6 +64,8 @@ class Given:
     """The same for programs."""
     labels: Mapping[str, str]
     """What each part is, by its name, without words that tell a joint."""
+    kind: str = ""
+    """What the object is, in words; empty where nobody said."""
     category: str = "unknown"
     source: str = "unknown"
     licence: str = "unknown"
@@ -147,6 +149,7 @@ def library_parts(wanted: str) -> Given:
     return replace(
         given,
         name=object_id.replace("-", "_"),
+        kind=object_id.partition("-")[0].replace("_", " "),
         category=library.category(object_id),
         source=source,
         licence=licence,
@@ -165,6 +168,7 @@ def _partnet(folder: Path) -> Given:
     return replace(
         given,
         name=f"object_{object_id}",
+        kind=_kind(library.category(object_id)),
         category=library.category(object_id),
         source=f"{library.source} {object_id}",
         licence=library.licence,
@@ -225,10 +229,12 @@ def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> Given:
     loader = Loader(source, (), allow_missing=True)
     pieces = {name: _shown(loader, source, name, poses[name]) for name in source.links}
     given = _given(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
+    category = category_of(path, ConvertConfig())
     return replace(
         given,
         source=path.name,
-        category=category_of(path, ConvertConfig()),
+        kind=_kind(category),
+        category=category,
         normalised=is_normalised(path),
     )
 
@@ -302,6 +308,11 @@ def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
                 f"{name}: the parts do not belong together: {mesh.name} is {gap:.3g} m from all "
                 f"others, which are {whole:.3g} m across; give parts of one object in their places"
             )
+
+
+def _kind(category: str) -> str:
+    """A category of PartNet-Mobility in words: ``WashingMachine`` is a washing machine."""
+    return "" if category == "unknown" else re.sub(r"(?<=[a-z])(?=[A-Z])", " ", category).lower()
 
 
 def _four(rgba: tuple[float, ...] | None) -> tuple[float, float, float, float]:

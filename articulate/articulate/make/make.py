@@ -125,7 +125,7 @@ def _predicted(
         times_s=question.times_s,
         picture=question.picture,
         camera=None if question.modality == "text" else camera,
-        text=question.text,
+        text=f"{question.text} {given.kind}".strip(),
         seed=order.seed,
     )
     actor = _actor(order, question)

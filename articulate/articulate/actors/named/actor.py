@@ -163,6 +163,8 @@ def _is_turntable(shape: Shape) -> bool:
 
 def _swings(shape: Shape, scene: Named) -> bool:
     """Whether a pane has no other pane to slide behind."""
+    if "sliding" in scene.things:
+        return False
     panes = [s for s in scene.shapes.values() if s.role == "pane" and s is not shape]
     wide = shape.size[1] > 0.75 * scene.body.size[1]
     apart = any(abs(s.centre[0] - shape.centre[0]) > 0.3 * shape.size[0] for s in panes)

@@ -19,7 +19,7 @@ from articulate.actors.named.scene import Named, Shape
 from articulate.actors.named.words import Role, words_of
 from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
 
-GRIPS = frozenset({"handle", "knob", "pull", "grip", "lock", "latch"})
+GRIPS = frozenset({"handle", "knob", "pull", "grip", "lock", "latch", "lever", "wheel"})
 """Words of what one takes a part by."""
 UP = np.array([0.0, 0.0, 1.0])
 MOST_SWUNG = 8

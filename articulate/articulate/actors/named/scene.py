@@ -14,7 +14,7 @@ from articulate.actors.geometric.surface import Surface
 from articulate.actors.named.words import BODIES, Role, role_of, things_in, words_of
 from articulate.actors.protocol import Evidence
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.transforms import Array, Ints, apply
+from articulate.transforms import Array, Ints, apply, normalised
 
 POINTS, DENSE = 800, 6000
 """Points on a part that moves, and on one that others move against."""
@@ -178,14 +178,12 @@ class Named:
         return np.asarray(shape.points[other.off(shape.points) < share * self.reach])
 
     def hits(self, shape: Shape, others: Iterable[Shape], T: Array) -> float:
-        """Share of the part's points that run into ``others`` on the way ``T`` (K, 4, 4)."""
+        """Share of the part's points that meet a surface across their way on poses ``T`` (K, 4, 4).
+
+        What they slide along does not stop them, nor what they touch before they move.
+        """
         points = shape.points[::FEWER]
-        moved = apply(T[:, None], points)
-        met = np.zeros(len(points), dtype=np.bool_)
-        for other in others:
-            free = other.off(points) > 2.0 * self.reach
-            met |= (other.off(moved, 0.8 * self.reach) < np.inf).any(axis=0) & free
-        return float(met.mean())
+        return self._met(np.concatenate([points[None], apply(T[:, None], points)]), others)
 
     def stops(self, shape: Shape, others: Iterable[Shape], axis: Array, ways: Array) -> float:
         """Share of the part's points that meet a surface across their way along ``axis``.
@@ -200,12 +198,18 @@ class Named:
         """
         points = shape.points[::FEWER]
         moved = points + np.concatenate([[0.0], ways])[:, None, None] * axis
-        met = np.zeros(moved.shape[:2], dtype=np.bool_)
+        return self._met(moved, others)
+
+    def _met(self, way: Array, others: Iterable[Shape]) -> float:
+        """Share of points that meet a surface across their way (K, N, 3), not at its beginning."""
+        ahead = normalised(np.diff(way, axis=0, append=way[-1:]))
+        ahead[-1] = ahead[-2]
+        met = np.zeros(way.shape[:2], dtype=np.bool_)
         for other in others:
-            off, which = other.tree.query(moved, distance_upper_bound=self.reach)
+            off, which = other.tree.query(way, distance_upper_bound=self.reach)
             near = np.isfinite(off)
-            across = np.abs(other.dense[1][np.where(near, which, 0)] @ axis) > 0.5
-            met |= near & across
+            normals = other.dense[1][np.where(near, which, 0)]
+            met |= near & (np.abs((normals * ahead).sum(axis=-1)) > 0.5)
         return float((met[1:].any(axis=0) & ~met[0]).mean())
 
 
