@@ -17,6 +17,7 @@ from articulate.commands.make import MakeFlags, main
 from articulate.make import inputs
 from articulate.make.make import overlap
 from articulate.make.pictures import view_of
+from articulate.program.built import Built
 from articulate.program.parts import parts_of
 from articulate.program.run import run_program
 from articulate.render.camera import FRONT_EYE_W, FRONT_TARGET_W
@@ -64,6 +65,7 @@ def test_the_program_beside_it_compiles_to_the_same_joints(made):
     _, out = made
     source = (out / "program" / "program.py").read_text()
     built = run_program(source, parts_of(out / "program" / "object.urdf"))
+    assert isinstance(built, Built)
     assert [(j.kind, j.child) for j in built.joints] == [("prismatic", "drawer_0")]
 
 

@@ -41,6 +41,7 @@ def test_clips_that_show_nothing_are_refused(tmp_path, error_line):
 def test_a_picture_is_read_in_rgb(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), frames(moving=True)[0][..., ::-1])
     question = image_question(tmp_path / "a.png")
+    assert question.picture is not None
     assert question.picture[40, 20].tolist() == [200, 30, 30]
 
 

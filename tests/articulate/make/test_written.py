@@ -89,8 +89,10 @@ def test_whatever_hangs_on_whatever_it_becomes_a_tree(pairs):
     root, held = tree_of([joint(part, parent) for part, parent in pairs], meshes())
     assert set(held) == set(NAMES) - {root}
     for name in held:
-        at, steps = name, 0
+        at: str | None = name
+        steps = 0
         while at != root:
+            assert at is not None
             at, steps = held[at].parent, steps + 1
             assert steps <= len(NAMES)
 
