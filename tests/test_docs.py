@@ -20,6 +20,7 @@ from articulate.commands.cache import CacheFlags
 from articulate.commands.check import CheckFlags
 from articulate.commands.completion import SHELLS
 from articulate.commands.flags import parse
+from articulate.commands.make import MakeFlags
 from articulate.commands.watch import WatchFlags
 from articulate.draw import DrawConfig
 from articulate.follow import FollowConfig
@@ -61,6 +62,7 @@ FLAGS = {
     "export": ExportFlags,
     "deploy": DeployFlags,
     "benchmark": BenchmarkFlags,
+    "make": MakeFlags,
     "watch": WatchFlags,
     "cache": CacheFlags,
 }
@@ -247,7 +249,7 @@ def test_arguments_and_options_of_environments_are_those_of_the_code():
 
 @pytest.mark.parametrize(
     "command",
-    ["check-asset", "train", "evaluate", "export-policy", "deploy", "watch", "cache"],
+    ["check-asset", "train", "evaluate", "export-policy", "deploy", "watch", "cache", "make"],
 )
 def test_pages_of_commands_name_flags_that_exist(command):
     known = {f"--{f.name.replace('_', '-')}" for f in dataclasses.fields(FLAGS[command])}
@@ -255,7 +257,7 @@ def test_pages_of_commands_name_flags_that_exist(command):
     page = re.sub(r"`deploy --seed 0`", "", page)  # of another command
     found = re.findall(r"(?<![\w-])--[a-z][a-z-]*", page)
     told = {flag.replace("--no-randomise", "--randomise") for flag in found}
-    groups = {f"--{g}" for g in ("draw", "reward", "starts", "follow", "physics", "ppo")}
+    groups = {f"--{g}" for g in ("draw", "reward", "starts", "follow", "physics", "ppo", "camera")}
     assert told <= known | groups | COMMON
 
 

@@ -9,6 +9,7 @@ from articulate.errors import ConfigError, MissingError, nearest
 
 ACTORS = {
     "geometric-video": "articulate.actors.geometric.video:video_actor",
+    "geometric-text": "articulate.actors.named.actor:NamedActor",
     "prior": "articulate.actors.prior:PriorActor",
 }
 """Where each actor is defined; called without arguments it gives an actor."""

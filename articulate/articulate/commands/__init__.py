@@ -29,6 +29,7 @@ BUG_EXIT = 1
 Main = Callable[[Sequence[str]], int]
 
 SUMMARIES = {
+    "make": "find the joints of an object whose parts are known, and prove it",
     "check": "convert an object and prove it ready for simulation",
     "train": "train a policy on an object",
     "evaluate": "evaluate a run again",

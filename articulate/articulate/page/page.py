@@ -66,6 +66,11 @@ class Page:
         """Add lines of code or of a command, as they are."""
         return self._add(f"<pre>{_text(text)}</pre>")
 
+    def links(self, addresses: Mapping[str, str]) -> Page:
+        """Add links to files beside the page: texts and relative paths."""
+        items = [f'<a href="{_text(to)}">{_text(text)}</a>' for text, to in addresses.items()]
+        return self._add(f"<p>{', '.join(items)}</p>")
+
     def tiles(self, *tiles: Tile) -> Page:
         """Add a row of key figures."""
         items = [

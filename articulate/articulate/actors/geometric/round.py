@@ -29,13 +29,13 @@ def round_axis(part: Surface, axes: list[tuple[str, Array]]) -> Motion | None:
     tree = cKDTree(points)
     for name, axis in axes:
         for where, middle in (("middle", 0.5 * (low + high)), ("weight", points.mean(axis=0))):
-            off = _off_round(points, tree, axis, middle)
+            off = off_round(points, tree, axis, middle)
             if off < best_off:
                 best, best_off = Motion("turn", axis, middle, f"{name}, round, {where}"), off
     return best
 
 
-def _off_round(points: Array, tree: cKDTree, axis: Array, middle: Array) -> float:
+def off_round(points: Array, tree: cKDTree, axis: Array, middle: Array) -> float:
     """How far the surface is from itself after turns, in radii: the 80th percentile."""
     arm = points - middle
     across = arm - np.outer(arm @ axis, axis)

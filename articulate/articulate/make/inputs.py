@@ -1,0 +1,199 @@
+"""What a person gives besides parts: a clip, a picture or a sentence, and a camera."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from articulate.actors.protocol import Modality, Pixels
+from articulate.errors import ConfigError, UsageError
+from articulate.render.camera import (
+    FRONT_EYE_W,
+    FRONT_FOVY_RAD,
+    FRONT_TARGET_W,
+    Camera,
+    look_at,
+    pinhole,
+)
+from articulate.transforms import Array
+from articulate.vision.video import Reading, check_moves, read_clip
+
+LONGEST_SIDE_PX = 1280
+"""Larger clips and pictures are made smaller."""
+MOST_FRAMES = 100
+"""Frames of a clip that are looked at, evenly spread."""
+PLAIN = 24.0
+"""Pixels that differ by less from what the picture's rim mostly shows are background, 0 to 255."""
+LEAST_SHARE = 0.002
+"""An object covers at least this share of a picture."""
+MOST_LETTERS = 2000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Question:
+    """What is known of how the object moves."""
+
+    modality: Modality
+    told: str
+    """What was given, in a few words."""
+    clip: Pixels | None = None
+    times_s: Array | None = None
+    picture: Pixels | None = None
+    text: str = ""
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of clip or picture; 640 x 480 without one."""
+        if self.clip is not None:
+            return int(self.clip.shape[2]), int(self.clip.shape[1])
+        if self.picture is not None:
+            return int(self.picture.shape[1]), int(self.picture.shape[0])
+        return 640, 480
+
+
+def video_question(path: Path, text: str = "") -> Question:
+    """A film in which a part moves.
+
+    Raises:
+        ClipError: It cannot be read, is empty or of one frame, or nothing moves in it.
+    """
+    clip = read_clip(path, Reading(longest_side_px=LONGEST_SIDE_PX, most_frames=MOST_FRAMES))
+    check_moves(clip.frames, str(path))
+    return Question(
+        modality="video",
+        told=f"the clip {path.name}",
+        clip=clip.frames,
+        times_s=clip.times_s,
+        text=text,
+    )
+
+
+def image_question(path: Path, text: str = "") -> Question:
+    """A picture of the object.
+
+    Raises:
+        UsageError: It cannot be read, or shows nothing.
+    """
+    if not path.is_file():
+        raise UsageError(f"{path}: no such file; give a picture, e.g. a .png")
+    if path.stat().st_size == 0:
+        raise UsageError(f"{path}: is empty; give a picture of the object")
+    try:
+        read = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        read = None
+    if read is None:
+        raise UsageError(f"{path}: cannot be read as a picture; .png and .jpg can")
+    factor = LONGEST_SIDE_PX / max(read.shape[:2])
+    if factor < 1.0:
+        read = cv2.resize(read, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+    picture = np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    share = float(foreground(picture).mean())
+    if share < LEAST_SHARE:
+        raise UsageError(
+            f"{path}: shows no object ({share:.2%} of it differ from its rim); give a picture of "
+            "the object"
+        )
+    return Question(modality="image", told=f"the picture {path.name}", picture=picture, text=text)
+
+
+def text_question(text: str) -> Question:
+    """A sentence about the object.
+
+    Raises:
+        ConfigError: It says nothing, or too much.
+    """
+    said = " ".join(text.split())
+    if not any(letter.isalpha() for letter in said):
+        raise ConfigError('--text is empty; say what the object is, e.g. "a cabinet with a drawer"')
+    if len(said) > MOST_LETTERS:
+        raise ConfigError(
+            f"--text has {len(said)} letters; at most {MOST_LETTERS} are read: say it shorter"
+        )
+    return Question(modality="text", told=f'"{said}"', text=said)
+
+
+def foreground(picture: Pixels) -> np.ndarray:
+    """Where a picture (H, W, 3) differs from what its rim mostly shows, (H, W)."""
+    rim = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
+    usual = np.median(rim.astype(np.float64), axis=0)
+    return np.asarray(np.abs(picture - usual).max(axis=-1) > PLAIN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Where the camera of clip or picture stands, in the frame of the parts."""
+
+    file: Path | None = None
+    """JSON file with width_px, height_px, fx_px, fy_px, cx_px, cy_px and T_oc, which places
+    OpenCV's axes in the frame of the parts; the other flags are not heeded then."""
+    eye: tuple[float, float, float] = FRONT_EYE_W
+    """Position of the camera [m]."""
+    target: tuple[float, float, float] = FRONT_TARGET_W
+    """Point that is seen in the middle [m]."""
+    fovy: float = float(np.degrees(FRONT_FOVY_RAD))
+    """Angle of view, from top to bottom [deg]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no camera."""
+        if not 1.0 <= self.fovy <= 170.0:
+            raise ConfigError(f"--camera.fovy is {self.fovy:g} degrees; it must lie in [1, 170]")
+
+    def camera(self, width_px: int, height_px: int) -> Camera:
+        """The camera of pictures of this size.
+
+        Raises:
+            ConfigError: The file is no camera, or of pictures of another shape.
+        """
+        if self.file is not None:
+            return _fitting(camera_in(self.file), width_px, height_px, self.file)
+        return pinhole(
+            width_px=width_px,
+            height_px=height_px,
+            fovy_rad=float(np.radians(self.fovy)),
+            T_wc=look_at(self.eye, self.target),
+        )
+
+
+def camera_in(path: Path) -> Camera:
+    """The camera that a JSON file says.
+
+    Raises:
+        ConfigError: It says none.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        T_oc = np.array(content["T_oc"], dtype=np.float64)
+        if T_oc.shape != (4, 4) or not np.isfinite(T_oc).all():
+            raise ValueError("T_oc is not a pose of 4x4 numbers")
+        if not np.allclose(T_oc[:3, :3] @ T_oc[:3, :3].T, np.eye(3), atol=1e-3):
+            raise ValueError("T_oc holds no rotation")
+        return Camera(
+            width_px=int(content["width_px"]),
+            height_px=int(content["height_px"]),
+            fx_px=float(content["fx_px"]),
+            fy_px=float(content["fy_px"]),
+            cx_px=float(content["cx_px"]),
+            cy_px=float(content["cy_px"]),
+            T_wc=T_oc,
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        told = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise ConfigError(
+            f"--camera.file {path}: not a camera ({told}); it holds width_px, height_px, fx_px, "
+            "fy_px, cx_px, cy_px and T_oc"
+        ) from None
+
+
+def _fitting(camera: Camera, width_px: int, height_px: int, path: Path) -> Camera:
+    factor = width_px / camera.width_px
+    if abs(camera.height_px * factor - height_px) > 2.0:
+        raise ConfigError(
+            f"--camera.file {path}: is for {camera.width_px}x{camera.height_px} px, and what is "
+            f"shown has {width_px}x{height_px}; give the camera of this clip or picture"
+        )
+    return camera if width_px == camera.width_px else camera.scaled(factor)

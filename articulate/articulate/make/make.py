@@ -1,0 +1,241 @@
+"""Make: question and parts in, a folder with a proven URDF out, and a page that tells how.
+
+::
+
+    Question + Given ─► Evidence ─► Actor ⇄ Critic ─► program ─► URDF ─► Proof ─► folder
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from articulate.actors.loop import Loop
+from articulate.actors.protocol import GOOD_ENOUGH, Actor, Evidence, PredictedJoint, Prediction
+from articulate.actors.registry import make_actor
+from articulate.errors import ConfigError, UsageError, nearest
+from articulate.files import copy_writable, write_json
+from articulate.make.given import Given
+from articulate.make.inputs import Question, foreground
+from articulate.make.recording import write_recording
+from articulate.make.spoken import miscounted
+from articulate.make.story import (
+    MADE_FILE,
+    PROGRAM_FOLDER,
+    RECORDING_FILE,
+    TRACE_FILE,
+    Made,
+    Order,
+    Story,
+)
+from articulate.make.trace import write_trace
+from articulate.make.written import program_of, tree_of
+from articulate.program.built import ProgramError
+from articulate.program.run import compile_program
+from articulate.proof import Proof
+from articulate.prove.batch import Batch, Item
+from articulate.prove.store import check_out, hand_over
+from articulate.render.camera import Camera
+from articulate.render.scene import NOTHING, PartScene
+
+ACTORS = {"video": "geometric-video", "image": "geometric-text", "text": "geometric-text"}
+"""Who answers if nobody is named."""
+TEXT_ACTOR = "geometric-text"
+"""Who says the joints that a clip does not show."""
+UNSURE = 0.35
+"""A joint of which an actor is less sure makes the result doubtful."""
+OVERLAP = 0.5
+"""Less overlap of the picture's object with the parts, as the camera sees them, is doubtful."""
+
+
+def make(question: Question, given: Given, camera: Camera, order: Order) -> Made:
+    """Find joints, write the program, prove what it describes, and write the folder.
+
+    Nothing is written unless there is an object.
+
+    Raises:
+        UsageError: The question cannot be answered, or the folder cannot be written.
+    """
+    check_out(order.out)
+    start = time.monotonic()
+    _check_joint(order.joint, given)
+    prediction, actor_name = _predicted(question, given, camera, order)
+    said = time.monotonic()
+    root, held = tree_of(_wanted(prediction.joints, order.joint), given.meshes)
+    if all(joint.kind == "fixed" for joint in held.values()):
+        raise UsageError(_nothing_moves(question, order.joint))
+    source = prediction.program or program_of(root, held, actor=actor_name, question=question.told)
+    with tempfile.TemporaryDirectory() as place:
+        work = Path(place)
+        built = compile_program(source, given.parts, work / PROGRAM_FOLDER)
+        if isinstance(built, ProgramError):
+            raise UsageError(f"the program of {actor_name} cannot be compiled: {built}")
+        given.write_origin(work / PROGRAM_FOLDER)
+        compiled = time.monotonic()
+        proof = _proof(built, work / "asset", order)
+        seconds = {
+            "joints": said - start,
+            "program": compiled - said,
+            "proof": time.monotonic() - compiled,
+        }
+        story = Story(
+            given=given,
+            question=question,
+            camera=camera,
+            actor=actor_name,
+            prediction=prediction,
+            root=root,
+            held=held,
+            program=source,
+            layers=_layers(work / PROGRAM_FOLDER),
+            seconds=seconds,
+        )
+        made = _judged(story, proof, order, time.monotonic() - start)
+        copy_writable(work / PROGRAM_FOLDER, work / "asset" / PROGRAM_FOLDER)
+        made = _told(made, story, work / "asset")
+        hand_over(work / "asset", order.out)
+    return made
+
+
+def _actor(order: Order, question: Question) -> Actor:
+    """Who answers, with the number of turns that was asked for."""
+    name = ACTORS[question.modality] if order.actor == "auto" else order.actor
+    actor = make_actor(name)
+    if order.iterations is not None and isinstance(actor, Loop):
+        return replace(actor, max_turns=order.iterations)
+    return actor
+
+
+def _predicted(
+    question: Question, given: Given, camera: Camera, order: Order
+) -> tuple[Prediction, str]:
+    """What the actor says, and its name."""
+    evidence = Evidence(
+        modality=question.modality,
+        parts=given.meshes,
+        labels=given.labels,
+        clip=question.clip,
+        times_s=question.times_s,
+        picture=question.picture,
+        camera=None if question.modality == "text" else camera,
+        text=f"{question.text} {given.kind}".strip(),
+        seed=order.seed,
+    )
+    actor = _actor(order, question)
+    prediction = actor.predict(evidence)
+    name = ACTORS[question.modality] if order.actor == "auto" else order.actor
+    if prediction.refusal:
+        raise UsageError(f"{question.told}: {prediction.refusal}")
+    if question.modality == "video" and order.joint == "all":
+        rest = make_actor(TEXT_ACTOR).predict(replace(evidence, clip=None, modality="text"))
+        seen = {joint.part for joint in prediction.joints}
+        more = tuple(j for j in rest.joints if j.part not in seen and j.parent not in seen)
+        prediction = replace(prediction, joints=(*prediction.joints, *more))
+        name = f"{name} and {TEXT_ACTOR}"
+    return prediction, name
+
+
+def _check_joint(wanted: str, given: Given) -> None:
+    names = [mesh.name for mesh in given.meshes]
+    if wanted not in {"auto", "all", *names}:
+        raise ConfigError(
+            f"--joint {wanted}: neither auto, nor all, nor a part{nearest(wanted, names)}"
+        )
+
+
+def _wanted(joints: Sequence[PredictedJoint], wanted: str) -> list[PredictedJoint]:
+    """The joints that are asked for; what does not move is kept in any case."""
+    if wanted in {"auto", "all"}:
+        return list(joints)
+    return [j for j in joints if j.part == wanted or j.kind == "fixed"]
+
+
+def _nothing_moves(question: Question, wanted: str) -> str:
+    if wanted not in {"auto", "all"}:
+        return (
+            f"{question.told} says nothing of a joint of {wanted}; give another --joint, or leave "
+            "it out"
+        )
+    return (
+        f"{question.told}: no joint was found; name parts by what they are (door, drawer, lid, "
+        "handle …), or give a clip"
+    )
+
+
+def _proof(urdf: Path, out: Path, order: Order) -> Proof:
+    """Check the compiled URDF in a process of its own; the asset comes to lie in ``out``."""
+    batch = Batch(out=out, cache=order.cache, options={}, limit_s=order.limit_s, single=True)
+    return batch.one(Item(name=urdf.stem, file=urdf)).proof
+
+
+def _judged(story: Story, proof: Proof, order: Order, seconds: float) -> Made:
+    """The verdict: what is not proven is unproven, what may be wrong doubtful."""
+    doubts = _doubts(story)
+    if proof.verdict == "refused":
+        lasting = [re.sub(r"\S*/(?=object\.urdf: )", "", reason) for reason in proof.reasons]
+        verdict, reasons = "unproven", [*lasting, *doubts]
+    else:
+        verdict, reasons = ("doubtful" if doubts else "proven"), doubts
+    return Made(
+        verdict=verdict,  # type: ignore[arg-type]  # one of three literals
+        reasons=tuple(reasons),
+        out=order.out,
+        joints=tuple(story.moving),
+        proof=proof,
+        rating=story.prediction.rating,
+        seconds=seconds,
+    )
+
+
+def _doubts(story: Story) -> list[str]:
+    """Why the object may not be the one that was meant."""
+    verdict, question = story.prediction.verdict, story.question
+    doubts = []
+    if verdict is not None and not verdict.rating > GOOD_ENOUGH:
+        what = verdict.failure.replace("_", " ")
+        doubts.append(
+            f"the critic rates it {verdict.rating:.1f} of 10 ({what}: {verdict.reason or 'no'})"
+        )
+    unsure = [j for j in story.moving if j.confidence < UNSURE]
+    if unsure:
+        told = ", ".join(f"{j.part} ({j.confidence:.2f})" for j in unsure)
+        doubts.append(f"the actor is not sure of {told}")
+    if question.text:
+        doubts += miscounted(question.text, story.given.labels.values())
+    if question.picture is not None:
+        share = overlap(question, story.given, story.camera)
+        if share < OVERLAP:
+            doubts.append(
+                f"picture and parts overlap by {share:.0%}: another object, or another camera"
+            )
+    return doubts
+
+
+def overlap(question: Question, given: Given, camera: Camera) -> float:
+    """Overlap of the picture's object with the parts as the camera sees them, in [0, 1]."""
+    assert question.picture is not None
+    shown = foreground(question.picture)
+    drawn = PartScene(given.meshes).see(camera).part_ids != NOTHING
+    either = float(np.logical_or(shown, drawn).sum())
+    return float(np.logical_and(shown, drawn).sum()) / max(either, 1.0)
+
+
+def _layers(folder: Path) -> tuple[str, ...]:
+    content = json.loads((folder / "built.json").read_text(encoding="utf-8"))
+    return tuple(content["layers"])
+
+
+def _told(made: Made, story: Story, folder: Path) -> Made:
+    """Write the page and what else tells of it, and return what was made."""
+    recorded = write_recording(folder / RECORDING_FILE, story)
+    made = replace(made, recording=recorded)
+    write_json(folder / MADE_FILE, made.content())
+    write_trace(made, story, folder / TRACE_FILE)
+    return made
