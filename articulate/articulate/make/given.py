@@ -226,7 +226,7 @@ def _named(groups: Sequence[tuple[str, trimesh.Trimesh, tuple[float, ...] | None
 def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> Given:
     source = read_urdf(path)
     poses = link_poses(source)
-    loader = Loader(source, (), allow_missing=True)
+    loader = Loader(source, ConvertConfig())
     pieces = {name: _shown(loader, source, name, poses[name]) for name in source.links}
     given = _given(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
     category = category_of(path, ConvertConfig())
