@@ -40,6 +40,8 @@ SLOW_S = 1.5
 """Damping alone may make the whole way take this long [s]."""
 MOST_FRICTION = 0.5
 """Dry friction may take this share of what a hand gives."""
+HALVINGS = 5
+"""The step in which parts begin to meet is halved so often to find where."""
 DIGITS = 4
 """Shortened limits are rounded inwards to this many decimals."""
 
@@ -345,13 +347,23 @@ class Bench:
 
 def reach(sweeper: Sweeper, fault: Fault, pairs: set[tuple[str, str]]) -> tuple[float, float]:
     """How far the joint of a fault goes from closed before ``pairs`` of links meet [m or rad]."""
-    ends = [sweeper.model.closed[fault.joint]]
+
+    def meets(q: float) -> bool:
+        met = sweeper.meetings(fault.joint, {**fault.others, fault.joint: q})
+        return any((m.one, m.other) in pairs and m.excess_m > LIMIT_M for m in met)
+
+    closed = sweeper.model.closed[fault.joint]
+    ends = [closed]
     for positions in sweeper.positions(fault.joint, MAX_STATES):
-        for q in positions:
-            met = sweeper.meetings(fault.joint, {**fault.others, fault.joint: float(q)})
-            if any((m.one, m.other) in pairs and m.excess_m > LIMIT_M for m in met):
+        free = closed
+        for q in positions.tolist():
+            if meets(q):
+                for _ in range(HALVINGS):
+                    middle = (free + q) / 2.0
+                    free, q = (free, middle) if meets(middle) else (middle, q)
                 break
-            ends.append(float(q))
+            free = q
+        ends.append(free)
     return min(ends), max(ends)
 
 

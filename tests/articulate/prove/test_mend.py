@@ -13,6 +13,7 @@ from articulate.convert import ConvertConfig
 from articulate.errors import AssetError
 from articulate.proof import Proof
 from articulate.prove.prove import check, proven_asset
+from articulate.prove.sweeper import LIMIT_M
 
 
 def checked(path: Path, tmp_path: Path) -> Proof:
@@ -39,7 +40,7 @@ def test_a_way_that_ends_at_an_authored_wall_is_shortened(tmp_path):
     proof = checked(written(tmp_path / "in", plug(0.2)), tmp_path)
     assert proof.verdict == "repaired", proof.reasons
     (joint,) = proof.joints
-    assert 0.2 < joint.span <= 0.2 + 0.002 + 1e-3
+    assert joint.span == pytest.approx(0.2 + LIMIT_M, abs=2e-4)
     assert joint.swept == 1.0
     assert "way of joint slide shortened to 0 to 0.20" in sentences(proof)
     assert "was 0 to 0.3" in sentences(proof)
