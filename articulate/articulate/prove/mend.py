@@ -42,6 +42,12 @@ MOST_FRICTION = 0.5
 """Dry friction may take this share of what a hand gives."""
 HALVINGS = 5
 """The step in which parts begin to meet is halved so often to find where."""
+MOST_WEIGHT = 0.8
+"""Weight and dry friction together may take this share of what a hand gives."""
+LEAST_MASS = 0.4
+"""A part that is balanced keeps at least this share of its mass."""
+WEIGHINGS = 9
+"""Positions along a way at which the weight is taken."""
 DIGITS = 4
 """Shortened limits are rounded inwards to this many decimals."""
 
@@ -69,7 +75,9 @@ def mend(
     """
     bench = Bench(asset=asset, bodies=bodies, mimics=mimics)
     for name in model.free_joints:
-        bench.ease(pull_of(asset, model, name))
+        pull = pull_of(asset, model, name)
+        bench.ease(pull)
+        bench.balance(pull, model)
     for _ in range(ROUNDS):
         faults = sweep(model).faults
         if not faults:
@@ -118,6 +126,39 @@ class Bench:
                 )
         if (damping, friction) != (joint.damping, joint.frictionloss):
             self._set(replace(joint, damping=damping, frictionloss=friction))
+
+    def balance(self, pull: Pull, model: ObjectModel) -> None:
+        """Lower the masses that a joint carries where a hand could not move their weight.
+
+        Doors that fall open and seats that are lifted are balanced by springs, which no file
+        tells of. Masses that the source gives are left as they are.
+
+        Args:
+            pull: What the hand does to the joint.
+            model: The object, for its weight.
+        """
+        carried = carried_by(self.asset, pull.joint.link)
+        joint = self.asset.joint(pull.joint.name)
+        weight = weight_on(model, joint)
+        most = MOST_WEIGHT * pull.effort - joint.frictionloss
+        if weight <= most or any(self.parts[n].body.inertial.given for n in carried):
+            return
+        share = most / weight
+        if share < LEAST_MASS:
+            return
+        before = after = 0.0
+        for name in carried:
+            part = self.parts[name]
+            own = part.body.inertial
+            lighter = replace(own, mass_kg=share * own.mass_kg, inertia_p=share * own.inertia_p)
+            part.body = replace(part.body, inertial=lighter)
+            before, after = before + own.mass_kg, after + lighter.mass_kg
+        unit = "N" if joint.kind == "slide" else "Nm"
+        self._eased.append(
+            f"mass that joint {joint.name} carries lowered from {before:.3g} to {after:.3g} kg, as "
+            f"if a spring balanced it: its weight asks for {weight:.3g} {unit}, and {FORCE_N:g} N "
+            f"at {pull.where} give {pull.effort:.3g} {unit}"
+        )
 
     def mend(self, fault: Fault, model: ObjectModel) -> bool:
         """Repair one fault; whether anything was changed.
@@ -330,7 +371,8 @@ class Bench:
         links = []
         for link in self.asset.links:
             part = self.parts[link.name]
-            links.append(replace(link, collisions=len(part.shapes)))
+            mass_kg = part.body.inertial.mass_kg
+            links.append(replace(link, collisions=len(part.shapes), mass_kg=mass_kg))
             if part.cuts:
                 whole = sum(shape.volume for shape in part.body.shapes)
                 share = part.removed_m3 / max(whole, 1e-12)
@@ -343,6 +385,27 @@ class Bench:
             bodies=tuple(part.done() for part in self.parts.values()),
             repairs=tuple(repairs),
         )
+
+
+def carried_by(asset: Asset, link: str) -> list[str]:
+    """``link`` and all links that hang on it, at any remove."""
+    found = [link]
+    for name in found:
+        found += [other.name for other in asset.links if other.parent == name]
+    return found
+
+
+def weight_on(model: ObjectModel, joint: Joint) -> float:
+    """Largest effort of gravity on a joint along its way, the others closed [N or Nm]."""
+    data, effort = model.data(), np.zeros(model.model.nv)
+    most = 0.0
+    for q in np.linspace(joint.closed, joint.open, WEIGHINGS):
+        model.set_joints(data, {joint.name: float(q)})
+        mujoco.mj_comPos(model.model, data)
+        mujoco.mj_comVel(model.model, data)
+        mujoco.mj_rne(model.model, data, 0, effort)
+        most = max(most, abs(float(effort[model.dof_address(joint.name)])))
+    return most
 
 
 def reach(sweeper: Sweeper, fault: Fault, pairs: set[tuple[str, str]]) -> tuple[float, float]:

@@ -8,12 +8,18 @@ from pathlib import Path
 
 import pytest
 from tests.articulate.convert.boxes import BODY_BOX, LIMIT, written
+from tests.articulate.prove.objects import Part, make_object
 
 from articulate.convert import ConvertConfig
+from articulate.convert.presets import SLIDE
 from articulate.errors import AssetError
 from articulate.proof import Proof
+from articulate.prove.mend import weight_on
+from articulate.prove.model import load_model
 from articulate.prove.prove import check, proven_asset
 from articulate.prove.sweeper import LIMIT_M
+
+PLATE = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.01))
 
 
 def checked(path: Path, tmp_path: Path) -> Proof:
@@ -80,6 +86,53 @@ def test_two_parts_that_both_reach_too_far_are_cut_by_half_each(tmp_path):
     assert proof.verdict == "repaired", proof.reasons
     assert proof.joints[0].span == pytest.approx(0.3)
     assert len(re.findall("collision shapes cut back where parts pass", sentences(proof))) == 2
+
+
+HATCH = """<robot name="hatch">
+  <link name="body"><visual><geometry><box size="0.4 0.4 0.1"/></geometry></visual></link>
+  <link name="hatch">{inertial}<visual><geometry><box size="0.3 0.3 {thick}"/></geometry></visual>
+  </link>
+  <joint name="slide" type="prismatic"><parent link="body"/><child link="hatch"/>
+    <origin xyz="0 0 -0.4"/><axis xyz="0 0 -1"/><limit lower="0" upper="0.2"/></joint>
+</robot>"""
+"""Falls open; a hand must lift it to close it."""
+
+
+def hatch(folder: Path, thick: float, inertial: str = "") -> Path:
+    """The hatch in a file of its own."""
+    folder.mkdir()
+    (folder / "hatch.urdf").write_text(HATCH.format(thick=thick, inertial=inertial))
+    return folder / "hatch.urdf"
+
+
+def test_what_is_too_heavy_to_be_lifted_shut_is_balanced(tmp_path):
+    proof = checked(hatch(tmp_path / "in", 0.1), tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    found = re.search(r"lowered from ([\d.]+) to ([\d.]+) kg, as if a spring", sentences(proof))
+    assert found is not None
+    assert float(found[2]) * 9.81 == pytest.approx(0.8 * 30.0 - SLIDE.frictionloss, rel=0.01)
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_far_too_heavy_and_given_masses_stay_and_are_refused(tmp_path, given):
+    mass = '<mass value="4.5"/><inertia ixx="0.04" iyy="0.04" izz="0.07" ixy="0" ixz="0" iyz="0"/>'
+    inertial = f"<inertial>{mass}</inertial>" if given else ""
+    proof = checked(hatch(tmp_path / "in", 0.1 if given else 0.6, inertial), tmp_path)
+    assert proof.verdict == "refused"
+    assert any(reason.startswith("close of slide") for reason in proof.reasons)
+    assert "spring" not in sentences(proof)
+
+
+def test_weight_on_a_joint_is_that_of_its_closed_form(tmp_path):
+    down = Part(name="drop", kind="slide", axis=(0.0, 0.0, -1.0), mass_kg=4.0, boxes=(PLATE,))
+    flap = Part(
+        name="flap", kind="hinge", axis=(0.0, 1.0, 0.0), span=1.2, mass_kg=3.0, boxes=(PLATE,),
+        com=(-0.2, 0.0, 0.0), inertia=0.1,
+    )  # fmt: skip
+    model = load_model(make_object(tmp_path / "a", down, flap))
+    asset = model.asset
+    assert weight_on(model, asset.joint(down.joint)) == pytest.approx(4.0 * 9.81)
+    assert weight_on(model, asset.joint(flap.joint)) == pytest.approx(3.0 * 9.81 * 0.2)
 
 
 def test_what_already_passes_is_left_as_it_is(tmp_path):
