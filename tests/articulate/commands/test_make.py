@@ -12,6 +12,7 @@ import trimesh
 
 from articulate import commands
 from articulate.asset import load_asset
+from articulate.commands import console
 from articulate.commands import make as module
 from articulate.commands.make import MakeFlags, main
 from articulate.make import inputs
@@ -33,6 +34,8 @@ def cache(tmp_path_factory):
 def _here(tmp_path, monkeypatch, cache):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    yield
+    console.set_level(console.NORMAL)  # -q holds for the process otherwise, and for its other tests
 
 
 @pytest.fixture(scope="module")
