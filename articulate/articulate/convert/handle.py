@@ -28,8 +28,8 @@ HELD_M = 0.008
 """Least length along the handle of what is held [m]."""
 BITE_M = (0.012, 0.006)
 """Least depth of a finger tip behind the front of what is held: wanted, then accepted [m]."""
-REACH_M = 0.010
-"""How far the finger tips go beyond the middle of the pads [m]."""
+DEEPEST_M = 0.010
+"""Farthest behind the front of what is held that the middle of the pads goes [m]."""
 TIP_M = 0.0128
 """How far the fingers go beyond the middle of the pads in all, by franka's finger.stl [m]."""
 CLEAR_M = 0.006
@@ -311,7 +311,7 @@ def held_depth(thick_m: float, free_m: float = math.inf) -> float:
         thick_m: Depth of what is held along the approach [m].
         free_m: Room for finger tips behind its front [m].
     """
-    wanted = min(max(thick_m / 2.0, BITE_M[1] / 2.0), REACH_M)
+    wanted = min(max(thick_m / 2.0, BITE_M[1] / 2.0), DEEPEST_M)
     return min(wanted, max(free_m - CLEAR_M, min(LEAST_BITE_M, free_m)) - TIP_M)
 
 
@@ -329,7 +329,7 @@ def room_behind(
     """
     across = np.cross(normal, along)
     half = FINGER_M[0] / 2.0
-    low = np.array([-half, -LATERAL_M, -(REACH_M + TIP_M + CLEAR_M)])
+    low = np.array([-half, -LATERAL_M, -(DEEPEST_M + TIP_M + CLEAR_M)])
     high = np.array([half, LATERAL_M, BITE_M[0]])
     placed = (np.asarray(surface.triangles) - front) @ np.column_stack([along, across, normal])
     near = ((placed.min(axis=1) <= high) & (placed.max(axis=1) >= low)).all(axis=1)

@@ -9,8 +9,8 @@ import trimesh
 from articulate.convert.handle import (
     BITE_M,
     CLEAR_M,
+    DEEPEST_M,
     LEAST_BITE_M,
-    REACH_M,
     TIP_M,
     best_grasp,
     held_depth,
@@ -44,7 +44,7 @@ def test_tips_clear_the_front_behind_a_knob_as_far_as_they_can(out_m):
     bite_m = out_m - tips_m
     assert tips_m >= min(CLEAR_M, out_m - LEAST_BITE_M) - 1e-6
     assert bite_m >= LEAST_BITE_M - 1e-6
-    assert bite_m <= REACH_M + TIP_M + 1e-6
+    assert bite_m <= DEEPEST_M + TIP_M + 1e-6
 
 
 def test_bar_with_room_behind_it_is_held_as_deep_as_it_would_be_alone():
@@ -58,8 +58,8 @@ def test_bar_with_room_behind_it_is_held_as_deep_as_it_would_be_alone():
     ("thick_m", "free_m", "depth_m"),
     [
         (0.012, math.inf, 0.006),
-        (0.05, math.inf, REACH_M),
-        (0.05, REACH_M + TIP_M + CLEAR_M, REACH_M),
+        (0.05, math.inf, DEEPEST_M),
+        (0.05, DEEPEST_M + TIP_M + CLEAR_M, DEEPEST_M),
         (0.05, 0.02, 0.02 - CLEAR_M - TIP_M),
         (0.05, LEAST_BITE_M, LEAST_BITE_M - TIP_M),
         (0.05, BITE_M[1], BITE_M[1] - TIP_M),
