@@ -19,10 +19,14 @@ OBSERVATION = Layout(
         Field(name="target_lead", size=7, unit="0.1 rad", frame="-", source="plant"),
         Field(name="tool_lead", size=6, unit="0.05 m, 0.2 rad", frame="tool", source="plant"),
         Field(name="handle_pos", size=3, unit="0.2 m", frame="tool", source="estimator"),
+        Field(
+            name="handle_near", size=3, unit="0.02 m", frame="tool", source="estimator",
+            low=-1.5, high=1.5,
+        ),
         Field(name="handle_axes", size=6, unit="1", frame="tool", source="estimator"),
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
         Field(
-            name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator"
+            name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator",
         ),
         Field(name="hand_width", size=1, unit="0.05 m", frame="-", source="robot"),
         Field(name="hand_speed", size=1, unit="0.1 m/s", frame="-", source="robot"),
@@ -30,8 +34,12 @@ OBSERVATION = Layout(
         Field(name="last_action", size=8, unit="1", frame="-", source="policy", low=-1, high=1),
         Field(name="time_left", size=1, unit="1", frame="-", source="clock", low=0, high=1),
     )
-)
-"""What a policy sees."""
+)  # fmt: skip
+"""What a policy sees.
+
+``handle_near`` is ``handle_pos`` again, finer and only near the handle: of what an episode spans,
+and a policy's input is normalised by, the centimetre that decides a grasp is too small a part.
+"""
 
 ACTION = Layout(
     (
@@ -99,6 +107,7 @@ def observation(
             "target_lead": 10.0 * (target - q),
             "tool_lead": lead * np.repeat([20.0, 5.0], 3),
             "handle_pos": 5.0 * T_th[:, :3, 3],
+            "handle_near": 50.0 * T_th[:, :3, 3],
             "handle_axes": axes,
             "part_open": estimate.opened,
             "part_speed": 10.0 * estimate.speed,

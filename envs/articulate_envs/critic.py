@@ -23,6 +23,10 @@ _DRAWN = np.array([COLUMNS.index(name) for name in DRAWN])
 PRIVILEGED = Layout(
     (
         Field(name="handle_pos_true", size=3, unit="0.2 m", frame="tool", source="estimator"),
+        Field(
+            name="handle_near_true", size=3, unit="0.02 m", frame="tool", source="estimator",
+            low=-1.5, high=1.5,
+        ),
         Field(name="part_open_true", size=1, unit="1", frame="-", source="estimator"),
         Field(name="hand_closing", size=1, unit="1", frame="-", source="plant"),
         Field(name="hand_wait", size=1, unit="s", frame="-", source="plant"),
@@ -44,6 +48,7 @@ def privileged(arm: Arm, state: State, judgement: Judgement, drawn: Draw) -> Arr
     return PRIVILEGED.pack(
         {
             "handle_pos_true": 5.0 * handle,
+            "handle_near_true": 50.0 * handle,
             "part_open_true": state.opened,
             "hand_closing": state.hand.closing,
             "hand_wait": state.hand.wait_s,

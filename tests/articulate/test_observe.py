@@ -43,6 +43,12 @@ def test_handle_ten_centimetres_before_the_hand_is_half_a_unit_along_z():
     assert_allclose(field(observe(T_wh=T_wh), "handle_pos"), [0, 0, 0.5], atol=1e-12)
 
 
+@pytest.mark.parametrize(("ahead_m", "seen"), [(0.01, 0.5), (-0.03, -1.5), (0.1, 1.5)])
+def test_near_field_is_fine_and_ends_three_centimetres_from_the_handle(ahead_m, seen):
+    T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.0, 0.0, ahead_m]))
+    assert_allclose(field(observe(T_wh=T_wh), "handle_near"), [0, 0, seen], atol=1e-12)
+
+
 @given(angle=st.floats(-1, 1), seed=st.integers(0, 1000))
 def test_robot_and_object_turned_together_about_the_base_look_the_same(angle, seed):
     """Nothing but the first joint's angle knows where the world's x axis points."""

@@ -82,6 +82,12 @@ class Learner:
         weights = self.model.policy.parameters()
         return bool(plain) and all(bool(torch.isfinite(p).all()) for p in weights)
 
+    def update_figures(self) -> dict[str, float]:
+        """What Stable-Baselines3 recorded of the last update, of :data:`UPDATE_FIGURES`."""
+        recorded = self.model.logger.name_to_value
+        names = [name for name in UPDATE_FIGURES if f"train/{name}" in recorded]
+        return {name: float(recorded[f"train/{name}"]) for name in names}
+
     def save(self, folder: Path) -> None:
         """Write ``checkpoint.pt`` whole: weights, optimiser, environments, generators."""
         model, norm = self.model, self.normalise
@@ -148,6 +154,8 @@ class Learner:
         self.envs.close()
 
 
+UPDATE_FIGURES = ("approx_kl", "clip_fraction", "explained_variance", "value_loss")
+"""How far an update moved the policy, and how well the value function does."""
 TRAINING, EVALUATION = 0, 1
 """Second word of seeds: training and evaluation never share a stream."""
 

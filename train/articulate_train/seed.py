@@ -110,6 +110,7 @@ class SeedProcess:
             "steps": steps,
             "seconds": round(self._before_s + time.monotonic() - self._begin, 2),
             "log_std": float(self.learner.model.policy.log_std.detach().mean()),
+            "update": self.learner.update_figures(),
         }
         finished.clear()
         with (self.folder / PROGRESS).open("a", encoding="utf-8") as stream:
@@ -118,6 +119,8 @@ class SeedProcess:
             self._board.add_scalar(f"train/{name}", row[name], steps)
         for name, value in row["terms"].items():
             self._board.add_scalar(f"reward/{name}", value, steps)
+        for name, value in row["update"].items():
+            self._board.add_scalar(f"update/{name}", value, steps)
 
     def _keep_states(self) -> None:
         snapshot: dict[str, Any] = self.learner.episodes.engine.snapshot()
