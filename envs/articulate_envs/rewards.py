@@ -12,14 +12,14 @@ from articulate.errors import ConfigError
 from articulate.judgement import COLUMN
 from articulate.kinematics import tool_pose
 from articulate.task import Task, at_target
-from articulate.transforms import Array, rotation_angle
+from articulate.transforms import Array, Mask, rotation_angle
 from articulate_envs.engine import State
 
 TERMS = (
     "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",
-    "force", "speed", "action", "violation",
+    "force", "speed", "action", "violation", "success",
 )  # fmt: skip
-"""Names of the terms, in the order of :func:`reward_terms`."""
+"""Names of the terms, in the order of :func:`reward_terms`; the last is :func:`at_end`'s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,8 @@ class RewardConfig:
     align_rad: float = 0.35
     """Angle at which that has fallen to 1/e [rad]."""
     grip: float = 0.5
-    """For a hand that is told to close, and for one that is closed, at the handle."""
+    """For a hand that is told to close, and for one that is closed, at the handle; not for one
+    that has closed on nothing, which has to open again."""
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.25
@@ -94,6 +95,9 @@ class RewardConfig:
     spoiled: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""
+    success: float = 60.0
+    """Once, at the end of an episode that is a success. All else pays by the tick, and a part that
+    creeps back in the last second loses next to nothing by that."""
     until: float = 0.6
     """Share of the training after which weights are as at its end."""
 
@@ -116,8 +120,8 @@ FINGER_M = 0.022
 PAD_M = 0.008
 """How far the pads reach to either side of the tool along the approach [m]."""
 HELD_SHARE = 0.6
-"""Fingers at the handle that are at least this share of its thickness apart have it between them:
-whoever holds it beside its middle loses nothing by that."""
+"""Fingers at the handle that are at least this share of its thickness apart have it between them,
+or are still open; closer ones have closed on nothing."""
 MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
@@ -171,10 +175,15 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
     across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
     room = np.maximum(width - grasp.thick_m, 0.0) / 2.0
     allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
-    held = (width >= HELD_SHARE * grasp.thick_m) & (ahead <= PAD_M)
+    held = _not_empty(width, grasp) & (ahead <= PAD_M)
     held &= np.abs(across) <= grasp.thick_m / 2.0
     beside = np.where(held, 0.0, np.maximum(np.abs(across) - allowed, 0.0))
     return np.asarray(beside + np.maximum(-ahead - config.beyond_m, 0.0))
+
+
+def _not_empty(width: Array, grasp: Grasp) -> Mask:
+    """Whether a handle can be between fingers that are ``width`` (N,) [m] apart."""
+    return np.asarray((width >= HELD_SHARE * grasp.thick_m) | (grasp.thick_m <= 0.0))
 
 
 def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
@@ -215,7 +224,7 @@ def reward_terms(
     progress: float = 0.0,
     grasp: Grasp = NO_GRASP,
 ) -> Array:
-    """Weighted terms (N, len(TERMS)) of one tick.
+    """Weighted terms (N, len(TERMS)) of one tick, all but those of :func:`at_end`.
 
     Args:
         config: Weights.
@@ -257,7 +266,7 @@ def reward_terms(
         config.approach * nearer,
         config.reach * 0.5 * (near + at),
         config.align * near * aligned,
-        config.grip * close * told,
+        config.grip * close * told * _not_empty(after.hand_width, grasp),
         early * away * told,
         config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
         config.open * left * way,
@@ -267,5 +276,13 @@ def reward_terms(
         config.speed * np.maximum(part_speed - config.speed_free, 0.0),
         config.action * np.mean(action[:, :7] ** 2, axis=1),
         config.violation * progress * broken,
+        np.zeros(len(way)),
     )
     return np.stack(terms, axis=1)
+
+
+def at_end(config: RewardConfig, succeeded: Mask) -> Array:
+    """Weighted terms (M, len(TERMS)) of how M episodes ended that ran their full length."""
+    terms = np.zeros((len(succeeded), len(TERMS)))
+    terms[:, TERMS.index("success")] = config.success * succeeded
+    return terms

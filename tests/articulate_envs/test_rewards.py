@@ -22,6 +22,7 @@ from articulate_envs.rewards import (
     TERMS,
     Grasp,
     RewardConfig,
+    at_end,
     grasp_of,
     grip_offset,
     reward_terms,
@@ -223,6 +224,25 @@ def test_closing_away_from_the_handle_grows_dearer_with_the_training(progress, s
     away = state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0)
     cost = terms(away, action=SHUT, config=config, progress=progress * config.until)["early"]
     assert cost == pytest.approx(-0.2 - 0.8 * share)
+
+
+@pytest.mark.parametrize(
+    ("width", "thick", "share"),
+    [(0.02, 0.04, 0.0), (0.03, 0.04, 1.0), (0.08, 0.04, 1.0), (0, 0, 1.0)],
+)
+def test_hand_that_has_closed_on_nothing_at_the_handle_earns_no_grip(width, thick, share):
+    shut = dataclasses.replace(
+        state(smooth=1.0, closing=1.0), hand_width=np.array([width], dtype=np.float64)
+    )
+    paid = terms(shut, action=SHUT, thick_m=thick)["grip"]
+    assert_allclose(paid, share * CONFIG.grip, atol=1e-12)
+
+
+def test_end_of_an_episode_pays_for_successes_alone():
+    paid = at_end(CONFIG, np.array([True, False]))
+    assert_allclose(paid[:, :-1], 0.0)
+    assert_allclose(paid[:, -1], [CONFIG.success, 0.0])
+    assert TERMS[-1] == "success"
 
 
 def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():
