@@ -77,10 +77,11 @@ class RewardConfig:
     progress: float = 60.0
     """For each change of that fraction."""
     rest: float = 0.6
-    """For resting at or beyond the target."""
+    """For resting beyond the target: nothing at it, all of it at the end of the margin. Paid for
+    resting at the target itself, a policy's mean action rests there, and is found at 0.79."""
     force: float = -0.02
     """For each newton of filtered force beyond ``force_free_n``, at the beginning of training."""
-    force_last: float = -0.08
+    force_last: float = -0.16
     """The same at its end; linear between (dear forces at first keep the hand off the handle)."""
     force_free_n: float = 15.0
     """Force that costs nothing [N]."""
@@ -193,18 +194,22 @@ def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) ->
     return np.asarray(np.linalg.norm(offset, axis=1) + config.approach_turn_m * angle)
 
 
+def _goal(config: RewardConfig, task: Task) -> float:
+    """The opening up to which the way is paid for: the target, and a margin beyond it."""
+    first = task.begin[1]
+    goal = first + (task.target - first) * (1.0 + config.margin)
+    if task.closes:
+        return max(goal, task.target / 2.0)
+    return goal if task.stop is None else min(goal, (task.target + task.stop) / 2.0)
+
+
 def _paid(config: RewardConfig, task: Task, opened: Array) -> Array:
     """Share (N,) of the way to the target that is paid for, at most 1.
 
     It counts from where the part may begin farthest from its target.
     """
-    first = task.begin[1]
-    goal = first + (task.target - first) * (1.0 + config.margin)
-    if task.closes:  # on either side of the closed end: one without a stop can pass it
-        opened = np.abs(opened)
-        goal = max(goal, task.target / 2.0)
-    elif task.stop is not None:
-        goal = min(goal, (task.target + task.stop) / 2.0)
+    first, goal = task.begin[1], _goal(config, task)
+    opened = _measured(task, opened)
     way = np.clip((opened - first) / (goal - first), 0.0, 1.0)
     if task.stop is None:
         return np.asarray(way)
@@ -212,6 +217,19 @@ def _paid(config: RewardConfig, task: Task, opened: Array) -> Array:
     room = max(sign * (task.stop - goal), config.over_room)
     over = np.clip(sign * (opened - goal) / room, 0.0, 1.0)
     return np.asarray(way - config.over * over)
+
+
+def _measured(task: Task, opened: Array) -> Array:
+    """Openings (N,); of what closes, from either side: one without a stop can pass its end."""
+    return np.abs(opened) if task.closes else opened
+
+
+def _beyond(config: RewardConfig, task: Task, opened: Array) -> Array:
+    """Share (N,) of the margin beyond the target that is made, in [0, 1]."""
+    margin = _goal(config, task) - task.target
+    if margin == 0.0:  # the target is the end of the way
+        return np.ones(len(opened))
+    return np.asarray(np.clip((_measured(task, opened) - task.target) / margin, 0.0, 1.0))
 
 
 def reward_terms(
@@ -246,6 +264,7 @@ def reward_terms(
     aligned = np.exp(-((rotation_angle(turn) / config.align_rad) ** 2))
     way = _paid(config, task, after.opened)
     change = way - _paid(config, task, before.opened)
+    still = at_target(task, after.opened, after.speed)
     close = np.exp(-((distance / config.grip_m) ** 2))
     told = (
         0.25 * np.maximum(action[:, 7], 0.0)
@@ -271,7 +290,7 @@ def reward_terms(
         config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
         config.open * left * way,
         config.progress * left * change,
-        config.rest * left * at_target(task, after.opened, after.speed),
+        config.rest * left * still * _beyond(config, task, after.opened),
         dear * np.maximum(force - config.force_free_n, 0.0),
         config.speed * np.maximum(part_speed - config.speed_free, 0.0),
         config.action * np.mean(action[:, :7] ** 2, axis=1),
