@@ -34,5 +34,9 @@ class HybridCritic:
 
     def judge(self, evidence: Evidence, prediction: Prediction) -> Verdict:
         """What is wrong with the prediction, if anything is."""
+        return self.chosen(evidence).judge(evidence, prediction)
+
+    def chosen(self, evidence: Evidence) -> Critic:
+        """Who judges such evidence."""
         can_measure = evidence.clip is not None and evidence.camera is not None and evidence.placed
-        return (self.measured if can_measure else self.seen).judge(evidence, prediction)
+        return self.measured if can_measure else self.seen

@@ -42,6 +42,11 @@ class Gemini:
 
     @property
     def name(self) -> str:
+        """Name of the model."""
+        return self.model
+
+    @property
+    def source(self) -> str:
         """The model, and the server where it is not Google's."""
         url = os.environ.get(URL_VARIABLE)
         return f"{self.model} at {url}" if url else self.model
@@ -73,7 +78,9 @@ class Gemini:
         except genai.errors.APIError as error:
             raise UsageError(self._refused(error, key)) from None
         except _unreached() as error:
-            what = _plain(str(error) or type(error).__name__, key)
+            no_json = isinstance(error, ValueError)
+            what = "what answers there is no JSON" if no_json else str(error)
+            what = _plain(what or type(error).__name__, key)
             raise UsageError(
                 f"{self.name}: cannot be reached ({what}); look at the network and "
                 f"{URL_VARIABLE}, or take --actor auto, which needs none"

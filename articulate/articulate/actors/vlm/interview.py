@@ -73,7 +73,7 @@ class Interview:
     def _path(self, request: Request) -> Path | None:
         if self.cache is None:
             return None
-        return self.cache / ANSWERS / f"{request.key(self.model.name)}.json"
+        return self.cache / ANSWERS / f"{request.key(self.model.source)}.json"
 
 
 def _kept(path: Path | None) -> Reply | None:

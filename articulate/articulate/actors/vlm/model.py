@@ -57,13 +57,13 @@ class Request:
             title=self.title, system=self.system, turns=(*self.turns, *more), schema=self.schema
         )
 
-    def key(self, model: str) -> str:
-        """Hash of all that decides an answer: model, words, pictures, schema."""
+    def key(self, source: str) -> str:
+        """Hash of all that decides an answer: who gives it, words, pictures, schema."""
         turns = [
             [t.role, [p if isinstance(p, str) else [p.caption, _sha(p.png)] for p in t.pieces]]
             for t in self.turns
         ]
-        content = [KEY_VERSION, model, self.system, turns, self.schema]
+        content = [KEY_VERSION, source, self.system, turns, self.schema]
         return _sha(json.dumps(content, sort_keys=True).encode())
 
 
@@ -86,7 +86,12 @@ class Model(Protocol):
 
     @property
     def name(self) -> str:
-        """What decides its answers besides the request, in a few words."""
+        """Name in messages and reports."""
+        ...
+
+    @property
+    def source(self) -> str:
+        """What decides its answers besides the request: the model, and who runs it."""
         ...
 
     def ask(self, request: Request) -> Reply:

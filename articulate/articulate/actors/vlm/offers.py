@@ -122,12 +122,12 @@ def offers_picture(evidence: Evidence, offers: list[Offer]) -> Picture:
         if not (depth > 0.0).all():
             continue
         start, end = ((int(u), int(v)) for u, v in np.rint(uv))
+        share = 0.15 + 0.7 * (0.382 * offer.number % 1.0)  # numbers on crossing lines lie apart
+        u, v = (int(x) for x in np.rint(uv[0] + share * (uv[1] - uv[0])))
         cv2.arrowedLine(drawn, start, end, (0, 0, 0), LINE_PX, cv2.LINE_AA, 0, 0.04)
         font = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(drawn, str(offer.number), end, font, 0.6, (200, 0, 0), 2, cv2.LINE_AA)
-    return Picture(
-        f"the candidates of {offers[0].part}, numbered at the end of their arrow", png(drawn)
-    )
+        cv2.putText(drawn, str(offer.number), (u, v), font, 0.6, (200, 0, 0), 2, cv2.LINE_AA)
+    return Picture(f"the candidates of {offers[0].part}, numbered on their arrows", png(drawn))
 
 
 def _lines(shape: Shape, scene: Named, kind: TurningKind) -> Iterator[tuple[Array, Array]]:

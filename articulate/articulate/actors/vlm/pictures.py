@@ -5,7 +5,7 @@ All pictures of one question have the same frame and size, so that they can be c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ from articulate.actors.protocol import Evidence, Pixels, PredictedJoint
 from articulate.actors.vlm.model import Picture
 from articulate.render.camera import Camera, front_camera
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.render.scene import PartScene, segmentation_colours, segmentation_picture
+from articulate.render.scene import NOTHING, PartScene, segmentation_colours, segmentation_picture
 from articulate.transforms import Array
 
 LONGEST_PX = 640
@@ -22,9 +22,12 @@ LONGEST_PX = 640
 FRAMES = 8
 """Frames of a clip that are sent, first and last included."""
 SHOWN_PX = 320
-"""Width of one picture of a row in which things are compared."""
-STEPS = 9
+"""Longest side of one picture of those that are compared."""
+STEPS = 13
 """Positions of a prediction that are tried for each frame."""
+IN_A_ROW = 4
+MARGIN = 0.1
+"""Room around the object, as a share of its size."""
 SHARES = (0.0, 0.5, 1.0)
 """Positions between the limits that are shown where there is no clip."""
 ARROW = 0.25
@@ -100,35 +103,33 @@ def camera_of(evidence: Evidence) -> Camera:
 
 
 def prediction_picture(evidence: Evidence, joints: Sequence[PredictedJoint]) -> Picture:
-    """The prediction, drawn as what was given is, in a row below it.
+    """The prediction, drawn as what was given is, beside it; cut out around the object.
 
     For each frame of a clip the position is shown at which the prediction looks most like the
     frame. Where there is no clip all joints are shown closed, half open and open.
     """
     camera = camera_of(evidence)
-    camera = camera.scaled(min(1.0, SHOWN_PX / camera.width_px))
     scene = PartScene(evidence.parts)
     held = {joint.part: joint for joint in joints}
+    shares = SHARES if evidence.clip is None else np.linspace(0.0, 1.0, STEPS)
+    poses = [poses_at(evidence.parts, held, float(share)) for share in shares]
+    cut = _around(scene, camera, poses)
+    drawn = [cut(scene.picture(camera, T)) for T in poses]
+    size = (camera.width_px, camera.height_px)
     if evidence.clip is not None:
-        size = (camera.width_px, camera.height_px)
-        frames = [_resized(evidence.clip[k], size) for k in frame_indices(len(evidence.clip))]
-        drawn = [
-            scene.picture(camera, poses_at(evidence.parts, held, share))
-            for share in np.linspace(0.0, 1.0, STEPS)
-        ]
+        chosen = frame_indices(len(evidence.clip))
+        frames = [cut(_resized(evidence.clip[k], size)) for k in chosen]
         below = [_likest(frame, drawn) for frame in frames]
-        rows = np.concatenate(
-            [np.concatenate(frames, axis=1), np.concatenate(below, axis=1)], axis=0
-        )
-        return Picture("frames of the clip above, the prediction below", png(rows))
-    drawn = [scene.picture(camera, poses_at(evidence.parts, held, share)) for share in SHARES]
+        rows = []
+        for k in range(0, len(frames), IN_A_ROW):
+            rows += [_row(frames[k : k + IN_A_ROW]), _row(below[k : k + IN_A_ROW])]
+        caption = "frames of the clip, and below each row of them the prediction"
+        return Picture(caption, png(_column(rows)))
     if evidence.picture is None:
-        return Picture(
-            "the prediction: closed, half open, open", png(np.concatenate(drawn, axis=1))
-        )
-    given = _resized(evidence.picture, (camera.width_px, camera.height_px))
-    row = np.concatenate([given, *drawn], axis=1)
-    return Picture("the picture, and the prediction: closed, half open, open", png(row))
+        return Picture("the prediction: closed, half open, open", png(_row(drawn)))
+    given = cut(_resized(evidence.picture, size))
+    caption = "the picture, and the prediction: closed, half open, open"
+    return Picture(caption, png(_row([given, *drawn])))
 
 
 def poses_at(parts: Sequence[PartMesh], held: Mapping[str, PredictedJoint], share: float) -> Array:
@@ -163,6 +164,33 @@ def _caption(evidence: Evidence, k: int, n: int) -> str:
 
 def _resized(picture: Pixels, size: tuple[int, int]) -> Pixels:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _around(scene: PartScene, camera: Camera, poses: Sequence[Array]) -> Callable[[Pixels], Pixels]:
+    """Cuts out of a picture where the parts are seen in any of the poses, and makes it small."""
+    seen = np.zeros((camera.height_px, camera.width_px), dtype=np.bool_)
+    for T in poses:
+        seen |= scene.see(camera, T).part_ids != NOTHING
+    rows, columns = np.nonzero(seen)
+    if not len(rows):
+        return lambda picture: shown(picture, SHOWN_PX)
+    margin = round(MARGIN * max(np.ptp(rows), np.ptp(columns))) + 1
+    top, left = max(0, rows.min() - margin), max(0, columns.min() - margin)
+    bottom, right = rows.max() + 1 + margin, columns.max() + 1 + margin
+    return lambda picture: shown(picture[top:bottom, left:right], SHOWN_PX)
+
+
+def _row(pictures: Sequence[Pixels]) -> Pixels:
+    return np.concatenate(list(pictures), axis=1)
+
+
+def _column(rows: Sequence[Pixels]) -> Pixels:
+    """Rows below each other, the shorter ones filled up with white."""
+    width = max(row.shape[1] for row in rows)
+    whole = [
+        np.pad(r, ((0, 0), (0, width - r.shape[1]), (0, 0)), constant_values=255) for r in rows
+    ]
+    return np.concatenate(whole, axis=0)
 
 
 def _likest(frame: Pixels, drawn: Sequence[Pixels]) -> Pixels:

@@ -18,7 +18,7 @@ GIVEN = {
     "text": "No picture was given; only the parts are known.",
 }
 UNPLACED = "Each part is moved so that the middle of its box is the origin; none is turned."
-PLACED = "Every part is where it belongs while all joints are at 0; the program need not move any."
+PLACED = "Every part is where it belongs while all joints are at 0."
 
 
 def pieces_of(evidence: Evidence) -> tuple[Piece, ...]:

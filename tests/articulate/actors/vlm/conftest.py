@@ -5,6 +5,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from tests.articulate.actors.vlm.server import Server, in_turn
 
 from articulate.actors.protocol import Evidence, PredictedJoint
 from articulate.actors.vlm.gemini import KEY_VARIABLES, MODEL_VARIABLE, URL_VARIABLE, Gemini
@@ -12,7 +13,6 @@ from articulate.render.camera import front_camera
 from articulate.render.clip import film, poses_of_parts, sweep
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
-from tests.articulate.actors.vlm.server import Server, in_turn
 
 KEY = "AIza-this-is-the-secret-key"
 FACES = np.array(
@@ -76,7 +76,7 @@ DOOR = PredictedJoint(
     part="part_02",
     parent="part_01",
     kind="revolute",
-    axis_o=(0.0, 0.0, -1.0),
+    axis_o=(0.0, 0.0, 1.0),
     pivot_o=(0.3, 0.6, 0.0),
     lower=0.0,
     upper=1.4,
@@ -84,7 +84,8 @@ DOOR = PredictedJoint(
 DOOR_PROGRAM = """\
 root("part_01")
 d = box("part_02")
-revolute("part_02", "part_01", axis=vec(0, 0, -1), pivot=vec(d.low.x, d.high.y, 0), lower=0.0, upper=1.4)
+hinge = vec(d.low.x, d.high.y, 0)
+revolute("part_02", "part_01", axis=vec(0, 0, 1), pivot=hinge, lower=0.0, upper=1.4)
 fixed("part_03", "part_02")
 fixed("part_00", "part_01")
 """
