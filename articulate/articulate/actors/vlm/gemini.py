@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from articulate.actors.vlm.model import Picture, Reply, Request, Turn
-from articulate.errors import ConfigError, MissingError, UsageError
+from articulate.errors import MissingError, UsageError
 
 DEFAULT_MODEL = "gemini-3.8-flash"
 """Google's default of September 2026 (ai.google.dev, models); 2.5 is shut down 2026-12-01."""
@@ -55,8 +55,7 @@ class Gemini:
         """Its answer.
 
         Raises:
-            ConfigError: There is no key.
-            MissingError: ``google-genai`` is not installed.
+            MissingError: There is no key, or ``google-genai`` is not installed.
             UsageError: The server cannot be reached, refuses, or gives no answer.
         """
         key = api_key()
@@ -83,7 +82,7 @@ class Gemini:
             what = _plain(what or type(error).__name__, key)
             raise UsageError(
                 f"{self.name}: cannot be reached ({what}); look at the network and "
-                f"{URL_VARIABLE}, or take --actor auto, which needs none"
+                f"{URL_VARIABLE}, or leave --actor out: the usual actors need none"
             ) from None
         return self._reply(found, key, time.monotonic() - start)
 
@@ -142,15 +141,20 @@ def api_key() -> str:
     """The key, from the environment alone.
 
     Raises:
-        ConfigError: There is none.
+        MissingError: There is none, or something else stands there.
     """
     name = key_variable()
     if not name:
-        raise ConfigError(
+        raise MissingError(
             f"no key for a model: set {' or '.join(KEY_VARIABLES)}, look at what would be sent "
-            "with --dry-run, or take --actor auto, which asks no model"
+            "with --dry-run, or leave --actor out: the usual actors ask no model"
         )
-    return os.environ[name].strip()
+    key = os.environ[name].strip()
+    if not (key.isascii() and key.isprintable()):
+        raise MissingError(
+            f"{name} holds characters that are in no key; copy the key again, without line breaks"
+        )
+    return key
 
 
 def _package() -> Any:

@@ -90,9 +90,11 @@ def _kept(path: Path | None) -> Reply | None:
 
 
 def _step(request: Request, reply: Reply, wrong: str) -> TraceStep:
-    """The last turn of a question, and its answer."""
+    """The last turn of a question, and its answer; what holds for all turns with the first."""
     last = request.turns[-1]
     text = f"{last.text}\n\nThe answer:\n{reply.text}"
+    if len(request.turns) == 1:
+        text = f"{request.system}\n\n{text}"
     if wrong:
         text += f"\n\nIt does not fit: {wrong}"
     figures = {"tokens in": float(reply.tokens_in), "tokens out": float(reply.tokens_out)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import cv2
 import numpy as np
@@ -28,6 +29,8 @@ SLIDE_SHARE = 0.6
 MIDDLE = 0.02
 """A line that passes nearer to the part's middle than this share of its size goes through it."""
 LINE_PX = 2
+SPOTS = (*tuple(product((0.0, 1.0), (0.0, 1.0))), (0.5, 0.5))
+"""Where a line may pass through a part's box, as shares of its sides: edges, and the middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,14 +158,14 @@ def _turns(shape: Shape, scene: Named, kind: TurningKind) -> Iterator[tuple[Arra
     role = shape.role if shape.role in TASTES else "unknown"
     for line in lines_of(shape, scene, role):
         yield line.sign * line.axis, line.pivot
+    held = held_at(shape, scene)
     low, high = shape.bounds
     for axis in np.eye(3):
+        yield axis, held
         across = plane_of(axis)
-        for u in (0.0, 1.0):
-            for v in (0.0, 1.0):
-                share = u * np.abs(across[0]) + v * np.abs(across[1]) + 0.5 * np.abs(axis)
-                yield axis, low + share * (high - low)
-        yield axis, shape.centre
+        for u, v in SPOTS:
+            share = u * np.abs(across[0]) + v * np.abs(across[1]) + 0.5 * np.abs(axis)
+            yield axis, low + share * (high - low)
 
 
 def _off(axis: Array, pivot: Array, other: Array, spot: Array) -> float:

@@ -44,6 +44,15 @@ def png(picture: Pixels) -> bytes:
     return bytes(data.tobytes())
 
 
+def as_png(content: bytes) -> bytes:
+    """A PNG of a picture that may be a WebP."""
+    if content.startswith(b"\x89PNG"):
+        return content
+    read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    assert read is not None
+    return png(np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8))
+
+
 def shown(picture: Pixels, longest_px: int = LONGEST_PX) -> Pixels:
     """The picture, made smaller if it is larger than models are sent."""
     factor = longest_px / max(picture.shape[:2])

@@ -9,7 +9,7 @@ import numpy as np
 
 from articulate.actors.protocol import Attempt, Evidence, PredictedJoint, Verdict
 from articulate.actors.vlm.model import Picture, Piece
-from articulate.actors.vlm.pictures import colours_of, evidence_pictures, parts_picture
+from articulate.actors.vlm.pictures import as_png, colours_of, evidence_pictures, parts_picture
 from articulate.transforms import Array, normalised
 
 GIVEN = {
@@ -59,7 +59,7 @@ def attempts_told(attempts: Sequence[Attempt]) -> tuple[Piece, ...]:
     pictures = attempts[-1].verdict.pictures if attempts[-1].verdict is not None else {}
     return (
         "\n".join(lines),
-        *(Picture(f"your last proposal: {c}", p) for c, p in pictures.items() if _is_png(p)),
+        *(Picture(f"your last proposal: {c}", as_png(p)) for c, p in pictures.items()),
     )
 
 
@@ -106,7 +106,3 @@ def placed(evidence: Evidence, T_o: dict[str, Array]) -> Evidence:
     """The evidence with each part where ``T_o`` (4, 4) puts it."""
     parts = tuple(p.moved(T_o[p.name]) if p.name in T_o else p for p in evidence.parts)
     return replace(evidence, parts=parts, placed=True)
-
-
-def _is_png(content: bytes) -> bool:
-    return content.startswith(b"\x89PNG")

@@ -12,6 +12,7 @@ from tests.articulate.actors.vlm.conftest import DOOR_PROGRAM, KEY
 from tests.articulate.actors.vlm.server import saying
 
 from articulate.actors.registry import make_actor
+from articulate.actors.vlm.actor import vlm_actor
 from articulate.actors.vlm.dry import questions, write_dry_run
 from articulate.actors.vlm.link import LinkActor
 
@@ -35,7 +36,7 @@ def test_the_page_needs_neither_key_nor_package(video, tmp_path, monkeypatch):
 
 def test_the_prompt_on_the_page_is_the_one_that_is_sent(serve, video, tmp_path):
     server = serve(saying({"seen": "", "program": DOOR_PROGRAM}))
-    actor = make_actor("vlm")
+    actor = vlm_actor()
     path = tmp_path / "prompts.html"
     write_dry_run(actor, video, path, "a cupboard")
     actor.proposer.propose(video, ())

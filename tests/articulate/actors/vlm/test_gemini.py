@@ -111,6 +111,14 @@ def test_without_a_key_nothing_is_asked(serve, gemini, monkeypatch, error_line):
     assert server.heard == []
 
 
+def test_what_cannot_be_a_key_is_not_shown_and_not_sent(serve, gemini, monkeypatch, error_line):
+    server = serve(saying({"n": 3}))
+    monkeypatch.setenv("GEMINI_API_KEY", f"{KEY}\n{KEY}")
+    line = error_line("Gemini().ask(two lines as a key)", lambda: gemini.ask(REQUEST))
+    assert KEY not in line
+    assert server.heard == []
+
+
 def test_googles_name_of_the_key_comes_before_the_other(serve, gemini, monkeypatch):
     server = serve(saying({"n": 3}))
     monkeypatch.setenv("GOOGLE_API_KEY", "the-first")

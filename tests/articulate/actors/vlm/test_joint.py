@@ -91,7 +91,12 @@ def test_the_geometric_critic_may_judge_what_a_model_says(serve, gemini, video):
     server = serve(lambda h: program(DOOR_PROGRAM if "joint_type" in h.text else slide))
     proposer = JointActor(model=gemini, cache=None)
     found = Loop(proposer=proposer, critic=VideoCritic(), max_turns=4).predict(video)
-    assert [a.verdict.failure for a in found.attempts] == ["joint_type", "success"]
+    failures = [a.verdict and a.verdict.failure for a in found.attempts]
+    assert failures == ["joint_type", "success"]
+    # The critic's own picture, a WebP, is shown to the model as a PNG.
+    assert len(server.heard[1].pictures) == len(server.heard[0].pictures) + 1
+    assert all(picture.startswith(b"\x89PNG") for picture in server.heard[1].pictures)
+    assert found.rating is not None
     assert found.rating > 5.0
     assert found.calls == len(server.heard) == 2
 

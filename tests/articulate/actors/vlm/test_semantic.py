@@ -149,6 +149,8 @@ def test_words_say_which_way_a_candidate_leads(text):
 def test_ways_are_ranges(text, way, ends):
     found, scene = offers(text, "part_03", "prismatic")
     joint = usual_joint(found[0], way, scene)
+    assert joint.lower is not None
+    assert joint.upper is not None
     reach = joint.upper - joint.lower
     np.testing.assert_allclose((joint.lower, joint.upper), np.multiply(ends, reach))
     assert reach > 0.0
