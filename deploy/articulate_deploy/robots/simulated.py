@@ -115,7 +115,11 @@ class SimulatedRobot(ABC):
         self._open()
         self._is_open = True
         start = self._manifest.start
-        self.reset_to(np.asarray(start.q), start.hand_width_m)
+        try:
+            self.reset_to(np.asarray(start.q), start.hand_width_m)
+        except BaseException:
+            self.disconnect()
+            raise
 
     def calibrate(self) -> None:  # noqa: B027  a part of the protocol
         """Nothing is to be calibrated."""
