@@ -8,6 +8,7 @@ engine's quirks. :attr:`PybulletRobot.notes` says what of a draw is taken otherw
 
 from __future__ import annotations
 
+import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,7 @@ from articulate_deploy.robots.robot import Sample
 from articulate_deploy.robots.simulated import SimulatedRobot
 
 STEP_S = 0.001
-"""Length of a physics step [s]: that of the arm's own controller."""
+"""Longest physics step [s]: that of the arm's own controller."""
 ITERATIONS = 100
 """Iterations of Bullet's solver in a step."""
 GRAVITY_M_S2 = 9.81
@@ -78,8 +79,9 @@ class PybulletRobot(SimulatedRobot):
 
     @property
     def step_s(self) -> float:
-        """Length of a physics step [s]."""
-        return STEP_S
+        """Length of a physics step [s]: :data:`STEP_S`, or what fits into a step of training."""
+        step_s = self._manifest.scene.timestep_s
+        return step_s / math.ceil(step_s / STEP_S - 1e-9)
 
     def _open(self) -> None:
         text, meshes = self._bundle.object_assets()
@@ -108,10 +110,9 @@ class PybulletRobot(SimulatedRobot):
         self._call("setGravity", 0.0, 0.0, -GRAVITY_M_S2)
         self._call(
             "setPhysicsEngineParameter",
-            fixedTimeStep=STEP_S,
+            fixedTimeStep=self.step_s,
             numSubSteps=0,
             numSolverIterations=ITERATIONS,
-            solverResidualThreshold=0.0,
             deterministicOverlappingPairs=1,
         )
         self._bodies = self._load()
@@ -283,7 +284,7 @@ class PybulletRobot(SimulatedRobot):
         self._look()
         wrench, touch = self._contacts()
         return Sample(
-            dq=self._dq[:7].copy(), torque=torque[:7], wrench=wrench, touch=touch, dt=STEP_S
+            dq=self._dq[:7].copy(), torque=torque[:7], wrench=wrench, touch=touch, dt=self.step_s
         )
 
     def _torques(self, set_point: Array, finger_m: float) -> Array:
@@ -368,5 +369,5 @@ def armature_on_links(arm: Arm, q: Array) -> Array:
     share = (axes @ axes.T) ** 2
     out = np.zeros(7)
     for i in reversed(range(7)):
-        out[i] = max(0.0, arm.armature[i] - share[i, i + 1 :] @ out[i + 1 :])
+        out[i] = max(0.0, float(arm.armature[i] - share[i, i + 1 :] @ out[i + 1 :]))
     return out

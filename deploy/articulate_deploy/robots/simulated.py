@@ -7,6 +7,7 @@ torques of the joint impedance, the fingers' forces, and contacts.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -74,7 +75,7 @@ class SimulatedRobot(ABC):
     @property
     @abstractmethod
     def step_s(self) -> float:
-        """Length of a physics step [s]."""
+        """Length of a physics step [s]; a whole number of them is one of training's."""
 
     @abstractmethod
     def _open(self) -> None:
@@ -216,16 +217,21 @@ class SimulatedRobot(ABC):
         self._tell_hand(1.0 if width == 0.0 else -1.0)
         self._push(self._push_now())
         finger_step = robot.hand.finger_speed_m_s * self.step_s
+        together = round(self._manifest.scene.timestep_s / self.step_s)
+        steps: list[Sample] = []
         for _ in range(round(config.tick_s / self.step_s)):
             self._follower = follow(self._follower, self._target[None], self._A, self._B)
             move = -self._closing * finger_step
             self._finger = min(max(self._finger + move, 0.0), wide / 2.0)
-            self._samples.append(self._step(self._follower[0, :, 0], self._finger))
+            steps.append(self._step(self._follower[0, :, 0], self._finger))
+            if len(steps) == together:
+                self._samples.append(joined(steps))
+                steps = []
         self._tick += 1
         return action_of(self._target, width)
 
     def take_samples(self) -> list[Sample]:
-        """Samples of every physics step since the last call."""
+        """Samples since the last call, one for each physics step of training."""
         samples, self._samples = self._samples, []
         return samples
 
@@ -277,3 +283,20 @@ class SimulatedRobot(ABC):
         begin = float(self._drawn["push_time"][0]) * self._manifest.task.episode_s
         on = begin <= t < begin + PUSH_S
         return np.asarray(self._drawn["push"][0] if on else np.zeros(3))
+
+
+def joined(steps: Sequence[Sample]) -> Sample:
+    """What one sample of training's rate shows of shorter steps.
+
+    The judgement was made for that rate: the change of a torque over 1 ms is another number than
+    over 5 ms. Speed and torque are those at the end, the wrench is the mean.
+    """
+    if len(steps) == 1:
+        return steps[0]
+    return Sample(
+        dq=steps[-1].dq,
+        torque=steps[-1].torque,
+        wrench=np.mean([step.wrench for step in steps], axis=0),
+        touch=any(step.touch for step in steps),
+        dt=sum(step.dt for step in steps),
+    )
