@@ -16,7 +16,7 @@ from articulate.transforms import Array, Mask, rotation_angle
 from articulate_envs.engine import State
 
 TERMS = (
-    "approach", "reach", "align", "grip", "early", "aside", "press", "open", "progress", "rest",
+    "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",
     "force", "speed", "action", "violation", "success",
 )  # fmt: skip
 """Names of the terms, in the order of :func:`reward_terms`; the last is :func:`at_end`'s."""
@@ -62,12 +62,6 @@ class RewardConfig:
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
     beyond_m: float = 0.01
     """So far beyond the handle the hand may be [m]."""
-    press: float = -20.0
-    """For each metre by which the target leads the tool of an open hand near the handle, at the
-    end of training; in proportion before. The arm is soft and follows late: what leads it is what
-    it presses with once it meets the front or the handle's side."""
-    press_free_m: float = 0.03
-    """A lead that costs nothing [m]."""
     open: float = 0.6
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
     the hand on the way and pulls before it has closed."""
@@ -193,13 +187,6 @@ def _not_empty(width: Array, grasp: Grasp) -> Mask:
     return np.asarray((width >= HELD_SHARE * grasp.thick_m) | (grasp.thick_m <= 0.0))
 
 
-def _leads(config: RewardConfig, arm: Arm, T_wt: Array, state: State) -> Array:
-    """By how much targets lead the tools of open hands beyond what is free (N,) [m]."""
-    lead = np.linalg.norm(tool_pose(arm, state.target)[:, :3, 3] - T_wt[:, :3, 3], axis=1)
-    still_open = state.hand.closing <= 0.0
-    return np.asarray(still_open * np.maximum(lead - config.press_free_m, 0.0))
-
-
 def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
     """How far tools are from handles, place and turn in one (N,) [m]; see ``approach``."""
     offset = grip_offset(T_wt, T_wh, along_m) * np.array([1.0, config.approach_across, 1.0])
@@ -301,7 +288,6 @@ def reward_terms(
         config.grip * close * told * _not_empty(after.hand_width, grasp),
         early * away * told,
         config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
-        config.press * progress * near * _leads(config, arm, T_wt, after),
         config.open * left * way,
         config.progress * left * change,
         config.rest * left * still * _beyond(config, task, after.opened),

@@ -13,7 +13,7 @@ from articulate.asset import Handle
 from articulate.errors import ConfigError
 from articulate.follow import HandState
 from articulate.judgement import COLUMN, WIDTH
-from articulate.kinematics import resolve_motion, tool_jacobian_t, tool_pose
+from articulate.kinematics import tool_pose
 from articulate.task import Task
 from articulate.transforms import axis_angle_to_matrix, pose
 from articulate_envs.engine import State
@@ -245,29 +245,6 @@ def test_end_of_an_episode_pays_for_successes_alone():
     assert TERMS[-1] == "success"
 
 
-def leads_by(twist_m, **values):
-    """At the handle, with a target that leads the tool so far along each of its axes [m]."""
-    one = state(**values)
-    twist = np.array([[*twist_m, 0.0, 0.0, 0.0]])
-    jacobian = tool_jacobian_t(PANDA, HOME)
-    return dataclasses.replace(one, target=HOME + resolve_motion(jacobian, twist))
-
-
-@pytest.mark.parametrize(("progress", "share"), [(0.0, 0.0), (0.3, 0.5), (1.0, 1.0)])
-def test_open_hand_at_the_handle_pays_for_a_lead_that_would_press(progress, share):
-    lead_m = 0.04
-    paid = terms(leads_by([0.0, 0.0, lead_m]), progress=progress)["press"]
-    expected = share * CONFIG.press * (lead_m - CONFIG.press_free_m)
-    assert paid == pytest.approx(expected, rel=0.05)  # the target is off by the arm's bend
-
-
-def test_small_lead_a_closing_hand_and_a_far_handle_press_nothing():
-    assert terms(leads_by([0.02, 0.0, 0.0]), progress=1.0)["press"] == 0
-    assert terms(leads_by([0.04, 0.0, 0.0], closing=1.0), progress=1.0)["press"] == 0
-    far = terms(leads_by([0.04, 0.0, 0.0], offset=[0.0, 0.0, FAR_M]), progress=1.0)["press"]
-    assert far == pytest.approx(0.0, abs=1e-4)
-
-
 def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():
     for offset in (0.0, 0.03, FAR_M):
         still = terms(state(offset=[0, 0, offset]), action=-SHUT)
@@ -449,7 +426,7 @@ def test_violation_costs_once_and_in_proportion_to_the_progress(progress):
 def test_what_is_wished_is_rewarded_and_what_is_not_costs():
     for name in ("approach", "reach", "align", "grip", "open", "progress", "rest"):
         assert getattr(CONFIG, name) >= 0, name
-    for name in {"early", "aside", "press", "force", "speed", "action", "violation"} & set(TERMS):
+    for name in {"early", "aside", "force", "speed", "action", "violation"} & set(TERMS):
         assert getattr(CONFIG, name) <= 0, name
 
 
