@@ -3,6 +3,8 @@
 Where parts meet on a joint's way, two things are sound. What the collision shapes have too much
 is cut away, as long as what is seen stays covered. And where the parts meet as they were
 authored, deeper than a cut can mend, the way ends there: no real part goes through another one.
+Where too little of the way would be left, all stays as it is, and the proof refuses it: no cut
+opens a way through a wall, and none leaves slices so thin that they pass one unnoticed.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -96,6 +98,35 @@ def test_a_cut_that_bares_what_is_seen_is_refused():
     offer = Part(body(BOX)).offer(0, rest(0.01))
     assert offer.lost > 0.3  # the top and a quarter of the sides
     assert not offer.allowed
+
+
+def test_what_is_left_is_no_thin_slice_unless_the_shape_was_one():
+    slab = replace(BOX, half=(0.1, 0.05, 0.005))
+    top = np.array([0.0, 0.0, 1.0])
+    offer = Part(body(slab)).offer(0, (left(slab, top, 0.008), left(slab, -top, 0.008)))
+    assert offer.lost == 0.0  # all that is seen has a slice beside it
+    assert not offer.allowed
+    assert Part(body(slab)).offer(0, (left(slab, top, 0.003),)).allowed
+    sheet = Shape(kind="box", T_ps=BOX.T_ps, half=(0.1, 0.05, 0.001))
+    part = Part(body(sheet))
+    assert part.offer(0, (left(sheet, np.array([1.0, 0.0, 0.0]), 0.003),)).allowed
+    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.001),)).allowed
+
+
+def test_an_edge_may_go_but_no_way_through_a_wall():
+    wall = Shape(kind="box", T_ps=np.eye(4), half=(0.5, 0.5, 0.005))
+    around = [
+        replace(wall, T_ps=pose((x, y, 0.0)), half=half)
+        for x, y, half in (
+            (-0.27, 0.0, (0.23, 0.5, 0.005)), (0.27, 0.0, (0.23, 0.5, 0.005)),
+            (0.0, 0.27, (0.04, 0.23, 0.005)), (0.0, -0.29, (0.04, 0.21, 0.005)),
+        )
+    ]  # fmt: skip
+    part = Part(body(wall))
+    offer = part.offer(0, tuple(around))  # but for 80 by 120 mm
+    assert offer.lost < 0.01
+    assert not offer.allowed
+    assert part.offer(0, (left(wall, np.array([1.0, 0.0, 0.0]), 0.015),)).allowed
 
 
 def test_what_another_shape_covers_is_not_lost():
