@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.asset import Asset, Joint, Link, load_asset, save_asset
+from articulate.convert.budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.convert.collada import TURNED, has_y_up, leaves_in_plane
 from articulate.convert.collision import collision_shapes
 from articulate.convert.config import ConvertConfig
@@ -241,6 +242,7 @@ def build_asset(
     config: ConvertConfig,
     known: Shaped | None = None,
     hollow: Mapping[str, Array] | None = None,
+    budget: Budget = UNLIMITED,
 ) -> tuple[Asset, list[Body], list[Mimic]]:
     """The asset with its bodies and followers, not written yet.
 
@@ -250,13 +252,15 @@ def build_asset(
         known: Shapes of an earlier call for the same reading; those of this one are added.
         hollow: Points (H, 3) in the cavities of links that no shape may fill [m], by link and
             in its frame.
+        budget: Time for links that are made finer than in an earlier call; what is not done by
+            then stays as it was made there.
     """
     source = reading.source
     place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
     known = {} if known is None else known
-    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {})
+    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {}, budget)
     if not any(body.shapes for body in bodies):
         raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
     joints = tuple(body.joint for body in bodies if body.joint is not None)
@@ -287,6 +291,7 @@ def _bodies(
     config: ConvertConfig,
     known: Shaped,
     hollow: Mapping[str, Array],
+    budget: Budget,
 ) -> tuple[list[Body], dict[str, Array]]:
     """Bodies in metres and their poses in the object frame with every joint at 0."""
     repairs = reading.source.repairs
@@ -311,9 +316,21 @@ def _bodies(
         names[part.name] = name
         key = (name, config.finer.count(name))
         if key not in known:
+            before = known.get((name, key[1] - 1))
             own = Repairs()
-            shapes = collision_shapes(geometry, name, config, own, hollow.get(name, NOTHING))
-            known[key] = shapes, own.sentences
+            try:
+                shapes = collision_shapes(
+                    geometry,
+                    name,
+                    config,
+                    own,
+                    hollow.get(name, NOTHING),
+                    UNLIMITED if before is None else budget,
+                )
+                known[key] = shapes, own.sentences
+            except OutOfTimeError:
+                assert before is not None
+                known[key] = before
         shapes, sentences = known[key]
         for sentence in sentences:
             repairs.add(sentence)

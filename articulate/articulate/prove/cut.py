@@ -13,7 +13,7 @@ from articulate.convert.fit import hull
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body
 from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, near_of
-from articulate.prove.surface import is_near, sample
+from articulate.prove.surface import sample
 from articulate.transforms import Array, Ints, Mask, pose
 
 Levels = NDArray[np.int8]
@@ -21,9 +21,9 @@ Levels = NDArray[np.int8]
 
 SAMPLES = 6000
 """Points on what a part shows that say what a cut bares."""
-BARE = 1.5
-"""No point that was covered comes to lie more than so many times as far from all that is left as
-covered points may: what is cut away then is an edge, and no way through a wall."""
+BARE = 3.0
+"""A cut bares what is seen where a point that was covered comes to lie more than so many times as
+far from all that is left as covered points may: it is a way through a wall then, and no edge."""
 STOUT_M = 0.004
 """Cuts leave no piece thinner than this unless the shape was so before [m]: thin slices go
 through anything without lying deep in it."""
@@ -145,8 +145,10 @@ class Offer:
     """Share of the link's visible surface that would lose its cover."""
     removed_m3: float
     """Volume that is cut away [m3]."""
+    bared: bool
+    """Whether what is seen would lie bare somewhere."""
     allowed: bool
-    """Whether enough stays covered, all of it nearly, and what is left is no thin slice."""
+    """Whether enough stays covered, and what is left is no thin slice."""
 
 
 class Part:
@@ -190,14 +192,8 @@ class Part:
         level = np.zeros(len(self._points), dtype=np.int8)
         if not len(chosen):
             return level
-        away = shape.outside(self._points[chosen])
         for distance_m in (BARE * self.near_m, self.near_m):
-            near = away <= distance_m
-            doubtful = np.flatnonzero(near & (away > 0.0))  # of planes, maybe not of a hull
-            if shape.kind == "hull" and len(doubtful):
-                points = self._points[chosen[doubtful]]
-                near[doubtful] = is_near(points, shape.faces.triangles, distance_m)
-            level[chosen[near]] += 1
+            level[chosen] += shape.covers(self._points[chosen], distance_m)
         return level
 
     def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:
@@ -222,7 +218,8 @@ class Part:
             rest=rest,
             lost=lost,
             removed_m3=shape.volume - sum(piece.volume for piece in rest),
-            allowed=0 < count <= self._most and enough and stout and not bared,
+            bared=bared,
+            allowed=0 < count <= self._most and enough and stout,
         )
 
     def take(self, offer: Offer) -> None:
