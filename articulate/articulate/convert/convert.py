@@ -15,7 +15,7 @@ import numpy as np
 
 from articulate.asset import Asset, Joint, Link, load_asset, save_asset
 from articulate.convert.budget import UNLIMITED, Budget, OutOfTimeError
-from articulate.convert.collada import TURNED, has_y_up, leaves_in_plane
+from articulate.convert.collada import loaded
 from articulate.convert.collision import collision_shapes
 from articulate.convert.config import ConvertConfig
 from articulate.convert.contacts import excludes_of
@@ -23,8 +23,7 @@ from articulate.convert.expand import expand
 from articulate.convert.grasps import handles_of
 from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
-from articulate.convert.mesh import Loader, PartGeometry, bounds
-from articulate.convert.meshfile import is_z_up
+from articulate.convert.mesh import PartGeometry, bounds
 from articulate.convert.origin import ORIGIN_FILE, origin_of
 from articulate.convert.presets import density, given_dynamics, joint_preset
 from articulate.convert.rays import NOTHING
@@ -125,7 +124,7 @@ def read_input(path: Path, config: ConvertConfig) -> Reading:
     """
     source = read_source(path)
     parts = build_parts(expand(source))
-    loader, geometry = _loaded(source, parts, config)
+    loader, geometry = loaded(source, parts, config)
     parts = _without_empty(parts, geometry, source)
     if not any(geometry[part.name].shown for part in parts):
         raise AssetError(f"{path}: no link has geometry; nothing can be made of it")
@@ -136,29 +135,6 @@ def read_input(path: Path, config: ConvertConfig) -> Reading:
     }
     files = {**source.files, **loader.files}
     return Reading(source=source, parts=parts, geometry=geometry, travels=travels, files=files)
-
-
-def _loaded(
-    source: SourceObject, parts: Sequence[Part], config: ConvertConfig
-) -> tuple[Loader, dict[str, PartGeometry]]:
-    """Geometry of the parts, and what read it; COLLADA meshes the way up that fits the joints."""
-    read = source.repairs.sentences
-    loader = Loader(source, config, y_up=config.collada_up == "y")
-    geometry = {part.name: loader.part(part) for part in parts}
-    if config.collada_up != "auto" or not any(is_z_up(path) for path in loader.files.values()):
-        return loader, geometry
-    flat = leaves_in_plane(parts, geometry) if has_y_up(parts) else ()
-    if not flat:
-        return loader, geometry
-    before = source.repairs.sentences
-    source.repairs.restore(read)
-    turned = Loader(source, config, y_up=True)
-    upright = {part.name: turned.part(part) for part in parts}
-    if len(leaves_in_plane(parts, upright)) < len(flat):
-        source.repairs.add(TURNED.format(names=" and ".join(flat)))
-        return turned, upright
-    source.repairs.restore(before)
-    return loader, geometry
 
 
 def _without_empty(
