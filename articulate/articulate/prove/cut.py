@@ -12,15 +12,15 @@ from scipy.spatial import QhullError
 from articulate.convert.fit import hull
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body
-from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, near_of
+from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, SAMPLES, near_of
 from articulate.prove.surface import sample
 from articulate.transforms import Array, Ints, Mask, pose
 
 Levels = NDArray[np.int8]
 """How well points are covered."""
 
-SAMPLES = 6000
-"""Points on what a part shows that say what a cut bares."""
+MORE = 6000
+"""So many points on what a part shows say what a cut bares, besides those that judge coverage."""
 BARE = 3.0
 """A cut bares what is seen where a point that was covered comes to lie more than so many times as
 far from all that is left as covered points may: it is a way through a wall then, and no edge."""
@@ -174,7 +174,7 @@ class Part:
         near_m = NEAR_M
         if triangles:
             every = np.concatenate(triangles)
-            self._points, _ = sample(every, SAMPLES)
+            self._points = np.vstack([sample(every, count)[0] for count in (SAMPLES, MORE)])
             near_m = near_of(every.reshape(-1, 3))
         self.near_m = near_m
         """Points of the surface this near to a shape are covered [m]."""
@@ -206,8 +206,9 @@ class Part:
         lone = own > kept  # what is left lies in the shape: nothing else can be lost
         for piece in rest:
             kept = np.maximum(kept, self._level(piece, among=lone & (kept < own)))
-        lost = float(((before == NEAR) & (kept < NEAR)).mean()) if len(own) else 0.0
-        share = float((kept == NEAR).mean()) if len(own) else 1.0
+        near = kept[:SAMPLES] == NEAR
+        lost = float(((before[:SAMPLES] == NEAR) & ~near).mean()) if len(own) else 0.0
+        share = float(near.mean()) if len(own) else 1.0
         bared = bool((self._held & (before > FAR) & (kept == FAR)).any())
         count = len(self.shapes) - len(self._gone) - 1 + len(rest)
         enough = lost == 0.0 or share >= self._least
