@@ -24,9 +24,10 @@ MORE = 6000
 BARE = 3.0
 """A cut bares what is seen where a point that was covered comes to lie more than so many times as
 far from all that is left as covered points may: it is a way through a wall then, and no edge."""
-STOUT_M = 0.004
-"""Cuts leave no piece thinner than this unless the shape was so before [m]: thin slices go
-through anything without lying deep in it."""
+STOUT_M = 0.003
+"""Cuts leave no piece thinner than this [m]: thin slices go through anything unnoticed ..."""
+STOUT_SHARE = 0.7
+"""... or than this share of the converted shape's thickness, if that is less."""
 
 MARGIN = 0.005
 """Cuts leave the coverage of a link above what is allowed by this share."""
@@ -148,7 +149,7 @@ class Offer:
     bared: bool
     """Whether what is seen would lie bare somewhere."""
     allowed: bool
-    """Whether enough stays covered, and what is left is no thin slice."""
+    """Whether enough stays covered."""
 
 
 class Part:
@@ -197,8 +198,11 @@ class Part:
         return level
 
     def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:
-        """What leaving only ``rest`` of shape ``index`` would cost."""
+        """What leaving only ``rest`` of shape ``index`` would cost, its thin slices gone."""
         shape = self.shapes[index]
+        whole_m = _thickness(self.body.shapes[self._order[index]])
+        least_m = min(STOUT_M, STOUT_SHARE * whole_m) - ROUNDING_M
+        rest = tuple(piece for piece in rest if _thickness(piece) >= least_m)
         own = self._levels[index]
         others = [level for k, level in enumerate(self._levels) if k != index]
         kept = np.max(others, axis=0) if others else np.zeros_like(own)
@@ -212,15 +216,13 @@ class Part:
         bared = bool((self._held & (before > FAR) & (kept == FAR)).any())
         count = len(self.shapes) - len(self._gone) - 1 + len(rest)
         enough = lost == 0.0 or share >= self._least
-        least_m = min(STOUT_M, _thickness(shape)) - ROUNDING_M
-        stout = all(_thickness(piece) >= least_m for piece in rest)
         return Offer(
             index=index,
             rest=rest,
             lost=lost,
             removed_m3=shape.volume - sum(piece.volume for piece in rest),
             bared=bared,
-            allowed=0 < count <= self._most and enough and stout,
+            allowed=0 < count <= self._most and enough,
         )
 
     def take(self, offer: Offer) -> None:

@@ -112,6 +112,8 @@ class Bench:
             )
             for body in bodies
         }
+        self._authored: set[tuple[str, str]] = set()
+        """Pairs of links of the fault in hand that meet as authored."""
         self._shortened: dict[str, str] = {}
         self._eased: list[str] = []
 
@@ -233,6 +235,7 @@ class Bench:
         As little as has to be is tried first, then cuts after which two shapes do not meet at
         all: many small ones can cost more than one that ends it.
         """
+        self._authored = set(fault.authored)
         before = {name: part.state() for name, part in self.parts.items()}
         for whole in (False, True):
             if self._cut_along(fault, whole=whole):
@@ -299,7 +302,8 @@ class Bench:
         Where neither can lose as much, both are cut by half. Nothing is bared where the parts
         meet as authored.
         """
-        met = sweeper.surfaces.cross(sweeper.data, meeting.overlap)
+        authored = (meeting.one, meeting.other) in self._authored
+        met = authored or sweeper.surfaces.cross(sweeper.data, meeting.overlap)
         way_out_w = np.asarray(meeting.overlap.way_out_w)
         one, other = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
         sides = ((one, other, -way_out_w), (other, one, way_out_w))

@@ -105,13 +105,14 @@ def test_what_is_left_is_no_thin_slice_unless_the_shape_was_one():
     slab = replace(BOX, half=(0.1, 0.05, 0.005))
     top = np.array([0.0, 0.0, 1.0])
     offer = Part(body(slab)).offer(0, (left(slab, top, 0.008), left(slab, -top, 0.008)))
-    assert offer.lost == 0.0  # all that is seen has a slice beside it
+    assert offer.rest == ()  # though all that is seen has a slice beside it
     assert not offer.allowed
     assert Part(body(slab)).offer(0, (left(slab, top, 0.0028),)).allowed
     sheet = Shape(kind="box", T_ps=BOX.T_ps, half=(0.1, 0.05, 0.001))
     part = Part(body(sheet))
     assert part.offer(0, (left(sheet, np.array([1.0, 0.0, 0.0]), 0.0028),)).allowed
-    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.001),)).allowed
+    assert part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.0005),)).rest
+    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.001),)).rest
 
 
 def test_an_edge_may_go_but_no_way_through_a_wall():
