@@ -27,7 +27,9 @@ far from all that is left as covered points may: it is a way through a wall then
 STOUT_M = 0.003
 """Cuts leave no piece thinner than this [m]: thin slices go through anything unnoticed ..."""
 STOUT_SHARE = 0.7
-"""... or than this share of the converted shape's thickness, if that is less."""
+"""... or than this share of the converted shape's thickness, if that is less ..."""
+SHEET_SHARE = 0.3
+"""... or than this share of it if that is a sheet, thinner than all that."""
 
 MARGIN = 0.005
 """Cuts leave the coverage of a link above what is allowed by this share."""
@@ -201,7 +203,8 @@ class Part:
         """What leaving only ``rest`` of shape ``index`` would cost, its thin slices gone."""
         shape = self.shapes[index]
         whole_m = _thickness(self.body.shapes[self._order[index]])
-        least_m = min(STOUT_M, STOUT_SHARE * whole_m) - ROUNDING_M
+        share_m = (STOUT_SHARE if whole_m >= STOUT_M else SHEET_SHARE) * whole_m
+        least_m = min(STOUT_M, share_m) - ROUNDING_M
         rest = tuple(piece for piece in rest if _thickness(piece) >= least_m)
         own = self._levels[index]
         others = [level for k, level in enumerate(self._levels) if k != index]

@@ -111,8 +111,8 @@ def test_what_is_left_is_no_thin_slice_unless_the_shape_was_one():
     sheet = Shape(kind="box", T_ps=BOX.T_ps, half=(0.1, 0.05, 0.001))
     part = Part(body(sheet))
     assert part.offer(0, (left(sheet, np.array([1.0, 0.0, 0.0]), 0.0028),)).allowed
-    assert part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.0005),)).rest
-    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.001),)).rest
+    assert part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.0013),)).rest
+    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.00145),)).rest
 
 
 def test_an_edge_may_go_but_no_way_through_a_wall():
