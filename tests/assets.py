@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Handle, Joint, Link, save_asset
@@ -254,12 +255,14 @@ def _write(
     names = [link.name for link in links]
     pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
     exclude = "".join(f'<exclude body1="{a}" body2="{b}"/>' for a, b in pairs)
-    (folder / "object.xml").write_text(
+    text = (
         f'<mujoco model="{name}"><compiler angle="radian" autolimits="true"/><worldbody>'
         f'<body name="carcass">{_boxes(walls)}{bodies}</body></worldbody>'
-        f"<contact>{exclude}</contact></mujoco>\n",
-        encoding="utf-8",
+        f"<contact>{exclude}</contact></mujoco>\n"
     )
+    (folder / "object.xml").write_text(text, encoding="utf-8")
+    urdf = _urdf(name, mujoco.MjModel.from_xml_string(text))
+    (folder / "object.urdf").write_text(urdf, encoding="utf-8")
     asset = Asset(
         name=name,
         category="StorageFurniture",
@@ -273,3 +276,38 @@ def _write(
     )
     save_asset(asset)
     return asset
+
+
+def _urdf(name: str, model: mujoco.MjModel) -> str:
+    """The same object as URDF: bodies that are not turned, boxes, one joint each."""
+    text = f'<robot name="{name}">'
+    for b in range(1, model.nbody):
+        x, y, z = (float(v) for v in model.body_inertia[b])
+        text += (
+            f'<link name="{model.body(b).name}"><inertial>'
+            f'<origin xyz="{_numbers(tuple(model.body_ipos[b]))}"/>'
+            f'<mass value="{float(model.body_mass[b])}"/>'
+            f'<inertia ixx="{x}" ixy="0" ixz="0" iyy="{y}" iyz="0" izz="{z}"/></inertial>'
+        )
+        for g in np.flatnonzero(model.geom_bodyid == b):
+            text += (
+                f'<collision><origin xyz="{_numbers(tuple(model.geom_pos[g]))}"/><geometry>'
+                f'<box size="{_numbers(tuple(2.0 * model.geom_size[g]))}"/></geometry></collision>'
+            )
+        text += "</link>"
+    for j in range(model.njnt):
+        body = int(model.jnt_bodyid[j])
+        kind = "prismatic" if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE else "revolute"
+        low, high = (float(v) for v in model.jnt_range[j])
+        dof = int(model.jnt_dofadr[j])
+        text += (
+            f'<joint name="{model.joint(j).name}" type="{kind}">'
+            f'<origin xyz="{_numbers(tuple(model.body_pos[body]))}"/>'
+            f'<parent link="{model.body(int(model.body_parentid[body])).name}"/>'
+            f'<child link="{model.body(body).name}"/>'
+            f'<axis xyz="{_numbers(tuple(model.jnt_axis[j]))}"/>'
+            f'<limit lower="{low}" upper="{high}" effort="1000" velocity="10"/>'
+            f'<dynamics damping="{float(model.dof_damping[dof])}" '
+            f'friction="{float(model.dof_frictionloss[dof])}"/></joint>'
+        )
+    return text + "</robot>\n"

@@ -299,7 +299,7 @@ def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tm
         "--episodes few",
         "--robt mujoco",
         "--robot mujco",
-        "--robot pybullet",
+        "--robot pybullt",
         "--seed -1",
         "--require-success 2",
         "--out full",

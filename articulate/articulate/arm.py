@@ -30,7 +30,7 @@ class Hand:
     """Speed of one finger when told to open or close [m/s]; the URDF's limit is 0.2."""
     force_n: float = 40.0
     """Force of one finger when closed on something [N]."""
-    tcp_z_m: float = 0.0934
+    tcp_z_m: float = 0.0994
     """Middle of the finger pads above the hand's frame, along the approach axis [m]."""
     on_threshold: float = 0.25
     """The smoothed command closes the hand above +threshold and opens it below -threshold."""

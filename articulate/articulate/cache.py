@@ -3,7 +3,7 @@
 ::
 
     articulate/                in the platform's cache folder
-      assets/ refused/ checks/ decompositions/    entries: a file or a folder each
+      assets/ refused/ checks/ decompositions/ answers/    entries: a file or a folder each
       users/                   a locked file for each process at work
       locks/                   a file for each thing that one process at a time makes
       gate.lock                held while a user comes and while entries are taken away
@@ -29,7 +29,7 @@ from typing import Any
 
 from articulate.errors import ConfigError, UsageError
 
-KINDS = ("assets", "refused", "checks", "decompositions")
+KINDS = ("assets", "refused", "checks", "decompositions", "answers")
 """Folders of entries. Nothing else in the cache is touched."""
 USERS, LOCKS, GATE, TRASH = "users", "locks", "gate.lock", ".trash-"
 LIMIT_VARIABLE = "ARTICULATE_CACHE_GB"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -181,6 +181,30 @@ def draw(
         rng.uniform(*begin, n) if begin[0] < begin[1] else np.full(n, begin[0]),
     ]
     return Draw(np.stack(columns, axis=1))
+
+
+def at_size(config: DrawConfig, scale: float) -> DrawConfig:
+    """``config`` with the object at one size."""
+    return replace(config, scale=(scale, scale), scales=1)
+
+
+def drawn_one_by_one(
+    config: DrawConfig, seed: int, n: int, *, begin: Range = (0.0, 0.0), first: int = 0
+) -> Draw:
+    """Draw N episodes, each from a generator of its own: row k is the same for every N.
+
+    Args:
+        config: Ranges.
+        seed: Decides all that is drawn.
+        n: How many episodes.
+        begin: As in :func:`draw`.
+        first: Number of the first episode.
+    """
+    rows = [
+        draw(config, np.random.default_rng(np.random.SeedSequence([seed, k])), begin=begin).values
+        for k in range(first, first + n)
+    ]
+    return Draw(np.concatenate(rows))
 
 
 def nominal_draw(n: int = 1, *, begin: Range = (0.0, 0.0)) -> Draw:

@@ -10,7 +10,7 @@
     │   ├── RunError        a run folder that is absent, foreign or in the way
     │   ├── BundleError     a bundle that was changed or cannot be read
     │   ├── EngineError     an environment asked for what it does not do
-    │   └── MissingError    an optional package that is not installed
+    │   └── MissingError    an optional package, or a key, that is not there
     └── DivergedError       training produced values that are not finite
 
 Every message is one line: what was wrong with which value, where it came from, what would
@@ -57,7 +57,7 @@ class EngineError(UsageError):
 
 
 class MissingError(UsageError):
-    """An optional package is not installed."""
+    """An optional package is not installed, or the key of a service is not set."""
 
 
 class DivergedError(ArticulateError):

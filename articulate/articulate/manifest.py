@@ -5,7 +5,9 @@ A bundle is a folder or a zip file::
     manifest.json       what stands below, and the SHA-256 of every other file
     policy.onnx         raw observations in, clipped actions out
     golden.npz          observations and the actions that they must give
+    draws.npz           what is drawn for the episodes that compare robots
     scene/scene.xml     the nominal scene, with scene/meshes/
+    object/object.urdf  the object alone, with object/meshes/
 
 Every key must be there and no other. ``content_id`` is the SHA-256 of the rest of the manifest.
 It shows damage; it does not show who made the bundle.
@@ -21,7 +23,7 @@ from typing import Any, Literal
 from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.config import from_mapping, to_plain
-from articulate.draw import DrawConfig
+from articulate.draw import COLUMNS, DrawConfig
 from articulate.errors import BundleError, ConfigError
 from articulate.follow import FollowConfig
 from articulate.layout import Layout
@@ -29,9 +31,10 @@ from articulate.placing import Place
 from articulate.task import Task
 
 SCHEMA = "articulate.policy-bundle"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 MANIFEST_FILE, POLICY_FILE = "manifest.json", "policy.onnx"
 GOLDEN_FILE, SCENE_FILE = "golden.npz", "scene/scene.xml"
+DRAWS_FILE, OBJECT_FILE = "draws.npz", "object/object.urdf"
 LIMIT_TABLES = ("q_min", "q_max", "dq_max", "ddq_max", "dddq_max", "tau_max", "dtau_max")
 """Fields of :class:`articulate.arm.Arm` that the arm's maker sets."""
 
@@ -62,6 +65,40 @@ class Golden:
     """Number of pairs."""
     atol: float = 1e-5
     """Largest difference of an action."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawsEntry:
+    """What is drawn for the episodes that robots are compared on, the same for all of them."""
+
+    file: str = DRAWS_FILE
+    """File in the bundle, with the array ``values``, one row for each episode."""
+    columns: tuple[str, ...] = COLUMNS
+    """Names of its columns."""
+    count: int = 200
+    """Number of episodes."""
+    seed: int
+    """What they were drawn from; it decides the noise within an episode as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingersEntry:
+    """How the stand-in's fingers are driven and what they are made of; each of the two alike."""
+
+    stiffness_n_m: float
+    """Force = stiffness (set point - position) - damping speed, up to the limit [N/m]."""
+    damping_n_s_m: float
+    """See above [N s/m]."""
+    force_n: float
+    """Largest force of a finger [N]."""
+    passive_damping_n_s_m: float
+    """Damping of its slide [N s/m]."""
+    friction_n: float
+    """Dry friction of its slide [N]."""
+    sliding_friction: float
+    """Coefficient of friction of a contact with a finger, whatever it touches."""
+    spin_friction_m: float
+    """Moment against turning about the contact's normal as a share of the normal force [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +165,12 @@ class SceneEntry:
     """Its root body."""
     sensors: tuple[str, str, str]
     """Contact sensors: object on hand, floor on hand, robot on object."""
+    object_file: str = OBJECT_FILE
+    """URDF of the object at the scene's size, its root frame the object's, without visuals."""
+    carried: tuple[str, ...]
+    """Links of the object whose weight is carried, as springs of lids do."""
+    fingers: FingersEntry
+    """The hand's two fingers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,6 +222,7 @@ class Manifest:
     estimator: EstimatorEntry
     draw: DrawConfig
     """Randomisation in training."""
+    draws: DrawsEntry
     training: Training
     golden: Golden
 
@@ -211,7 +255,7 @@ def decode_manifest(text: str, where: str) -> Manifest:
     if schema != SCHEMA or version != SCHEMA_VERSION:
         raise BundleError(
             f"{where}: schema {str(schema)[:40]} {str(version)[:10]}; this version reads "
-            f"{SCHEMA} {SCHEMA_VERSION}"
+            f"{SCHEMA} {SCHEMA_VERSION}: export it again from its run"
         )
     content_id = content.pop("content_id", None)
     try:

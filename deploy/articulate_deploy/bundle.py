@@ -7,6 +7,7 @@ was compared with the manifest.
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 import stat
 import zipfile
@@ -14,7 +15,10 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+import numpy as np
+
 from articulate.arm import arm_named
+from articulate.draw import COLUMNS, Draw
 from articulate.errors import BundleError, ConfigError
 from articulate.manifest import MANIFEST_FILE, Manifest, decode_manifest, limit_table_sha256
 from articulate.observe import ACTION, OBSERVATION
@@ -47,6 +51,21 @@ class Bundle:
     def golden(self) -> bytes:
         """The file of golden pairs."""
         return self.files[self.manifest.golden.file]
+
+    @property
+    def draws(self) -> Draw:
+        """What is drawn for the episodes that robots are compared on."""
+        return _draws(self)
+
+    def object_assets(self) -> tuple[str, dict[str, bytes]]:
+        """Text of the object's URDF, and the meshes that it names, by their paths beside it."""
+        path = PurePosixPath(self.manifest.scene.object_file)
+        meshes = {
+            PurePosixPath(name).relative_to(path.parent).as_posix(): content
+            for name, content in self.files.items()
+            if PurePosixPath(name).parent == path.parent / "meshes"
+        }
+        return self.files[str(path)].decode("utf-8"), meshes
 
     def scene_assets(self) -> tuple[str, dict[str, bytes]]:
         """Text of the scene and the meshes that it names, by their file names."""
@@ -86,6 +105,8 @@ def load_bundle(path: Path) -> Bundle:
     _check_fits(bundle)
     check_graph(bundle.policy, f"{path}/{manifest.policy.file}")
     _check_scene(bundle)
+    _check_object(bundle)
+    _draws(bundle)
     return bundle
 
 
@@ -163,7 +184,11 @@ def _check_sums(manifest: Manifest, contents: dict[str, bytes], path: Path) -> N
     for name, content in contents.items():
         if hashlib.sha256(content).hexdigest() != manifest.files[name]:
             raise BundleError(f"{path}: {name} was changed after export; export it again")
-    for name in (manifest.policy.file, manifest.golden.file, manifest.scene.file):
+    scene = manifest.scene
+    for name in (
+        *(manifest.policy.file, manifest.golden.file, manifest.draws.file),
+        *(scene.file, scene.object_file),
+    ):
         if name not in contents:
             raise BundleError(f"{path}: {name} is missing; export it again")
 
@@ -207,3 +232,37 @@ def _check_scene(bundle: Bundle) -> None:
     for folder in re.findall(r"\b(?:mesh|texture|asset)dir\s*=\s*[\"']([^\"']*)[\"']", text):
         if folder != "meshes":
             raise BundleError(f"{bundle.where}/{name}: refers to the folder {folder[:60]!r}")
+
+
+def _check_object(bundle: Bundle) -> None:
+    """The object's URDF refers to nothing but its meshes, and these to nothing at all."""
+    name = bundle.manifest.scene.object_file
+    try:
+        text, meshes = bundle.object_assets()
+    except UnicodeDecodeError:
+        raise BundleError(f"{bundle.where}/{name}: not text in UTF-8") from None
+    if re.search(r"<[!?]|<\s*(gazebo|plugin|sdf|include|texture|visual)\b", text):
+        raise BundleError(f"{bundle.where}/{name}: refers to something outside of the bundle")
+    for file in re.findall(r"\bfilename\s*=\s*[\"']([^\"']*)[\"']", text):
+        if file not in meshes:
+            raise BundleError(f"{bundle.where}/{name}: names {file[:60]!r}, which is not in it")
+    for file, content in meshes.items():
+        if not file.endswith(".obj") or re.search(rb"^\s*[^vf#\s]", content, re.MULTILINE):
+            raise BundleError(
+                f"{bundle.where}/{PurePosixPath(name).parent / file}: holds more than corners "
+                "and faces; export it again"
+            )
+
+
+def _draws(bundle: Bundle) -> Draw:
+    entry = bundle.manifest.draws
+    where = f"{bundle.where}/{entry.file}"
+    try:
+        with np.load(io.BytesIO(bundle.files[entry.file]), allow_pickle=False) as arrays:
+            values = np.asarray(arrays["values"], dtype=np.float64)
+    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile):
+        raise BundleError(f"{where}: not a file of draws") from None
+    fits = values.shape == (entry.count, len(COLUMNS)) and entry.columns == COLUMNS
+    if not fits or not np.isfinite(values).all():
+        raise BundleError(f"{where}: does not hold {entry.count} draws of this version")
+    return Draw(values)

@@ -23,6 +23,8 @@ class DeployReport:
     task: str
     joint: str
     seed: int
+    carried: bool
+    """Whether the draws are those that the bundle carries."""
     randomised: bool
     results: tuple[EpisodeResult, ...]
     draws: tuple[Draw, ...]
@@ -52,6 +54,7 @@ class DeployReport:
             "task": self.task,
             "joint": self.joint,
             "seed": self.seed,
+            "carried_draws": self.carried,
             "randomised": self.randomised,
             "episodes": len(self.results),
             "opened": self.opened,
@@ -81,14 +84,60 @@ class DeployReport:
         n, word = len(self.results), done_word(self.task)
         failed = ", ".join(f"{k} {v}" for k, v in self.reasons.items() if k != "success")
         draws = "randomised as in training" if self.randomised else "without randomisation"
+        where = "the bundle's draws" if self.carried else f"seed {self.seed}"
         lines = [
-            f"{self.task} ({self.joint}) on {self.robot}, {n} episodes {draws}, seed {self.seed}",
+            f"{self.task} ({self.joint}) on {self.robot}, {n} episodes {draws}, {where}",
             f"  {word}   {self.opened} of {n}",
             f"  success  {self.successes} of {n} ({word} and within every limit)",
         ]
         if failed:
             lines.append(f"  failed   {failed}")
         return "\n".join([*lines, *(f"  note     {note}" for note in self.notes)])
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """The same episodes on several robots; the first is the one that others are compared with."""
+
+    reports: tuple[DeployReport, ...]
+
+    @property
+    def ratios(self) -> dict[str, float | None]:
+        """Successes of each other robot as a share of the first's; None if that has none."""
+        first, *others = self.reports
+        return {r.robot: r.successes / first.successes if first.successes else None for r in others}
+
+    @property
+    def agree(self) -> dict[str, int]:
+        """In how many episodes each other robot ended as the first, in success or not."""
+        first, *others = self.reports
+        return {
+            r.robot: sum(
+                a.success == b.success for a, b in zip(first.results, r.results, strict=True)
+            )
+            for r in others
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "reference": self.reports[0].robot,
+            "ratios": self.ratios,
+            "agree": self.agree,
+            "robots": {report.robot: report.as_dict() for report in self.reports},
+        }
+
+    def text(self) -> str:
+        """A few lines for people."""
+        lines = [report.text() for report in self.reports]
+        first = self.reports[0]
+        for name, ratio in self.ratios.items():
+            shown = "unknown" if ratio is None else f"{ratio:.1%}"
+            lines.append(
+                f"{name} / {first.robot}: {shown} of the successes; both ended alike in "
+                f"{self.agree[name]} of {len(first.results)} episodes"
+            )
+        return "\n".join(lines)
 
 
 def _number(value: Any) -> float | None:

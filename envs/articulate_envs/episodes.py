@@ -21,7 +21,7 @@ from articulate.observe import ACTION, observation
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.rewards import TERMS, RewardConfig, grasp_of, reward_terms
+from articulate_envs.rewards import TERMS, RewardConfig, at_end, grasp_of, reward_terms
 from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
 
 
@@ -36,7 +36,8 @@ class Ended:
     opened: Mask
     """Whether the part was held at its target at the end, limits aside (M,)."""
     from_home: Mask
-    """Whether the episode began at home and ran its full length or was cut at rest (M,)."""
+    """Whether the episode began at home, to run its full length: never one that training may cut
+    off (M,)."""
     cut: Mask
     """Whether training cut it off while the part rested at the target (M,)."""
     terms: Array
@@ -220,11 +221,14 @@ class Episodes:
         self._width = before.hand_width
         self._state = state
         self._last = action
-        self._terms += terms
         self._tick += 1
+        full = self._tick >= scene.ticks
+        if full.any():
+            terms[full] += at_end(self.reward, verdict(self._judgement, scene.task)[full] == 0)
+        self._terms += terms
         self._estimator.push(state.T_wh, state.opened, state.speed)
         cut = self._cut()
-        done = (self._tick >= scene.ticks) | bad | cut
+        done = full | bad | cut
         seen = np.nan_to_num(self._observe())
         ended = None
         if done.any():
@@ -238,13 +242,18 @@ class Episodes:
                 seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
 
+    def _may_cut(self) -> Mask:
+        """Environments whose episodes training may cut off (N,)."""
+        n = self.engine.n_envs
+        share = 0.0 if self.starts is None or self.starts.cut <= 0.0 else self.starts.cut_share
+        return np.asarray(np.arange(n) < round(share * n))
+
     def _cut(self) -> Mask:
         """Which episodes of training are cut off now (N,)."""
-        n = self.engine.n_envs
-        chance = 0.0 if self.starts is None else self.starts.cut_now(self.progress)
-        if chance <= 0.0:
-            return np.zeros(n, dtype=bool)
-        chosen = self._rng.random(n) < chance
+        may = self._may_cut()
+        if self.starts is None or not may.any():
+            return may
+        chosen = may & (self._rng.random(len(may)) < self.starts.cut)
         return np.asarray(chosen & opened_at_end(self._judgement, self.engine.scene.task))
 
     def _end(self, rows: Ints, seen: Array, cut: Mask) -> Ended:
@@ -253,7 +262,7 @@ class Episodes:
             rows=rows,
             code=verdict(self._judgement, task)[rows],
             opened=opened_at_end(self._judgement, task)[rows],
-            from_home=self._home[rows].copy(),
+            from_home=(self._home & ~self._may_cut())[rows],
             cut=(cut & (self._tick < self.engine.scene.ticks))[rows],
             terms=self._terms[rows].copy(),
             peaks=self._judgement.samples[rows].copy(),

@@ -23,6 +23,9 @@ COARSE_MESHES = tuple(f"link{i}" for i in range(8))
 """Collision meshes of the arm that are reduced; hand and fingers stay as they are."""
 COARSE_POINTS = 48
 """Points kept of each."""
+PADS_Z_M = 0.041
+"""Middle of the finger pads above the frame of a finger [m]. ``franka_description`` mounts fingers
+0.0584 m above the hand's frame; robosuite does so at 0.0524 m, which makes the hand 6 mm short."""
 ARM_BIT, OBJECT_BIT = 1, 2
 """Contact bits: the arm meets the object and the floor, never itself."""
 
@@ -140,6 +143,8 @@ def _set_joints(spec: mujoco.MjSpec, arm: Arm) -> None:
 
 
 def _set_fingers(spec: mujoco.MjSpec, arm: Arm) -> None:
+    for name in ("leftfinger", "rightfinger"):
+        spec.body(name).pos = [0.0, 0.0, arm.hand.tcp_z_m - PADS_Z_M]
     half = arm.hand.max_width_m / 2.0
     for i, sign in ((1, 1.0), (2, -1.0)):
         joint = spec.joint(f"finger_joint{i}")

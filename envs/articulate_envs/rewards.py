@@ -12,14 +12,14 @@ from articulate.errors import ConfigError
 from articulate.judgement import COLUMN
 from articulate.kinematics import tool_pose
 from articulate.task import Task, at_target
-from articulate.transforms import Array, rotation_angle
+from articulate.transforms import Array, Mask, rotation_angle
 from articulate_envs.engine import State
 
 TERMS = (
     "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",
-    "force", "speed", "action", "violation",
+    "force", "speed", "action", "violation", "success",
 )  # fmt: skip
-"""Names of the terms, in the order of :func:`reward_terms`."""
+"""Names of the terms, in the order of :func:`reward_terms`; the last is :func:`at_end`'s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,8 @@ class RewardConfig:
     align_rad: float = 0.35
     """Angle at which that has fallen to 1/e [rad]."""
     grip: float = 0.5
-    """For a hand that is told to close, and for one that is closed, at the handle."""
+    """For a hand that is told to close, and for one that is closed, at the handle; not for one
+    that has closed on nothing, which has to open again."""
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.25
@@ -76,10 +77,11 @@ class RewardConfig:
     progress: float = 60.0
     """For each change of that fraction."""
     rest: float = 0.6
-    """For resting at or beyond the target."""
+    """For resting beyond the target: nothing at it, all of it at the end of the margin. Paid for
+    resting at the target itself, a policy's mean action rests there, and is found at 0.79."""
     force: float = -0.02
     """For each newton of filtered force beyond ``force_free_n``, at the beginning of training."""
-    force_last: float = -0.08
+    force_last: float = -0.16
     """The same at its end; linear between (dear forces at first keep the hand off the handle)."""
     force_free_n: float = 15.0
     """Force that costs nothing [N]."""
@@ -94,6 +96,9 @@ class RewardConfig:
     spoiled: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""
+    success: float = 60.0
+    """Once, at the end of an episode that is a success. All else pays by the tick, and a part that
+    creeps back in the last second loses next to nothing by that."""
     until: float = 0.6
     """Share of the training after which weights are as at its end."""
 
@@ -116,8 +121,8 @@ FINGER_M = 0.022
 PAD_M = 0.008
 """How far the pads reach to either side of the tool along the approach [m]."""
 HELD_SHARE = 0.6
-"""Fingers at the handle that are at least this share of its thickness apart have it between them:
-whoever holds it beside its middle loses nothing by that."""
+"""Fingers at the handle that are at least this share of its thickness apart have it between them,
+or are still open; closer ones have closed on nothing."""
 MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
@@ -171,10 +176,15 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
     across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
     room = np.maximum(width - grasp.thick_m, 0.0) / 2.0
     allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
-    held = (width >= HELD_SHARE * grasp.thick_m) & (ahead <= PAD_M)
+    held = _not_empty(width, grasp) & (ahead <= PAD_M)
     held &= np.abs(across) <= grasp.thick_m / 2.0
     beside = np.where(held, 0.0, np.maximum(np.abs(across) - allowed, 0.0))
     return np.asarray(beside + np.maximum(-ahead - config.beyond_m, 0.0))
+
+
+def _not_empty(width: Array, grasp: Grasp) -> Mask:
+    """Whether a handle can be between fingers that are ``width`` (N,) [m] apart."""
+    return np.asarray((width >= HELD_SHARE * grasp.thick_m) | (grasp.thick_m <= 0.0))
 
 
 def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
@@ -184,18 +194,22 @@ def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) ->
     return np.asarray(np.linalg.norm(offset, axis=1) + config.approach_turn_m * angle)
 
 
+def _goal(config: RewardConfig, task: Task) -> float:
+    """The opening up to which the way is paid for: the target, and a margin beyond it."""
+    first = task.begin[1]
+    goal = first + (task.target - first) * (1.0 + config.margin)
+    if task.closes:
+        return max(goal, task.target / 2.0)
+    return goal if task.stop is None else min(goal, (task.target + task.stop) / 2.0)
+
+
 def _paid(config: RewardConfig, task: Task, opened: Array) -> Array:
     """Share (N,) of the way to the target that is paid for, at most 1.
 
     It counts from where the part may begin farthest from its target.
     """
-    first = task.begin[1]
-    goal = first + (task.target - first) * (1.0 + config.margin)
-    if task.closes:  # on either side of the closed end: one without a stop can pass it
-        opened = np.abs(opened)
-        goal = max(goal, task.target / 2.0)
-    elif task.stop is not None:
-        goal = min(goal, (task.target + task.stop) / 2.0)
+    first, goal = task.begin[1], _goal(config, task)
+    opened = _measured(task, opened)
     way = np.clip((opened - first) / (goal - first), 0.0, 1.0)
     if task.stop is None:
         return np.asarray(way)
@@ -203,6 +217,19 @@ def _paid(config: RewardConfig, task: Task, opened: Array) -> Array:
     room = max(sign * (task.stop - goal), config.over_room)
     over = np.clip(sign * (opened - goal) / room, 0.0, 1.0)
     return np.asarray(way - config.over * over)
+
+
+def _measured(task: Task, opened: Array) -> Array:
+    """Openings (N,); of what closes, from either side: one without a stop can pass its end."""
+    return np.abs(opened) if task.closes else opened
+
+
+def _beyond(config: RewardConfig, task: Task, opened: Array) -> Array:
+    """Share (N,) of the margin beyond the target that is made, in [0, 1]."""
+    margin = _goal(config, task) - task.target
+    if margin == 0.0:  # the target is the end of the way
+        return np.ones(len(opened))
+    return np.asarray(np.clip((_measured(task, opened) - task.target) / margin, 0.0, 1.0))
 
 
 def reward_terms(
@@ -215,7 +242,7 @@ def reward_terms(
     progress: float = 0.0,
     grasp: Grasp = NO_GRASP,
 ) -> Array:
-    """Weighted terms (N, len(TERMS)) of one tick.
+    """Weighted terms (N, len(TERMS)) of one tick, all but those of :func:`at_end`.
 
     Args:
         config: Weights.
@@ -237,6 +264,7 @@ def reward_terms(
     aligned = np.exp(-((rotation_angle(turn) / config.align_rad) ** 2))
     way = _paid(config, task, after.opened)
     change = way - _paid(config, task, before.opened)
+    still = at_target(task, after.opened, after.speed)
     close = np.exp(-((distance / config.grip_m) ** 2))
     told = (
         0.25 * np.maximum(action[:, 7], 0.0)
@@ -257,15 +285,23 @@ def reward_terms(
         config.approach * nearer,
         config.reach * 0.5 * (near + at),
         config.align * near * aligned,
-        config.grip * close * told,
+        config.grip * close * told * _not_empty(after.hand_width, grasp),
         early * away * told,
         config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
         config.open * left * way,
         config.progress * left * change,
-        config.rest * left * at_target(task, after.opened, after.speed),
+        config.rest * left * still * _beyond(config, task, after.opened),
         dear * np.maximum(force - config.force_free_n, 0.0),
         config.speed * np.maximum(part_speed - config.speed_free, 0.0),
         config.action * np.mean(action[:, :7] ** 2, axis=1),
         config.violation * progress * broken,
+        np.zeros(len(way)),
     )
     return np.stack(terms, axis=1)
+
+
+def at_end(config: RewardConfig, succeeded: Mask) -> Array:
+    """Weighted terms (M, len(TERMS)) of how M episodes ended that ran their full length."""
+    terms = np.zeros((len(succeeded), len(TERMS)))
+    terms[:, TERMS.index("success")] = config.success * succeeded
+    return terms

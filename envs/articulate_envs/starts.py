@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from articulate.draw import COLUMNS, Draw, DrawConfig, draw
+from articulate.errors import ConfigError
 from articulate.kinematics import solve_ik
 from articulate.placing import handle_in_world, object_pose
 from articulate.transforms import Array, pose
@@ -49,23 +50,23 @@ class StartConfig:
     """How many such starts are prepared."""
     cut: float = 0.04
     """Chance, each tick, that an episode of training ends once its part has rested at the target
-    as long as success asks for, at the beginning of training; it falls to 0 with the curriculum.
-    Such an end counts as cut off (a truncation), and the time is spent on the next episode: else
-    most of all ticks would show a part at rest. Holding to the end is learnt after that."""
+    as long as success asks for. Such an end counts as cut off (a truncation), and the time is
+    spent on the next episode: else most of all ticks would show a part at rest."""
+    cut_share: float = 0.5
+    """Share of the environments in which episodes are cut, in [0, 1]. In the others the part is
+    held to the end, which has to be learnt too; what training says of successes is of these."""
 
     def __post_init__(self) -> None:
         check_until("starts", self.until)
+        if not 0.0 <= self.cut_share < 1.0:
+            raise ConfigError(
+                f"starts.cut_share is {self.cut_share}; it must be at least 0 and below 1"
+            )
 
     def share(self, progress: float) -> float:
         """Share of starts along the task when ``progress`` in [0, 1] of the training is done."""
-        return self.share_first + self._done(progress) * (self.share_last - self.share_first)
-
-    def cut_now(self, progress: float) -> float:
-        """Chance of a cut when ``progress`` in [0, 1] of the training is done."""
-        return self.cut * (1.0 - self._done(progress))
-
-    def _done(self, progress: float) -> float:
-        return min(max(progress / self.until, 0.0), 1.0)
+        done = min(max(progress / self.until, 0.0), 1.0)
+        return self.share_first + done * (self.share_last - self.share_first)
 
 
 def home_start(scene: Scene, drawn: Draw) -> Start:

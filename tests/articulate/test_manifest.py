@@ -12,7 +12,9 @@ from articulate.errors import BundleError
 from articulate.follow import FollowConfig
 from articulate.manifest import (
     Control,
+    DrawsEntry,
     EstimatorEntry,
+    FingersEntry,
     Golden,
     Manifest,
     PolicyEntry,
@@ -70,9 +72,20 @@ def manifest(tmp_path_factory):
             object_prefix="object/",
             object_root="object/carcass",
             sensors=("x", "y", "z"),
+            carried=(),
+            fingers=FingersEntry(
+                stiffness_n_m=2000.0,
+                damping_n_s_m=40.0,
+                force_n=40.0,
+                passive_damping_n_s_m=20.0,
+                friction_n=0.5,
+                sliding_friction=1.0,
+                spin_friction_m=0.02,
+            ),
         ),
         estimator=EstimatorEntry(needs=("T_wh",), rate_hz=20.0, max_age_s=0.1),
         draw=DrawConfig(),
+        draws=DrawsEntry(seed=1),
         training=Training(
             run="r", seed=0, seed_rule="given", steps=1, config_sha256="", success=None
         ),

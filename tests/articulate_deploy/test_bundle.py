@@ -2,8 +2,10 @@ import dataclasses
 import stat
 import zipfile
 
+import numpy as np
 import pytest
 
+from articulate.draw import at_size, drawn_one_by_one
 from articulate.errors import BundleError
 from articulate.manifest import decode_manifest, encode_manifest, with_files
 from articulate_deploy import bundle as module
@@ -170,3 +172,43 @@ def test_loading_leaves_no_file_open_and_writes_none(exported, tmp_path, monkeyp
     write_bundle(tmp_path / "b.zip", files_of(exported))
     load_bundle(tmp_path / "b.zip")
     assert [p.name for p in tmp_path.iterdir()] == ["b.zip"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<!DOCTYPE robot [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
+        '<link name="x"><collision><geometry><mesh filename="/etc/passwd"/></geometry></collision>'
+        "</link>",
+        "<link name='x'><visual/></link>",
+        '<gazebo reference="x"/>',
+    ],
+)
+def test_an_object_that_refers_to_what_is_not_in_the_bundle_is_refused(folder, text):
+    path = folder / "object" / "object.urdf"
+    path.write_text(path.read_text().replace("</robot>", f"{text}</robot>"))
+    resealed(folder)
+    with pytest.raises(BundleError, match=r"object\.urdf"):
+        load_bundle(folder)
+
+
+def test_a_mesh_of_the_object_that_names_another_file_is_refused(folder, error_line):
+    (folder / "object" / "meshes").mkdir()
+    (folder / "object" / "meshes" / "a.obj").write_text("v 0 0 0\nmtllib ../../secret\n")
+    resealed(folder)
+    error_line("load_bundle: mesh with a material", lambda: load_bundle(folder))
+
+
+@pytest.mark.parametrize("shape", [(199, 30), (200, 29)])
+def test_draws_of_another_size_are_refused(folder, shape, error_line):
+    np.savez(folder / "draws.npz", values=np.zeros(shape))
+    resealed(folder)
+    error_line("load_bundle: other draws", lambda: load_bundle(folder))
+
+
+def test_draws_are_those_of_the_evaluation_seed(bundle, run):
+    entry = bundle.manifest.draws
+    config = at_size(run.config.draw, 1.0)
+    own = drawn_one_by_one(config, run.config.evaluation_seed, 3, begin=run.task.begin)
+    assert entry.count == 200
+    assert np.array_equal(bundle.draws.values[:3], own.values)

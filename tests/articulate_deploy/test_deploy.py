@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import subprocess
 import sys
@@ -8,7 +9,8 @@ import pytest
 from articulate.commands import run_command
 from articulate.observe import OBSERVATION
 from articulate_deploy.commands.deploy import main
-from articulate_deploy.deploy import deploy
+from articulate_deploy.deploy import deploy, transfer
+from articulate_deploy.report import Transfer
 
 FORBIDDEN = (
     "torch", "stable_baselines3", "articulate_envs", "articulate_train", "robosuite", "trimesh",
@@ -99,6 +101,58 @@ def test_a_changed_bundle_is_one_line_and_exit_2(folder, capsys):
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert "changed" in captured.err
+
+
+def test_without_a_seed_the_bundles_own_draws_are_run(exported, bundle):
+    done = deploy(exported, episodes=1)
+    assert done.carried
+    assert done.seed == bundle.manifest.draws.seed
+    assert np.array_equal(done.draws[0].values, bundle.draws.values[:1])
+    assert "the bundle's draws" in done.text()
+
+
+def test_more_episodes_than_draws_are_refused_without_a_seed(exported, error_line):
+    error_line("deploy --episodes 201", lambda: main([str(exported), "--episodes", "201"]))
+
+
+def test_two_robots_run_the_same_draws_and_are_compared(exported, tmp_path, capsys):
+    """A policy that learned nothing: none succeeds, so that there is no ratio, and all agree."""
+    told = []
+    both = transfer(
+        exported,
+        ("mujoco", "pybullet"),
+        episodes=2,
+        out=tmp_path / "out",
+        on_episode=lambda robot, k, result: told.append((robot, k)),
+    )
+    first, second = both.reports
+    for a, b in zip(first.draws, second.draws, strict=True):
+        assert np.array_equal(a.values, b.values)
+    assert told == [("mujoco", 0), ("mujoco", 1), ("pybullet", 0), ("pybullet", 1)]
+    content = both.as_dict()
+    assert content["reference"] == "mujoco"
+    assert content["ratios"] == {"pybullet": None}
+    assert set(content["robots"]) == {"mujoco", "pybullet"}
+    assert "both ended alike in" in both.text()
+    assert any("reflected inertia" in note for note in second.notes)
+    assert (tmp_path / "out" / "pybullet" / "episode_0001.npz").exists()
+    json.dumps(content, allow_nan=False)
+
+
+def test_a_ratio_is_that_of_the_successes(report):
+    done, _ = report
+    won = dataclasses.replace(done.results[0], reason="success")
+    lost = dataclasses.replace(done.results[0], reason="not_open")
+    first = dataclasses.replace(done, robot="a", results=(won, won))
+    second = dataclasses.replace(done, robot="b", results=(won, lost))
+    both = Transfer((first, second))
+    assert both.ratios == {"b": 0.5}
+    assert both.agree == {"b": 1}
+
+
+def test_a_robot_that_is_named_twice_is_refused(exported, error_line):
+    argv = [str(exported), "--robot", "mujoco", "mujoco"]
+    error_line("deploy --robot mujoco mujoco", lambda: main(argv))
 
 
 def test_the_arm_that_comes_later_is_one_line_and_exit_2(exported, capsys):

@@ -6,21 +6,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.draw import COLUMNS, Draw, draw, nominal_draw
-from articulate.errors import BundleError, ConfigError
+from articulate.draw import COLUMNS, Draw, draw
+from articulate.errors import BundleError
 from articulate.judgement import COLUMN, judge_sample, judgement_start
 from articulate.kinematics import solve_ik, tool_pose
 from articulate.placing import handle_in_world
 from articulate_deploy.deploy import one_size
 from articulate_deploy.plant import Plant
-from articulate_deploy.robots import ROBOTS, robot_named
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (
-    ACTION_FEATURES,
     HAND_KEY,
-    OBSERVATION_FEATURES,
     SPEED_KEYS,
-    NotConnectedError,
     action_of,
     joints_of,
 )
@@ -141,76 +137,8 @@ def test_the_tool_of_the_scene_is_the_tool_of_the_kinematics(robot, bundle):
     assert_allclose(site, tool_pose(bundle.manifest.robot, seen)[:3, 3], rtol=0, atol=1e-4)
 
 
-def test_features_are_readable_before_connecting(bundle):
-    robot = robot_named("mujoco", bundle)
-    assert not robot.is_connected
-    assert set(robot.observation_features) == set(OBSERVATION_FEATURES)
-    assert set(robot.action_features) == set(ACTION_FEATURES)
-    assert "joint_7.pos" in robot.action_features
-    assert robot.observation_features["gripper.pos"] is float
-
-
-def test_a_robot_that_is_not_connected_says_so(bundle):
-    robot = MujocoRobot(bundle)
-    with pytest.raises(ConnectionError):
-        robot.get_observation()
-    with robot as connected:
-        assert connected.is_connected
-        assert set(robot.get_observation()) == set(robot.observation_features)
-    assert not robot.is_connected
-    with pytest.raises(NotConnectedError, match="connect"):
-        robot.send_action({})
-
-
-def test_a_stopped_robot_refuses_actions_until_it_is_reset(robot, bundle):
-    q = np.asarray(bundle.manifest.start.q)
-    robot.stop()
-    with pytest.raises(NotConnectedError, match="stopped"):
-        robot.send_action(action_of(q, 0.08))
-    robot.reset_to(q, 0.08)
-    robot.send_action(action_of(q, 0.08))
-
-
-def test_what_was_really_sent_comes_back(robot, bundle):
-    manifest = bundle.manifest
-    q, step = np.asarray(manifest.start.q), manifest.control.follow.step_rad
-    sent = robot.send_action(action_of(q + 1.0, 0.05))
-    assert_allclose(joints_of(sent), q + step, rtol=0, atol=1e-12)
-    assert sent[HAND_KEY] == manifest.robot.hand.max_width_m
-
-
-def test_a_target_that_is_no_number_leaves_the_joint_where_it_is(robot, bundle):
-    q = np.asarray(bundle.manifest.start.q)
-    sent = robot.send_action(action_of(np.full(7, np.nan), np.nan))
-    assert_allclose(joints_of(sent), q, rtol=0, atol=0)
-
-
-def test_unknown_keys_of_an_action_are_refused(robot, bundle, error_line):
-    action = action_of(np.asarray(bundle.manifest.start.q), 0.08)
-    action["joint_8.pos"] = 0.0
-    error_line("send_action: joint_8", lambda: robot.send_action(action))
-
-
-def test_another_size_of_the_object_is_refused(robot, error_line):
-    drawn = nominal_draw()
-    drawn.values[:, COLUMNS.index("scale")] = 1.1
-    error_line("set_draw: scale 1.1", lambda: robot.set_draw(drawn))
-
-
 def test_a_scene_without_what_the_manifest_names_is_refused(bundle):
     scene = dataclasses.replace(bundle.manifest.scene, tool_site="tip")
     manifest = dataclasses.replace(bundle.manifest, scene=scene)
     with pytest.raises(BundleError, match="tip"):
         MujocoRobot(dataclasses.replace(bundle, manifest=manifest)).connect()
-
-
-@pytest.mark.parametrize("name", ["panda", "fr3", "mujco", "kuka"])
-def test_robots_that_are_not_there_are_named_in_one_line(bundle, name, error_line):
-    error_line(f"robot_named({name})", lambda: robot_named(name, bundle))
-
-
-def test_every_robot_is_there(bundle):
-    for name in ROBOTS:
-        assert robot_named(name, bundle).name == name
-    with pytest.raises(ConfigError):
-        robot_named("", bundle)

@@ -208,34 +208,55 @@ def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
     assert not tick.ended.from_home.any()
 
 
-def open_and_idle(scene, cut, progress=0.0):
+def open_and_idle(scene, **starts):
     """Episodes that begin with the part open at rest, and what their ticks give."""
-    runs = episodes(scene, starts=dataclasses.replace(STARTS, cut=cut), draws=NO_DRAW)
-    runs.progress = progress
+    runs = episodes(scene, starts=dataclasses.replace(STARTS, **starts), draws=NO_DRAW)
     start = home_start(scene, nominal_draw(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     return [runs.step(np.zeros((N, 8))) for _ in range(scene.ticks)]
 
 
 def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks(drawer):
-    ticks = open_and_idle(drawer, 1.0)
+    ticks = open_and_idle(drawer, cut=1.0, cut_share=0.5)
     when = [k for k, tick in enumerate(ticks) if tick.done.any()]
     held = round(drawer.task.hold_s / drawer.follow.tick_s)
     assert when[0] + 1 == held
     ended = ticks[when[0]].ended
     assert ended is not None
+    assert ended.rows.tolist() == [0, 1]
     assert ended.cut.all()
-    assert ended.from_home.all()
     assert ended.opened.all()
     rest = ended.privileged[:, PRIVILEGED.slice("rest")]
     assert_allclose(rest, drawer.task.hold_s, atol=1e-9)
     assert field(ended.observation, "time_left").min() > 0.0
 
 
+def test_only_episodes_that_are_never_cut_count_as_from_home(drawer):
+    ended = [t.ended for t in open_and_idle(drawer, cut=1.0, cut_share=0.5) if t.ended is not None]
+    counted = np.concatenate([e.rows[e.from_home] for e in ended])
+    assert sorted(counted.tolist()) == [2, 3]
+    assert not any(e.cut[e.from_home].any() for e in ended)
+
+
+def test_success_is_paid_once_at_the_end_of_a_whole_episode(drawer, monkeypatch):
+    judged = np.array([CODE["success"], CODE["force"], CODE["success"], CODE["moving"]])
+    monkeypatch.setattr(f"{Episodes.__module__}.verdict", lambda *_: judged)
+    ticks = open_and_idle(drawer, cut=0.0)
+    *before, last = ticks
+    ended = last.ended
+    assert ended is not None
+    bonus = RewardConfig().success * np.array([1.0, 0.0, 1.0, 0.0])
+    assert_allclose(ended.terms[:, TERMS.index("success")], bonus)
+    assert_allclose(last.reward - last.reward[1], bonus, atol=1e-9)  # else the four are alike
+    assert max(tick.reward.max() for tick in before) < RewardConfig().success / 2
+
+
 def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
-    for ticks in (open_and_idle(drawer, 0.0), open_and_idle(drawer, 1.0, STARTS.until)):
+    for never in ({"cut": 0.0}, {"cut": 1.0, "cut_share": 0.0}):
+        ticks = open_and_idle(drawer, **never)
         assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
         assert not ticks[-1].ended.cut.any()
+        assert ticks[-1].ended.from_home.all()
     runs = episodes(drawer, starts=None, draws=NO_DRAW)
     start = home_start(drawer, nominal_draw(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))

@@ -105,6 +105,29 @@ def test_with_dry_friction_the_deflection_is_the_same_to_within_that_friction():
     assert abs(error) <= 1.2 * PANDA.friction[joint] / PANDA.stiffness[joint]
 
 
+def test_fingers_hang_where_franka_mounts_them_and_the_tool_is_between_their_pads(loose):
+    """hand.xacro of franka_description: joint at z = 0.0584 m, tips 0.0538 m beyond it."""
+    data = at(loose, HOME)
+    mujoco.mj_forward(loose, data)
+    hand, tool = loose.body("right_hand").id, loose.site("tool").id
+    approach = data.xmat[hand].reshape(3, 3)[:, 2]
+    for name in ("leftfinger", "rightfinger"):
+        way = data.xpos[loose.body(name).id] - data.xpos[hand]
+        assert_allclose(way @ approach, 0.0584, atol=1e-9)
+    tips = []
+    for name in ("finger1_pad_collision", "finger2_pad_collision"):
+        geom = loose.geom(name).id
+        middle = data.geom_xpos[geom] - data.site_xpos[tool]
+        assert abs(middle @ approach) < 1e-3
+    for name in ("finger1_collision", "finger2_collision"):
+        mesh = int(loose.geom_dataid[loose.geom(name).id])
+        first, count = int(loose.mesh_vertadr[mesh]), int(loose.mesh_vertnum[mesh])
+        geom = loose.geom(name).id
+        points = loose.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T
+        tips.append(((points + data.geom_xpos[geom] - data.xpos[hand]) @ approach).max())
+    assert_allclose(tips, 0.0584 + 0.0538, atol=2e-4)
+
+
 def test_fingers_move_together_to_what_they_are_told(loose):
     data = at(loose, HOME)
     finger = loose.joint("finger_joint1").qposadr[0]

@@ -22,6 +22,7 @@ from articulate_envs.rewards import (
     TERMS,
     Grasp,
     RewardConfig,
+    at_end,
     grasp_of,
     grip_offset,
     reward_terms,
@@ -225,6 +226,25 @@ def test_closing_away_from_the_handle_grows_dearer_with_the_training(progress, s
     assert cost == pytest.approx(-0.2 - 0.8 * share)
 
 
+@pytest.mark.parametrize(
+    ("width", "thick", "share"),
+    [(0.02, 0.04, 0.0), (0.03, 0.04, 1.0), (0.08, 0.04, 1.0), (0, 0, 1.0)],
+)
+def test_hand_that_has_closed_on_nothing_at_the_handle_earns_no_grip(width, thick, share):
+    shut = dataclasses.replace(
+        state(smooth=1.0, closing=1.0), hand_width=np.array([width], dtype=np.float64)
+    )
+    paid = terms(shut, action=SHUT, thick_m=thick)["grip"]
+    assert_allclose(paid, share * CONFIG.grip, atol=1e-12)
+
+
+def test_end_of_an_episode_pays_for_successes_alone():
+    paid = at_end(CONFIG, np.array([True, False]))
+    assert_allclose(paid[:, :-1], 0.0)
+    assert_allclose(paid[:, -1], [CONFIG.success, 0.0])
+    assert TERMS[-1] == "success"
+
+
 def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():
     for offset in (0.0, 0.03, FAR_M):
         still = terms(state(offset=[0, 0, offset]), action=-SHUT)
@@ -307,9 +327,10 @@ def test_progress_of_closing_is_paid_for_closing_and_taken_back_for_opening():
 
 
 def test_rest_of_closing_is_earned_near_the_closed_end_alone():
-    assert terms(state(opened=0.04), task=SHUTS)["rest"] == CONFIG.rest
+    assert terms(state(opened=0.025), task=SHUTS)["rest"] == pytest.approx(CONFIG.rest)
+    assert terms(state(opened=-0.0375), task=SHUTS)["rest"] == pytest.approx(CONFIG.rest / 2)
     assert terms(state(opened=0.06), task=SHUTS)["rest"] == 0
-    assert terms(state(opened=0.04, speed=-2 * TASK.slow), task=SHUTS)["rest"] == 0
+    assert terms(state(opened=0.025, speed=-2 * TASK.slow), task=SHUTS)["rest"] == 0
 
 
 def test_part_that_turns_without_end_has_no_stop_to_keep_off():
@@ -332,7 +353,20 @@ def test_progress_telescopes(way):
     assert total == pytest.approx(CONFIG.progress * (last - first), abs=1e-9)
 
 
-def test_rest_is_earned_at_the_target_standing_still_alone():
+@pytest.mark.parametrize(("beyond", "share"), [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (1.5, 1.0)])
+def test_rest_is_earned_by_how_far_beyond_the_target_the_part_stands(beyond, share):
+    """A policy that is paid for the target itself rests at it, and is found short of it."""
+    opened = TASK.target * (1.0 + beyond * CONFIG.margin)
+    assert terms(state(opened=opened))["rest"] == pytest.approx(share * CONFIG.rest)
+
+
+def test_rest_at_a_target_that_is_the_end_of_the_way_is_earned_whole():
+    task = dataclasses.replace(TASK, target=1.0)
+    assert terms(state(opened=1.0), task=task)["rest"] == CONFIG.rest
+    assert terms(state(opened=0.9), task=task)["rest"] == 0
+
+
+def test_rest_is_earned_standing_still_alone():
     assert terms(state(opened=0.9))["rest"] == CONFIG.rest
     assert terms(state(opened=0.9, speed=2 * TASK.slow))["rest"] == 0
     assert terms(state(opened=0.7))["rest"] == 0
@@ -398,8 +432,8 @@ def test_what_is_wished_is_rewarded_and_what_is_not_costs():
 
 @pytest.mark.parametrize("progress", [0.0, 0.25, 1.0])
 def test_opening_after_a_violation_earns_less_the_further_training_is(progress):
-    after = {"opened": TASK.target, "code": 3.0}
-    whole = terms(state(opened=TASK.target), before=state(), progress=progress)
+    after = {"opened": 0.9, "code": 3.0}
+    whole = terms(state(opened=0.9), before=state(), progress=progress)
     spoiled = terms(state(**after), before=state(code=3.0), progress=progress)
     left = 1 + min(progress / CONFIG.until, 1) * (CONFIG.spoiled - 1)
     for name in ("open", "progress", "rest"):

@@ -24,7 +24,7 @@ class PpoConfig:
     """Ticks of each environment between updates."""
     batch_size: int = 256
     """Samples in a minibatch."""
-    n_epochs: int = 8
+    n_epochs: int = 4
     """Passes over the samples of an update."""
     learning_rate: float = 4e-4
     """Learning rate at the beginning."""

@@ -22,16 +22,20 @@ import onnx
 import torch
 
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
-from articulate.draw import DrawConfig
+from articulate.draw import Draw, DrawConfig, at_size, drawn_one_by_one
 from articulate.errors import RunError, UsageError
 from articulate.files import require_space, sha256, whole_file
 from articulate.manifest import (
+    DRAWS_FILE,
     GOLDEN_FILE,
     MANIFEST_FILE,
+    OBJECT_FILE,
     POLICY_FILE,
     SCENE_FILE,
     Control,
+    DrawsEntry,
     EstimatorEntry,
+    FingersEntry,
     Golden,
     Manifest,
     PolicyEntry,
@@ -44,6 +48,7 @@ from articulate.manifest import (
 )
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
+from articulate_envs.export_object import object_files
 from articulate_envs.export_scene import export_scene
 from articulate_envs.scene import PREFIX, Scene
 from articulate_train.campaign import last_progress
@@ -105,7 +110,7 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
     require_space(out, BUNDLE_BYTES, "a bundle")
     policy = load_policy(run.seed_folder(chosen))
     scene = run.scene((1.0,))
-    files = bundle_files(scene, policy)
+    files = bundle_files(scene, policy, draws_of(run, scene))
     manifest = make_manifest(
         run,
         scene,
@@ -162,7 +167,23 @@ def _success_of_report(run: Run) -> dict[int, float]:
         return {}
 
 
-def bundle_files(scene: Scene, policy: Policy) -> dict[str, bytes]:
+def draws_of(run: Run, scene: Scene) -> Draw:
+    """What is drawn for the episodes that robots are compared on.
+
+    It is the run's randomisation, the object at the size of the bundle's scene, under the seed of
+    the run's evaluation.
+    """
+    entry = draws_entry(run)
+    config = at_size(run.config.draw, scene_scale(scene))
+    return drawn_one_by_one(config, entry.seed, entry.count, begin=run.task.begin)
+
+
+def draws_entry(run: Run) -> DrawsEntry:
+    """The manifest's entry for :func:`draws_of`."""
+    return DrawsEntry(seed=run.config.evaluation_seed)
+
+
+def bundle_files(scene: Scene, policy: Policy, draws: Draw) -> dict[str, bytes]:
     """Contents of the bundle by path, the manifest aside."""
     with tempfile.TemporaryDirectory(prefix="articulate-export-") as name:
         folder = Path(name)
@@ -172,11 +193,22 @@ def bundle_files(scene: Scene, policy: Policy) -> dict[str, bytes]:
             for path in sorted(folder.rglob("*"))
             if path.is_file()
         }
-    model = to_onnx(policy)
+    beside = Path(OBJECT_FILE).parent
+    for name, content in object_files(scene.asset).items():
+        files[(beside / name).as_posix()] = content
     pairs = golden_pairs(policy, np.random.default_rng(0), Golden().count)
+    return {
+        POLICY_FILE: to_onnx(policy),
+        GOLDEN_FILE: _npz(observation=pairs[0], action=pairs[1]),
+        DRAWS_FILE: _npz(values=draws.values),
+        **files,
+    }
+
+
+def _npz(**arrays: Array) -> bytes:
     stream = io.BytesIO()
-    np.savez(stream, observation=pairs[0], action=pairs[1])
-    return {POLICY_FILE: model, GOLDEN_FILE: stream.getvalue(), **files}
+    np.savez(stream, **arrays)  # type: ignore[arg-type]  # names are ours
+    return stream.getvalue()
 
 
 def to_onnx(policy: Policy) -> bytes:
@@ -272,6 +304,7 @@ def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> 
         scene=scene_entry(scene),
         estimator=_estimator(draws, follow.rate_hz),
         draw=draws,
+        draws=draws_entry(run),
         training=training,
         golden=Golden(),
     )
@@ -283,7 +316,7 @@ def scene_entry(scene: Scene) -> SceneEntry:
     first = scene.asset.links[0].name
     return SceneEntry(
         timestep_s=scene.physics.timestep_s,
-        scale=float(scene.scales[int(np.argmin(np.abs(np.asarray(scene.scales) - 1.0)))]),
+        scale=scene_scale(scene),
         arm_joints=tuple(f"joint{i}" for i in range(1, 8)),
         finger_joints=("finger_joint1", "finger_joint2"),
         finger_geoms=tuple(str(model.geom(i).name) for i in at.finger_geoms),
@@ -291,6 +324,31 @@ def scene_entry(scene: Scene) -> SceneEntry:
         object_prefix=PREFIX,
         object_root=PREFIX + first,
         sensors=(HAND_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR),
+        carried=tuple(
+            model.body(i).name.removeprefix(PREFIX)
+            for i in at.moving_bodies
+            if model.body_gravcomp[i] > 0.0
+        ),
+        fingers=_fingers(scene),
+    )
+
+
+def scene_scale(scene: Scene) -> float:
+    """Size of the object in the model that is exported."""
+    return float(scene.scales[int(np.argmin(np.abs(np.asarray(scene.scales) - 1.0)))])
+
+
+def _fingers(scene: Scene) -> FingersEntry:
+    model, at = scene.nominal, scene.at
+    slide = model.joint("finger_joint1")
+    return FingersEntry(
+        stiffness_n_m=float(model.actuator_gainprm[at.finger_ctrl, 0]),
+        damping_n_s_m=float(-model.actuator_biasprm[at.finger_ctrl, 2]),
+        force_n=float(model.actuator_forcerange[at.finger_ctrl, 1]),
+        passive_damping_n_s_m=float(slide.damping[0]),
+        friction_n=float(slide.frictionloss[0]),
+        sliding_friction=float(model.geom_friction[at.finger_geoms[0], 0]),
+        spin_friction_m=float(model.geom_friction[at.finger_geoms[0], 1]),
     )
 
 

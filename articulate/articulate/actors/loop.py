@@ -58,10 +58,12 @@ class Loop:
         attempts: list[Attempt] = []
         trace: list[TraceStep] = []
         kept: Prediction | None = None
+        calls = 0
         for turn in range(max(1, self.max_turns if self.critic else 1)):
             start = time.monotonic()
             proposal = self.proposer.propose(evidence, attempts)
             trace += proposal.trace
+            calls += proposal.calls
             if proposal.refusal:
                 kept = kept or proposal
                 break
@@ -71,13 +73,14 @@ class Loop:
                 Attempt(joints=proposal.joints, verdict=judged.verdict, seconds=seconds)
             )
             if judged.verdict is not None:
-                trace.append(_step(turn, judged))
+                trace += [*judged.verdict.trace, _step(turn, judged)]
+                calls += judged.verdict.calls
             if kept is None or _rating(judged) > _rating(kept):
                 kept = judged
             if self.critic is None or _rating(judged) > GOOD_ENOUGH:
                 break
         assert kept is not None
-        return replace(kept, attempts=tuple(attempts), trace=tuple(trace))
+        return replace(kept, attempts=tuple(attempts), trace=tuple(trace), calls=calls)
 
     def _judged(self, evidence: Evidence, proposal: Prediction) -> Prediction:
         if self.critic is None:

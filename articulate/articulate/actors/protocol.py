@@ -131,6 +131,10 @@ class Verdict:
     """What was measured, by name with unit."""
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     """Evidence by caption, as WebP or PNG."""
+    trace: tuple[TraceStep, ...] = ()
+    """How it came about."""
+    calls: int = 0
+    """Calls of models over a network."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,8 @@ ACTORS = {
     "geometric-video": "articulate.actors.geometric.video:video_actor",
     "geometric-text": "articulate.actors.named.actor:NamedActor",
     "prior": "articulate.actors.prior:PriorActor",
+    "vlm": "articulate.actors.vlm.actor:vlm_actor",
+    "hybrid": "articulate.actors.vlm.actor:hybrid_actor",
 }
 """Where each actor is defined; called without arguments it gives an actor."""
 

@@ -1,8 +1,8 @@
 """``python -m articulate.benchmark.child``: run one object in a process of its own.
 
 A JSON object on the standard input says what to do; the record is written to the file it names.
-Settings that are not accepted end with 2, an object that cannot be read with 3, each with one
-sentence on the standard error.
+Settings that are not accepted, and packages and keys that are not there, end with 2, an object that
+cannot be read with 3, each with one sentence on the standard error.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from articulate.benchmark.batch import RECORD_VERSION, USAGE_EXIT, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.run import run_object
-from articulate.errors import UsageError
+from articulate.errors import MissingError, UsageError
 from articulate.files import write_json
 
 OBJECT_EXIT = 3
@@ -37,7 +37,7 @@ def main() -> int:
         record = run_object(dataset.load(request["object"]), actor, config)
     except UsageError as error:
         sys.stderr.write(f"{error}\n")
-        return OBJECT_EXIT
+        return USAGE_EXIT if isinstance(error, MissingError) else OBJECT_EXIT
     record["fingerprint"] = fingerprint(request["source"], config)
     record["version"] = RECORD_VERSION
     write_json(Path(request["path"]), record)

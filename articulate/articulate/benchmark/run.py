@@ -28,7 +28,7 @@ from articulate.benchmark.protocols import (
 )
 from articulate.benchmark.records import Record, plain
 from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
-from articulate.errors import UsageError
+from articulate.errors import MissingError, UsageError
 from articulate.transforms import Array, matrix_to_quat
 
 
@@ -50,6 +50,8 @@ def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
     try:
         prediction = actor.predict(case.evidence)
         refusal = prediction.refusal
+    except MissingError:  # what this machine lacks is no fault of the actor
+        raise
     except UsageError as error:
         prediction, refusal = Prediction(joints=()), str(error)
     except Exception as error:  # noqa: BLE001  an actor's bug costs it this question, not the run

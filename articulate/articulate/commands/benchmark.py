@@ -21,6 +21,7 @@ from articulate.files import write_json
 
 LOST_EXIT = 3
 SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 1
+PROMPTS_FOLDER = "prompts"
 PROTOCOLS = ("paper", "released_code", "strict")
 
 
@@ -67,6 +68,9 @@ class BenchmarkFlags:
     """Run again what was run before."""
     export: bool = False
     """Write the questions as files into --out, and ask no actor."""
+    dry_run: bool = False
+    """Write what a model would be asked about the first question of each object into --out, and ask
+    nobody."""
     against: tuple[Path, ...] = ()
     """Folders of other runs, which the report shows beside this one."""
     json: bool = False
@@ -100,6 +104,9 @@ def main(argv: Sequence[str]) -> int:
     if flags.export:
         print(f"{_export(flags)} questions and the key to them: {flags.out}")
         return 0
+    if flags.dry_run:
+        print(f"{_dry_run(flags)} pages, nothing sent: {flags.out / PROMPTS_FOLDER}")
+        return 0
     results = _run(flags, shlex.join(["articulate", "benchmark", *argv]))
     if flags.json:
         print(json.dumps(results, indent=1, allow_nan=False))
@@ -116,6 +123,22 @@ def _export(flags: BenchmarkFlags) -> int:
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     return len(write_questions(map(dataset.load, ids), flags.config(), flags.out))
+
+
+def _dry_run(flags: BenchmarkFlags) -> int:
+    """Write a page of prompts for each object and return how many there are."""
+    from articulate.actors.registry import make_actor
+    from articulate.actors.vlm.dry import write_dry_run
+    from articulate.benchmark.dataset import open_dataset
+    from articulate.benchmark.evidence import cases_of
+
+    dataset, actor = open_dataset(flags.dataset, flags.data), make_actor(flags.actor)
+    ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
+    for k, object_id in enumerate(ids):
+        case = next(iter(cases_of(dataset.load(object_id), flags.config())))
+        page = flags.out / PROMPTS_FOLDER / f"prompts_{k:04d}.html"
+        write_dry_run(actor, case.evidence, page, f"{flags.modality}, {object_id}: {case.name}")
+    return len(ids)
 
 
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:

@@ -66,9 +66,12 @@ class MakeFlags:
     joint: str = "auto"
     """auto: the joint that a clip shows, else all; all; or the part whose joint is meant."""
     actor: str = "auto"
-    """Who finds the joints: a name, or module:Class; by default a geometric one."""
+    """Who finds the joints: vlm, hybrid, another name, or module:Class; by default a geometric one,
+    which asks no model."""
     iterations: int | None = None
     """Most proposals that the critic is shown; by default the actor's own number."""
+    dry_run: bool = False
+    """Write what a model would be asked to the page <out>.prompts.html, and ask nobody."""
     camera: CameraFlags = field(default_factory=CameraFlags)
     up: Literal["auto", "z", "y"] = "auto"
     """Upward axis of the files of --parts; auto: y for a single GLB, else z."""
@@ -107,7 +110,7 @@ def main(argv: Sequence[str]) -> int:
     """Make, write and print; 3 if it is doubtful or not proven."""
     flags = parse(MakeFlags, argv, prog="articulate make")
     # They read meshes and films, which --help does without.
-    from articulate.make.make import make
+    from articulate.make.make import dry_run, make
     from articulate.make.story import Order
 
     question, given = _question(flags), _given(flags)
@@ -125,6 +128,14 @@ def main(argv: Sequence[str]) -> int:
         seed=flags.seed,
     )
     console.say(f"{given.name}: {len(given.meshes)} parts, {question.told}")
+    if flags.dry_run:
+        page = out.with_name(f"{out.name}.prompts.html")
+        asked = dry_run(question, given, camera, order, page)
+        if flags.json:
+            console.emit_json({"questions": asked, "page": str(page)})
+        else:
+            console.emit(f"{asked} questions, nothing sent: {page}")
+        return 0
     with using(cache):
         made = make(question, given, camera, order)
     if flags.json:

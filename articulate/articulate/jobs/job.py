@@ -32,6 +32,10 @@ JOB, STATE, LOG, MADE = "job.json", "state.json", "log.txt", "run"
 LEASE, LOCK = "lease.json", ".lease.lock"
 LEASE_S = 60.0
 """A lease that is older was left by a machine that is gone [s]."""
+Stamp = tuple[int, int, int]
+"""Time, number and size of a file."""
+NEVER: Stamp = (-1, -1, -1)
+"""The stamp of a file that was not looked at."""
 Phase = Literal["waiting", "running", "done", "failed", "lost"]
 """``failed`` ended by itself and would fail again; ``lost`` was ended by something else."""
 
@@ -146,6 +150,15 @@ def load_state(folder: Path) -> State:
         last = dataclasses.replace(state.attempts[-1], words=words)
         return State(phase="lost", attempts=(*state.attempts[:-1], last))
     return state
+
+
+def state_stamp(folder: Path) -> Stamp | None:
+    """What changes whenever :func:`save_state` writes; None before it did."""
+    try:
+        stat = os.stat(f"{folder}/{STATE}")  # noqa: PTH116  ten thousand jobs are looked at often
+    except FileNotFoundError:
+        return None
+    return stat.st_mtime_ns, stat.st_ino, stat.st_size
 
 
 def save_state(folder: Path, state: State) -> None:

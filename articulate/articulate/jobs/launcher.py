@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -10,10 +11,19 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from articulate.errors import UsageError, nearest
-from articulate.jobs.job import Job, State, is_leased, load_state, save_job
+from articulate.jobs.job import (
+    NEVER,
+    Job,
+    Stamp,
+    State,
+    is_leased,
+    load_state,
+    save_job,
+    state_stamp,
+)
 
-LOOK_S = 0.5
-"""Time between looks at the jobs [s]."""
+LOOK_S, LEAST_LOOK_S = 0.5, 0.02
+"""Time between looks at the jobs while nothing happens, and after something did [s]."""
 MOST_LOSSES = 3
 """A job is taken up again after so many losses in a row, and no more."""
 LAUNCHERS = {
@@ -26,8 +36,12 @@ LAUNCHERS = {
 class Launcher(Protocol):
     """Starts workers and says which of them still run."""
 
+    def room(self) -> int:
+        """How many more jobs it takes now; a cluster keeps a queue of its own and takes all."""
+        ...
+
     def submit(self, folder: Path) -> Any:
-        """Start ``articulate.jobs.worker`` on the job in ``folder``, now or when there is room."""
+        """Start ``articulate.jobs.worker`` on the job in ``folder``, or have a cluster do it."""
         ...
 
     def is_over(self, handle: Any) -> bool:
@@ -86,43 +100,98 @@ def run_jobs(
     Args:
         jobs: With distinct folders.
         launcher: Where they run.
-        on_change: Called whenever a job changes its phase.
+        on_change: Called after each look at which a job changed its phase.
     """
     for job in jobs:
         save_job(job)
-    handles: dict[str, Any] = {}
-    losses = {job.name: 0 for job in jobs}
-    seen: dict[str, State] = {}
-    failed_before = {j.name for j in jobs if load_state(j.folder).phase == "failed"}
+    loop = _Loop(jobs, launcher)
+    pause_s = LEAST_LOOK_S
     try:
+        on_change(loop.progress())
         while True:
-            for job in jobs:
-                if job.name in handles and launcher.is_over(handles[job.name]):
-                    del handles[job.name]
-                    losses[job.name] += load_state(job.folder).phase in ("lost", "waiting")
-                if job.name not in handles and _is_due(job, losses[job.name], failed_before):
-                    failed_before.discard(job.name)
-                    handles[job.name] = launcher.submit(job.folder)
-            states = {job.name: load_state(job.folder) for job in jobs}
-            if states != seen:
-                on_change(Progress(states))
-                seen = states
-            if not handles and not any(is_leased(job.folder) for job in jobs):
-                return Progress(states)
-            time.sleep(LOOK_S)
+            if loop.look():
+                on_change(loop.progress())
+                pause_s = LEAST_LOOK_S
+            if loop.is_over:
+                return loop.progress()
+            time.sleep(pause_s)
+            pause_s = min(2.0 * pause_s, LOOK_S)
     except BaseException:
-        for handle in handles.values():
-            launcher.stop(handle)
-        while not all(launcher.is_over(handle) for handle in handles.values()):
-            time.sleep(LOOK_S)
+        loop.stop()
         raise
     finally:
         launcher.close()
 
 
-def _is_due(job: Job, losses: int, failed_before: set[str]) -> bool:
-    """Whether the job is to be submitted: not done, not failed in this call, not lost too often."""
-    if losses > MOST_LOSSES or is_leased(job.folder):
-        return False
-    phase = load_state(job.folder).phase
-    return phase in ("waiting", "lost") or job.name in failed_before
+class _Loop:
+    """What :func:`run_jobs` knows between two looks, each as dear as the jobs that run now."""
+
+    def __init__(self, jobs: Sequence[Job], launcher: Launcher) -> None:
+        self._launcher = launcher
+        self._queue = deque(jobs)
+        """Not looked at yet: there was no room."""
+        self._open: dict[str, Job] = {}
+        """Handed to the launcher, or run by another one."""
+        self._handles: dict[str, Any] = {}
+        self._losses = Counter[str]()
+        self._stamps: dict[str, Stamp | None] = {}
+        self._states = {job.name: load_state(job.folder) for job in jobs}
+        self._failed_before = {n for n, state in self._states.items() if state.phase == "failed"}
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing runs and nothing is to be run."""
+        return not self._queue and not self._open
+
+    def progress(self) -> Progress:
+        """How far all are."""
+        return Progress(dict(self._states))
+
+    def look(self) -> bool:
+        """Take up what is due and drop what is over; whether any state changed."""
+        changed = False
+        for job in list(self._open.values()):
+            changed |= self._look_at(job)
+        while self._queue and self._launcher.room() > 0:
+            job = self._queue.popleft()
+            self._open[job.name] = job
+            changed |= self._look_at(job)
+        return changed
+
+    def stop(self) -> None:
+        """Stop all workers and wait until they have ended."""
+        for handle in self._handles.values():
+            self._launcher.stop(handle)
+        while not all(self._launcher.is_over(handle) for handle in self._handles.values()):
+            time.sleep(LOOK_S)
+
+    def _look_at(self, job: Job) -> bool:
+        handle = self._handles.get(job.name)
+        over = handle is not None and self._launcher.is_over(handle)
+        before = self._states[job.name]
+        state = self._read(job, before)
+        if over:
+            del self._handles[job.name]
+            self._losses[job.name] += state.phase in ("lost", "waiting")
+        if job.name not in self._handles and not is_leased(job.folder):
+            if self._is_due(job.name, state):
+                self._failed_before.discard(job.name)
+                self._handles[job.name] = self._launcher.submit(job.folder)
+            else:
+                del self._open[job.name]
+        self._states[job.name] = state
+        return state != before
+
+    def _read(self, job: Job, before: State) -> State:
+        """The state of ``job``, read anew if its file is another one or its runner may be gone."""
+        stamp = state_stamp(job.folder)
+        if before.phase != "running" and self._stamps.get(job.name, NEVER) == stamp:
+            return before
+        self._stamps[job.name] = stamp
+        return load_state(job.folder)
+
+    def _is_due(self, name: str, state: State) -> bool:
+        """Whether it is to be run: not done, not failed in this call, not lost too often."""
+        if self._losses[name] > MOST_LOSSES:
+            return False
+        return state.phase in ("waiting", "lost") or name in self._failed_before

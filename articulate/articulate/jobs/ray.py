@@ -54,6 +54,10 @@ class RayLauncher:
         # A lost machine is the loop's to mend: it looks at the folder first.
         self._work = ray.remote(max_retries=0, num_cpus=1)(work)
 
+    def room(self) -> int:
+        """The cluster keeps a queue of its own."""
+        return sys.maxsize
+
     def submit(self, folder: Path) -> Any:
         """Hand the job in ``folder`` to the cluster."""
         return self._work.remote(str(folder.absolute()))

@@ -6,6 +6,7 @@ name of a function of this package and the path of a folder.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,10 @@ class SlurmLauncher:
             cpus_per_task=1,
             **({"slurm_array_parallelism": slots} if cluster == "slurm" else {}),
         )
+
+    def room(self) -> int:
+        """The cluster keeps a queue of its own."""
+        return sys.maxsize
 
     def submit(self, folder: Path) -> Any:
         """Put the job in ``folder`` into the queue."""

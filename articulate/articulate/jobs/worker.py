@@ -6,6 +6,7 @@ that it can keep what it has done; the job can then be taken up again.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import dataclasses
 import os
@@ -100,7 +101,8 @@ def _watched(process: subprocess.Popen[bytes], folder: Path) -> int:
     renewed = time.monotonic()
     try:
         while process.poll() is None:
-            time.sleep(STEP_S)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(STEP_S)
             if time.monotonic() - renewed > RENEW_S:
                 renew_lease(folder)
                 renewed = time.monotonic()

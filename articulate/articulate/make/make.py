@@ -11,7 +11,7 @@ import json
 import re
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ import numpy as np
 from articulate.actors.loop import Loop
 from articulate.actors.protocol import GOOD_ENOUGH, Actor, Evidence, PredictedJoint, Prediction
 from articulate.actors.registry import make_actor
+from articulate.actors.vlm.dry import write_dry_run
 from articulate.errors import ConfigError, UsageError, nearest
 from articulate.files import copy_writable, write_json
 from articulate.make.given import Given
@@ -71,7 +72,9 @@ def make(question: Question, given: Given, camera: Camera, order: Order) -> Made
     root, held = tree_of(_wanted(prediction.joints, order.joint), given.meshes)
     if all(joint.kind == "fixed" for joint in held.values()):
         raise UsageError(_nothing_moves(question, order.joint))
-    source = prediction.program or program_of(root, held, actor=actor_name, question=question.told)
+    source = prediction.program
+    if not source or not _says_all(prediction, held):
+        source = program_of(root, held, actor=actor_name, question=question.told)
     with tempfile.TemporaryDirectory() as place:
         work = Path(place)
         built = compile_program(source, given.parts, work / PROGRAM_FOLDER)
@@ -104,6 +107,23 @@ def make(question: Question, given: Given, camera: Camera, order: Order) -> Made
     return made
 
 
+def dry_run(question: Question, given: Given, camera: Camera, order: Order, path: Path) -> int:
+    """Write to the page ``path`` what a model would be asked; return how many questions.
+
+    Raises:
+        ConfigError: The actor asks no model.
+    """
+    evidence = _evidence(question, given, camera, order)
+    told = f"{given.name}, {len(given.meshes)} parts, and {question.told}"
+    return write_dry_run(_actor(order, question), evidence, path, told)
+
+
+def _says_all(prediction: Prediction, held: Mapping[str, PredictedJoint]) -> bool:
+    """Whether an actor's own program says what is asked for, no more and no less."""
+    said = {joint.part: joint.kind for joint in prediction.joints}
+    return said == {part: joint.kind for part, joint in held.items()}
+
+
 def _actor(order: Order, question: Question) -> Actor:
     """Who answers, with the number of turns that was asked for."""
     name = ACTORS[question.modality] if order.actor == "auto" else order.actor
@@ -113,11 +133,9 @@ def _actor(order: Order, question: Question) -> Actor:
     return actor
 
 
-def _predicted(
-    question: Question, given: Given, camera: Camera, order: Order
-) -> tuple[Prediction, str]:
-    """What the actor says, and its name."""
-    evidence = Evidence(
+def _evidence(question: Question, given: Given, camera: Camera, order: Order) -> Evidence:
+    """What the actor is given."""
+    return Evidence(
         modality=question.modality,
         parts=given.meshes,
         labels=given.labels,
@@ -128,6 +146,13 @@ def _predicted(
         text=f"{question.text} {given.kind}".strip(),
         seed=order.seed,
     )
+
+
+def _predicted(
+    question: Question, given: Given, camera: Camera, order: Order
+) -> tuple[Prediction, str]:
+    """What the actor says, and its name."""
+    evidence = _evidence(question, given, camera, order)
     actor = _actor(order, question)
     prediction = actor.predict(evidence)
     name = ACTORS[question.modality] if order.actor == "auto" else order.actor

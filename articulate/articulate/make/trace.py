@@ -82,7 +82,10 @@ def _said(page: Page, story: Story) -> None:
         caption = f"{joint.part} ({joint.kind}): {order}"
         page.png(opening(story.given.meshes, alone, camera), caption)
     for step in story.prediction.trace:
-        page.text(f"{step.title}. {step.text}")
+        if "\n" in step.text:
+            page.text(f"{step.title}.").code(step.text)
+        else:
+            page.text(f"{step.title}. {step.text}")
         if step.figures:
             page.pairs(dict(step.figures))
         for title, picture in step.pictures.items():

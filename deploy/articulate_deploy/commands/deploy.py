@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,17 +22,19 @@ if TYPE_CHECKING:
 class DeployFlags:
     """Run a policy bundle on a robot and say how many episodes opened the part.
 
-    Example: deploy cabinet.zip --robot mujoco --episodes 20
+    Several robots run the same episodes, and are compared with the first.
+
+    Example: deploy cabinet.zip --robot mujoco pybullet --episodes 200
     """
 
     bundle: Annotated[Path, POSITIONAL]
     """Folder or zip file that export-policy made."""
-    robot: str = "mujoco"
-    """Name of the robot: mujoco, a stand-in in this process."""
+    robot: tuple[str, ...] = ("mujoco",)
+    """Names of robots: mujoco and pybullet, stand-ins in this process."""
     episodes: int = 20
     """How many episodes."""
-    seed: int = 0
-    """Decides all that is drawn."""
+    seed: int | None = None
+    """Decides all that is drawn; without it the draws that the bundle carries are taken."""
     randomise: bool = True
     """Draw as in training, the object's size aside."""
     out: Path | None = None
@@ -44,7 +47,9 @@ class DeployFlags:
     def __post_init__(self) -> None:
         if self.episodes < 1:
             raise ConfigError(f"--episodes is {self.episodes}; it must be at least 1")
-        if self.seed < 0:
+        if not self.robot:
+            raise ConfigError("--robot: a value is missing; give the name of a robot")
+        if self.seed is not None and self.seed < 0:
             raise ConfigError(f"--seed is {self.seed}; it must be 0 or more")
         check_share(self.require_success)
 
@@ -55,20 +60,33 @@ FLAGS = DeployFlags
 def main(argv: Sequence[str]) -> int:
     """Deploy and print; 3 if the success rate is below what was required."""
     flags = parse(DeployFlags, argv, prog="deploy")
-    from articulate_deploy.deploy import deploy  # ONNX Runtime; --help does without
+    from articulate_deploy.deploy import deploy, transfer  # ONNX Runtime; --help does without
 
-    def progress(index: int, result: EpisodeResult) -> None:
-        line = f"episode {index + 1}/{flags.episodes}: {result.reason}, {result.fraction:.0%} open"
+    def progress(robot: str, index: int, result: EpisodeResult) -> None:
+        line = f"{robot} {index + 1}/{flags.episodes}: {result.reason}, {result.fraction:.0%} open"
         console.say(line)
 
+    if len(flags.robot) > 1:
+        both = transfer(
+            flags.bundle,
+            flags.robot,
+            episodes=flags.episodes,
+            seed=flags.seed,
+            randomise=flags.randomise,
+            out=flags.out,
+            on_episode=progress,
+        )
+        console.emit_json(both.as_dict()) if flags.json else console.emit(both.text())
+        lowest = min(report.successes for report in both.reports)
+        return missed(lowest / flags.episodes, flags.require_success)
     report = deploy(
         flags.bundle,
-        robot=flags.robot,
+        robot=flags.robot[0],
         episodes=flags.episodes,
         seed=flags.seed,
         randomise=flags.randomise,
         out=flags.out,
-        on_episode=progress,
+        on_episode=partial(progress, flags.robot[0]),
     )
     console.emit_json(report.as_dict()) if flags.json else console.emit(report.text())
     return missed(report.successes / len(report.results), flags.require_success)

@@ -9,12 +9,14 @@ from articulate.errors import ConfigError, MissingError, nearest
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import StandIn
 
-ROBOTS = {"mujoco": "articulate_deploy.robots.mujoco:MujocoRobot"}
+ROBOTS = {
+    "mujoco": "articulate_deploy.robots.mujoco:MujocoRobot",
+    "pybullet": "articulate_deploy.robots.pybullet:PybulletRobot",
+}
 """Name to ``module:attribute``; the attribute is called with the bundle."""
 COMING = {
     "panda": "panda comes with the arm's client, which this version does not have yet",
     "fr3": "fr3 comes with the arm's client, which this version does not have yet",
-    "pybullet": "pybullet is not there yet",
 }
 """Names that will be known, and what to say until then."""
 

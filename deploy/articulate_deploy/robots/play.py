@@ -8,7 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from articulate.draw import draw
 from articulate.judgement import FIELDS
 from articulate.render.canvas import Canvas, Pixels
 from articulate.render.encode import write_clip
@@ -16,7 +15,7 @@ from articulate.render.play import Play
 from articulate.render.view import View, fitted_view
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle, load_bundle
-from articulate_deploy.deploy import one_size, still
+from articulate_deploy.deploy import plan_of
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
 from articulate_deploy.policy import Policy
@@ -56,7 +55,7 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
     Args:
         path: The bundle.
         seed: Must be None: a bundle holds one policy.
-        episode: The episode that ``deploy --seed 0`` counts so.
+        episode: The episode that ``deploy`` counts so.
         randomise: Draw as in training, the object's size aside; else the start of the arm alone.
 
     Raises:
@@ -65,14 +64,13 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
     assert seed is None
     bundle = load_bundle(path)
     manifest = bundle.manifest
-    config = one_size(manifest) if randomise else still(manifest)
-    rng = np.random.default_rng(np.random.SeedSequence([0, episode]))
-    drawn = draw(config, rng, begin=manifest.task.begin)
+    plan = plan_of(bundle, episode + 1, seed=None, randomise=randomise)
+    drawn = plan.draw(episode)
     robot, recording = _Seen(bundle), Recording()
     with robot:
         robot.set_draw(drawn)
         robot.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
-        estimator = TruthEstimator(robot, config, manifest.task, drawn, rng)
+        estimator = TruthEstimator(robot, plan.config, manifest.task, drawn, plan.noise(episode))
         result = run_episode(
             Policy(bundle),
             robot,

@@ -112,6 +112,10 @@ class StandIn(Robot, Protocol):
     Time passes by one tick with each :meth:`Robot.send_action`.
     """
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of a draw it takes otherwise than the simulator of training, or not at all."""
+
     def set_draw(self, drawn: Draw) -> None:
         """What the next episodes are like (one row); takes effect at :meth:`Robot.reset_to`."""
 

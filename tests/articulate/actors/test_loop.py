@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from articulate.actors.loop import Loop
-from articulate.actors.protocol import Evidence, PredictedJoint, Prediction, Verdict
+from articulate.actors.protocol import Evidence, PredictedJoint, Prediction, TraceStep, Verdict
 
 
 def joint(name):
@@ -104,3 +104,26 @@ def test_every_verdict_is_a_step_of_the_trace():
         "turn 1: joint_axis, rated 1.0",
         "turn 2: success, rated 9.0",
     ]
+
+
+@dataclass
+class Calling:
+    """A proposer and a critic in one, both of which ask a model."""
+
+    name: str = "calling"
+
+    def propose(self, evidence, attempts):
+        return Prediction(joints=(joint("a"),), calls=2)
+
+    def judge(self, evidence, prediction):
+        asked = (TraceStep(title="the critic asks"),)
+        return Verdict(failure="joint_axis", rating=1.0, calls=1, trace=asked)
+
+
+def test_calls_of_all_turns_and_both_sides_are_added_up():
+    both = Calling()
+    found = Loop(proposer=both, critic=both, max_turns=3).predict(EVIDENCE)
+    assert found.calls == 3 * (2 + 1)
+    titles = [step.title.split(":")[0] for step in found.trace]
+    assert titles[0::2] == ["the critic asks"] * 3
+    assert titles[1::2] == ["turn 1", "turn 2", "turn 3"]

@@ -199,6 +199,65 @@ def test_an_unknown_launcher_is_told_in_one_line(tmp_path, error_line):
     error_line("make_launcher('slrm', 2, DIR)", lambda: make_launcher("slrm", 2, tmp_path))
 
 
+class AtOnce:
+    """Has room for two jobs; each is done at the second look after it was handed over."""
+
+    def __init__(self):
+        self.most, self.running = 0, {}
+
+    def room(self):
+        return 2 - len(self.running)
+
+    def submit(self, folder):
+        self.running[folder] = 2
+        self.most = max(self.most, len(self.running))
+        return folder
+
+    def is_over(self, handle):
+        self.running[handle] -= 1
+        if self.running[handle] == 0:
+            save_state(handle, State(phase="done"))
+            del self.running[handle]
+            return True
+        return False
+
+    def stop(self, handle):
+        raise AssertionError("nothing is to be stopped")
+
+    def close(self):
+        assert not self.running
+
+
+def test_a_look_costs_what_runs_and_not_what_waits_or_is_done(tmp_path, monkeypatch):
+    """Every state is read a few times, however many jobs there are."""
+    jobs = [job_of(tmp_path / f"{k:03}") for k in range(60)]
+    read = []
+
+    def counted(folder):
+        read.append(folder)
+        return load_state(folder)
+
+    monkeypatch.setattr("articulate.jobs.launcher.load_state", counted)
+    monkeypatch.setattr("articulate.jobs.launcher.LEAST_LOOK_S", 0.0)
+    launcher = AtOnce()
+    progress = run_jobs(jobs, launcher, lambda _: None)
+    assert progress.count("done") == 60
+    assert launcher.most == 2
+    assert len(read) <= 4 * 60
+
+
+def test_a_job_that_runs_elsewhere_is_waited_for_and_takes_no_room(tmp_path):
+    mine = save_job(job_of(tmp_path / "a"))
+    wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(1)"
+    other = save_job(job_of(tmp_path / "c", wait))
+    worker = subprocess.Popen([sys.executable, "-m", "articulate.jobs.worker", str(other.folder)])
+    until(other.made.exists)
+    progress, _ = run_all([other, mine], slots=1)
+    assert progress.count("done") == 2
+    assert worker.wait() == 0
+    assert len(load_state(other.folder).attempts) == 1
+
+
 def test_interrupting_the_loop_stops_the_workers(tmp_path):
     wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(60)"
     jobs = [job_of(tmp_path / name, wait) for name in "abc"]

@@ -141,13 +141,27 @@ class Wish:
     """Directions that are not wanted again."""
     not_parts: tuple[int, ...] = ()
     """Parts that are not thought to lead the motion."""
+    part: int | None = None
+    """The part that leads it; None: whichever does."""
+    near: Motion | None = None
+    """Only motions like this one; None: any."""
+    near_m: float = 0.0
+    """How far from the axis of ``near`` that of a turn may lie [m]."""
 
     def allows(self, fit: Fit) -> bool:
         """Whether ``fit`` is what is asked for."""
         if self.kind is not None and fit.motion.kind != self.kind:
             return False
+        if self.near is not None and not self._is_near(fit.motion, self.near):
+            return False
         near = (abs(float(fit.motion.axis_o @ np.asarray(axis))) for axis in self.not_axes)
         return all(value < SAME_WISH for value in near)
+
+    def _is_near(self, motion: Motion, wanted: Motion) -> bool:
+        if motion.kind != wanted.kind or abs(float(motion.axis_o @ wanted.axis_o)) < SAME_WISH:
+            return False
+        off = np.cross(motion.pivot_o - wanted.pivot_o, wanted.axis_o)
+        return motion.kind == "slide" or float(np.linalg.norm(off)) <= self.near_m
 
 
 def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
@@ -161,7 +175,8 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     if not ranked:
         return None
     reach = REACH * scene.size_m
-    firsts = [_quick_fit(quick, part, reach) for part in ranked[:SUSPECTS]]
+    suspects = ranked[:SUSPECTS] if wish.part is None else [wish.part]
+    firsts = [_quick_fit(quick, part, reach) for part in suspects]
     firsts.sort(key=lambda fit: -fit.gain)
     seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
     seed = max(seeds, key=lambda fit: fit.gain)
@@ -305,6 +320,8 @@ def _candidates(
     surface = look.surface.only(moving)
     rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in moving])
     motions = motions_of(surface, rest, axes_of(look.surface.only(moving[:1])))
+    if wish.near is not None:
+        motions.append(wish.near)
     fits = sorted(
         (coarse_fit(motion, layers, moving, reach_m) for motion in motions),
         key=lambda fit: -fit.gain,

@@ -1,0 +1,38 @@
+"""An asset's URDF as a bundle carries it: links, joints and what collides, nothing to look at."""
+
+from __future__ import annotations
+
+import re
+
+from lxml import etree
+
+from articulate.asset import Asset
+from articulate.errors import AssetError
+
+URDF_FILE = "object.urdf"
+_MESH = re.compile(r"meshes/[\w.-]+")
+
+
+def object_files(asset: Asset) -> dict[str, bytes]:
+    """Contents of ``object.urdf`` and of the meshes that it names, by their paths beside it.
+
+    Raises:
+        AssetError: The asset has no such file, or it names something outside of its meshes.
+    """
+    path = asset.folder / URDF_FILE
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True)
+    try:
+        root = etree.fromstring(path.read_bytes(), parser)
+    except (OSError, etree.XMLSyntaxError) as error:
+        raise AssetError(f"{path}: cannot be read ({error}); make it with check-asset") from None
+    for visual in list(root.iter("visual")):
+        visual.getparent().remove(visual)
+    files: dict[str, bytes] = {}
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename", "")
+        if not _MESH.fullmatch(name):
+            raise AssetError(f"{path}: names {name[:60]!r}, which is not in its meshes")
+        files[name] = (asset.folder / name).read_bytes()
+    etree.indent(root)
+    text = etree.tostring(root, encoding="unicode") + "\n"
+    return {URDF_FILE: text.encode(), **files}
