@@ -9,6 +9,7 @@ import numpy as np
 
 from articulate.actors.protocol import JointKind, PredictedJoint
 from articulate.benchmark.known import KnownJoint, Status
+from articulate.convert.collada import loader_of
 from articulate.convert.config import ConvertConfig
 from articulate.convert.mesh import Loader
 from articulate.convert.read import SourceJoint, SourceObject
@@ -131,7 +132,7 @@ def true_object(
         AssetError: Nothing is to be seen of it, or a joint moves nothing.
     """
     poses = link_poses(source)
-    loader = Loader(source, ConvertConfig())
+    loader = loader_of(source, ConvertConfig())
     meshes = [_part_mesh(loader, source, name, poses[name]) for name in source.links]
     parts_s = [mesh for mesh in meshes if mesh is not None]
     if not parts_s:

@@ -14,8 +14,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import trimesh
 
-from articulate.convert.mesh import PartGeometry
-from articulate.convert.tree import Part
+from articulate.convert.config import ConvertConfig
+from articulate.convert.expand import expand
+from articulate.convert.mesh import Loader, PartGeometry
+from articulate.convert.meshfile import is_z_up
+from articulate.convert.read import SourceObject
+from articulate.convert.tree import Part, build_parts
 from articulate.transforms import Array, normalised
 
 LEAF_SHARE = 0.35
@@ -24,11 +28,61 @@ EDGE_SHARE = 0.4
 """Its axis lies at least this share of its breadth from its middle."""
 UPRIGHT = math.cos(math.radians(10.0))
 """Cosine of the most by which a link's y axis leans where it is called upright."""
+COLLADA = ".dae"
 HINGES = ("revolute", "continuous")
 TURNED = (
     "COLLADA meshes turned from z up to y up, as Assimp reads them: the y axis of their links "
     "points up, and as the files stand the leaf of {names} would turn in its own plane"
 )
+
+
+def loader_of(source: SourceObject, config: ConvertConfig) -> Loader:
+    """What reads the geometry of an object, COLLADA meshes the way up that fits its joints.
+
+    Args:
+        source: The object; of what is found out about it only that meshes were turned is noted.
+        config: Where meshes are looked for, and which way is up if that is known.
+
+    Raises:
+        AssetError: It has COLLADA meshes, and a mesh cannot be read or its links are no tree.
+    """
+    elements = [e for link in source.links.values() for e in (*link.visuals, *link.collisions)]
+    if not any((element.filename or "").lower().endswith(COLLADA) for element in elements):
+        return Loader(source, config, y_up=config.collada_up == "y")
+    before = source.repairs.sentences
+    loader, _ = loaded(source, build_parts(expand(source)), config)
+    turned = [s for s in source.repairs.sentences if s.startswith(TURNED[:40]) and s not in before]
+    source.repairs.restore(before)
+    for sentence in turned:
+        source.repairs.add(sentence)
+    return loader
+
+
+def loaded(
+    source: SourceObject, parts: Sequence[Part], config: ConvertConfig
+) -> tuple[Loader, dict[str, PartGeometry]]:
+    """Geometry of the parts, and what read it; COLLADA meshes the way up that fits the joints.
+
+    Raises:
+        AssetError: A mesh is absent or unreadable and its link has nothing else.
+    """
+    read = source.repairs.sentences
+    loader = Loader(source, config, y_up=config.collada_up == "y")
+    geometry = {part.name: loader.part(part) for part in parts}
+    if config.collada_up != "auto" or not any(is_z_up(path) for path in loader.files.values()):
+        return loader, geometry
+    flat = leaves_in_plane(parts, geometry) if has_y_up(parts) else ()
+    if not flat:
+        return loader, geometry
+    before = source.repairs.sentences
+    source.repairs.restore(read)
+    turned = Loader(source, config, y_up=True)
+    upright = {part.name: turned.part(part) for part in parts}
+    if len(leaves_in_plane(parts, upright)) < len(flat):
+        source.repairs.add(TURNED.format(names=" and ".join(flat)))
+        return turned, upright
+    source.repairs.restore(before)
+    return loader, geometry
 
 
 def has_y_up(parts: Sequence[Part]) -> bool:

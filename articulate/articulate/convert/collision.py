@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from articulate.convert.budget import UNLIMITED, Budget
 from articulate.convert.config import ConvertConfig
 from articulate.convert.decompose import decompose
 from articulate.convert.fit import Judged, fitted, hull, is_near, thick
@@ -32,7 +33,8 @@ HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECA
 SMALL_M = 0.01
 """Components smaller than this are left out [m]; handles are kept down to 2 mm."""
 SHOWN_AREA = 0.96
-"""Share of a component's area that its facets must make up; the small rest is left out."""
+"""Share of a component's area that its facets must make up; the small rest, as much less as shapes
+are to be finer, is left out."""
 PANEL_M = 0.03
 """Panels up to this thickness are boxes in spite of recesses unless that is too coarse [m]."""
 COMPACT_M = 0.07
@@ -54,6 +56,8 @@ STAVES_NEAR = 0.6
 """They are taken without a decomposition if this share of them lies near the surface."""
 TOL_M = (0.003, 0.010)
 """Least and largest distance of a shape's surface from what it stands for [m]."""
+FINEST_TOL_M = 0.0011
+"""However fine shapes are to be, they may stray by this much [m]: all have some thickness."""
 
 
 def is_handle(name: str) -> bool:
@@ -67,6 +71,7 @@ def collision_shapes(
     config: ConvertConfig,
     repairs: Repairs,
     hollow: Array = NOTHING,
+    budget: Budget = UNLIMITED,
 ) -> tuple[Shape, ...]:
     """Convex shapes that stand for one part.
 
@@ -76,6 +81,10 @@ def collision_shapes(
         config: How fine the shapes are to be.
         repairs: Takes what was changed.
         hollow: Points (H, 3) of its cavity that no shape may fill [m].
+        budget: Time for it.
+
+    Raises:
+        OutOfTimeError: It takes longer.
     """
     seen = geometry.shown
     if not seen:
@@ -95,22 +104,23 @@ def collision_shapes(
             repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
         only_given = False
         for piece in by_element(chosen):
-            shapes += piece_shapes(piece, part, config, repairs, hollow)
+            shapes += piece_shapes(piece, part, config, repairs, hollow, budget)
     if not shapes:  # everything is small
         one = hull(thick(np.vstack([p.mesh.vertices for p in seen])), seen[0].name)
         return () if one is None else (one,)
     whole = Surface(joined([p.mesh for p in seen]), hollow)
-    tol = tolerance(whole.mesh) / fineness(part, config)
+    tol = max(tolerance(whole.mesh) / fineness(part, config), FINEST_TOL_M)
     plain = [s for s in shapes if not is_handle(s.piece)]
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     wanted = round(fineness(part, config) * config.max_geoms)
-    budget = max(wanted - len(handles), round(LEAST_LEFT * wanted))
-    if not only_given or len(plain) > budget:  # what the file gives itself seals nothing
+    most = max(wanted - len(handles), round(LEAST_LEFT * wanted))
+    if not only_given or len(plain) > most:  # what the file gives itself seals nothing
         plain = merged(plain, whole, tol)
     plain = without_hidden(plain)
-    plain = without_spare(plain, whole.mesh, budget)
+    few = min(most, max(config.max_geoms - len(handles), 1))
+    plain = without_spare(plain, whole.mesh, few)
     strict = None if fineness(part, config) == 1.0 else whole
-    return (*within_budget(plain, budget, part, repairs, strict), *handles)
+    return (*within_budget(plain, most, part, repairs, strict, few), *handles)
 
 
 def fineness(part: str, config: ConvertConfig) -> float:
@@ -140,14 +150,20 @@ def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
 
 
 def piece_shapes(
-    piece: Piece, part: str, config: ConvertConfig, repairs: Repairs, hollow: Array = NOTHING
+    piece: Piece,
+    part: str,
+    config: ConvertConfig,
+    repairs: Repairs,
+    hollow: Array = NOTHING,
+    budget: Budget = UNLIMITED,
 ) -> list[Shape]:
     """Convex shapes for one visual or collision element."""
+    budget.check()
     if piece.primitive is not None:
         return [_from_primitive(piece)]
     handle = is_handle(piece.name)
-    tol = tolerance(piece.mesh, handle=handle) / fineness(part, config)
-    least = 0.2 * SMALL_M if handle else SMALL_M
+    tol = max(tolerance(piece.mesh, handle=handle) / fineness(part, config), FINEST_TOL_M)
+    least = 0.2 * SMALL_M if handle else SMALL_M / fineness(part, config)
     if float(np.ptp(piece.mesh.vertices, axis=0).max()) < least:
         return []
     panel_m = 0.0 if handle or fineness(part, config) > 1.0 else PANEL_M
@@ -159,7 +175,10 @@ def piece_shapes(
     for component in components(piece.mesh, least):
         own = Surface(component, hollow)
         shape = fitted(component.vertices, own, tol, piece.name, panel_m=panel_m)
-        shapes += [shape] if shape is not None else _concave(own, tol, piece, part, config, repairs)
+        if shape is not None:
+            shapes.append(shape)
+        else:
+            shapes += _concave(own, tol, piece, part, config, repairs, budget)
     return merged(shapes, surface, tol)
 
 
@@ -191,6 +210,7 @@ def _concave(
     part: str,
     config: ConvertConfig,
     repairs: Repairs,
+    budget: Budget,
 ) -> list[Shape]:
     """Shapes for a concave component: facets put together, else a decomposition."""
     mesh = surface.mesh
@@ -198,7 +218,7 @@ def _concave(
         one = hull(thick(mesh.vertices), piece.name)
         return [] if one is None else [one]
     most = round(fineness(part, config) * config.max_geoms)
-    atoms = _facets(mesh)
+    atoms = _facets(mesh, 1.0 - (1.0 - SHOWN_AREA) / fineness(part, config))
     if 0 < len(atoms) <= FEW_ATOMS:
         shapes = _of_facets(atoms, surface, tol, piece.name)
         if 0 < len(shapes) <= most:
@@ -208,7 +228,7 @@ def _concave(
     finest = judged if is_handle(piece.name) else min(tol, judged)
     judged = judged if fineness(part, config) == 1.0 else finest
     for near in dict.fromkeys((judged, finest)):  # too many are more if finer still
-        shells = shell_shapes(mesh, near, piece.name, 2 * most, surface.hollow)
+        shells = shell_shapes(mesh, near, piece.name, 2 * most, surface.hollow, budget)
         shells = None if shells is None else merged(shells, surface, near)
         if shells is None or len(shells) > most:
             break
@@ -220,7 +240,7 @@ def _concave(
         if 0 < len(shapes) <= most:
             return shapes
     if config.decompose:
-        split = _split(surface, tol, piece, part, config)
+        split = _split(surface, tol, piece, part, config, budget)
         if split is not None:
             return split
     one = hull(thick(mesh.vertices), piece.name)
@@ -229,7 +249,7 @@ def _concave(
 
 
 def _split(
-    surface: Surface, tol: float, piece: Piece, part: str, config: ConvertConfig
+    surface: Surface, tol: float, piece: Piece, part: str, config: ConvertConfig, budget: Budget
 ) -> list[Shape] | None:
     """Shapes for a component that needs more of them than there may be.
 
@@ -237,10 +257,11 @@ def _split(
     its time and pays only where patches stray much.
     """
     times = fineness(part, config)
+    budget.check()
     judged = surface_tolerance(surface.mesh)
     most = MAX_STAVES if times == 1.0 else times * config.max_geoms
     near = judged / times
-    patches = staves(surface.mesh, near, piece.name, round(most), surface.hollow)
+    patches = staves(surface.mesh, near, piece.name, round(most), surface.hollow, budget)
     if patches is None or (times == 1.0 and _near_share(patches, surface, judged) < STAVES_NEAR):
         hulls = decompose(
             surface.mesh,
@@ -251,7 +272,8 @@ def _split(
         )
         if hulls is not None:
             found = [
-                fitted(points, surface, tol, piece.name) or hull(thick(points, tol), piece.name)
+                fitted(points, surface, tol, piece.name)
+                or hull(thick(points, tol, surface.hollow), piece.name)
                 for points in hulls
             ]
             return merged([s for s in found if s is not None], surface, tol)
@@ -278,10 +300,11 @@ def _of_facets(
     return merged(shapes, surface, tol)
 
 
-def _facets(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+def _facets(mesh: trimesh.Trimesh, shown: float = SHOWN_AREA) -> list[trimesh.Trimesh]:
     """Groups of adjacent coplanar triangles, each as a mesh; single triangles included.
 
-    None at all if there are more than can be put together.
+    Those that make up the share ``shown`` of the area; none at all if they are more than can be
+    put together.
     """
     grouped = [np.asarray(f) for f in mesh.facets]
     single = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate(grouped) if grouped else [])
@@ -290,7 +313,7 @@ def _facets(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     areas = np.array([area_faces[group].sum() for group in groups])
     order = np.argsort(-areas, kind="stable")
     share = np.cumsum(areas[order]) / areas.sum()
-    kept = order[: int(np.searchsorted(share, SHOWN_AREA)) + 1]
+    kept = order[: int(np.searchsorted(share, shown)) + 1]
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if len(kept) > MAX_ATOMS:
         return []
@@ -310,7 +333,7 @@ def _flat_shapes(
         return merged(patches, surface, tol)
     if len(facet.faces) > MAX_JOINED:
         return None
-    triangles = [hull(thick(triangle, tol), piece) for triangle in facet.triangles]
+    triangles = [hull(thick(triangle, tol, hollow), piece) for triangle in facet.triangles]
     return [t for t in triangles if t is not None]
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from articulate.asset import Asset, Joint, Link, load_asset, save_asset
-from articulate.convert.collada import TURNED, has_y_up, leaves_in_plane
+from articulate.convert.budget import UNLIMITED, Budget, OutOfTimeError
+from articulate.convert.collada import loaded
 from articulate.convert.collision import collision_shapes
 from articulate.convert.config import ConvertConfig
 from articulate.convert.contacts import excludes_of
@@ -22,8 +23,7 @@ from articulate.convert.expand import expand
 from articulate.convert.grasps import handles_of
 from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
-from articulate.convert.mesh import Loader, PartGeometry, bounds
-from articulate.convert.meshfile import is_z_up
+from articulate.convert.mesh import PartGeometry, bounds
 from articulate.convert.origin import ORIGIN_FILE, origin_of
 from articulate.convert.presets import density, given_dynamics, joint_preset
 from articulate.convert.rays import NOTHING
@@ -39,7 +39,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "15"
+VERSION = "16"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -124,7 +124,7 @@ def read_input(path: Path, config: ConvertConfig) -> Reading:
     """
     source = read_source(path)
     parts = build_parts(expand(source))
-    loader, geometry = _loaded(source, parts, config)
+    loader, geometry = loaded(source, parts, config)
     parts = _without_empty(parts, geometry, source)
     if not any(geometry[part.name].shown for part in parts):
         raise AssetError(f"{path}: no link has geometry; nothing can be made of it")
@@ -135,29 +135,6 @@ def read_input(path: Path, config: ConvertConfig) -> Reading:
     }
     files = {**source.files, **loader.files}
     return Reading(source=source, parts=parts, geometry=geometry, travels=travels, files=files)
-
-
-def _loaded(
-    source: SourceObject, parts: Sequence[Part], config: ConvertConfig
-) -> tuple[Loader, dict[str, PartGeometry]]:
-    """Geometry of the parts, and what read it; COLLADA meshes the way up that fits the joints."""
-    read = source.repairs.sentences
-    loader = Loader(source, config, y_up=config.collada_up == "y")
-    geometry = {part.name: loader.part(part) for part in parts}
-    if config.collada_up != "auto" or not any(is_z_up(path) for path in loader.files.values()):
-        return loader, geometry
-    flat = leaves_in_plane(parts, geometry) if has_y_up(parts) else ()
-    if not flat:
-        return loader, geometry
-    before = source.repairs.sentences
-    source.repairs.restore(read)
-    turned = Loader(source, config, y_up=True)
-    upright = {part.name: turned.part(part) for part in parts}
-    if len(leaves_in_plane(parts, upright)) < len(flat):
-        source.repairs.add(TURNED.format(names=" and ".join(flat)))
-        return turned, upright
-    source.repairs.restore(before)
-    return loader, geometry
 
 
 def _without_empty(
@@ -241,6 +218,7 @@ def build_asset(
     config: ConvertConfig,
     known: Shaped | None = None,
     hollow: Mapping[str, Array] | None = None,
+    budget: Budget = UNLIMITED,
 ) -> tuple[Asset, list[Body], list[Mimic]]:
     """The asset with its bodies and followers, not written yet.
 
@@ -250,13 +228,15 @@ def build_asset(
         known: Shapes of an earlier call for the same reading; those of this one are added.
         hollow: Points (H, 3) in the cavities of links that no shape may fill [m], by link and
             in its frame.
+        budget: Time for links that are made finer than in an earlier call; what is not done by
+            then stays as it was made there.
     """
     source = reading.source
     place = placement_of(reading, config)
     category = category_of(source.path, config)
     origin, licence = origin_of(source.path, config)
     known = {} if known is None else known
-    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {})
+    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {}, budget)
     if not any(body.shapes for body in bodies):
         raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
     joints = tuple(body.joint for body in bodies if body.joint is not None)
@@ -287,6 +267,7 @@ def _bodies(
     config: ConvertConfig,
     known: Shaped,
     hollow: Mapping[str, Array],
+    budget: Budget,
 ) -> tuple[list[Body], dict[str, Array]]:
     """Bodies in metres and their poses in the object frame with every joint at 0."""
     repairs = reading.source.repairs
@@ -311,9 +292,21 @@ def _bodies(
         names[part.name] = name
         key = (name, config.finer.count(name))
         if key not in known:
+            before = known.get((name, key[1] - 1))
             own = Repairs()
-            shapes = collision_shapes(geometry, name, config, own, hollow.get(name, NOTHING))
-            known[key] = shapes, own.sentences
+            try:
+                shapes = collision_shapes(
+                    geometry,
+                    name,
+                    config,
+                    own,
+                    hollow.get(name, NOTHING),
+                    UNLIMITED if before is None else budget,
+                )
+                known[key] = shapes, own.sentences
+            except OutOfTimeError:
+                assert before is not None
+                known[key] = before
         shapes, sentences = known[key]
         for sentence in sentences:
             repairs.add(sentence)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from articulate.convert.rays import Surface
+from articulate.convert.rays import NOTHING, Surface
 from articulate.convert.shapes import QUASI, Shape, faces_of, on_boxes
 from articulate.transforms import Array, pose
 
@@ -33,6 +33,12 @@ MANY = 128
 """More points than this are thinned out before a hull of few corners is looked for."""
 FILLED_SHARE = 0.002
 """A shape may hold this share of the points that are to be left free, or one of them."""
+FACING_M = 0.02
+"""A sheet faces a cavity whose points lie up to this far above it [m] ..."""
+BESIDE_M = 0.003
+"""... and up to this far beside it [m] ..."""
+ONE_SIDE = 4.0
+"""... if there are so many times as many above it as below, or the other way round."""
 ADDED = 0.34
 """Share of the corners still missing that a hull of few corners grows by at once."""
 
@@ -68,7 +74,9 @@ def fitted(
         panel_m: Boxes up to this thickness may have relief as deep as they are thick [m]; holes
             right through them still count.
     """
-    return Fit(thick(points, tol), surface, piece).best(tol, turned=turned, panel_m=panel_m)
+    return Fit(thick(points, tol, surface.hollow), surface, piece).best(
+        tol, turned=turned, panel_m=panel_m
+    )
 
 
 class Fit:
@@ -215,18 +223,45 @@ def thin_m(tol: float) -> float:
     return THIN_M * min(1.0, max(0.5, tol / USUAL_TOL_M))
 
 
-def thick(points: Array, tol: float = USUAL_TOL_M) -> Array:
-    """``points`` with flat directions padded to the least thickness at a tolerance [m]."""
+def thick(points: Array, tol: float = USUAL_TOL_M, hollow: Array = NOTHING) -> Array:
+    """``points`` with flat directions padded to the least thickness at a tolerance.
+
+    Where one side of a sheet faces a cavity the other side takes it all.
+
+    Args:
+        points: Corners (N, 3) [m].
+        tol: Tolerance [m].
+        hollow: Points (H, 3) of a cavity that is to be left free [m].
+    """
     least = thin_m(tol)
     points = np.asarray(points, dtype=np.float64)
-    centred = points - points.mean(axis=0)
+    middle = points.mean(axis=0)
+    centred = points - middle
     _, axes = np.linalg.eigh(centred.T @ centred)
     spans = np.ptp(centred @ axes, axis=0)
-    for axis, span in zip(axes.T, spans, strict=True):
-        if span < least:
-            pad = (least - span) / 2.0 * axis
-            points = np.concatenate([points + pad, points - pad])
+    for k in np.flatnonzero(spans < least):
+        above = _share_above(centred @ axes, (hollow - middle) @ axes, int(k))
+        pad = (least - spans[k]) * axes[:, k]
+        points = np.concatenate([points + above * pad, points - (1.0 - above) * pad])
     return points
+
+
+def _share_above(points: Array, hollow: Array, axis: int) -> float:
+    """Share of a sheet's padding that goes up ``axis``: half, or all or none beside a cavity.
+
+    Args:
+        points: Corners of the sheet round their middle, along its axes (N, 3) [m].
+        hollow: Points of the cavity in the same frame (H, 3) [m].
+        axis: Which axis the sheet is flat along.
+    """
+    flat = [k for k in range(3) if k != axis]
+    low, high = points[:, flat].min(axis=0) - BESIDE_M, points[:, flat].max(axis=0) + BESIDE_M
+    beside = ((hollow[:, flat] >= low) & (hollow[:, flat] <= high)).all(axis=1)
+    heights = hollow[beside & (np.abs(hollow[:, axis]) <= FACING_M), axis]
+    above, below = int((heights > 0.0).sum()), int((heights < 0.0).sum())
+    if above > ONE_SIDE * below:
+        return 0.0
+    return 1.0 if below > ONE_SIDE * above else 0.5
 
 
 def aligned_box(points: Array, piece: str) -> Shape:

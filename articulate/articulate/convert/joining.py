@@ -9,11 +9,12 @@ from articulate.convert.fit import box_shares, fills, fitted, hull, is_near
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
-from articulate.convert.shells import PLANES
 from articulate.transforms import Array, Ints
 
 SPARE_LEAST = 0.97
 """Share of what is seen that stays covered when shapes over the budget are left out."""
+SPARE_NEAR = 0.8
+"""Share of the distance that the proof calls near within which it counts as covered."""
 SPARE_SAMPLES = 2000
 """Points that decide about it."""
 MAX_JOINED = 192
@@ -124,8 +125,8 @@ def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) ->
     if len(shapes) <= budget:
         return shapes
     points, _ = sample_surface(surface, SPARE_SAMPLES)
-    near = PLANES * surface_tolerance(surface)
-    covers = np.array([shape.outside(points) <= near for shape in shapes])
+    near = SPARE_NEAR * surface_tolerance(surface)
+    covers = np.array([shape.covers(points, near) for shape in shapes])
     count = covers.sum(axis=0)
     kept = list(range(len(shapes)))
     while len(kept) > budget:
@@ -144,6 +145,7 @@ def within_budget(
     part: str,
     repairs: Repairs,
     strict: Surface | None = None,
+    few: int | None = None,
 ) -> tuple[Shape, ...]:
     """At most ``budget`` shapes: pairs whose common hull adds least volume are joined.
 
@@ -154,11 +156,12 @@ def within_budget(
         repairs: Takes what was changed.
         strict: Surface that joined shapes may not stray from nor fill, even if more than
             ``budget`` shapes are left then, up to ``OVER_BUDGET`` times as many.
+        few: So many are enough where they need not stray for it; None: ``budget``.
     """
     shapes = list(shapes)
     before = len(shapes)
     if strict is not None:
-        shapes = _strictly_joined(shapes, budget, strict)
+        shapes = _strictly_joined(shapes, few or budget, strict)
         budget = round(OVER_BUDGET * budget)
     while len(shapes) > max(budget, 1):
         shapes = _cheapest_join(shapes)

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from articulate.transforms import Array, Ints, apply, inverse, normalised
+from articulate.transforms import Array, Ints, Mask, apply, inverse, normalised
 
 SAMPLES = 240
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
@@ -164,6 +164,19 @@ class Shape:
             return np.asarray(away + np.minimum(local.max(axis=1), 0.0))
         planes = self.planes
         return np.asarray((points @ planes[:, :3].T + planes[:, 3]).max(axis=1))
+
+    def covers(self, points: Array, distance_m: float) -> Mask:
+        """Whether ``points`` (N, 3) lie inside or at most ``distance_m`` away (N,)."""
+        away = self.outside(points)
+        near = np.asarray(away <= distance_m)
+        doubtful = np.flatnonzero(near & (away > 0.0))  # near planes, maybe not near the shape
+        if self.kind != "box" and len(doubtful):
+            triangles = self.faces.triangles
+            asked = np.repeat(points[doubtful], len(triangles), axis=0)
+            every = np.tile(triangles, (len(doubtful), 1, 1))
+            gap = np.linalg.norm(trimesh.triangles.closest_point(every, asked) - asked, axis=1)
+            near[doubtful] = gap.reshape(len(doubtful), -1).min(axis=1) <= distance_m
+        return near
 
     @cached_property
     def bounds(self) -> Array:

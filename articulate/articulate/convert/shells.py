@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
+from articulate.convert.budget import UNLIMITED, Budget
 from articulate.convert.fit import DIRECTIONS, THIN_M, Fit, hull, spanning, thick, thin_m
 from articulate.convert.rays import NOTHING, Surface
 from articulate.convert.shapes import Shape
@@ -28,8 +29,8 @@ FACING = 0.7
 """Triangles whose normals have this cosine with an axis count as facing along it."""
 SAMPLES = 4000
 """Points on the surface that say what is covered already."""
-PLANES = 0.6
-"""Distances from planes are too short near edges: what is this share of them away is near."""
+COVERED = 0.6
+"""Points up to this share of a tolerance away need no shape of their own: others lie between."""
 SMALL = 3.0
 """Patches up to this many tolerances wide collide as their hull."""
 AHEAD = 3
@@ -171,7 +172,8 @@ class Patch:
         """The shape that fits it, if one does."""
         key = (piece, thin_m(tol))
         if key not in self._fits:
-            self._fits[key] = Fit(thick(self.corners, tol), self.sheet.surface, piece)
+            points = thick(self.corners, tol, self.sheet.hollow)
+            self._fits[key] = Fit(points, self.sheet.surface, piece)
         return self._fits[key].best(tol)
 
 
@@ -183,7 +185,12 @@ def _whole(sheet: Sheet) -> Patch:
 
 
 def shell_shapes(
-    mesh: trimesh.Trimesh, tol: float, piece: str, most: int, hollow: Array = NOTHING
+    mesh: trimesh.Trimesh,
+    tol: float,
+    piece: str,
+    most: int,
+    hollow: Array = NOTHING,
+    budget: Budget = UNLIMITED,
 ) -> list[Shape] | None:
     """Boxes and hulls of patches of ``mesh`` that stray from it by at most ``tol`` [m].
 
@@ -195,6 +202,7 @@ def shell_shapes(
         piece: Names for the shapes.
         most: Given up beyond this many patches.
         hollow: Points (H, 3) that the shapes must leave free [m].
+        budget: Time for it.
     """
     if len(mesh.faces) > MOST_FACES:
         return None
@@ -202,17 +210,18 @@ def shell_shapes(
     done: list[Shape] = []
     count = 0
     while waiting:
+        budget.check()
         if len(done) > most:
             return None
         _, _, patch = heapq.heappop(waiting)
-        if _covered(patch.spread, done, PLANES * tol):
+        if _covered(patch.spread, done, COVERED * tol):
             continue
         points = patch.corners
         small = float(np.ptp(points, axis=0).max()) <= SMALL * tol
-        shape = hull(thick(points, tol), piece) if small else patch.fit(tol, piece)
+        shape = hull(thick(points, tol, hollow), piece) if small else patch.fit(tol, piece)
         parts = patch.split if shape is None else None
         if parts is None:
-            shape = shape or hull(thick(points, tol), piece)
+            shape = shape or hull(thick(points, tol, hollow), piece)
             done += [] if shape is None else [shape]
         else:
             for part in parts:
@@ -222,7 +231,12 @@ def shell_shapes(
 
 
 def staves(
-    mesh: trimesh.Trimesh, tol: float, piece: str, most: int, hollow: Array = NOTHING
+    mesh: trimesh.Trimesh,
+    tol: float,
+    piece: str,
+    most: int,
+    hollow: Array = NOTHING,
+    budget: Budget = UNLIMITED,
 ) -> list[Shape] | None:
     """At most ``most`` shapes of patches that hold as little besides ``mesh`` as so few can.
 
@@ -235,6 +249,7 @@ def staves(
         piece: Names for the shapes.
         most: Largest number of shapes.
         hollow: Points (H, 3) that shapes should leave free [m].
+        budget: Time for it.
     """
     if len(mesh.faces) > MOST_FACES:
         return None
@@ -243,8 +258,9 @@ def staves(
     done: list[Shape] = []
     count = 0
     while waiting:
+        budget.check()
         _, _, patch = heapq.heappop(waiting)
-        if _covered(patch.spread, done, PLANES * tol):
+        if _covered(patch.spread, done, COVERED * tol):
             continue
         points = patch.corners
         small = float(np.ptp(points, axis=0).max()) <= SMALL * tol
@@ -252,7 +268,7 @@ def staves(
         full = len(done) + len(waiting) + 2 > most
         parts = None if small or full or shape is not None else patch.split
         if parts is None:
-            shape = shape or hull(thick(points, tol), piece)
+            shape = shape or hull(thick(points, tol, hollow), piece)
             done += [] if shape is None else [shape]
         else:
             for part in parts:
@@ -267,5 +283,5 @@ def _covered(points: Array, shapes: list[Shape], tol: float) -> bool:
     for shape in shapes:
         if not len(left):
             return True
-        left = left[shape.outside(left) > tol]
+        left = left[~shape.covers(left, tol)]
     return not len(left)

@@ -21,6 +21,7 @@ import trimesh
 from articulate.benchmark.dataset import semantic_names
 from articulate.benchmark.evidence import plain_label
 from articulate.benchmark.truth import HALF_TURN, link_poses
+from articulate.convert.collada import loader_of
 from articulate.convert.config import ConvertConfig
 from articulate.convert.mesh import GREY, Loader, Piece
 from articulate.convert.origin import ORIGIN_FILE
@@ -226,7 +227,7 @@ def _named(groups: Sequence[tuple[str, trimesh.Trimesh, tuple[float, ...] | None
 def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> Given:
     source = read_urdf(path)
     poses = link_poses(source)
-    loader = Loader(source, ConvertConfig())
+    loader = loader_of(source, ConvertConfig())
     pieces = {name: _shown(loader, source, name, poses[name]) for name in source.links}
     given = _given(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
     category = category_of(path, ConvertConfig())

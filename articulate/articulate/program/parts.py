@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from articulate.convert.collada import loader_of
 from articulate.convert.config import ConvertConfig
 from articulate.convert.expand import expand
 from articulate.convert.mesh import GREY, Loader, Piece, joined
@@ -147,7 +148,7 @@ def _from_folder(folder: Path) -> Parts:
 
 def _from_urdf(path: Path) -> Parts:
     source = expand(read_urdf(path))
-    loader = Loader(source, ConvertConfig())
+    loader = loader_of(source, ConvertConfig())
     return Parts(
         {name: PartMesh(name, partial(_of_link, source, loader, name)) for name in source.links}
     )

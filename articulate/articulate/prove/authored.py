@@ -25,12 +25,15 @@ class Surfaces:
     Args:
         model: The object.
         shapes: Its collision shapes, which say where to look.
+        known: Triangles (F, 3, 3) [m] of links in their own frames; those of others are added.
     """
 
-    def __init__(self, model: ObjectModel, shapes: Shapes) -> None:
+    def __init__(
+        self, model: ObjectModel, shapes: Shapes, known: dict[str, Array] | None = None
+    ) -> None:
         self.model = model
         self.shapes = shapes
-        self._built: dict[str, Array] = {}
+        self._built = {} if known is None else known
 
     def cross(self, data: Data, overlap: Overlap) -> bool:
         """Whether the authored surfaces cross where two collision geoms overlap.

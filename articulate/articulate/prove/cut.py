@@ -6,14 +6,30 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import QhullError
 
 from articulate.convert.fit import hull
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body
 from articulate.prove.coverage import ALLOWED_SHARE, NEAR_M, SAMPLES, near_of
-from articulate.prove.surface import is_near, sample
+from articulate.prove.surface import sample
 from articulate.transforms import Array, Ints, Mask, pose
+
+Levels = NDArray[np.int8]
+"""How well points are covered."""
+
+MORE = 6000
+"""So many points on what a part shows say what a cut bares, besides those that judge coverage."""
+BARE = 3.0
+"""A cut bares what is seen where a point that was covered comes to lie more than so many times as
+far from all that is left as covered points may: it is a way through a wall then, and no edge."""
+STOUT_M = 0.003
+"""Cuts leave no piece thinner than this [m]: thin slices go through anything unnoticed ..."""
+STOUT_SHARE = 0.7
+"""... or than this share of the converted shape's thickness, if that is less ..."""
+SHEET_SHARE = 0.3
+"""... or than this share of it if that is a sheet, thinner than all that."""
 
 MARGIN = 0.005
 """Cuts leave the coverage of a link above what is allowed by this share."""
@@ -25,6 +41,10 @@ MOST_PIECES = 4
 """So many pieces at most are left of a shape that another one is carved out of."""
 MOST_SHAPES = 4
 """A link has at most this many times the shapes that it had, and as many more."""
+ROUNDING_M = 1e-6
+"""Thicknesses that differ by less are the same [m]."""
+NEAR, FAR = 2, 0
+"""How a point lies to a shape that covers it, and to one that does not nearly so."""
 ALONG = 1.0 - 1e-8
 """A cut whose normal has this cosine with an axis of a box leaves a box."""
 
@@ -66,7 +86,7 @@ def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
     share = ((limit - start) / (end - start))[:, None]
     crossings = corners[cut[:, 0]] * (1.0 - share) + corners[cut[:, 1]] * share
     rest = hull(np.vstack([corners[heights <= limit], crossings]), shape.piece)
-    if rest is None or _thickness(rest.corners) < THINNEST_M:
+    if rest is None or _thickness(rest) < THINNEST_M:
         return None
     return rest
 
@@ -106,8 +126,11 @@ def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
     return tuple(out)
 
 
-def _thickness(corners: Array) -> float:
-    """Extent [m] of points (N, 3) along the direction in which they vary least."""
+def _thickness(shape: Shape) -> float:
+    """Extent [m] of a shape along the direction in which its corners vary least."""
+    if shape.kind == "box":
+        return 2.0 * min(shape.half)
+    corners = shape.corners
     centred = corners - corners.mean(axis=0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
     return float(np.ptp(centred @ axes[-1]))
@@ -125,6 +148,8 @@ class Offer:
     """Share of the link's visible surface that would lose its cover."""
     removed_m3: float
     """Volume that is cut away [m3]."""
+    bared: bool
+    """Whether what is seen would lie bare somewhere."""
     allowed: bool
     """Whether enough stays covered."""
 
@@ -152,46 +177,55 @@ class Part:
         near_m = NEAR_M
         if triangles:
             every = np.concatenate(triangles)
-            self._points, _ = sample(every, SAMPLES)
+            self._points = np.vstack([sample(every, count)[0] for count in (SAMPLES, MORE)])
             near_m = near_of(every.reshape(-1, 3))
         self.near_m = near_m
         """Points of the surface this near to a shape are covered [m]."""
-        self._covered: list[Mask] = [self._near(shape) for shape in self.shapes]
+        self._levels = [self._level(shape) for shape in self.shapes]
+        self._held = np.max([*self._levels, np.zeros(len(self._points), np.int8)], axis=0) == NEAR
         self._least = ALLOWED_SHARE + MARGIN
         self._most = MOST_SHAPES * (len(self.shapes) + 1)
 
-    def _near(self, shape: Shape, among: Mask | None = None) -> Mask:
-        """Which points lie near ``shape``; the others than ``among`` are not asked."""
+    def _level(self, shape: Shape, among: Mask | None = None) -> Levels:
+        """How well ``shape`` covers the points: 2 where near, 1 where nearly, else 0 (N,).
+
+        The points that are not ``among`` are not asked.
+        """
         chosen = np.arange(len(self._points)) if among is None else np.flatnonzero(among)
-        near = np.zeros(len(self._points), dtype=bool)
+        level = np.zeros(len(self._points), dtype=np.int8)
         if not len(chosen):
-            return near
-        away = shape.outside(self._points[chosen])
-        near[chosen] = away <= self.near_m
-        doubtful = chosen[(away <= self.near_m) & (away > 0.0)]  # of planes, maybe not of a hull
-        if shape.kind == "hull" and len(doubtful):
-            triangles = shape.faces.triangles
-            near[doubtful] = is_near(self._points[doubtful], triangles, self.near_m)
-        return near
+            return level
+        for distance_m in (BARE * self.near_m, self.near_m):
+            level[chosen] += shape.covers(self._points[chosen], distance_m)
+        return level
 
     def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:
-        """What leaving only ``rest`` of shape ``index`` would cost."""
+        """What leaving only ``rest`` of shape ``index`` would cost, its thin slices gone."""
         shape = self.shapes[index]
-        own = self._covered[index]
-        covered = np.sum(self._covered, axis=0) - own > 0 if self._covered else own
-        lone = own & ~covered  # what is left lies in the shape: nothing else can be lost
+        whole_m = _thickness(self.body.shapes[self._order[index]])
+        share_m = (STOUT_SHARE if whole_m >= STOUT_M else SHEET_SHARE) * whole_m
+        least_m = min(STOUT_M, share_m) - ROUNDING_M
+        rest = tuple(piece for piece in rest if _thickness(piece) >= least_m)
+        own = self._levels[index]
+        others = [level for k, level in enumerate(self._levels) if k != index]
+        kept = np.max(others, axis=0) if others else np.zeros_like(own)
+        before = np.maximum(kept, own)
+        lone = own > kept  # what is left lies in the shape: nothing else can be lost
         for piece in rest:
-            lone &= ~self._near(piece, among=lone)
-        after = (covered | own) & ~lone
-        lost = float(lone.mean()) if len(lone) else 0.0
-        share = float(after.mean()) if len(after) else 1.0
+            kept = np.maximum(kept, self._level(piece, among=lone & (kept < own)))
+        near = kept[:SAMPLES] == NEAR
+        lost = float(((before[:SAMPLES] == NEAR) & ~near).mean()) if len(own) else 0.0
+        share = float(near.mean()) if len(own) else 1.0
+        bared = bool((self._held & (before > FAR) & (kept == FAR)).any())
         count = len(self.shapes) - len(self._gone) - 1 + len(rest)
+        enough = lost == 0.0 or share >= self._least
         return Offer(
             index=index,
             rest=rest,
             lost=lost,
             removed_m3=shape.volume - sum(piece.volume for piece in rest),
-            allowed=0 < count <= self._most and (lost == 0.0 or share >= self._least),
+            bared=bared,
+            allowed=0 < count <= self._most and enough,
         )
 
     def take(self, offer: Offer) -> None:
@@ -201,32 +235,32 @@ class Part:
         self.cuts.add(whole)
         self.removed_m3 += offer.removed_m3
         if not offer.rest:
-            self._covered[offer.index] = np.zeros(len(self._points), dtype=bool)
+            self._levels[offer.index] = np.zeros(len(self._points), dtype=np.int8)
             self._gone.add(offer.index)
             return
         self.shapes[offer.index] = offer.rest[0]
-        self._covered[offer.index] = self._near(offer.rest[0])
+        self._levels[offer.index] = self._level(offer.rest[0])
         for piece in offer.rest[1:]:
             self.shapes.append(piece)
-            self._covered.append(self._near(piece))
+            self._levels.append(self._level(piece))
             self._order.append(whole)
 
     def tidy(self) -> None:
         """Leave out the shapes of which nothing is left."""
         keep = [k for k in range(len(self.shapes)) if k not in self._gone]
         self.shapes = [self.shapes[k] for k in keep]
-        self._covered = [self._covered[k] for k in keep]
+        self._levels = [self._levels[k] for k in keep]
         self._order = [self._order[k] for k in keep]
         self._gone.clear()
 
     def state(self) -> tuple[Any, ...]:
         """All that cutting changes, to come back to with :meth:`restore`."""
-        lists = (list(self.shapes), list(self._covered), list(self._order))
+        lists = (list(self.shapes), list(self._levels), list(self._order))
         return (*lists, set(self._gone), set(self.cuts), self.cut_count, self.removed_m3)
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to an earlier ``state``."""
-        self.shapes, self._covered, self._order, *rest = state
+        self.shapes, self._levels, self._order, *rest = state
         self._gone, self.cuts, self.cut_count, self.removed_m3 = rest
 
     def done(self) -> Body:

@@ -3,6 +3,8 @@
 Where parts meet on a joint's way, two things are sound. What the collision shapes have too much
 is cut away, as long as what is seen stays covered. And where the parts meet as they were
 authored, deeper than a cut can mend, the way ends there: no real part goes through another one.
+Where too little of the way would be left, all stays as it is, and the proof refuses it: no cut
+opens a way through a wall, and none leaves slices so thin that they pass one unnoticed.
 """
 
 from __future__ import annotations
@@ -104,6 +106,14 @@ class Bench:
         self.asset = asset
         self.parts = {body.name: Part(body) for body in bodies}
         self.mimics = mimics
+        self._shown = {
+            body.name: np.concatenate(
+                [np.zeros((0, 3, 3)), *(piece.mesh.triangles for piece in body.visuals)]
+            )
+            for body in bodies
+        }
+        self._authored: set[tuple[str, str]] = set()
+        """Pairs of links of the fault in hand that meet as authored."""
         self._shortened: dict[str, str] = {}
         self._eased: list[str] = []
 
@@ -225,6 +235,7 @@ class Bench:
         As little as has to be is tried first, then cuts after which two shapes do not meet at
         all: many small ones can cost more than one that ends it.
         """
+        self._authored = set(fault.authored)
         before = {name: part.state() for name, part in self.parts.items()}
         for whole in (False, True):
             if self._cut_along(fault, whole=whole):
@@ -282,13 +293,17 @@ class Bench:
 
     def _sweeper_of(self, pairs: set[tuple[str, str]]) -> Sweeper:
         """A sweeper of the object as it is now in which only links of ``pairs`` have shapes."""
-        return Sweeper(model=self.model(touching={name for pair in pairs for name in pair}))
+        model = self.model(touching={name for pair in pairs for name in pair})
+        return Sweeper(model=model, shown=self._shown)
 
     def _cut_one(self, meeting: Meeting, sweeper: Sweeper, *, whole: bool) -> bool:
         """Cut one of two shapes back, where its link loses least of what covers it.
 
-        Where neither can lose as much, both are cut by half.
+        Where neither can lose as much, both are cut by half. Nothing is bared where the parts
+        meet as authored.
         """
+        authored = (meeting.one, meeting.other) in self._authored
+        met = authored or sweeper.surfaces.cross(sweeper.data, meeting.overlap)
         way_out_w = np.asarray(meeting.overlap.way_out_w)
         one, other = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
         sides = ((one, other, -way_out_w), (other, one, way_out_w))
@@ -300,7 +315,9 @@ class Bench:
             offers += [(part, part.offer(index, rest)) for rest in rests]
             if not whole:
                 offers.append(self._shaved(sweeper, own, toward_w, depth_m))
-        allowed = [(part, offer) for part, offer in offers if offer.allowed]
+        allowed = [
+            (part, offer) for part, offer in offers if offer.allowed and not (met and offer.bared)
+        ]
         if allowed:
             part, offer = min(
                 allowed, key=lambda o: (round(o[1].lost, 3), len(o[1].rest), o[1].removed_m3)
@@ -308,7 +325,7 @@ class Bench:
             part.take(offer)
             return True
         halves = [self._shaved(sweeper, own, way, depth_m / 2.0) for own, _, way in sides]
-        if not all(offer.allowed for _, offer in halves):
+        if not all(offer.allowed and not (met and offer.bared) for _, offer in halves):
             return False
         for part, offer in halves:
             part.take(offer)

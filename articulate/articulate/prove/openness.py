@@ -32,8 +32,10 @@ LEAST_ROOM = 0.01
 ALLOWED_OPEN = 0.85
 """Least share of the cavity that must lie outside the collision shapes."""
 
-WALL_M = 0.003
-"""Shapes may take this much room beside what is seen [m]."""
+WALL_M = (0.001, 0.003)
+"""Shapes may take at least and at most this much room beside what is seen [m] ..."""
+WALL_SHARE = 0.015
+"""... and between them this share of a link's diagonal."""
 
 FINGER_M = 0.008
 """Room that a finger needs beside a handle [m]."""
@@ -102,7 +104,9 @@ def cavity_points(model: ObjectModel, link: str) -> Array:
         return np.zeros((0, 3))
     points = hull_points(hull, SAMPLES, seed=1)
     points = points[is_cavity(points, corners[faces])]
-    return np.asarray(points[~is_near(points, corners[faces], WALL_M)])
+    diagonal_m = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    wall_m = float(np.clip(WALL_SHARE * diagonal_m, *WALL_M))
+    return np.asarray(points[~is_near(points, corners[faces], wall_m)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

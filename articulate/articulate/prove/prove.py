@@ -18,8 +18,6 @@ from articulate.cache import alone
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import (
     Reading,
-    Shaped,
-    build_asset,
     input_key,
     read_input,
     urdf_in,
@@ -41,22 +39,19 @@ from articulate.prove.inertia import inertia
 from articulate.prove.limits import limits
 from articulate.prove.mend import mend
 from articulate.prove.model import ObjectModel, load_model
-from articulate.prove.openness import cavity_points, openness
+from articulate.prove.openness import openness
 from articulate.prove.origin import Origin, origin_of_reading
 from articulate.prove.page import write_page
 from articulate.prove.record import PAGE_FILE, load_proof, save_proof
+from articulate.prove.refine import refined
 from articulate.prove.settle import settle
 from articulate.prove.shown import shown
 from articulate.prove.sweep import sweep
-from articulate.transforms import Array
 
 TIMED_STEPS = 100
 """Physics steps that are timed together."""
 TIMINGS = 7
 """So often; the median counts."""
-
-PASSES = 4
-"""Shapes are made so often, each time finer where they seal or miss what is seen."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
 
@@ -243,29 +238,11 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     Its collision shapes are as fine as they have to be for what is hollow to be open and what
     is seen to be covered, and cut back where parts do not pass each other.
     """
-    repairs = reading.source.repairs
-    read, shaped = repairs.sentences, Shaped()
-    hollow: dict[str, Array] = {}
-    with tempfile.TemporaryDirectory(prefix="articulate-") as temporary:
-        for _ in range(PASSES):
-            repairs.restore(read)
-            asset, bodies, mimics = build_asset(reading, config, shaped, hollow)
-            first = write_asset(asset, bodies, mimics, Path(temporary) / folder.name)
-            try:
-                model = load_model(first)
-            except AssetError:  # the clause "loads" says why
-                return write_asset(asset, bodies, mimics, folder)
-            clauses = (*openness(model), *coverage(model))
-            failed = [clause for clause in clauses if clause.outcome == "failed"]
-            coarse = {clause.subject for clause in failed}
-            if not coarse:
-                break
-            sealed = {clause.subject for clause in failed if clause.name == "openness"}
-            hollow |= {link: cavity_points(model, link) for link in sorted(sealed - set(hollow))}
-            config = replace(config, finer=(*config.finer, *sorted(coarse)))
-        if not asset.joints:
-            return write_asset(asset, bodies, mimics, folder)
-        mended = mend(asset, bodies, mimics, model)
+    made = refined(reading, config, folder.name)
+    asset, bodies, mimics, model = made.asset, made.bodies, made.mimics, made.model
+    if model is None or not asset.joints:
+        return write_asset(asset, bodies, mimics, folder)
+    mended = mend(asset, bodies, mimics, model)
     sentences = (*asset.repairs, *mended.repairs)
     return write_asset(replace(mended.asset, repairs=sentences), mended.bodies, mimics, folder)
 

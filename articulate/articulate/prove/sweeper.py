@@ -67,10 +67,12 @@ class Sweeper:
 
     model: ObjectModel
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    shown: dict[str, Array] = field(default_factory=dict)
+    """Triangles (F, 3, 3) [m] of links whose surfaces the model does not have."""
 
     def __post_init__(self) -> None:
         self.shapes = Shapes(self.model)
-        self.surfaces = Surfaces(self.model, self.shapes)
+        self.surfaces = Surfaces(self.model, self.shapes, self.shown)
         self.data = self.model.data()
         self.chains = chains(self.model.asset)
         self.groups = {name: self._groups(name) for name in self.model.free_joints}

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from articulate.convert.collada import leaves_in_plane
+from articulate.convert.collada import leaves_in_plane, loader_of
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import read_input
 from articulate.convert.meshfile import is_z_up
+from articulate.convert.read import read_urdf
+from articulate.make.given import given_parts
+from articulate.program.parts import parts_of
 
 LEAF_M = (0.8, 0.04, 2.0)
 """Breadth, thickness and height as the file with z up has them."""
@@ -77,6 +80,23 @@ def test_the_configuration_decides_where_it_says_so(tmp_path, up, axis):
     reading = read_input(write_door(tmp_path, axis=axis), ConvertConfig(collada_up=up))
     turned = (LEAF_M[0], LEAF_M[2], LEAF_M[1])
     np.testing.assert_allclose(leaf_of(reading)[0], turned if up == "y" else LEAF_M, atol=1e-6)
+
+
+def test_all_who_read_links_read_them_the_same_way_up(tmp_path):
+    path = write_door(tmp_path)
+    source = read_urdf(path)
+    before = source.repairs.sentences
+    loader = loader_of(source, ConvertConfig())
+    upright = (LEAF_M[0], LEAF_M[2], LEAF_M[1])
+    assert loader.y_up
+    (sentence,) = set(source.repairs.sentences) - set(before)
+    assert "turned from z up to y up" in sentence
+    corners = parts_of(path)["leaf"].triangles.reshape(-1, 3)
+    np.testing.assert_allclose(np.ptp(corners, axis=0), upright, atol=1e-6)
+    (leaf,) = (mesh for mesh in given_parts(path).meshes if mesh.name == "leaf")
+    np.testing.assert_allclose(np.ptp(leaf.vertices, axis=0), LEAF_M, atol=1e-6)  # it stands
+    other = loader_of(read_urdf(path), ConvertConfig(collada_up="file"))
+    assert not other.y_up
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0, 70.0])

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from articulate.convert.fit import (
     MAX_CORNERS,
+    THIN_M,
     hull,
     spanning,
+    thick,
     turned_box,
 )
 from articulate.convert.rays import LIFT_M, Surface
@@ -86,3 +88,36 @@ def test_points_on_boxes_lie_on_their_faces_by_area():
     faced = np.abs(normals[0]).mean(axis=0)
     area = np.array([0.2 * 0.1, 0.5 * 0.1, 0.5 * 0.2])
     np.testing.assert_allclose(faced, area / area.sum(), atol=0.03)
+
+
+def sheet() -> np.ndarray:
+    """The corners of a square of 40 mm in the plane z = 0."""
+    return 0.02 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_sheet_beside_a_cavity_grows_away_from_it(side):
+    hollow = np.random.default_rng(0).uniform((-0.02, -0.02, 0.001), (0.02, 0.02, 0.02), (200, 3))
+    hollow[:, 2] *= side
+    heights = thick(sheet(), hollow=hollow)[:, 2]
+    assert (side * heights).max() == pytest.approx(0.0, abs=1e-12)
+    assert np.ptp(heights) == pytest.approx(THIN_M)
+
+
+def test_a_sheet_between_two_cavities_or_beside_none_grows_both_ways():
+    both = np.random.default_rng(0).uniform((-0.02, -0.02, -0.02), (0.02, 0.02, 0.02), (200, 3))
+    aside = both + np.array([0.1, 0.0, 0.02])
+    for hollow in (both, aside, np.zeros((0, 3))):
+        heights = thick(sheet(), hollow=hollow)[:, 2]
+        np.testing.assert_allclose([heights.min(), heights.max()], [-THIN_M / 2, THIN_M / 2])
+
+
+def test_beyond_a_sharp_edge_a_hull_covers_only_what_is_really_near():
+    wedge = hull(np.array([[0, 0, 0], [1, 0, 0.05], [1, 0, -0.05], [0, 1, 0], [1, 1, 0.05],
+                           [1, 1, -0.05]], float), "p")  # fmt: skip
+    assert wedge is not None
+    points = np.array([[-0.1, 0.5, 0.0], [-0.01, 0.5, 0.0], [0.9, 0.5, 0.0], [0.9, 0.5, 0.06]])
+    assert float(wedge.outside(points)[0]) < 0.01  # its planes are near
+    np.testing.assert_array_equal(wedge.covers(points, 0.02), [False, True, True, True])
+    away = trimesh.proximity.closest_point(wedge.mesh, points)[1]
+    np.testing.assert_array_equal(wedge.covers(points, 0.012), (away <= 0.012) | [0, 0, 1, 0])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -12,6 +14,7 @@ from articulate.convert.inertia import Inertial
 from articulate.convert.mesh import Piece
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body
+from articulate.prove.coverage import SAMPLES
 from articulate.prove.cut import Part, carved, cut_back
 from articulate.transforms import Array, axis_angle_to_matrix, pose
 
@@ -98,6 +101,36 @@ def test_a_cut_that_bares_what_is_seen_is_refused():
     assert not offer.allowed
 
 
+def test_what_is_left_is_no_thin_slice_unless_the_shape_was_one():
+    slab = replace(BOX, half=(0.1, 0.05, 0.005))
+    top = np.array([0.0, 0.0, 1.0])
+    offer = Part(body(slab)).offer(0, (left(slab, top, 0.008), left(slab, -top, 0.008)))
+    assert offer.rest == ()  # though all that is seen has a slice beside it
+    assert not offer.allowed
+    assert Part(body(slab)).offer(0, (left(slab, top, 0.0028),)).allowed
+    sheet = Shape(kind="box", T_ps=BOX.T_ps, half=(0.1, 0.05, 0.001))
+    part = Part(body(sheet))
+    assert part.offer(0, (left(sheet, np.array([1.0, 0.0, 0.0]), 0.0028),)).allowed
+    assert part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.0013),)).rest
+    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.00145),)).rest
+
+
+def test_an_edge_may_go_but_no_way_through_a_wall():
+    wall = Shape(kind="box", T_ps=np.eye(4), half=(0.5, 0.5, 0.005))
+    around = [
+        replace(wall, T_ps=pose((x, y, 0.0)), half=half)
+        for x, y, half in (
+            (-0.3, 0.0, (0.2, 0.5, 0.005)), (0.3, 0.0, (0.2, 0.5, 0.005)),
+            (0.0, 0.29, (0.1, 0.21, 0.005)), (0.0, -0.31, (0.1, 0.19, 0.005)),
+        )
+    ]  # fmt: skip
+    part = Part(body(wall))
+    offer = part.offer(0, tuple(around))  # but for 200 by 200 mm
+    assert offer.lost < 0.04
+    assert offer.bared
+    assert not part.offer(0, (left(wall, np.array([1.0, 0.0, 0.0]), 0.015),)).bared
+
+
 def test_what_another_shape_covers_is_not_lost():
     other = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.015)), half=(0.1, 0.05, 0.005))
     part = Part(body(BOX, other))
@@ -116,7 +149,7 @@ def test_an_offer_costs_what_counting_all_points_again_says(normal, depth):
     part = Part(body(BOX, other))
     piece = cut_back(BOX, np.array(normal) / np.linalg.norm(normal), depth)
     after = [other] if piece is None else [other, piece]
-    points = part._points
+    points = part._points[:SAMPLES]
     before = np.min([shape.outside(points) for shape in (BOX, other)], axis=0) <= part.near_m
     near = np.zeros(len(points), dtype=bool)
     for shape in after:

@@ -76,6 +76,32 @@ def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
     assert all(c.outcome == "passed" for c in coverage)
 
 
+def walled(wall: float) -> tuple[str, str]:
+    """The body as five walls, open at the back; a drawer inside must pass the front one."""
+    middle, side = (0.4 - wall) / 2.0, 0.4
+    walls = ""
+    for axis in range(3):
+        for sign in (-1.0, 1.0) if axis else (-1.0,):
+            xyz, size = [0.0, 0.0, 0.0], [side, side, side]
+            xyz[axis], size[axis] = sign * middle, wall
+            walls += (
+                f'<visual><origin xyz="{xyz[0]} {xyz[1]} {xyz[2]}"/><geometry>'
+                f'<box size="{size[0]} {size[1]} {size[2]}"/></geometry></visual>'
+            )
+    return "<visual><geometry>" + BODY_BOX + "</geometry></visual>", walls
+
+
+@pytest.mark.parametrize("wall", [0.003, 0.006, 0.015])
+def test_no_way_is_carved_through_a_wall(tmp_path, wall):
+    inside = ('<origin xyz="-0.22 0 0"/>', '<origin xyz="-0.1 0 0"/>')
+    out = (LIMIT, '<limit lower="0" upper="0.5"/>')
+    proof = checked(written(tmp_path / "in", walled(wall), inside, out), tmp_path)
+    assert proof.verdict == "refused"
+    assert "cut back" not in sentences(proof)
+    (reason,) = (reason for reason in proof.reasons if reason.startswith("sweep_authored"))
+    assert re.search(r"of slide: drawer goes [\d.]+ mm deeper into body at", reason)
+
+
 def test_two_parts_that_both_reach_too_far_are_cut_by_half_each(tmp_path):
     sill = (
         '</geometry></visual><visual><origin xyz="-0.4 0 -0.056"/>'

@@ -1,0 +1,99 @@
+"""Shapes are made finer only as long as that helps, and what is not done in time stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.articulate.convert.boxes import written
+
+from articulate.convert import ConvertConfig
+from articulate.convert.budget import Budget, OutOfTimeError
+from articulate.convert.convert import Shaped, build_asset, read_input
+from articulate.proof import Clause
+from articulate.prove import refine
+from articulate.prove.refine import is_worth_it, refined, shortfalls
+
+
+def test_the_first_finer_pass_is_always_worth_it_and_none_after_the_last():
+    assert is_worth_it([0.3], 3)
+    assert not is_worth_it([0.3], 0)
+    assert not is_worth_it([0.3, 0.01], 0)
+
+
+def test_a_pass_that_gained_little_is_the_last():
+    assert is_worth_it([0.30, 0.15], 1)
+    assert not is_worth_it([0.30, 0.20], 1)
+    assert is_worth_it([0.30, 0.19], 2)
+    assert not is_worth_it([0.30, 0.30], 3)
+    assert not is_worth_it([0.30, 0.35], 3)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.integers(0, 4))
+def test_what_is_worth_it_with_few_passes_left_is_so_with_more(before, now, left):
+    assert not is_worth_it([before, now], left) or is_worth_it([before, now], left + 1)
+
+
+def test_a_link_lacks_what_its_worst_clause_does():
+    clauses = [
+        Clause(name=name, outcome="failed", subject="a", measured=m, allowed=a, message="")
+        for name, m, a in (("openness", 0.80, 0.85), ("coverage", 0.93, 0.95))
+    ]
+    assert shortfalls(clauses) == {"a": pytest.approx(0.05)}
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, measured: list[float]) -> list[tuple[str, ...]]:
+    """Let the coverage of the body come out as ``measured``, pass by pass; what was made finer."""
+    made: list[tuple[str, ...]] = []
+    left = list(measured)
+
+    def covered(_: object) -> tuple[Clause, ...]:
+        value = left.pop(0)
+        outcome = "passed" if value >= 0.95 else "failed"
+        fields = {"subject": "body", "measured": value, "allowed": 0.95, "message": ""}
+        return (Clause(name="coverage", outcome=outcome, **fields),)
+
+    def build(*args: object) -> object:
+        made.append(args[1].finer)
+        return build_asset(*args)
+
+    monkeypatch.setattr(refine, "coverage", covered)
+    monkeypatch.setattr(refine, "build_asset", build)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("measured", "times"),
+    [
+        ([0.96], [0]),
+        ([0.80, 0.96], [0, 1]),
+        ([0.80, 0.81], [0, 1]),  # and that one is kept
+        ([0.80, 0.79], [0, 1, 0]),  # the usual shapes are better
+        ([0.80, 0.90, 0.93, 0.94], [0, 1, 2, 3]),
+    ],
+)
+def test_passes_go_on_while_they_gain_and_the_best_shapes_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: list[float], times: list[int]
+):
+    made = failing(monkeypatch, measured)
+    reading = read_input(written(tmp_path / "in"), ConvertConfig())
+    found = refined(reading, ConvertConfig(), "two")
+    assert [len(finer) for finer in made] == times
+    assert found.model is not None
+    assert {body.name for body in found.bodies} == {"body", "drawer"}
+
+
+def test_a_link_that_takes_too_long_keeps_the_shapes_it_had(tmp_path: Path):
+    reading = read_input(written(tmp_path / "in"), ConvertConfig())
+    known = Shaped()
+    _, before, _ = build_asset(reading, ConvertConfig(), known)
+    finer = ConvertConfig(finer=("body",))
+    with pytest.raises(OutOfTimeError):
+        Budget(-1.0).check()
+    _, after, _ = build_asset(reading, finer, known, None, Budget(-1.0))
+    for one, other in zip(before, after, strict=True):
+        assert one.shapes == other.shapes
+    np.testing.assert_equal(known["body", 1][0], before[0].shapes)
