@@ -51,14 +51,14 @@ class RewardConfig:
     early_last: float = -0.75
     """The same at the end of training; linear between (dear at first, closing is given up before
     it has been learnt what it is good for)."""
-    aside: float = -60.0
+    aside: float = -150.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
     every path; this is what bends it: across first, then ahead, so that no finger comes down on
     the handle."""
     aside_share: float = 0.45
     """Half as wide is that way at the handle, as a share of the room between the fingers."""
-    aside_from_m: float = 0.035
+    aside_from_m: float = 0.07
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
     beyond_m: float = 0.01
     """So far beyond the handle the hand may be [m]."""

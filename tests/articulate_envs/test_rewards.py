@@ -144,7 +144,7 @@ def test_approach_counts_the_way_across_the_fingers_and_the_turn_by_their_weight
     ],
 )
 def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, thick, out):
-    config = dataclasses.replace(CONFIG, aside=-50.0)
+    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035)
     for along in (0.0, 0.03):
         after = state(offset=[along, across, ahead])
         cost = terms(after, config=config, along_m=0.03, thick_m=thick, progress=1.0)["aside"]
@@ -166,7 +166,7 @@ def test_what_is_between_closed_fingers_costs_nothing(width, across, ahead, free
 
 
 def test_the_way_is_the_narrower_the_less_the_hand_is_open():
-    config = dataclasses.replace(CONFIG, aside=-50.0)
+    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035)
     after = state(offset=[0.0, 0.03, 0.0])
     for width, room in ((0.08, 0.03), (0.05, 0.015), (0.02, 0.0), (0.0, 0.0)):
         half = dataclasses.replace(after, hand_width=np.full(1, width))

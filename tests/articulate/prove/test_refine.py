@@ -45,18 +45,25 @@ def test_a_link_lacks_what_its_worst_clause_does():
     assert shortfalls(clauses) == {"a": pytest.approx(0.05)}
 
 
-def failing(monkeypatch: pytest.MonkeyPatch, measured: list[float]) -> list[tuple[str, ...]]:
+def failing(monkeypatch, measured):
     """Let the coverage of the body come out as ``measured``, pass by pass; what was made finer."""
-    made: list[tuple[str, ...]] = []
+    made = []
     left = list(measured)
 
-    def covered(_: object) -> tuple[Clause, ...]:
+    def covered(_):
         value = left.pop(0)
-        outcome = "passed" if value >= 0.95 else "failed"
-        fields = {"subject": "body", "measured": value, "allowed": 0.95, "message": ""}
-        return (Clause(name="coverage", outcome=outcome, **fields),)
+        return (
+            Clause(
+                name="coverage",
+                outcome="passed" if value >= 0.95 else "failed",
+                subject="body",
+                measured=value,
+                allowed=0.95,
+                message="",
+            ),
+        )
 
-    def build(*args: object) -> object:
+    def build(*args):
         made.append(args[1].finer)
         return build_asset(*args)
 

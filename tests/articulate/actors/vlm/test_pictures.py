@@ -28,7 +28,9 @@ HANDLE = PredictedJoint(part="part_03", parent="part_02", kind="fixed")
 
 
 def read(content):
-    return cv2.cvtColor(cv2.imdecode(np.frombuffer(content, np.uint8), 1), cv2.COLOR_BGR2RGB)
+    picture = cv2.imdecode(np.frombuffer(content, np.uint8), 1)
+    assert picture is not None
+    return cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
 
 
 def test_each_part_has_in_the_picture_the_colour_that_is_told(video):
