@@ -96,13 +96,14 @@ def test_drawn_poses_out_of_reach_are_refused(cabinet, error_line):
 
 @pytest.fixture
 def proven(cabinet, monkeypatch):
-    """The cabinet is taken as proven: its folder has no URDF to prove it with."""
+    """The cabinet is taken as proven: proving it takes its time."""
     monkeypatch.setattr(runs, "prepare_asset", lambda *_: cabinet)
     return cabinet
 
 
 def test_a_refused_object_is_not_trained_on(tmp_path):
-    far = make_cabinet(tmp_path / "far")  # lacks the URDF that belongs to an asset
+    far = make_cabinet(tmp_path / "far")
+    (far.folder / "object.urdf").unlink()  # it belongs to an asset
     with pytest.raises(AssetError, match="refused: fk: yourdfpy does not read the canonical URDF"):
         create_run(wish(far), tmp_path / "run", tmp_path / "cache")
     assert not (tmp_path / "run").exists()

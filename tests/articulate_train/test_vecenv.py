@@ -84,8 +84,10 @@ def test_episode_cut_at_rest_is_a_truncation_whose_last_observation_can_be_value
         _, _, done, infos = env.step(np.zeros((N, 8), dtype=np.float32))
         if done.any():
             break
-    assert all(info["TimeLimit.truncated"] is True for info in infos)
-    for info in infos:
+    ended = [info for info in infos if info]
+    assert len(ended) == round(runs.starts.cut_share * N) > 0
+    for info in ended:
+        assert info["TimeLimit.truncated"] is True
         assert env.observation_space.contains(info["terminal_observation"])
         rest = info["terminal_observation"][OBSERVATION.size :][PRIVILEGED.slice("rest")]
         assert rest == pytest.approx(drawer.task.hold_s)
