@@ -53,7 +53,7 @@ class StartConfig:
     as long as success asks for. Such an end counts as cut off (a truncation), and the time is
     spent on the next episode: else most of all ticks would show a part at rest."""
     cut_share: float = 0.5
-    """Share of the environments in which episodes are cut, in [0, 1]. In the others the part is
+    """Share of the environments in which episodes are cut, in [0, 1). In the others the part is
     held to the end, which has to be learnt too; what training says of successes is of these."""
 
     def __post_init__(self) -> None:

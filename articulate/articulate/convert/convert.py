@@ -290,24 +290,7 @@ def _bodies(
         if name == "world":
             name = free_name("world_link", reading.source.links)
         names[part.name] = name
-        key = (name, config.finer.count(name))
-        if key not in known:
-            before = known.get((name, key[1] - 1))
-            own = Repairs()
-            try:
-                shapes = collision_shapes(
-                    geometry,
-                    name,
-                    config,
-                    own,
-                    hollow.get(name, NOTHING),
-                    UNLIMITED if before is None else budget,
-                )
-                known[key] = shapes, own.sentences
-            except OutOfTimeError:
-                assert before is not None
-                known[key] = before
-        shapes, sentences = known[key]
+        shapes, sentences = _shapes_of(name, geometry, config, known, hollow, budget)
         for sentence in sentences:
             repairs.add(sentence)
         inertial = inertial_of(
@@ -350,6 +333,33 @@ def _bodies(
         )
     _note_inertia(reading, bodies, category, rescaled=rescaled)
     return bodies, T_ob
+
+
+def _shapes_of(
+    name: str,
+    geometry: PartGeometry,
+    config: ConvertConfig,
+    known: Shaped,
+    hollow: Mapping[str, Array],
+    budget: Budget,
+) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
+    """Shapes of a body, and what was changed for them, made once for each fineness.
+
+    Finer ones that are not done within ``budget`` are left at what they were.
+    """
+    key = (name, config.finer.count(name))
+    if key not in known:
+        before = known.get((name, key[1] - 1))
+        own = Repairs()
+        left = UNLIMITED if before is None else budget
+        try:
+            free = hollow.get(name, NOTHING)
+            shapes = collision_shapes(geometry, name, config, own, free, left)
+            known[key] = shapes, own.sentences
+        except OutOfTimeError:
+            assert before is not None
+            known[key] = before
+    return known[key]
 
 
 def _note_inertia(

@@ -11,6 +11,7 @@ from articulate.actors.protocol import Pixels, PredictedJoint
 from articulate.render.camera import Camera, front_camera
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.scene import PartScene, segmentation_picture
+from articulate.render.still import png
 from articulate.transforms import Array, pose
 
 SHOWN_PX = 240
@@ -19,22 +20,6 @@ SHOWN = 6
 """Frames in a row."""
 TURN_SHOWN_RAD = float(np.pi / 2)
 """A joint without limits is shown turned by this."""
-
-
-def png(picture: Pixels) -> bytes:
-    """A picture (H, W, 3) as PNG."""
-    good, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    assert good
-    return bytes(data.tobytes())
-
-
-def as_png(content: bytes) -> bytes:
-    """A PNG of a picture that may be a WebP."""
-    if content.startswith(b"\x89PNG"):
-        return content
-    read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    assert read is not None
-    return png(np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8))
 
 
 def frames_row(clip: Pixels) -> bytes:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from articulate.actors.protocol import Attempt, PredictedJoint, Verdict
-from articulate.make.pictures import as_png, frames_row, only, opening, png, view_of
+from articulate.make.pictures import frames_row, only, opening, view_of
 from articulate.make.story import PROGRAM_FOLDER, Made, Story
 from articulate.page import Page, Tile
+from articulate.render.still import as_png, png
 
 MOST_JOINTS = 12
 """Joints that are drawn one by one."""

@@ -17,9 +17,10 @@ from articulate.actors.named.spin import held_at
 from articulate.actors.protocol import Evidence, PredictedJoint
 from articulate.actors.vlm.answers import Mover, TurningKind, Way
 from articulate.actors.vlm.model import Picture
-from articulate.actors.vlm.pictures import camera_of, png
+from articulate.actors.vlm.pictures import camera_of
 from articulate.actors.vlm.told import direction_told, three
 from articulate.render.scene import PartScene, segmentation_picture
+from articulate.render.still import png
 from articulate.transforms import Array, normalised
 
 SAME_LINE = 0.06

@@ -15,6 +15,7 @@ from articulate.actors.vlm.model import Picture
 from articulate.render.camera import Camera, front_camera
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.scene import NOTHING, PartScene, segmentation_colours, segmentation_picture
+from articulate.render.still import png
 from articulate.transforms import Array
 
 LONGEST_PX = 640
@@ -35,22 +36,6 @@ ARROW = 0.25
 FAR_TURN_RAD = float(np.pi / 2)
 """A joint without limits is shown up to here where there is no clip."""
 FULL_TURN_RAD = 2.0 * np.pi
-
-
-def png(picture: Pixels) -> bytes:
-    """A picture (H, W, 3) as PNG."""
-    good, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    assert good
-    return bytes(data.tobytes())
-
-
-def as_png(content: bytes) -> bytes:
-    """A PNG of a picture that may be a WebP."""
-    if content.startswith(b"\x89PNG"):
-        return content
-    read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    assert read is not None
-    return png(np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8))
 
 
 def shown(picture: Pixels, longest_px: int = LONGEST_PX) -> Pixels:

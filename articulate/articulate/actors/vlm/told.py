@@ -9,7 +9,8 @@ import numpy as np
 
 from articulate.actors.protocol import Attempt, Evidence, PredictedJoint, Verdict
 from articulate.actors.vlm.model import Picture, Piece
-from articulate.actors.vlm.pictures import as_png, colours_of, evidence_pictures, parts_picture
+from articulate.actors.vlm.pictures import colours_of, evidence_pictures, parts_picture
+from articulate.render.still import as_png
 from articulate.transforms import Array, normalised
 
 GIVEN = {

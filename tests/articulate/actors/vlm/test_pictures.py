@@ -11,7 +11,6 @@ from tests.articulate.actors.vlm.conftest import DOOR
 
 from articulate.actors.protocol import PredictedJoint
 from articulate.actors.vlm.pictures import (
-    as_png,
     camera_of,
     colours_of,
     evidence_pictures,
@@ -23,6 +22,7 @@ from articulate.actors.vlm.pictures import (
 )
 from articulate.actors.vlm.told import direction_told
 from articulate.render.scene import PartScene
+from articulate.render.still import as_png
 
 HANDLE = PredictedJoint(part="part_03", parent="part_02", kind="fixed")
 

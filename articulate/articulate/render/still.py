@@ -1,0 +1,24 @@
+"""Single pictures as PNG."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from articulate.render.canvas import Pixels
+
+
+def png(picture: Pixels) -> bytes:
+    """A picture (H, W, 3) as PNG."""
+    good, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    assert good
+    return bytes(data.tobytes())
+
+
+def as_png(content: bytes) -> bytes:
+    """A PNG of a picture that may be a WebP."""
+    if content.startswith(b"\x89PNG"):
+        return content
+    read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    assert read is not None
+    return png(np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8))
