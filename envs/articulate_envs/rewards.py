@@ -65,7 +65,7 @@ class RewardConfig:
     open: float = 0.6
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
     the hand on the way and pulls before it has closed."""
-    margin: float = 0.08
+    margin: float = 0.12
     """The way is paid for up to the target and this share of it beyond, at most half the room to
     the stop: what is known of the part is noisy, and one who aims at the target itself stops
     short of it."""

@@ -336,7 +336,7 @@ def test_rest_of_closing_is_earned_near_the_closed_end_alone():
 def test_part_that_turns_without_end_has_no_stop_to_keep_off():
     """Opened farther it loses nothing; closed, it must not turn on beyond its closed end."""
     opens = dataclasses.replace(TASK, kind="hinge", target=1.0, stop=None)
-    for opened in (1.08, 1.5, 4.0):
+    for opened in (1.12, 1.5, 4.0):
         assert terms(state(opened=opened), task=opens)["open"] == pytest.approx(CONFIG.open)
     assert terms(state(opened=1.0), task=opens)["open"] < CONFIG.open
     shuts = dataclasses.replace(SHUTS, kind="hinge", begin=(0.5, 1.0), stop=None)

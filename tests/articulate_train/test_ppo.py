@@ -192,3 +192,24 @@ def test_minibatches_that_do_not_divide_the_rollout_are_refused(error_line):
     )
     with pytest.raises(ConfigError):
         PpoConfig(batch_size=1)
+
+
+def test_the_bound_on_noise_falls_from_the_first_to_the_last_between_two_shares():
+    ppo = PpoConfig(log_std_init=-0.8, log_std_last=-1.8, log_std_between=(0.4, 0.9))
+    assert ppo.log_std_bound(0.39) == float("inf")
+    shown = [ppo.log_std_bound(share) for share in (0.4, 0.65, 0.9, 1.0)]
+    assert shown == pytest.approx([-0.8, -1.3, -1.8, -1.8])
+
+
+@pytest.mark.parametrize("between", [(0.9, 0.4), (0.4, 0.4), (-0.1, 0.5), (0.5, 1.1)])
+def test_shares_that_do_not_grow_within_the_training_are_refused(between):
+    with pytest.raises(ConfigError, match="log_std_between"):
+        PpoConfig(log_std_between=between)
+
+
+def test_an_update_late_in_a_training_is_of_actions_with_little_noise(learner):
+    late = learner()
+    ppo = late.config.ppo
+    late.model.num_timesteps = late.config.steps - STEPS
+    train(late, 1)
+    assert late.model.policy.log_std.max() < ppo.log_std_init - 0.1

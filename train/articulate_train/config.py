@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -28,7 +29,7 @@ class PpoConfig:
     """Passes over the samples of an update."""
     learning_rate: float = 4e-4
     """Learning rate at the beginning."""
-    learning_rate_last: float = 6e-5
+    learning_rate_last: float = 4e-5
     """Learning rate at the end; it falls linearly."""
     gamma: float = 0.99
     """Discount per tick."""
@@ -44,6 +45,11 @@ class PpoConfig:
     """Gradients are scaled down to this norm."""
     log_std_init: float = -0.8
     """Logarithm of the first standard deviation of actions."""
+    log_std_last: float = -1.9
+    """Logarithm of the largest standard deviation of actions at the end of training: what is judged
+    is the mean action, and one that was learnt under noise leans on it."""
+    log_std_between: tuple[float, float] = (0.3, 0.8)
+    """Shares of the training between which that bound falls from the first to the last, linear."""
     net: tuple[int, ...] = (128, 128)
     """Widths of the hidden layers of policy and value, ELU between."""
 
@@ -53,6 +59,19 @@ class PpoConfig:
             raise ConfigError(
                 f"ppo.batch_size is {self.batch_size}; it must divide n_envs x n_steps = {size}"
             )
+        begin, end = self.log_std_between
+        if not 0.0 <= begin < end <= 1.0:
+            raise ConfigError(
+                f"ppo.log_std_between is {begin} {end}; it must be two growing shares in [0, 1]"
+            )
+
+    def log_std_bound(self, progress: float) -> float:
+        """Largest logarithm of a standard deviation when ``progress`` in [0, 1] is done."""
+        begin, end = self.log_std_between
+        if progress < begin:
+            return math.inf
+        done = min((progress - begin) / (end - begin), 1.0)
+        return self.log_std_init + done * (self.log_std_last - self.log_std_init)
 
 
 @dataclass(frozen=True, kw_only=True)

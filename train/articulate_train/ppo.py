@@ -61,6 +61,9 @@ class Learner:
         total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
         while model.num_timesteps < total:
             self.episodes.progress = model.num_timesteps / total
+            with torch.no_grad():
+                bound = self.config.ppo.log_std_bound(self.episodes.progress)
+                model.policy.log_std.clamp_(max=bound)
             try:
                 model.collect_rollouts(
                     self.normalise, callback, model.rollout_buffer, n_rollout_steps=model.n_steps

@@ -39,7 +39,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "16"
+VERSION = "17"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
