@@ -13,6 +13,7 @@ from articulate.draw import COLUMNS, MAX_DELAY_TICKS, PUSH_S, Draw
 from articulate.errors import AssetError
 from articulate.follow import HandState, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import WIDTH
+from articulate.kinematics import tool_pose
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.engine import Start, State
 from articulate_envs.native import copy_model
@@ -202,6 +203,7 @@ class BufferedEngine(ABC):
             target=b.target.copy(),
             hand=HandState(*(getattr(self._hand, n).copy() for n in _HAND_FIELDS)),
             hand_width=b.rest[:, 0].copy(),
+            T_wt=tool_pose(scene.arm, b.q),
             T_wh=T_wh,
             opened=opened,
             speed=b.rest[:, 2] * np.sign(self._span),
