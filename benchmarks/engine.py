@@ -126,6 +126,10 @@ class Recorded:
         return out, np.stack(self.push, axis=1)
 
 
+BEFORE = ("follow", "closing", "finger", "push")
+"""What the tick changes, or is the same after it; targets are moved at its beginning."""
+
+
 class RecordingEngine(ThreadEngine):
     """The batched engine, which also notes what each tick begins with."""
 
@@ -134,10 +138,12 @@ class RecordingEngine(ThreadEngine):
         self.recorded: Recorded | None = None
 
     def _advance(self) -> None:
-        if self.recorded is not None:
-            for name in vars(self.recorded):
-                getattr(self.recorded, name).append(getattr(self._buffers, name).copy())
+        before = {name: getattr(self._buffers, name).copy() for name in BEFORE}
         super()._advance()
+        if self.recorded is not None:
+            for name, value in before.items():
+                getattr(self.recorded, name).append(value)
+            self.recorded.target.append(self._buffers.target.copy())
 
     def replay_seconds(self, kept: dict[str, Array], controls: Array, pushes: Array) -> float:
         """Time that ``mj_step`` alone takes from the snapshot ``kept`` with those controls [s]."""

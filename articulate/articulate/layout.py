@@ -83,7 +83,8 @@ class Layout:
                 raise ConfigError(f"{field.name} has {value.shape[1]} numbers, not {field.size}")
             columns.append(value)
         out = np.concatenate(columns, axis=1)
-        return np.clip(out, *self._bounds, out=out)
+        low, high = self._bounds
+        return np.clip(out, low, high, out=out)
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:

@@ -196,6 +196,7 @@ class Episodes:
             last_action=self._last,
             time_left=1.0 - self._tick / scene.ticks,
             T_wt=state.T_wt,
+            T_wt_target=state.T_wt_target,
         )
 
     def privileged(self) -> Array:

@@ -51,6 +51,7 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=
         hand=hand,
         hand_width=0.08 * one,
         T_wt=tool_pose(PANDA, HOME),
+        T_wt_target=tool_pose(PANDA, HOME),
         T_wh=T_wh,
         opened=opened * one,
         speed=speed * one,
