@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit  # type: ignore[attr-defined]  # numba says no __all__
+from numba import njit
 
 from articulate.arm import Arm
 from articulate.follow import FollowConfig
