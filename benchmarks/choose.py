@@ -3,19 +3,24 @@
 For each task the PartNet-Mobility objects of its categories are taken in the order of their
 numbers, and those of other sources in the order of their names, until enough of each are proven
 and can be reached over the run's randomisation. Nothing is trained here: the list is fixed before
-anything is, with every object that was skipped and the reason. It is written after each row, and
-rows that are there already are kept.
+anything is, with every object that was skipped and the reason.
 
     ARTICULATE_DATA=data python benchmarks/choose.py --out docs/results/assets_policies.json
+
+The list is written after each object, and what it says of objects already is kept: the command goes
+on where it was stopped, by ``--minutes`` or by hand. A row is ``complete`` once it has all that it
+wants or every object was tried; ``code`` names the converter and the proof that said so.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +28,7 @@ from typing import Any
 from articulate.cache import cache_folder, using
 from articulate.errors import UsageError
 from articulate.files import write_json
+from articulate.prove.store import code_id
 from articulate_envs.choose import choose_joint
 from articulate_train.config import TrainConfig
 from articulate_train.run import prepare_asset
@@ -50,6 +56,8 @@ class Row:
         return f"{self.task} {'/'.join(self.categories)}"
 
 
+Attempt = Callable[[Row, dict[str, Any]], dict[str, Any]]
+"""What is said of an object that is tried for a row."""
 ROWS = (
     Row(task="close_lid", categories=("Toilet",)),
     Row(task="close_lid", categories=("Laptop",)),
@@ -106,26 +114,40 @@ def tried(row: Row, item: dict[str, Any], data: Path, cache: Path) -> dict[str, 
     }
 
 
-def chosen(row: Row, index: list[dict[str, Any]], data: Path, cache: Path) -> dict[str, Any]:
-    """The objects of a row, and those that were skipped before enough were found."""
-    taken: list[dict[str, Any]] = []
-    skipped: list[dict[str, Any]] = []
+def progress(
+    row: Row, index: list[dict[str, Any]], known: dict[str, dict[str, Any]], attempt: Attempt
+) -> Iterator[dict[str, Any]]:
+    """The row after each object that was tried anew, and once more when it is complete.
+
+    Args:
+        row: What is asked.
+        index: All objects.
+        known: What is known of objects by their id.
+        attempt: Tries an object.
+    """
+    results: list[dict[str, Any]] = []
     for items, wanted in zip(candidates(row, index), (row.partnet, row.others), strict=True):
         found = 0
         for item in items:
             if found == wanted:
                 break
-            result = tried(row, item, data, cache)
-            say = result.get("reason", "taken")
-            sys.stderr.write(f"{row.name}: {item['id']}: {say}\n")
-            (skipped if "reason" in result else taken).append(result)
-            found += "reason" not in result
+            new = item["id"] not in known
+            results.append(attempt(row, item) if new else known[item["id"]])
+            found += "reason" not in results[-1]
+            if new:
+                yield content(row, results, complete=False)
+    yield content(row, results, complete=True)
+
+
+def content(row: Row, results: list[dict[str, Any]], *, complete: bool) -> dict[str, Any]:
+    """A row as it is written."""
     return {
         "task": row.task,
         "categories": list(row.categories),
         "wanted": {"partnet": row.partnet, "others": row.others},
-        "taken": taken,
-        "skipped": skipped,
+        "complete": complete,
+        "taken": [r for r in results if "reason" not in r],
+        "skipped": [r for r in results if "reason" in r],
     }
 
 
@@ -138,21 +160,34 @@ def read(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def main() -> int:
-    """Choose for each row and write the list."""
+    """Choose for each row and write the list; 1 if the time was over before."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/results/assets_policies.json"))
     parser.add_argument("--only", nargs="*", default=None, help="tasks to choose for")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="stop after so many")
     flags = parser.parse_args()
     data = Path(os.environ.get("ARTICULATE_DATA", "data"))
     index = json.loads((data / "assets.json").read_text(encoding="utf-8"))["assets"]
+    cache, end = cache_folder(), time.monotonic() + 60.0 * flags.minutes
+
+    def attempt(row: Row, item: dict[str, Any]) -> dict[str, Any]:
+        result = tried(row, item, data, cache) | {"code": code_id()[:12]}
+        sys.stderr.write(f"{row.name}: {item['id']}: {result.get('reason', 'taken')}\n")
+        return result
+
     rows = read(flags.out)
     for row in ROWS:
-        if row.name in rows or (flags.only is not None and row.task not in flags.only):
+        before = rows.get(row.name, {})
+        if before.get("complete") or (flags.only is not None and row.task not in flags.only):
             continue
-        with using(cache_folder()):
-            rows[row.name] = chosen(row, index, data, cache_folder())
-        ordered = [rows[r.name] for r in ROWS if r.name in rows]
-        write_json(flags.out, {"command": "python benchmarks/choose.py", "rows": ordered})
+        known = {r["id"]: r for r in [*before.get("taken", ()), *before.get("skipped", ())]}
+        with using(cache):
+            for state in progress(row, index, known, attempt):
+                rows[row.name] = state
+                ordered = [rows[r.name] for r in ROWS if r.name in rows]
+                write_json(flags.out, {"command": "python benchmarks/choose.py", "rows": ordered})
+                if time.monotonic() > end and not state["complete"]:
+                    return 1
     return 0
 
 

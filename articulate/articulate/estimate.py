@@ -6,7 +6,7 @@ import numpy as np
 
 from articulate.draw import MAX_DELAY_TICKS, Draw, DrawConfig
 from articulate.observe import Estimate
-from articulate.transforms import Array, Ints, axis_angle_to_matrix
+from articulate.transforms import Array, Ints
 
 MAX_AGE = MAX_DELAY_TICKS + 1
 """How many states are kept."""
@@ -44,8 +44,7 @@ class NoisyEstimator:
         age = drawn["estimate_delay_ticks"].astype(np.int64)
         rows = np.arange(n)
         T_wh = self.poses[age, rows].copy()
-        turn = axis_angle_to_matrix(np.array([[0.0, 0.0, 1.0]]), drawn["bias_yaw_rad"])
-        T_wh[:, :3, :3] = turn @ T_wh[:, :3, :3]
+        _turn(T_wh, drawn["bias_yaw_rad"])
         noise = rng.normal(size=(n, 4))
         T_wh[:, :3, 3] += drawn["bias"] + self._config.estimate_noise_m * noise[:, :3]
         return Estimate(
@@ -67,3 +66,11 @@ class NoisyEstimator:
         self.poses[:] = snapshot["estimate_poses"]
         self.opened[:] = snapshot["estimate_opened"]
         self.speed[:] = snapshot["estimate_speed"]
+
+
+def _turn(T: Array, yaw_rad: Array) -> None:
+    """Turn the axes of poses (N, 4, 4) by yaws (N,) [rad] about the vertical, in place."""
+    c, s = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
+    x, y = T[:, 0, :3].copy(), T[:, 1, :3].copy()
+    T[:, 0, :3] = c * x - s * y
+    T[:, 1, :3] = s * x + c * y

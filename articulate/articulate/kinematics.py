@@ -6,6 +6,7 @@ finger pads: z is the way in which the hand approaches, y the one along which fi
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,24 +32,44 @@ HAND_TURN_RAD = -np.pi / 4
 """The hand is mounted turned by -45 degrees about the flange; franka_description."""
 
 
+QUARTERS = tuple(round(2.0 * alpha / np.pi) for *_, alpha in DH)
+"""The angles alpha in quarter turns: none, forward or backward."""
+
+
+def _frames(q: Array) -> Iterator[tuple[Array, Array, Array, Array]]:
+    """Axes x, y, z and origin (3, ...) of each joint's frame in the world for angles (..., 7).
+
+    What multiplying the seven matrices of :data:`DH` comes to, without their noughts and ones.
+    """
+    c, s = np.cos(q), np.sin(q)
+    x, y, z = (np.zeros((3, *q.shape[:-1])) for _ in range(3))
+    x[0], y[1], z[2] = 1.0, 1.0, 1.0
+    pos = np.zeros_like(x)
+    for i, (a, d, _) in enumerate(DH):
+        if QUARTERS[i]:
+            y, z = QUARTERS[i] * z, -QUARTERS[i] * y
+        if a:
+            pos = pos + a * x
+        if d:
+            pos = pos + d * z
+        x, y = c[..., i] * x + s[..., i] * y, c[..., i] * y - s[..., i] * x
+        yield x, y, z, pos
+
+
 def joint_poses(q: ArrayLike) -> Array:
     """Poses (..., 7, 4, 4) of the joint frames in the world frame for angles (..., 7) [rad]."""
     q = np.asarray(q, dtype=np.float64)
-    out = np.empty((*q.shape, 4, 4))
-    T = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
-    for i, (a, d, alpha) in enumerate(DH):
-        c, s = np.cos(q[..., i]), np.sin(q[..., i])
-        ca, sa = np.cos(alpha), np.sin(alpha)
-        step = np.zeros((*q.shape[:-1], 4, 4))
-        step[..., 0, 0], step[..., 0, 1], step[..., 0, 3] = c, -s, a
-        step[..., 1, 0], step[..., 1, 1] = s * ca, c * ca
-        step[..., 1, 2], step[..., 1, 3] = -sa, -d * sa
-        step[..., 2, 0], step[..., 2, 1] = s * sa, c * sa
-        step[..., 2, 2], step[..., 2, 3] = ca, d * ca
-        step[..., 3, 3] = 1.0
-        T = T @ step
-        out[..., i, :, :] = T
+    out = np.zeros((*q.shape, 4, 4))
+    out[..., 3, 3] = 1.0
+    for i, frame in enumerate(_frames(q)):
+        _write(out[..., i, :, :], *frame)
     return out
+
+
+def _write(out: Array, x: Array, y: Array, z: Array, pos: Array) -> None:
+    """Write axes and origins (3, ...) into poses (..., 4, 4)."""
+    columns = np.moveaxis(out, (-2, -1), (0, 1))
+    columns[:3, 0], columns[:3, 1], columns[:3, 2], columns[:3, 3] = x, y, z, pos
 
 
 def flange_to_tool(arm: Arm) -> Array:
@@ -58,9 +79,20 @@ def flange_to_tool(arm: Arm) -> Array:
     return pose((0.0, 0.0, FLANGE_Z_M + arm.hand.tcp_z_m), turn)
 
 
+def _tool(arm: Arm, frame: tuple[Array, Array, Array, Array]) -> Array:
+    """Pose of the tool (..., 4, 4) of the axes and origin of joint 7."""
+    x, y, z, pos = frame
+    c, s = np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)
+    out = np.zeros((*x.shape[1:], 4, 4))
+    out[..., 3, 3] = 1.0
+    _write(out, c * x + s * y, c * y - s * x, z, pos + (FLANGE_Z_M + arm.hand.tcp_z_m) * z)
+    return out
+
+
 def tool_pose(arm: Arm, q: ArrayLike) -> Array:
     """Pose ``T_wt`` (..., 4, 4) of the tool frame for angles (..., 7) [rad]."""
-    return np.asarray(joint_poses(q)[..., 6, :, :] @ flange_to_tool(arm))
+    *_, last = _frames(np.asarray(q, dtype=np.float64))
+    return _tool(arm, last)
 
 
 def tool_jacobian(arm: Arm, q: ArrayLike) -> Array:
@@ -71,10 +103,18 @@ def tool_jacobian(arm: Arm, q: ArrayLike) -> Array:
 
 def _joint_motions(arm: Arm, q: ArrayLike) -> tuple[Array, Array, Array]:
     """Pose of the tool, and what each joint moves and turns it by (..., 7, 3), in the world."""
-    frames = joint_poses(q)
-    T_wt = frames[..., 6, :, :] @ flange_to_tool(arm)
-    axes = frames[..., :, :3, 2]
-    return T_wt, np.cross(axes, T_wt[..., None, :3, 3] - frames[..., :, :3, 3]), axes
+    frames = list(_frames(np.asarray(q, dtype=np.float64)))
+    T_wt = _tool(arm, frames[-1])
+    tool = np.moveaxis(T_wt[..., :3, 3], -1, 0)
+    out = np.empty((6, 7, *tool.shape[1:]))
+    for i, (_, _, (x, y, z), pos) in enumerate(frames):
+        along, across, up = tool - pos
+        out[0, i] = y * up - z * across
+        out[1, i] = z * along - x * up
+        out[2, i] = x * across - y * along
+        out[3, i], out[4, i], out[5, i] = x, y, z
+    motions = np.moveaxis(out, (0, 1), (-1, -2))
+    return T_wt, motions[..., :3], motions[..., 3:]
 
 
 def tool_jacobian_t(arm: Arm, q: ArrayLike) -> Array:

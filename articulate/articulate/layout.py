@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -80,8 +81,14 @@ class Layout:
             value = value[:, None] if value.ndim == 1 else value
             if value.shape[1] != field.size:
                 raise ConfigError(f"{field.name} has {value.shape[1]} numbers, not {field.size}")
-            columns.append(np.clip(value, field.low, field.high))
-        return np.concatenate(columns, axis=1)
+            columns.append(value)
+        out = np.concatenate(columns, axis=1)
+        low, high = self._bounds
+        return np.clip(out, low, high, out=out)
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        return self.low, self.high
 
     def as_list(self) -> list[dict[str, Any]]:
         """For a manifest: one dictionary per field, with its slice."""

@@ -79,6 +79,8 @@ def observation(
     estimate: Estimate,
     last_action: Array,
     time_left: Array,
+    T_wt: Array | None = None,
+    T_wt_target: Array | None = None,
 ) -> Array:
     """Observations (N, size of :data:`OBSERVATION`).
 
@@ -94,10 +96,15 @@ def observation(
         estimate: The object.
         last_action: The policy's last action (N, 8).
         time_left: Share of the episode that is left (N,).
+        T_wt: Poses of the tool at ``q`` (N, 4, 4), where they are known already.
+        T_wt_target: Those at ``target`` (N, 4, 4), likewise.
     """
-    T_wt = tool_pose(arm, q)
+    if T_wt is None:
+        T_wt = tool_pose(arm, q)
+    if T_wt_target is None:
+        T_wt_target = tool_pose(arm, target)
     T_th = relative(T_wt, estimate.T_wh)
-    lead = small_twist(relative(T_wt, tool_pose(arm, target)))
+    lead = small_twist(relative(T_wt, T_wt_target))
     axes = np.concatenate([T_th[:, :3, 2], T_th[:, :3, 0]], axis=1)
     since = np.minimum(hand.since_s, SINCE_S) / SINCE_S
     return OBSERVATION.pack(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from articulate.asset import Asset, Handle
+from articulate.asset import Asset, Handle, Joint, joint_motion
 from articulate.transforms import Array, axis_angle_to_matrix, pose
 
 
@@ -65,13 +65,38 @@ def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
     return replace(asset, handles=tuple(handles))
 
 
-def handle_way(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:
-    """Handle poses ``T_oh`` (..., 4, 4) in the object frame at fractions ``opened`` (...)."""
-    item = asset.joint(joint)
-    T_oh = asset.T_oh(joint, item.closed + opened * item.span)
+@dataclass(frozen=True)
+class HandleWay:
+    """How a handle moves in the frame of its object: what does not change is worked out once."""
+
+    joint: Joint
+    """The joint that moves it."""
+    T_oh: Array
+    """Its pose with that joint at 0 (4, 4)."""
+
+    def at(self, opened: Array) -> Array:
+        """Poses ``T_oh`` (..., 4, 4) at fractions ``opened`` (...)."""
+        moved = joint_motion(self.joint, self.joint.closed + opened * self.joint.span)
+        return np.asarray(moved @ self.T_oh)
+
+    def in_world(self, *, T_wo: Array, scale: Array, opened: Array) -> Array:
+        """Poses ``T_wh`` (N, 4, 4) of objects of sizes ``scale`` (N,) at ``T_wo`` (N, 4, 4)."""
+        T_oh = self.at(opened)
+        T_oh[..., :3, 3] *= np.asarray(scale)[..., None]
+        return np.asarray(T_wo @ T_oh)
+
+
+def way_of(asset: Asset, joint: str, *, flip: bool = False) -> HandleWay:
+    """How the handle of ``joint`` moves; with ``flip`` as a hand turned by 180 degrees holds it."""
+    T_oh = asset.T_oh(joint, 0.0)
     if flip:
         T_oh = T_oh @ pose(np.zeros(3), np.diag([-1.0, -1.0, 1.0]))
-    return np.asarray(T_oh)
+    return HandleWay(asset.joint(joint), np.asarray(T_oh))
+
+
+def handle_way(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:
+    """Handle poses ``T_oh`` (..., 4, 4) in the object frame at fractions ``opened`` (...)."""
+    return way_of(asset, joint, flip=flip).at(opened)
 
 
 def handle_in_world(
@@ -84,9 +109,7 @@ def handle_in_world(
     flip: bool,
 ) -> Array:
     """Handle poses ``T_wh`` (N, 4, 4) of objects of sizes ``scale`` (N,) at ``T_wo`` (N, 4, 4)."""
-    T_oh = handle_way(asset, joint, opened, flip=flip).copy()
-    T_oh[..., :3, 3] *= np.asarray(scale)[..., None]
-    return np.asarray(T_wo @ T_oh)
+    return way_of(asset, joint, flip=flip).in_world(T_wo=T_wo, scale=scale, opened=opened)
 
 
 def object_pose(

@@ -126,6 +126,12 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def rotation_angle(matrix: ArrayLike) -> Array:
-    """Angle [rad] in [0, pi] of rotations (..., 3, 3), exact near 0 and pi."""
-    quat = matrix_to_quat(matrix)
-    return np.asarray(2.0 * np.arctan2(np.linalg.norm(quat[..., 1:], axis=-1), quat[..., 0]))
+    """Angle [rad] in [0, pi] of rotations (..., 3, 3), exact near 0 and pi.
+
+    The antisymmetric part has twice the sine, the trace twice the cosine and one.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    x, y = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0]
+    z = m[..., 1, 0] - m[..., 0, 1]
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    return np.asarray(np.arctan2(np.sqrt(x * x + y * y + z * z), trace - 1.0))

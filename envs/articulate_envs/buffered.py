@@ -13,10 +13,11 @@ from articulate.draw import COLUMNS, MAX_DELAY_TICKS, PUSH_S, Draw
 from articulate.errors import AssetError
 from articulate.follow import HandState, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import WIDTH
+from articulate.kinematics import tool_pose
+from articulate.placing import object_pose, way_of
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.engine import Start, State
 from articulate_envs.native import copy_model
-from articulate_envs.place import handle_in_world, object_pose
 from articulate_envs.scene import Scene
 
 KEPT_ACTIONS = MAX_DELAY_TICKS + 1
@@ -48,8 +49,9 @@ class Buffers(NamedTuple):
 class BufferedEngine(ABC):
     """N environments, each with a model and a state of its own; see :class:`Engine`.
 
-    A subclass says in :meth:`_advance` how the substeps of a tick are run. Snapshots of one fit
-    another: they hold the same arrays.
+    A subclass says in :meth:`_advance` how a tick is run: targets moved as :meth:`_aim` does, the
+    substeps, and the tool's poses written as :meth:`_see` does. Snapshots of one fit another: they
+    hold the same arrays.
     """
 
     def __init__(self, scene: Scene, n_envs: int) -> None:
@@ -66,15 +68,29 @@ class BufferedEngine(ABC):
         self._buffers = _buffers(n_envs)
         self._hand = hand_start(n_envs)
         self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
+        self._motion = np.zeros((n_envs, 7))
+        self._tool, self._led = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(2))
         self._draw = np.zeros((n_envs, len(COLUMNS)))
         self._T_wo = np.tile(np.eye(4), (n_envs, 1, 1))
         self._tick = np.zeros(n_envs, dtype=np.int64)
         joint = scene.asset.joint(scene.task.joint)
         self._closed, self._span = joint.closed, joint.span
+        self._way = way_of(scene.asset, scene.task.joint, flip=scene.place.flip)
 
     @abstractmethod
     def _advance(self) -> None:
-        """Run the substeps of a tick in all environments, on what is in the buffers."""
+        """Run a tick in all environments, on what is in the buffers."""
+
+    def _aim(self) -> None:
+        """Move the targets by the motions that act now."""
+        b, scene = self._buffers, self.scene
+        b.target[:] = next_target(b.target, self._motion, b.q, scene.follow, scene.arm)
+
+    def _see(self, rows: Ints) -> None:
+        """Write the tool's poses at the joints and at the targets of environments ``rows``."""
+        b, arm = self._buffers, self.scene.arm
+        self._tool[rows] = tool_pose(arm, b.q[rows])
+        self._led[rows] = tool_pose(arm, b.target[rows])
 
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
@@ -105,6 +121,7 @@ class BufferedEngine(ABC):
         self._hand.smooth[rows] = 0.5 * np.maximum(start.closing, 0.0)
         self._actions[:, rows] = 0.0
         self._tick[rows] = 0
+        self._see(rows)
 
     def _place(self, rows: Ints, drawn: Draw) -> None:
         scene = self.scene
@@ -163,8 +180,7 @@ class BufferedEngine(ABC):
         self._actions = np.roll(self._actions, 1, axis=0)
         self._actions[0] = action[:, :7]
         delay = self._draw[:, COLUMNS.index("delay_ticks")].astype(np.int64)
-        motion = self._actions[delay, np.arange(self.n_envs)]
-        b.target[:] = next_target(b.target, motion, b.q, scene.follow, scene.arm)
+        self._motion[:] = self._actions[delay, np.arange(self.n_envs)]
         tick_s = scene.follow.tick_s
         latency = self._draw[:, COLUMNS.index("hand_latency_s")]
         self._hand = hand_tick(self._hand, action[:, 7], latency, scene.arm.hand, tick_s)
@@ -185,23 +201,19 @@ class BufferedEngine(ABC):
 
     def state(self) -> State:
         """What is true now; the arrays are copies."""
-        b, scene = self._buffers, self.scene
+        b = self._buffers
         size = self._slide_scale(np.arange(self.n_envs, dtype=np.int64))
         opened = (b.rest[:, 1] - size * self._closed) / (size * self._span)
-        T_wh = handle_in_world(
-            scene.asset,
-            scene.task.joint,
-            T_wo=self._T_wo,
-            scale=self._draw[:, COLUMNS.index("scale")],
-            opened=opened,
-            flip=scene.place.flip,
-        )
+        scale = self._draw[:, COLUMNS.index("scale")]
+        T_wh = self._way.in_world(T_wo=self._T_wo, scale=scale, opened=opened)
         return State(
             q=b.q.copy(),
             dq=b.dq.copy(),
             target=b.target.copy(),
             hand=HandState(*(getattr(self._hand, n).copy() for n in _HAND_FIELDS)),
             hand_width=b.rest[:, 0].copy(),
+            T_wt=self._tool.copy(),
+            T_wt_target=self._led.copy(),
             T_wh=T_wh,
             opened=opened,
             speed=b.rest[:, 2] * np.sign(self._span),
@@ -238,6 +250,7 @@ class BufferedEngine(ABC):
         self._hand = HandState(*(snapshot[f"hand_{n}"].copy() for n in _HAND_FIELDS))
         self._actions = snapshot["actions"].copy()
         self._tick[:] = snapshot["tick"]
+        self._see(np.arange(self.n_envs, dtype=np.int64))
 
     def physics_state(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of environment ``i``, for pictures; not to be changed."""

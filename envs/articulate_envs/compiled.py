@@ -1,4 +1,4 @@
-"""The inner loop of the batched engine: follower, physics and judgement, compiled, without the GIL.
+"""The inner loop of the batched engine: plant, physics and judgement, compiled, without the GIL.
 
 ``advance`` steps a slice of environments through one tick. It calls ``mj_step`` of MuJoCo's own
 library through its address and reads MuJoCo's arrays in place, so that several Python threads
@@ -19,6 +19,7 @@ from numba.extending import intrinsic
 from articulate.judgement import COLUMN
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import DIVERGED
+from articulate_envs.compiled_motion import aim, room_of, write_tool
 
 _intrinsic: Callable[[Any], Any] = intrinsic  # its own annotation forgets the first argument
 
@@ -78,6 +79,17 @@ class Constants(NamedTuple):
     finger_open: float
 
 
+class Aiming(NamedTuple):
+    """What a tick reads and writes beside the buffers that are kept, first axis N."""
+
+    motion: Array
+    """What acts now (N, 7)."""
+    tool: Array
+    """Poses of the tool at the joints (N, 4, 4)."""
+    led: Array
+    """Poses of the tool at the targets (N, 4, 4)."""
+
+
 @_intrinsic
 def _doubles(typingctx: Any, address: Any) -> Any:
     """The address as a pointer to float64."""
@@ -108,15 +120,19 @@ def _call(typingctx: Any, function: Any, first: Any, second: Any) -> Any:
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the tuples above
-    first, last, mj_step, pointers, where, constants, buffers
+    first, last, mj_step, pointers, where, constants, chain, aiming, buffers
 ):
     """Step environments ``first`` to ``last`` - 1 through one tick.
 
     One that diverges stands still from then on, its last finite state in the buffers and a NaN
     in its samples, by which the judgement knows it.
     """
+    room = room_of()
     for i in range(first, last):
+        aim(buffers.target[i], aiming.motion[i], buffers.q[i], chain, room)
         _advance_one(i, mj_step, pointers, where, constants, buffers)
+        write_tool(buffers.q[i], chain, room[0], aiming.tool[i])
+        write_tool(buffers.target[i], chain, room[0], aiming.led[i])
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.arm import Arm
 from articulate.draw import COLUMNS, Draw
 from articulate.judgement import COLUMN, Judgement
-from articulate.kinematics import relative, tool_pose
+from articulate.kinematics import relative
 from articulate.layout import Field, Layout
 from articulate.transforms import Array
 from articulate_envs.engine import State
@@ -42,9 +41,9 @@ PRIVILEGED = Layout(
 """Its fields, which follow those of the observation."""
 
 
-def privileged(arm: Arm, state: State, judgement: Judgement, drawn: Draw) -> Array:
+def privileged(state: State, judgement: Judgement, drawn: Draw) -> Array:
     """The vectors (N, size of :data:`PRIVILEGED`) for N environments."""
-    handle = relative(tool_pose(arm, state.q), state.T_wh)[:, :3, 3]
+    handle = relative(state.T_wt, state.T_wh)[:, :3, 3]
     return PRIVILEGED.pack(
         {
             "handle_pos_true": 5.0 * handle,

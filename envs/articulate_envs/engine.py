@@ -27,6 +27,10 @@ class State:
     """What the hand was told and does."""
     hand_width: Array
     """Opening between the fingers (N,) [m]."""
+    T_wt: Array
+    """Pose of the tool in the world, by the joint angles (N, 4, 4)."""
+    T_wt_target: Array
+    """Where the tool would be with the joints at their targets (N, 4, 4)."""
     T_wh: Array
     """Pose of the handle in the world (N, 4, 4)."""
     opened: Array

@@ -156,16 +156,16 @@ class Episodes:
         """
         n = self.engine.n_envs
         rows = np.arange(n, dtype=np.int64)
-        self._begin(rows, start)
+        self._state = self._begin(rows, start)
         if stagger:
             self._tick[:] = (rows * self.engine.scene.ticks) // n
             self._home &= self._tick == 0
-        self._state = self.engine.state()
         self._width = self._state.hand_width
         self._estimator.push(self._state.T_wh, self._state.opened, self._state.speed)
         return self._observe()
 
-    def _begin(self, rows: Ints, start: Start | None = None) -> None:
+    def _begin(self, rows: Ints, start: Start | None = None) -> State:
+        """Begin episodes in environments ``rows`` (M,); what is then true of all."""
         start = self.draw_start(len(rows)) if start is None else start
         self.engine.reset(rows, start)
         self._drawn.values[rows] = start.draw.values
@@ -180,6 +180,7 @@ class Episodes:
         self._terms[rows] = 0.0
         state = self.engine.state()
         self._estimator.reset(rows, state.T_wh[rows], state.opened[rows])
+        return state
 
     def _observe(self) -> Array:
         state, scene = self.state, self.engine.scene
@@ -194,11 +195,13 @@ class Episodes:
             estimate=self._estimator.estimate(self._drawn, self._rng),
             last_action=self._last,
             time_left=1.0 - self._tick / scene.ticks,
+            T_wt=state.T_wt,
+            T_wt_target=state.T_wt_target,
         )
 
     def privileged(self) -> Array:
         """What only the value function sees of the environments as they are (N, size)."""
-        return privileged(self.engine.scene.arm, self.state, self._judgement, self._drawn)
+        return privileged(self.state, self._judgement, self._drawn)
 
     def step(self, action: Array) -> Tick:
         """Run one tick with actions (N, 8), clipped to [-1, 1]."""
@@ -206,7 +209,7 @@ class Episodes:
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         state = self.engine.step(action)
         terms = reward_terms(
-            self.reward, scene.task, scene.arm, before, state, action, self.progress, self._grasp
+            self.reward, scene.task, before, state, action, self.progress, self._grasp
         )
         self._judgement = judge_tick(
             self._judgement,
@@ -234,8 +237,7 @@ class Episodes:
         if done.any():
             ended = self._end(np.flatnonzero(done), seen, cut)
             if self._renew:
-                self._begin(ended.rows)
-                self._state = self.engine.state()
+                self._state = self._begin(ended.rows)
                 self._width = self._width.copy()
                 self._width[ended.rows] = self._state.hand_width[ended.rows]
                 seen = seen.copy()

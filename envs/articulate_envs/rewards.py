@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.arm import Arm
 from articulate.asset import Handle
 from articulate.errors import ConfigError
 from articulate.judgement import COLUMN
-from articulate.kinematics import tool_pose
 from articulate.task import Task, at_target
 from articulate.transforms import Array, Mask, rotation_angle
 from articulate_envs.engine import State
@@ -189,9 +187,18 @@ def _not_empty(width: Array, grasp: Grasp) -> Mask:
 
 def away_from(config: RewardConfig, T_wt: Array, T_wh: Array, along_m: float) -> Array:
     """How far tools are from handles, place and turn in one (N,) [m]; see ``approach``."""
-    offset = grip_offset(T_wt, T_wh, along_m) * np.array([1.0, config.approach_across, 1.0])
-    angle = rotation_angle(np.swapaxes(T_wt[:, :3, :3], -1, -2) @ T_wh[:, :3, :3])
-    return np.asarray(np.linalg.norm(offset, axis=1) + config.approach_turn_m * angle)
+    return _away(config, grip_offset(T_wt, T_wh, along_m), _turned(T_wt, T_wh))
+
+
+def _turned(T_wt: Array, T_wh: Array) -> Array:
+    """Angles between tools and handles (N,) [rad]."""
+    return rotation_angle(np.swapaxes(T_wt[:, :3, :3], -1, -2) @ T_wh[:, :3, :3])
+
+
+def _away(config: RewardConfig, offset: Array, turned: Array) -> Array:
+    """:func:`away_from` of the places (N, 3) and angles (N,) of tools in handles."""
+    weighted = offset * np.array([1.0, config.approach_across, 1.0])
+    return np.asarray(np.linalg.norm(weighted, axis=1) + config.approach_turn_m * turned)
 
 
 def _goal(config: RewardConfig, task: Task) -> float:
@@ -235,7 +242,6 @@ def _beyond(config: RewardConfig, task: Task, opened: Array) -> Array:
 def reward_terms(
     config: RewardConfig,
     task: Task,
-    arm: Arm,
     before: State,
     after: State,
     action: Array,
@@ -247,7 +253,6 @@ def reward_terms(
     Args:
         config: Weights.
         task: Target and speeds.
-        arm: For its forward kinematics.
         before: State before the tick.
         after: State after it.
         action: What the policy said (N, 8).
@@ -255,13 +260,13 @@ def reward_terms(
         grasp: What the handle asks of a hand.
     """
     progress = min(progress / config.until, 1.0)
-    T_wt = tool_pose(arm, after.q)
-    nearer = away_from(config, tool_pose(arm, before.q), before.T_wh, grasp.along_m)
-    nearer -= away_from(config, T_wt, after.T_wh, grasp.along_m)
-    distance = np.linalg.norm(grip_offset(T_wt, after.T_wh, grasp.along_m), axis=1)
+    T_wt, turned = after.T_wt, _turned(after.T_wt, after.T_wh)
+    offset = grip_offset(T_wt, after.T_wh, grasp.along_m)
+    nearer = away_from(config, before.T_wt, before.T_wh, grasp.along_m)
+    nearer -= _away(config, offset, turned)
+    distance = np.linalg.norm(offset, axis=1)
     near, at = (1.0 / (1.0 + (distance / scale) ** 2) for scale in config.reach_m)
-    turn = np.swapaxes(T_wt[:, :3, :3], -1, -2) @ after.T_wh[:, :3, :3]
-    aligned = np.exp(-((rotation_angle(turn) / config.align_rad) ** 2))
+    aligned = np.exp(-((turned / config.align_rad) ** 2))
     way = _paid(config, task, after.opened)
     change = way - _paid(config, task, before.opened)
     still = at_target(task, after.opened, after.speed)

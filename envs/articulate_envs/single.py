@@ -37,6 +37,11 @@ class SingleEngine(BufferedEngine):
         return self._data[0]
 
     def _advance(self) -> None:
+        self._aim()
+        self._substeps()
+        self._see(np.zeros(1, dtype=np.int64))
+
+    def _substeps(self) -> None:
         data, at, b = self.data, self.scene.at, self._buffers
         data.xfrc_applied[at.part_body, :3] = b.push[0]
         for _ in range(self.scene.substeps):

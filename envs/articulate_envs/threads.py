@@ -9,7 +9,8 @@ import numpy as np
 from articulate.follow import discrete
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import BufferedEngine
-from articulate_envs.compiled import Constants, Pointers, Where, advance
+from articulate_envs.compiled import Aiming, Constants, Pointers, Where, advance
+from articulate_envs.compiled_motion import chain_of, see
 from articulate_envs.native import step_address
 from articulate_envs.scene import Scene
 
@@ -27,6 +28,8 @@ class ThreadEngine(BufferedEngine):
         self._pointers = self._addresses()
         self._where = _where(scene)
         self._constants = _constants(scene)
+        self._aiming = Aiming(self._motion, self._tool, self._led)
+        self._chain = chain_of(scene.arm, scene.follow)
 
     def _addresses(self) -> Pointers:
         def of(arrays: list[Array]) -> Ints:
@@ -46,7 +49,15 @@ class ThreadEngine(BufferedEngine):
         )
 
     def _advance(self) -> None:
-        args = (self._mj_step, self._pointers, self._where, self._constants, self._buffers)
+        args = (
+            self._mj_step,
+            self._pointers,
+            self._where,
+            self._constants,
+            self._chain,
+            self._aiming,
+            self._buffers,
+        )
         if self._pool is None:
             advance(0, self.n_envs, *args)
             return
@@ -57,6 +68,11 @@ class ThreadEngine(BufferedEngine):
         ]
         for job in jobs:
             job.result()
+
+    def _see(self, rows: Ints) -> None:
+        # By the function that a tick uses: what is resumed goes on to the bit.
+        b = self._buffers
+        see(rows, b.q, b.target, self._chain, self._tool, self._led)
 
     def close(self) -> None:
         """End the threads."""

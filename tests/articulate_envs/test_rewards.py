@@ -50,6 +50,8 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=
         target=HOME,
         hand=hand,
         hand_width=0.08 * one,
+        T_wt=tool_pose(PANDA, HOME),
+        T_wt_target=tool_pose(PANDA, HOME),
         T_wh=T_wh,
         opened=opened * one,
         speed=speed * one,
@@ -68,7 +70,7 @@ def terms(
     thick_m=0.0,
 ):  # fmt: skip
     grasp = Grasp(along_m=along_m, thick_m=thick_m)
-    values = reward_terms(config, task, PANDA, before, after, action, progress, grasp)
+    values = reward_terms(config, task, before, after, action, progress, grasp)
     assert values.shape == (1, len(TERMS))
     return dict(zip(TERMS, values[0], strict=True))
 

@@ -44,5 +44,9 @@ def test_a_tiny_measurement_prints_every_figure(tmp_path):
         result["equal_steps_per_s"][0] / result["robosuite_steps_per_s"][0]
     )
     assert set(result["steps_per_s_at"]) == {"2", "4"}
+    assert 0.0 < result["lowest_share_of_best"] <= 1.0
     assert result["reset_ms"] > 0.0
+    assert set(result["reset_one_ms_at"]) == {"2", "4"}
+    assert set(result["missed"]) <= set(result["wanted"])
+    assert ("limit_ratio" in result["missed"]) == (result["limit_ratio"] < 0.85)
     assert result["scene"]["substeps"] == 10
