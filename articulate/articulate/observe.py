@@ -26,6 +26,10 @@ OBSERVATION = Layout(
         Field(name="handle_axes", size=6, unit="1", frame="tool", source="estimator"),
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
         Field(
+            name="part_near", size=1, unit="0.05", frame="-", source="estimator",
+            low=-2.0, high=2.0,
+        ),
+        Field(
             name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator",
         ),
         Field(name="hand_width", size=1, unit="0.05 m", frame="-", source="robot"),
@@ -39,6 +43,7 @@ OBSERVATION = Layout(
 
 ``handle_near`` is ``handle_pos`` again, finer and only near the handle: of what an episode spans,
 and a policy's input is normalised by, the centimetre that decides a grasp is too small a part.
+``part_near`` is ``part_open`` again, finer and only near the task's target, for the same reason.
 """
 
 ACTION = Layout(
@@ -79,6 +84,7 @@ def observation(
     estimate: Estimate,
     last_action: Array,
     time_left: Array,
+    goal: float,
     T_wt: Array | None = None,
     T_wt_target: Array | None = None,
 ) -> Array:
@@ -96,6 +102,7 @@ def observation(
         estimate: The object.
         last_action: The policy's last action (N, 8).
         time_left: Share of the episode that is left (N,).
+        goal: Fraction open of the task's target.
         T_wt: Poses of the tool at ``q`` (N, 4, 4), where they are known already.
         T_wt_target: Those at ``target`` (N, 4, 4), likewise.
     """
@@ -117,6 +124,7 @@ def observation(
             "handle_near": 50.0 * T_th[:, :3, 3],
             "handle_axes": axes,
             "part_open": estimate.opened,
+            "part_near": 20.0 * (estimate.opened - goal),
             "part_speed": 10.0 * estimate.speed,
             "hand_width": 20.0 * hand_width,
             "hand_speed": 10.0 * hand_speed,

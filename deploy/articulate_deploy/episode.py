@@ -177,6 +177,7 @@ def _observation(
         estimate=estimate,
         last_action=last[None],
         time_left=np.array([time_left]),
+        goal=manifest.task.target,
     )
 
 

@@ -13,6 +13,7 @@ from articulate.draw import COLUMNS, Draw
 from articulate.judgement import COLUMN, Judgement
 from articulate.kinematics import relative
 from articulate.layout import Field, Layout
+from articulate.task import Task
 from articulate.transforms import Array
 from articulate_envs.engine import State
 
@@ -27,6 +28,10 @@ PRIVILEGED = Layout(
             low=-1.5, high=1.5,
         ),
         Field(name="part_open_true", size=1, unit="1", frame="-", source="estimator"),
+        Field(
+            name="part_near_true", size=1, unit="0.05", frame="-", source="estimator",
+            low=-2.0, high=2.0,
+        ),
         Field(name="hand_closing", size=1, unit="1", frame="-", source="plant"),
         Field(name="hand_wait", size=1, unit="s", frame="-", source="plant"),
         Field(name="force", size=3, unit="20 N", frame="world", source="robot"),
@@ -41,7 +46,7 @@ PRIVILEGED = Layout(
 """Its fields, which follow those of the observation."""
 
 
-def privileged(state: State, judgement: Judgement, drawn: Draw) -> Array:
+def privileged(task: Task, state: State, judgement: Judgement, drawn: Draw) -> Array:
     """The vectors (N, size of :data:`PRIVILEGED`) for N environments."""
     handle = relative(state.T_wt, state.T_wh)[:, :3, 3]
     return PRIVILEGED.pack(
@@ -49,6 +54,7 @@ def privileged(state: State, judgement: Judgement, drawn: Draw) -> Array:
             "handle_pos_true": 5.0 * handle,
             "handle_near_true": 50.0 * handle,
             "part_open_true": state.opened,
+            "part_near_true": 20.0 * (state.opened - task.target),
             "hand_closing": state.hand.closing,
             "hand_wait": state.hand.wait_s,
             "force": np.nan_to_num(state.samples[:, 0:3]) / 20.0,

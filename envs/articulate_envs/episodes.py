@@ -195,13 +195,14 @@ class Episodes:
             estimate=self._estimator.estimate(self._drawn, self._rng),
             last_action=self._last,
             time_left=1.0 - self._tick / scene.ticks,
+            goal=scene.task.target,
             T_wt=state.T_wt,
             T_wt_target=state.T_wt_target,
         )
 
     def privileged(self) -> Array:
         """What only the value function sees of the environments as they are (N, size)."""
-        return privileged(self.state, self._judgement, self._drawn)
+        return privileged(self.engine.scene.task, self.state, self._judgement, self._drawn)
 
     def step(self, action: Array) -> Tick:
         """Run one tick with actions (N, 8), clipped to [-1, 1]."""

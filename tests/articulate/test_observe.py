@@ -24,6 +24,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
         "last_action": np.zeros((1, 8)),
         "time_left": np.ones(1),
+        "goal": 0.8,
     } | values
     return observation(PANDA, q=q, **given)[0]
 
@@ -82,6 +83,17 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
             "part_open",
             {"estimate": Estimate(np.eye(4)[None], np.array([0.4]), np.array([0.03]))},
             0.4,
+        ),
+        (
+            "part_near",
+            {"estimate": Estimate(np.eye(4)[None], np.array([0.79]), np.zeros(1))},
+            -0.2,
+        ),
+        ("part_near", {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))}, -2.0),
+        (
+            "part_near",
+            {"estimate": Estimate(np.eye(4)[None], np.array([0.06]), np.zeros(1)), "goal": 0.05},
+            0.2,
         ),
         (
             "part_speed",
