@@ -329,7 +329,9 @@ def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
         return steps / (time.perf_counter() - begin)
 
     def engine_alone() -> float:
-        actions = np.clip(learner.model.rollout_buffer.actions, -1.0, 1.0).astype(np.float64)
+        buffer = learner.model.rollout_buffer  # flattened by the update, environment by environment
+        taken = buffer.actions.reshape(buffer.n_envs, buffer.buffer_size, -1).swapaxes(0, 1)
+        actions = np.clip(taken, -1.0, 1.0).astype(np.float64)
         kept = learner.episodes.snapshot()
         seconds = sum(timed(learner.episodes, actions) for _ in range(args.updates))
         learner.episodes.restore(kept)  # the training goes on where it was
