@@ -21,6 +21,7 @@ from articulate.commands.check import CheckFlags
 from articulate.commands.completion import SHELLS
 from articulate.commands.flags import parse
 from articulate.commands.make import MakeFlags
+from articulate.commands.observe import ObserveFlags
 from articulate.commands.watch import WatchFlags
 from articulate.draw import DrawConfig
 from articulate.follow import FollowConfig
@@ -63,6 +64,7 @@ FLAGS = {
     "deploy": DeployFlags,
     "benchmark": BenchmarkFlags,
     "make": MakeFlags,
+    "observe": ObserveFlags,
     "watch": WatchFlags,
     "cache": CacheFlags,
 }
