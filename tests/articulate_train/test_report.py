@@ -73,8 +73,15 @@ def _curve(seed):
 
 def _timeline(name, reason):
     t = np.linspace(0.05, 10.0, 200)
+    drawn = draw(DrawConfig(), np.random.default_rng(3)).values[0]
     return Timeline(
-        name=name, reason=reason, t=t, force_n=20 * t / 10, speed_share=t / 20, opened=t / 12
+        name=name,
+        reason=reason,
+        t=t,
+        force_n=20 * t / 10,
+        speed_share=t / 20,
+        opened=t / 12,
+        drawn=dict(zip(COLUMNS, drawn, strict=True)),
     )
 
 
@@ -167,6 +174,14 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
     assert "data:image/png;base64," in page
     assert "nan" not in page
     assert not re.search(r'(src|href)="https?:', page)
+
+
+def test_the_page_tells_what_was_drawn_for_the_episodes_that_it_shows(tmp_path):
+    page = report_page(_report(), tmp_path)
+    fold = page[page.index("What was drawn for them") :].partition("</details>")[0]
+    friction = draw(DrawConfig(), np.random.default_rng(3))["friction"][0]
+    assert f'finger friction, factor</td><td class="n">{friction:.3g}</td>' in fold
+    assert len(re.findall("<tr>", fold)) == 1 + len(COLUMNS)
 
 
 def test_the_page_stays_small(tmp_path):

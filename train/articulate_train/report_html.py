@@ -87,6 +87,7 @@ PARAMETER_TEXT = {
     "push_y_n": "push, y [N]",
     "push_z_n": "push, z [N]",
     "push_time": "time of the push, share",
+    "part_open": "open at the beginning, share",
     "distance_m": "shift, distance [m]",
     "start_rad": "start, distance [rad]",
     "bias_m": "handle error, distance [m]",
@@ -263,7 +264,7 @@ def _seed_chart(report: Report) -> Chart:
     )
 
 
-def _episodes(page: Page, report: Report) -> None:
+def _episodes(page: _ReportPage, report: Report) -> None:
     if not report.timelines:
         return
     page.section("Two episodes" if len(report.timelines) > 1 else "One episode")
@@ -284,6 +285,23 @@ def _episodes(page: Page, report: Report) -> None:
             limits.speed_share,
         ),
     )
+    _drawn(page, report.timelines)
+
+
+def _drawn(page: _ReportPage, lines: Sequence[Timeline]) -> None:
+    """What was drawn for the episodes that are shown."""
+    told = [line for line in lines if line.drawn]
+    if not told:
+        return
+    page.fold("What was drawn for " + ("it" if len(told) == 1 else "them"))
+    page.table(
+        ["parameter", *(line.name for line in told)],
+        [
+            [PARAMETER_TEXT.get(name, name), *(_rounded(line.drawn[name]) for line in told)]
+            for name in told[0].drawn
+        ],
+    )
+    page.unfold()
 
 
 def _timeline_chart(report: Report, title: str, unit: str, name: str, goal: float) -> Chart:
