@@ -128,12 +128,12 @@ def _new_run(flags: TrainFlags) -> Run:
 
     config, cache = flags.config(), cache_folder()
     if flags.out is not None:
-        return create_run(config, flags.out, cache, console.say)
+        return create_run(config, flags.out, cache, console.say_waiting)
     base = _default_name(flags)
     for k in itertools.count(1):
         folder = Path("runs") / (base if k == 1 else f"{base}-{k}")
         try:
-            return create_run(config, folder, cache, console.say)
+            return create_run(config, folder, cache, console.say_waiting)
         except RunError:
             if not folder.exists():
                 raise  # else a run that began in the same second was faster
