@@ -69,12 +69,19 @@ def test_text_and_lists_of_other_files_are_no_films(tmp_path, text):
         read_clip(tmp_path / "list.txt")
 
 
-def test_of_a_long_film_no_more_is_held_than_is_kept(tmp_path, monkeypatch):
+def test_a_playlist_is_told_in_one_line(tmp_path, error_line):
+    (tmp_path / "list.txt").write_text("#EXTM3U\n#EXTINF:4,\nreal.mp4\n")
+    error_line("read_clip(a playlist)", lambda: read_clip(tmp_path / "list.txt"))
+
+
+def test_of_a_long_film_no_more_is_held_than_is_kept(tmp_path, monkeypatch, error_line):
     path = film(tmp_path / "a.mp4", ramp(12))
     monkeypatch.setattr(video, "MOST_BYTES", 3 * 48 * 64 * 3)
     assert read_clip(path, Reading(most_frames=3)).frames.shape == (3, 48, 64, 3)
-    with pytest.raises(ClipError, match="4 frames of 64x48 px take"):
-        read_clip(path, Reading(most_frames=4))
+    error_line(
+        "read_clip(a.mp4, four frames where three fit)",
+        lambda: read_clip(path, Reading(most_frames=4)),
+    )
 
 
 def test_a_film_of_one_frame_is_refused(tmp_path):
