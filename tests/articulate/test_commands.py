@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +12,7 @@ import pytest
 from articulate import commands
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
-from articulate.commands.flags import parse
+from articulate.commands.flags import first_sentence, parse
 from articulate.errors import ConfigError, UsageError
 
 HEAVY = {
@@ -198,6 +199,19 @@ def test_unknown_key_of_a_preset_names_the_file(tmp_path, error_line):
     )
 
 
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("A film, e.g. an .mp4, of a part. More.", "A film, e.g. an .mp4, of a part"),
+        ("Folder of the run; of several, to compare them.", "Folder of the run"),
+        ("Where to.", "Where to"),
+        ("", ""),
+    ],
+)  # fmt: skip
+def test_the_first_sentence_does_not_end_in_an_abbreviation(text, first):
+    assert first_sentence(text) == first
+
+
 def test_help_of_a_command_shows_flags_units_and_presets(capsys):
     with pytest.raises(SystemExit) as stop:
         parse(Train, ["--help"], prog="articulate train")
@@ -306,7 +320,7 @@ def test_import_and_help_touch_no_heavy_module(code):
     assert not HEAVY & set(result.stderr.split())
 
 
-VERBS = ["check", "train", "evaluate", "export", "deploy", "watch", "cache"]
+VERBS = sorted(metadata.entry_points(group=commands.GROUP).names)
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -16,7 +16,12 @@ from articulate_train.report import (
     Timeline,
     make_report,
 )
-from articulate_train.report_html import MAX_HTML_BYTES, report_page, write_report
+from articulate_train.report_html import (
+    MAX_EMBEDDED_BYTES,
+    MAX_POSTER_BYTES,
+    report_page,
+    write_report,
+)
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(200)
 INFO = RunInfo(
@@ -68,8 +73,15 @@ def _curve(seed):
 
 def _timeline(name, reason):
     t = np.linspace(0.05, 10.0, 200)
+    drawn = draw(DrawConfig(), np.random.default_rng(3)).values[0]
     return Timeline(
-        name=name, reason=reason, t=t, force_n=20 * t / 10, speed_share=t / 20, opened=t / 12
+        name=name,
+        reason=reason,
+        t=t,
+        force_n=20 * t / 10,
+        speed_share=t / 20,
+        opened=t / 12,
+        drawn=dict(zip(COLUMNS, drawn, strict=True)),
     )
 
 
@@ -164,14 +176,22 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
     assert not re.search(r'(src|href)="https?:', page)
 
 
+def test_the_page_tells_what_was_drawn_for_the_episodes_that_it_shows(tmp_path):
+    page = report_page(_report(), tmp_path)
+    fold = page[page.index("What was drawn for them") :].partition("</details>")[0]
+    friction = draw(DrawConfig(), np.random.default_rng(3))["friction"][0]
+    assert f'finger friction, factor</td><td class="n">{friction:.3g}</td>' in fold
+    assert len(re.findall("<tr>", fold)) == 1 + len(COLUMNS)
+
+
 def test_the_page_stays_small(tmp_path):
     _, html_path = write_report(_report(), tmp_path, poster=PNG)
     assert html_path.stat().st_size < 150_000
 
 
 def test_a_picture_that_would_make_the_page_too_large_is_left_out(tmp_path):
-    _, html_path = write_report(_report(), tmp_path, poster=PNG + bytes(MAX_HTML_BYTES))
-    assert html_path.stat().st_size < MAX_HTML_BYTES
+    _, html_path = write_report(_report(), tmp_path, poster=PNG + bytes(MAX_POSTER_BYTES))
+    assert html_path.stat().st_size < 150_000
     assert "data:image/png" not in html_path.read_text()
 
 
@@ -191,9 +211,30 @@ def test_clips_are_referred_to_beside_the_page_or_put_into_it_when_asked(tmp_pat
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "failure.mp4").write_bytes(b"\0\0\0\x20ftypisom")
     report = _report(videos=("videos/failure.mp4",))
-    assert 'src="videos/failure.mp4"' in report_page(report, tmp_path)
+    assert 'src="videos/failure.mp4#t=0.05"' in report_page(report, tmp_path)
     assert "Failure: force on the hand too high" in report_page(report, tmp_path)
     assert 'src="data:video/mp4;base64,' in report_page(report, tmp_path, embed_videos=True)
+
+
+def test_the_page_can_be_passed_on_alone_as_far_as_its_clips_are_small(tmp_path):
+    (tmp_path / "videos").mkdir()
+    (tmp_path / "videos" / "success.mp4").write_bytes(b"\0\0\0\x20ftypisom")
+    (tmp_path / "videos" / "failure.mp4").write_bytes(bytes(MAX_EMBEDDED_BYTES + 1))
+    report = _report(videos=("videos/success.mp4", "videos/failure.mp4"))
+    page = write_report(report, tmp_path)[1].read_text()
+    assert page.count('src="data:video/mp4;base64,') == 1
+    assert page.count('src="videos/failure.mp4') == 1
+
+
+def test_a_training_too_short_for_figures_has_no_empty_charts(tmp_path):
+    nothing = np.zeros(0)
+    short = Curve(seed=0, steps=nothing, success=nothing, opened=nothing,
+                  reward_terms=np.zeros((0, len(TERMS))))  # fmt: skip
+    info = dataclasses.replace(INFO, seconds=0.0, steps_per_s=0.0)
+    report = dataclasses.replace(_report(info), curves=(short,))
+    page = report_page(report, tmp_path)
+    assert "too short for curves" in page
+    assert "steps per second" not in page
 
 
 def test_a_perfect_run_without_curves_clips_or_nominal_episodes_still_has_a_page(tmp_path):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import NO_DRAW, Draw, DrawConfig, draw
+from articulate.draw import COLUMNS, NO_DRAW, Draw, DrawConfig, draw
 from articulate.judgement import COLUMN, REASONS
 from articulate.transforms import Array
 from articulate_envs.episodes import Ended, Episodes
@@ -168,6 +168,7 @@ def timelines(rollout: Rollout, tick_s: float) -> list[tuple[Timeline, int]]:
             force_n=rollout.traces.force[:, k],
             speed_share=rollout.traces.speed_share[:, k],
             opened=rollout.traces.opened[:, k],
+            drawn=dict(zip(COLUMNS, map(float, rollout.draws.values[k]), strict=True)),
         )
         out.append((line, k))
     return out

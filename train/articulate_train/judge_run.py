@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-import shlex
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,9 @@ from articulate_envs.film import picture, write_film
 from articulate_envs.rewards import TERMS
 from articulate_envs.scene import Scene
 from articulate_train.campaign import processors, read_progress
+from articulate_train.command import train_command
 from articulate_train.evaluate import Rollout, evaluate_seed, timelines
+from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
 from articulate_train.report_html import write_report
 from articulate_train.run import Run, versions
@@ -48,17 +50,26 @@ class Evaluated:
         return "\n".join([*lines, f"report: {self.html_path}"])
 
 
-def judge_run(run: Run, *, episodes: int) -> Evaluated:
+def judge_run(run: Run, *, episodes: int, say: Callable[[str], None] = lambda _: None) -> Evaluated:
     """Evaluate the last checkpoints of all seeds and write ``report.json`` and ``report.html``.
+
+    Args:
+        run: What is evaluated.
+        episodes: Drawn episodes for each seed.
+        say: Told what is done next.
 
     Raises:
         RunError: A seed has no checkpoint.
     """
     results, rollouts = [], []
     for seed in run.config.seeds:
+        load_policy(run.seed_folder(seed))  # what is missing is told before the work
+    for seed in run.config.seeds:
+        say(f"evaluating seed {seed}: {episodes} drawn episodes and as many without randomisation")
         result, rollout = evaluate_seed(run, seed, episodes=episodes, threads=processors())
         results.append(result)
         rollouts.append(rollout)
+    say("filming an episode of each kind, and writing the report")
     lines, videos, poster = _pictures(run, rollouts)
     report = make_report(
         _info(run),
@@ -86,11 +97,6 @@ def _info(run: Run) -> RunInfo:
     seconds = sum(r[-1]["seconds"] for r in rows if r)
     steps = sum(r[-1]["steps"] for r in rows if r)
     config = run.config
-    seeds = " ".join(str(s) for s in config.seeds)
-    command = (
-        f"train --asset {shlex.quote(config.asset)} --task {config.task} --joint {run.task.joint} "
-        f"--seeds {seeds} --steps {config.steps}"
-    )
     return RunInfo(
         name=run.folder.name,
         asset=run.asset.name,
@@ -101,7 +107,7 @@ def _info(run: Run) -> RunInfo:
         steps=config.steps,
         seconds=seconds,
         steps_per_s=steps / max(seconds, 1e-9),
-        command=command,
+        command=train_command(config, run.task.joint),
         config=to_yaml(config),
         versions=versions(),
         licence=run.asset.licence,

@@ -93,6 +93,8 @@ class Timeline:
     """Largest joint speed as a share of its limit (T,)."""
     opened: Array
     """Fraction open (T,)."""
+    drawn: Mapping[str, float] = field(default_factory=dict)
+    """What was drawn for it, by the names of :data:`articulate.draw.COLUMNS`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,10 +28,12 @@ from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
 from articulate_train.statistics import Share
 
-MAX_HTML_BYTES = 3_000_000
-"""Largest page without videos."""
+MAX_POSTER_BYTES = 2_000_000
+"""Largest picture that is put into the page."""
 MAX_EMBEDDED_BYTES = 1_500_000
-"""Largest clip that is put into the page."""
+"""Largest clip that is put into the page; a larger one is played from beside it."""
+FIRST_FRAME = "#t=0.05"
+"""Behind an address of a clip: phones show its beginning, and not an empty box, before it plays."""
 GOOD, BAD = 0.9, 0.5
 """From the first on, a success rate is shown as good; below the second, as bad."""
 SHOWN_PARAMETERS = 6
@@ -85,6 +87,7 @@ PARAMETER_TEXT = {
     "push_y_n": "push, y [N]",
     "push_z_n": "push, z [N]",
     "push_time": "time of the push, share",
+    "part_open": "open at the beginning, share",
     "distance_m": "shift, distance [m]",
     "start_rad": "start, distance [rad]",
     "bias_m": "handle error, distance [m]",
@@ -92,20 +95,19 @@ PARAMETER_TEXT = {
 } | {f"start_{i}": f"start of joint {i} [rad]" for i in range(1, 8)}
 
 
-def write_report(
-    report: Report, folder: Path, *, poster: bytes | None = None, embed_videos: bool = False
-) -> tuple[Path, Path]:
+def write_report(report: Report, folder: Path, *, poster: bytes | None = None) -> tuple[Path, Path]:
     """Write ``report.json`` and ``report.html`` into ``folder`` and return their paths.
+
+    Small clips are put into the page itself, so that it can be passed on alone.
 
     Args:
         report: What is written.
         folder: Where to; the report's videos lie in it.
         poster: PNG shown at the top.
-        embed_videos: Put small clips into the page itself, so that it can be passed on alone.
     """
-    page = report_page(report, folder, poster=poster, embed_videos=embed_videos)
-    if poster is not None and not embed_videos and len(page.encode()) > MAX_HTML_BYTES:
-        page = report_page(report, folder)  # the picture is all that can be so large
+    if poster is not None and len(poster) > MAX_POSTER_BYTES:
+        poster = None
+    page = report_page(report, folder, poster=poster, embed_videos=True)
     json_path, html_path = folder / "report.json", folder / "report.html"
     write_json(json_path, report.content())
     write_text(html_path, page)
@@ -213,8 +215,8 @@ def _video_source(folder: Path, video: str, embed: bool) -> str:
     path = folder / video
     if embed and path.is_file() and path.stat().st_size <= MAX_EMBEDDED_BYTES:
         data = base64.b64encode(path.read_bytes()).decode("ascii")
-        return f"data:video/mp4;base64,{data}"
-    return quote(video)
+        return f"data:video/mp4;base64,{data}{FIRST_FRAME}"
+    return quote(video) + FIRST_FRAME
 
 
 def _failures(page: Page, report: Report) -> None:
@@ -262,7 +264,7 @@ def _seed_chart(report: Report) -> Chart:
     )
 
 
-def _episodes(page: Page, report: Report) -> None:
+def _episodes(page: _ReportPage, report: Report) -> None:
     if not report.timelines:
         return
     page.section("Two episodes" if len(report.timelines) > 1 else "One episode")
@@ -283,6 +285,23 @@ def _episodes(page: Page, report: Report) -> None:
             limits.speed_share,
         ),
     )
+    _drawn(page, report.timelines)
+
+
+def _drawn(page: _ReportPage, lines: Sequence[Timeline]) -> None:
+    """What was drawn for the episodes that are shown."""
+    told = [line for line in lines if line.drawn]
+    if not told:
+        return
+    page.fold("What was drawn for " + ("it" if len(told) == 1 else "them"))
+    page.table(
+        ["parameter", *(line.name for line in told)],
+        [
+            [PARAMETER_TEXT.get(name, name), *(_rounded(line.drawn[name]) for line in told)]
+            for name in told[0].drawn
+        ],
+    )
+    page.unfold()
 
 
 def _timeline_chart(report: Report, title: str, unit: str, name: str, goal: float) -> Chart:
@@ -323,6 +342,9 @@ def _learning(page: Page, report: Report) -> None:
     if not report.curves:
         return
     page.section("Learning", "Training episodes from home, with the noise of exploration.")
+    if not any(len(c.steps) for c in report.curves):
+        page.text("The training was too short for curves: no episode ended in it.")
+        return
     done = f"{done_word(report.info.task).capitalize()}, limits aside"
     charts = [
         Chart(
@@ -420,6 +442,10 @@ def _repeat(page: _ReportPage, report: Report) -> None:
     info = report.info
     page.section("To repeat it")
     page.code(info.command)
+    took: dict[str, str | int] = {}
+    if info.seconds:
+        took["training"] = _duration(info.seconds)
+        took["steps per second"] = round(info.steps_per_s)
     page.pairs(
         {
             "object": info.asset,
@@ -428,8 +454,7 @@ def _repeat(page: _ReportPage, report: Report) -> None:
             "joint": info.joint,
             "target": info.target_text,
             "steps per seed": info.steps,
-            "training": _duration(info.seconds),
-            "steps per second": round(info.steps_per_s),
+            **took,
             "commit": info.commit,
             **info.versions,
         }

@@ -20,6 +20,7 @@ import platform
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -90,8 +91,16 @@ def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
     return proven_asset(Path(config.asset), cache, wish)
 
 
-def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
+def create_run(
+    config: TrainConfig, folder: Path, cache: Path, say: Callable[[str], None] = lambda _: None
+) -> Run:
     """Make the folder of a new run, whole or not at all.
+
+    Args:
+        config: What is asked for.
+        folder: Where to.
+        cache: Cache folder.
+        say: Told what is done next.
 
     Raises:
         RunError: The folder exists.
@@ -99,7 +108,9 @@ def create_run(config: TrainConfig, folder: Path, cache: Path) -> Run:
     """
     _check_free(folder)
     with using(cache):
+        say(f"{config.asset}: converting and proving it, or taking it from the cache")
         asset = prepare_asset(config, cache)
+        say(f"{asset.name}: looking for a place from which the arm reaches what it is to move")
         task, place = choose_joint(config, asset)
         require_space(folder, run_bytes(config, asset), "a run")
         _write_run(folder, config, asset, task, place)

@@ -1,6 +1,6 @@
 """One seed in a process of its own: ``python -m articulate_train.seed RUN SEED THREADS``.
 
-It writes ``progress.jsonl`` (one line per ten updates), TensorBoard events and
+It writes ``progress.jsonl`` (a line every ten updates and at the end), TensorBoard events and
 ``checkpoint.pt``, and at the end ``done.json``. SIGINT or SIGTERM saves and stops with 130.
 """
 
@@ -88,6 +88,8 @@ class SeedProcess:
         self.learner.save(self.folder)
         if self._stop and self.learner.model.num_timesteps < self.learner.config.steps:
             return False
+        if self._updates % REPORT_UPDATES:
+            self._report()  # the last updates, without which a short training has no figures
         write_json(self.folder / DONE, {"steps": self.learner.model.num_timesteps})
         return True
 

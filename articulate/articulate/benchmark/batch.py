@@ -9,15 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
-import queue
-import signal
-import subprocess
-import sys
-import threading
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +19,7 @@ from articulate.benchmark.dataset import Dataset
 from articulate.benchmark.records import Record, lost_object
 from articulate.errors import ArticulateError, UsageError
 from articulate.files import write_json
+from articulate.jobs.children import Answer, Children
 
 FOLDER = "objects"
 """Folder of the records, below that of the run."""
@@ -49,22 +42,14 @@ class Batch:
     """An object that takes longer is lost [s]."""
     fresh: bool = False
     """Run again what was run before."""
-    _running: set[subprocess.Popen[str]] = field(default_factory=set)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-    _stopped: bool = False
+    _children: Children = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._children = Children("articulate.benchmark.child", self.limit_s)
 
     def run(self, ids: Sequence[str], jobs: int) -> Iterator[Record]:
         """Run all objects, ``jobs`` at a time, and yield their records as they come."""
-        done: queue.SimpleQueue[Future[Record]] = queue.SimpleQueue()
-        with ThreadPoolExecutor(jobs) as pool:
-            try:
-                for object_id in ids:
-                    pool.submit(self.one, object_id).add_done_callback(done.put)
-                for _ in ids:
-                    yield done.get().result()
-            finally:
-                self._stop()
-                pool.shutdown(wait=True, cancel_futures=True)
+        yield from self._children.side_by_side(ids, self.one, jobs)
 
     def one(self, object_id: str) -> Record:
         """The record of one object, from its file if that was made with the same settings.
@@ -104,20 +89,6 @@ class Batch:
 
     def _child(self, object_id: str, path: Path) -> str:
         """Why no record was made; empty if one was."""
-        with self._lock:
-            if self._stopped:
-                raise KeyboardInterrupt
-            process = subprocess.Popen(
-                [sys.executable, "-m", "articulate.benchmark.child"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                text=True,
-                errors="replace",
-                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-                start_new_session=True,
-            )
-            self._running.add(process)
         request = {
             "source": self.source,
             "data": None if self.data is None else str(self.data),
@@ -125,21 +96,7 @@ class Batch:
             "config": dataclasses.asdict(self.config),
             "path": str(path),
         }
-        try:
-            _, complained = process.communicate(json.dumps(request), timeout=self.limit_s)
-        except subprocess.TimeoutExpired:
-            return f"took longer than {self.limit_s:g} s"
-        finally:
-            _end(process)
-            with self._lock:
-                self._running.discard(process)
-        return _outcome(process.returncode, complained)
-
-    def _stop(self) -> None:
-        with self._lock:
-            self._stopped = True
-            for process in self._running:
-                _end(process)
+        return _outcome(self._children.ask(request), self.limit_s)
 
 
 def fingerprint(source: str, config: BenchmarkConfig) -> str:
@@ -158,24 +115,12 @@ def _read(path: Path, wanted: str) -> Record | None:
     return content if same else None
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a child and what it started."""
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    for stream in (process.stdin, process.stderr):
-        if stream is not None:
-            with suppress(OSError):
-                stream.close()
-
-
-def _outcome(code: int, complained: str) -> str:
+def _outcome(answer: Answer, limit_s: float) -> str:
     """Why a child that has ended made nothing; empty if it did."""
-    if code == 0:
-        return ""
-    last = (complained.strip().splitlines() or ["it said nothing"])[-1][:300]
-    if code == USAGE_EXIT:
-        raise UsageError(last)
-    if code > 0:
-        return last
-    return f"its process was ended by {signal.Signals(-code).name}"
+    if answer.code is None:
+        return f"took longer than {limit_s:g} s"
+    if answer.code == USAGE_EXIT:
+        raise UsageError(answer.last_words)
+    if answer.code < 0:
+        return f"its process was ended by {answer.signal_name}"
+    return answer.last_words if answer.code else ""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
-import shlex
-import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from articulate.actors.protocol import Modality
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
-from articulate.commands import version
+from articulate.commands import console, version
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, nearest
@@ -34,8 +34,9 @@ class BenchmarkFlags:
 
     dataset: Annotated[str, POSITIONAL]
     """An index such as assets.json, a folder of URDFs, or the library: procedural."""
-    out: Path
-    """Folder for results.json, report.html and one record for each object."""
+    out: Path | None = None
+    """Folder for results.json, report.html and one record for each object; by default
+    runs/benchmark-<modality>-<actor>-<time>. A run that lies there goes on."""
     actor: str = "prior"
     """Name of the actor, or module:Class."""
     modality: Modality = "video"
@@ -84,6 +85,13 @@ class BenchmarkFlags:
         if self.first is not None and self.first < 1:
             raise ConfigError(f"--first is {self.first}; it must be 1 or more")
 
+    @property
+    def folder(self) -> Path:
+        """Where results go."""
+        actor = self.actor.replace(":", ".").replace("/", ".")
+        name = f"benchmark-{self.modality}-{actor}-{time.strftime('%Y%m%d-%H%M%S')}"
+        return self.out or Path("runs") / name
+
     def config(self) -> BenchmarkConfig:
         """What decides the figures."""
         return BenchmarkConfig(
@@ -98,20 +106,25 @@ class BenchmarkFlags:
         )
 
 
+FLAGS = BenchmarkFlags
+
+
 def main(argv: Sequence[str]) -> int:
     """Run and print; 3 if objects were lost."""
     flags = parse(BenchmarkFlags, argv, prog="articulate benchmark")
+    flags = dataclasses.replace(flags, out=flags.folder)
     if flags.export:
-        print(f"{_export(flags)} questions and the key to them: {flags.out}")
+        console.emit(f"{_export(flags)} questions and the key to them: {flags.out}")
         return 0
     if flags.dry_run:
-        print(f"{_dry_run(flags)} pages, nothing sent: {flags.out / PROMPTS_FOLDER}")
+        console.emit(f"{_dry_run(flags)} pages, nothing sent: {flags.folder / PROMPTS_FOLDER}")
         return 0
-    results = _run(flags, shlex.join(["articulate", "benchmark", *argv]))
-    if flags.json:
-        print(json.dumps(results, indent=1, allow_nan=False))
-    else:
-        print(_told(results, flags))
+    named = any(word.partition("=")[0] == "--out" for word in argv)
+    again = argv if named else [*argv, "--out", flags.folder]
+    command = console.command_line(["articulate", "benchmark", *again])
+    console.hint_after_interrupt(f"go on with: {command}")
+    results = _run(flags, command)
+    console.emit_json(results) if flags.json else console.emit(_told(results, flags))
     return LOST_EXIT if results["lost"] else 0
 
 
@@ -122,7 +135,7 @@ def _export(flags: BenchmarkFlags) -> int:
 
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
-    return len(write_questions(map(dataset.load, ids), flags.config(), flags.out))
+    return len(write_questions(map(dataset.load, ids), flags.config(), flags.folder))
 
 
 def _dry_run(flags: BenchmarkFlags) -> int:
@@ -136,7 +149,7 @@ def _dry_run(flags: BenchmarkFlags) -> int:
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     for k, object_id in enumerate(ids):
         case = next(iter(cases_of(dataset.load(object_id), flags.config())))
-        page = flags.out / PROMPTS_FOLDER / f"prompts_{k:04d}.html"
+        page = flags.folder / PROMPTS_FOLDER / f"prompts_{k:04d}.html"
         write_dry_run(actor, case.evidence, page, f"{flags.modality}, {object_id}: {case.name}")
     return len(ids)
 
@@ -158,15 +171,15 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
         source=flags.dataset,
         data=flags.data,
         config=config,
-        out=flags.out,
+        out=flags.folder,
         limit_s=flags.limit,
         fresh=flags.fresh,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(ids))
     records = list(_shown(batch.run(ids, jobs), len(ids)))
     results = summary(records, config, dataset.name)
-    write_json(flags.out / "results.json", results)
-    page = flags.out / "report.html"
+    write_json(flags.folder / "results.json", results)
+    page = flags.folder / "report.html"
     write_report(results, records, page, command, {"articulate": version()}, others)
     return results
 
@@ -205,7 +218,7 @@ def _shown(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, 
         joints = [joint for case in record["cases"] for joint in case["joints"]]
         right = sum(joint["failures"]["strict"] == "success" for joint in joints)
         text = record["error"] or f"{right} of {len(joints)} joints right in strict"
-        print(f"{done}/{total} {record['object']}: {text}", file=sys.stderr, flush=True)
+        console.say(f"{done}/{total} {record['object']}: {text}")
         yield record
 
 
@@ -229,4 +242,4 @@ def _told(results: dict[str, Any], flags: BenchmarkFlags) -> str:
         lines.append(f"{'placement':<14} objects right: {told}")
     if results["lost"]:
         lines.append(f"lost: {', '.join(row['object'] for row in results['lost'][:8])}")
-    return "\n".join([*lines, f"page: {flags.out / 'report.html'}"])
+    return "\n".join([*lines, f"page: {flags.folder / 'report.html'}"])

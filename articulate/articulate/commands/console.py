@@ -131,6 +131,15 @@ def say(text: str) -> None:
         complain(text)
 
 
+def say_waiting(text: str) -> None:
+    """Tell who sits at a terminal what is waited for.
+
+    Elsewhere nothing is said: bad input that comes to light meanwhile is one line.
+    """
+    if is_live():
+        complain(text)
+
+
 def detail(text: str) -> None:
     """Tell of what only ``--verbose`` asks for."""
     if _state.level >= VERBOSE:

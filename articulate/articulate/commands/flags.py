@@ -174,7 +174,7 @@ def usage(flag: Flag) -> str:
 
 def first_sentence(text: str) -> str:
     """The first sentence of an explanation, without its full stop."""
-    return re.split(r"[.;:] |[.]$", text, maxsplit=1)[0]
+    return re.split(r"(?<!\be\.g)(?<!\bi\.e)(?:[.;:] |[.]$)", text, maxsplit=1)[0]
 
 
 def _place(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) -> None:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError
-from articulate.vision.video import Reading, read_clip
-from articulate.vision.watch import Observation, watch
+
+if TYPE_CHECKING:
+    from articulate.vision.watch import Observation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +23,7 @@ class ObserveFlags:
     Example: articulate observe drawer.mp4 --json
     """
 
-    clip: Annotated[Path | None, POSITIONAL] = None
+    clip: Annotated[Path, POSITIONAL]
     """Film, e.g. an .mp4, in which one part is operated."""
     side: int = 480
     """Frames are made smaller so that no side is longer [px]."""
@@ -33,21 +34,25 @@ class ObserveFlags:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be watched."""
-        if self.clip is None:
-            raise ConfigError("missing: CLIP; give a film, e.g. drawer.mp4")
         if self.side < 64:
             raise ConfigError(f"--side is {self.side}; it must be 64 px or more")
         if self.frames < 8:
             raise ConfigError(f"--frames is {self.frames}; it must be 8 or more")
 
 
+FLAGS = ObserveFlags
+
+
 def main(argv: Sequence[str]) -> int:
     """Watch and print."""
     flags = parse(ObserveFlags, argv, prog="articulate observe")
-    assert flags.clip is not None
+    from articulate.vision.video import Reading, read_clip  # OpenCV; --help does without
+    from articulate.vision.watch import watch
+
     clip = read_clip(flags.clip, Reading(longest_side_px=flags.side, most_frames=flags.frames))
+    console.say(f"{flags.clip}: following points over {len(clip.frames)} frames")
     seen = watch(clip, str(flags.clip))
-    print(json.dumps(seen.as_json(), indent=1) if flags.json else _told(seen))
+    console.emit_json(seen.as_json()) if flags.json else console.emit(_told(seen))
     return 0
 
 

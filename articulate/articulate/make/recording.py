@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,10 @@ STEP_S = 0.05
 
 def write_recording(path: Path, story: Story) -> bool:
     """Write each joint in turn as a recording, whole or not at all; False without rerun."""
-    if find_spec("rerun") is None:
+    try:
+        import rerun  # heavy, and wanted for this alone
+    except ImportError:  # of one of its own modules, too
         return False
-    import rerun  # heavy, and wanted for this alone
-
     with whole_file(path) as temporary:
         stream = rerun.RecordingStream("articulate", send_properties=False)
         stream.save(temporary)

@@ -40,6 +40,9 @@ PARTS = frozenset(
 BETWEEN = 3
 """Most words between a number and what it counts: "two small upper drawers"."""
 
+OWNING = r"\b(?:with|that|which|whose|having|has|of)\b|[,;:.]"
+"""What stands between the object itself and its parts: "a light switch with two levers"."""
+
 
 def counts_in(text: str) -> dict[str, int]:
     """How many of each part a sentence says there are, where it says a number."""
@@ -62,10 +65,12 @@ def counts_in(text: str) -> dict[str, int]:
 def miscounted(text: str, labels: Iterable[str]) -> list[str]:
     """Where parts are not as many as a sentence says, one clause each."""
     there = Counter(singular(label.split()[-1]) for label in labels if label)
+    head = re.split(OWNING, text.lower(), maxsplit=1)[0]
+    itself = counts_in(re.sub(r"\b(?:one|single|1)\b", "", head))  # "a switch", not "one door"
     return [
         f"the text says {number} {part}{'s' * (number != 1)}, and the parts hold {there[part]}"
         for part, number in counts_in(text).items()
-        if there[part] != number
+        if there[part] != number and not (there[part] == 0 and itself.get(part) == number == 1)
     ]
 
 

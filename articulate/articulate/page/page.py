@@ -110,7 +110,9 @@ class Page:
 
     def pairs(self, values: Mapping[str, Cell], caption: str = "") -> Page:
         """Add a table of names and values."""
-        return self.table(["name", "value"], [(k, shown(v)) for k, v in values.items()], caption)
+        self.table(["name", "value"], [(k, shown(v)) for k, v in values.items()], caption)
+        self._parts[-1] = self._parts[-1].replace("<table>", '<table class="pairs">', 1)
+        return self
 
     def charts(self, *charts: Chart | Violins) -> Page:
         """Add charts, side by side where there is room."""

@@ -8,17 +8,14 @@ as a second, independent opinion.
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
-import os
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from articulate.silence import unheard
 from articulate.transforms import Array, Ints, Mask
 
 SLIVER = 1e-5
@@ -196,7 +193,7 @@ def bullet_depth(hulls: Sequence[Hull], triangles: Array) -> float:
     triangles = triangles[near][:BULLET_MOST]
     if not len(triangles):
         return 0.0
-    with _unheard():
+    with unheard():
         import pybullet  # announces itself below Python
 
         client = pybullet.connect(pybullet.DIRECT)
@@ -225,21 +222,3 @@ def bullet_depth(hulls: Sequence[Hull], triangles: Array) -> float:
         return float(depth) - 2.0 * BULLET_PAD_M
     finally:
         pybullet.disconnect(client)
-
-
-@contextmanager
-def _unheard() -> Iterator[None]:
-    """Keep what a library prints below Python off the standard streams."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
-    try:
-        for stream in (1, 2):
-            os.dup2(nowhere, stream)
-        yield
-        ctypes.CDLL(None).fflush(None)
-    finally:
-        for stream, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, stream)
-            os.close(copy)
-        os.close(nowhere)

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import html
-import json
-import os
-import queue
 import signal
-import subprocess
-import sys
-import threading
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from articulate.errors import UsageError
 from articulate.files import write_text
+from articulate.jobs.children import Answer, Children
 from articulate.proof import Proof
 from articulate.prove import store
 from articulate.prove.record import PROOF_FILE, load_proof
@@ -139,22 +132,14 @@ class Batch:
     """There is one object, which goes straight into ``out``."""
     fresh: bool = False
     """Check anew what was checked before."""
-    _running: set[subprocess.Popen[str]] = field(default_factory=set)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-    _stopped: bool = False
+    _children: Children = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._children = Children("articulate.prove.child", self.limit_s)
 
     def run(self, items: Sequence[Item], jobs: int) -> Iterator[Checked]:
         """Check all ``items``, ``jobs`` at a time, and yield results as they come."""
-        done: queue.SimpleQueue[Future[Checked]] = queue.SimpleQueue()
-        with ThreadPoolExecutor(jobs) as pool:
-            try:
-                for item in items:
-                    pool.submit(self.one, item).add_done_callback(done.put)
-                for _ in items:
-                    yield done.get().result()
-            finally:
-                self._stop()
-                pool.shutdown(wait=True, cancel_futures=True)
+        yield from self._children.side_by_side(items, self.one, jobs)
 
     def one(self, item: Item) -> Checked:
         """Check one object and hand its folder over.
@@ -185,65 +170,27 @@ class Batch:
 
     def _child(self, request: Mapping[str, Any]) -> Path | Trouble:
         """Folder that a child process made, or what became of it."""
-        with self._lock:
-            if self._stopped:
-                raise KeyboardInterrupt
-            process = subprocess.Popen(
-                [sys.executable, "-m", "articulate.prove.child"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-                errors="replace",
-                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-                start_new_session=True,
-            )
-            self._running.add(process)
         content = {"cache": str(self.cache.resolve()), "options": dict(self.options), **request}
-        try:
-            told, complained = process.communicate(json.dumps(content), timeout=self.limit_s)
-        except subprocess.TimeoutExpired:
-            reason = f"took longer than {self.limit_s:g} s; give it more with --limit"
-            return Trouble(reason=reason, lasting=False)
-        finally:
-            _end(process)
-            with self._lock:
-                self._running.discard(process)
-        return _outcome(process.returncode, told, complained)
-
-    def _stop(self) -> None:
-        with self._lock:
-            self._stopped = True
-            for process in self._running:
-                _end(process)
+        return _outcome(self._children.ask(content), self.limit_s)
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a child and what it started."""
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    for stream in (process.stdin, process.stdout, process.stderr):
-        if stream is not None:
-            with suppress(OSError):
-                stream.close()
-
-
-def _outcome(code: int, told: str, complained: str) -> Path | Trouble:
+def _outcome(answer: Answer, limit_s: float) -> Path | Trouble:
     """What a child that has ended leaves behind."""
-    if code == 0:
-        folder = Path((told.strip().splitlines() or [""])[-1])
+    if answer.code is None:
+        reason = f"took longer than {limit_s:g} s; give it more with --limit"
+        return Trouble(reason=reason, lasting=False)
+    if answer.code == 0:
+        folder = Path((answer.told.strip().splitlines() or [""])[-1])
         return folder if (folder / PROOF_FILE).is_file() else Trouble(reason="left no proof")
-    last = (complained.strip().splitlines() or ["it said nothing"])[-1][:300]
-    if code == USAGE_EXIT:
-        raise UsageError(last)
-    if code > 0:
-        return Trouble(reason=f"its process ended with {code}: {last}")
-    name = signal.Signals(-code).name
-    if -code == signal.SIGKILL:
+    if answer.code == USAGE_EXIT:
+        raise UsageError(answer.last_words)
+    if answer.code > 0:
+        return Trouble(reason=f"its process ended with {answer.code}: {answer.last_words}")
+    if -answer.code == signal.SIGKILL:
         return Trouble(reason="its process was killed; was there enough memory?", lasting=False)
     return Trouble(
-        reason=f"a library crashed on it ({name}); look for a damaged file among its own"
+        reason=f"a library crashed on it ({answer.signal_name}); "
+        "look for a damaged file among its own"
     )
 
 

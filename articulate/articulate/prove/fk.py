@@ -6,10 +6,7 @@ itself. Each judge takes joint positions and gives poses of links; what differs 
 
 from __future__ import annotations
 
-import ctypes
 import logging
-import os
-import sys
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,6 +20,7 @@ import yourdfpy
 
 from articulate.proof import Clause
 from articulate.prove.model import Model, ObjectModel
+from articulate.silence import unheard
 from articulate.transforms import Array, inverse, normalised, pose, quat_to_matrix
 
 STATES = 100
@@ -104,7 +102,7 @@ def urdf_judge(path: Path) -> Judge:
 
 def bullet_judge(path: Path) -> Judge:
     """PyBullet's poses of the links of a URDF, in its world frame."""
-    with _unheard():
+    with unheard():
         import pybullet  # announces itself below Python
 
         client = pybullet.connect(pybullet.DIRECT)
@@ -270,22 +268,3 @@ def _quiet_log(name: str) -> Iterator[None]:
         yield
     finally:
         logger.setLevel(before)
-
-
-@contextmanager
-def _unheard() -> Iterator[None]:
-    """Keep what libraries print below Python off the standard streams."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [os.dup(stream) for stream in (1, 2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for stream in (1, 2):
-            os.dup2(nowhere, stream)
-        yield
-        ctypes.CDLL(None).fflush(None)  # what C has kept back goes nowhere, too
-    finally:
-        for stream, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, stream)
-            os.close(copy)
-        os.close(nowhere)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +21,16 @@ LONGEST = 20_000
 """Frames of a film that is read at all."""
 MOST_PIXELS = 4096 * 4096
 """Pixels of a frame that is read at all."""
+MOST_BYTES = 2_000_000_000
+"""Frames that are kept take less than this."""
+KINDS = (
+    (4, b"ftyp"), (4, b"moov"), (4, b"mdat"), (4, b"wide"), (4, b"free"), (4, b"skip"),  # mp4, mov
+    (0, b"\x1aE\xdf\xa3"),  # Matroska, WebM
+    (8, b"AVI "), (0, b"GIF8"), (0, b"OggS"), (0, b"FLV"), (0, b"0&\xb2u"),
+    (0, b"\x00\x00\x01\xba"), (0, b"\x00\x00\x01\xb3"), (0, b"\x47"), (4, b"\x47"),  # MPEG
+)  # fmt: skip
+"""How films begin: place, bytes. The decoder would take more for films: plain text, which it draws
+letter by letter, and lists that name other files and addresses, which it would open."""
 STILL = 1.5
 """Mean change between frames below which nothing moves, of the hundredth of pixels that change
 most, less what changes everywhere, 0 to 255."""
@@ -49,24 +61,21 @@ def read_clip(path: Path, reading: Reading | None = None) -> Clip:
         raise ClipError(f"{path}: no such file; give a film, e.g. an .mp4")
     if path.stat().st_size == 0:
         raise ClipError(f"{path}: is empty; give a film of two frames or more")
-    film = cv2.VideoCapture(str(path))
+    _check_kind(path)
     try:
-        if not film.isOpened():
-            raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
-        frames, fps = _frames(film, path, reading)
+        length, fps = _length(path)
+        if length == 0:
+            raise ClipError(f"{path}: no frame can be read; H.264 in .mp4 can be")
+        if length == 1:
+            raise ClipError(f"{path}: has one frame; motion needs two or more")
+        keep = np.linspace(0, length - 1, min(length, reading.most_frames)).round()
+        keep = np.unique(keep.astype(int))
+        frames = _frames(path, keep, reading.longest_side_px)
     except cv2.error as error:
         line = (str(error).strip().splitlines() or ["unknown fault"])[0]
         raise ClipError(f"{path}: cannot be read as a film ({line})") from None
-    finally:
-        film.release()
-    if not frames:
-        raise ClipError(f"{path}: no frame can be read; H.264 in .mp4 can be")
-    if len(frames) == 1:
-        raise ClipError(f"{path}: has one frame; motion needs two or more")
-    keep = np.linspace(0, len(frames) - 1, min(len(frames), reading.most_frames)).round()
-    keep = np.unique(keep.astype(int))
     times: Array = keep / fps
-    return Clip(frames=np.stack([frames[k] for k in keep]), times_s=times)
+    return Clip(frames=frames, times_s=times)
 
 
 def check_moves(frames: Pixels, source: str) -> None:
@@ -86,23 +95,70 @@ def check_moves(frames: Pixels, source: str) -> None:
         )
 
 
-def _frames(film: cv2.VideoCapture, path: Path, reading: Reading) -> tuple[list[Pixels], float]:
-    """All frames in RGB, made smaller, and frames per second."""
-    width, height = film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)
-    if width * height > MOST_PIXELS:
-        raise ClipError(
-            f"{path}: frames of {width:.0f}x{height:.0f} px; at most 4096x4096 are read"
-        )
-    fps = film.get(cv2.CAP_PROP_FPS)
-    if not np.isfinite(fps) or not 0.1 <= fps <= 1000.0:
-        fps = 30.0
+def _check_kind(path: Path) -> None:
+    """Refuse what does not begin as films do."""
+    try:
+        with path.open("rb") as stream:
+            begin = stream.read(16)
+    except OSError as error:
+        raise ClipError(f"{path}: cannot be read ({error.strerror})") from None
+    if not any(begin[at : at + len(kind)] == kind for at, kind in KINDS):
+        raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    film = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        if not film.isOpened():
+            raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
+        yield film
+    finally:
+        film.release()
+
+
+def _length(path: Path) -> tuple[int, float]:
+    """How many frames can be read (the head of a film may lie), and frames per second."""
+    with _opened(path) as film:
+        width, height = film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)
+        if width * height > MOST_PIXELS:
+            raise ClipError(
+                f"{path}: frames of {width:.0f}x{height:.0f} px; at most 4096x4096 are read"
+            )
+        fps = film.get(cv2.CAP_PROP_FPS)
+        if not np.isfinite(fps) or not 0.1 <= fps <= 1000.0:
+            fps = 30.0
+        length = 0
+        while length < LONGEST and film.grab():
+            length += 1
+    return length, float(fps)
+
+
+def _frames(path: Path, keep: np.ndarray, longest_px: int) -> Pixels:
+    """The frames ``keep`` (T,) in RGB, made smaller (T, H, W, 3).
+
+    Only they are held: a minute of a phone's film takes 11 GB as a whole.
+    """
     frames: list[Pixels] = []
-    while len(frames) < LONGEST:
-        good, frame = film.read()
-        if not good:
-            break
-        frames.append(_smaller(cv2.cvtColor(frame, cv2.COLOR_BGR2RGB), reading.longest_side_px))
-    return frames, float(fps)
+    wanted = set(keep.tolist())
+    with _opened(path) as film:
+        for k in range(int(keep[-1]) + 1):
+            good = film.grab()
+            if not good or k not in wanted:
+                continue
+            good, frame = film.retrieve()
+            if not good:
+                break
+            frames.append(_smaller(cv2.cvtColor(frame, cv2.COLOR_BGR2RGB), longest_px))
+            if frames[0].nbytes * len(keep) > MOST_BYTES:
+                height, width = frames[0].shape[:2]
+                raise ClipError(
+                    f"{path}: {len(keep)} frames of {width}x{height} px take "
+                    f"{frames[0].nbytes * len(keep) / 1e9:.1f} GB; give a film of smaller frames"
+                )
+    if len(frames) != len(keep) or len({frame.shape for frame in frames}) != 1:
+        raise ClipError(f"{path}: frames cannot be read twice alike; give H.264 in .mp4")
+    return np.stack(frames)
 
 
 def _smaller(frame: np.ndarray, longest_px: int) -> Pixels:

@@ -63,8 +63,8 @@ def main(argv: Sequence[str]) -> int:
     from articulate_deploy.deploy import deploy, transfer  # ONNX Runtime; --help does without
 
     def progress(robot: str, index: int, result: EpisodeResult) -> None:
-        line = f"{robot} {index + 1}/{flags.episodes}: {result.reason}, {result.fraction:.0%} open"
-        console.say(line)
+        opened = max(result.fraction, 0.0)  # a part that is pressed shut is not "-0%" open
+        console.say(f"{robot} {index + 1}/{flags.episodes}: {result.reason}, {opened:.0%} open")
 
     if len(flags.robot) > 1:
         both = transfer(

@@ -6,6 +6,7 @@ import importlib
 from typing import Any
 
 from articulate.errors import ConfigError, MissingError, nearest
+from articulate.silence import unheard
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import StandIn
 
@@ -34,7 +35,8 @@ def robot_named(name: str, bundle: Bundle) -> StandIn:
         raise ConfigError(f"--robot {name}: unknown{nearest(name, (*ROBOTS, *COMING))}")
     module, attribute = ROBOTS[name].split(":")
     try:
-        make: Any = getattr(importlib.import_module(module), attribute)
+        with unheard():  # PyBullet announces itself
+            make: Any = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("articulate"):
             raise

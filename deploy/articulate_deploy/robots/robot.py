@@ -96,6 +96,8 @@ class Robot(Protocol):
 
     def __enter__(self) -> Self:
         """Connect."""
+        self.connect()
+        return self
 
     def __exit__(
         self,
@@ -104,6 +106,7 @@ class Robot(Protocol):
         trace: TracebackType | None,
     ) -> None:
         """Disconnect."""
+        self.disconnect()
 
 
 class StandIn(Robot, Protocol):

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -28,16 +26,15 @@ from articulate_deploy.robots.robot import (
     SPEED_KEYS,
     NotConnectedError,
     Sample,
+    StandIn,
     action_of,
     joints_of,
 )
 from articulate_deploy.safety import safe_target
 
 
-class SimulatedRobot(ABC):
-    """The arm of a bundle in an engine; see :class:`articulate_deploy.robots.robot.StandIn`."""
-
-    name: str
+class SimulatedRobot(StandIn, ABC):
+    """The arm of a bundle in an engine."""
 
     def __init__(self, bundle: Bundle) -> None:
         """Keep ``bundle``; the scene is made by :meth:`connect`."""
@@ -122,30 +119,16 @@ class SimulatedRobot(ABC):
             self.disconnect()
             raise
 
-    def calibrate(self) -> None:  # noqa: B027  a part of the protocol
+    def calibrate(self) -> None:
         """Nothing is to be calibrated."""
 
-    def configure(self) -> None:  # noqa: B027  a part of the protocol
+    def configure(self) -> None:
         """Gains are the bundle's."""
 
     def disconnect(self) -> None:
         """Forget the scene."""
         self._is_open = False
         self._shut()
-
-    def __enter__(self) -> Self:
-        """Connect."""
-        self.connect()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Disconnect."""
-        self.disconnect()
 
     def set_draw(self, drawn: Draw) -> None:
         """What the next episodes are like.

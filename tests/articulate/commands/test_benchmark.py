@@ -6,6 +6,7 @@ import pytest
 from tests.articulate.benchmark.objects import write_index
 
 from articulate.benchmark import protocols, summary
+from articulate.commands import main as articulate
 from articulate.commands.benchmark import (
     PROTOCOLS,
     SCHEMA,
@@ -57,6 +58,20 @@ def test_people_are_told_the_protocol_they_asked_for(done, capsys):
     assert "strict" in told
     assert "paper" not in told
     assert "report.html" in told
+
+
+def test_quiet_says_nothing_but_results_and_a_folder_is_named_where_none_is_given(
+    tmp_path, capsys, monkeypatch
+):
+    index = write_index(tmp_path, ("a",))
+    monkeypatch.chdir(tmp_path)
+    assert articulate(["benchmark", str(index), "--modality", "text", "-q"]) == 0
+    out, err = capsys.readouterr()
+    (made,) = (tmp_path / "runs").iterdir()
+    assert made.name.startswith("benchmark-text-prior-")
+    assert f"page: runs/{made.name}/report.html" in out
+    assert err == ""
+    assert f"--out runs/{made.name}" in (made / "report.html").read_text()
 
 
 def test_other_runs_stand_beside_this_one_in_the_report(done, error_line):

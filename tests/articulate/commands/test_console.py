@@ -184,3 +184,10 @@ def test_signals_are_left_to_a_host_that_has_its_own_handler():
         assert signal.getsignal(signal.SIGINT) is mine
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_what_is_waited_for_is_told_at_a_terminal_alone(live, monkeypatch, capsys):
+    monkeypatch.setattr(console, "is_live", lambda: live)
+    console.say_waiting("proving")
+    assert capsys.readouterr() == ("", "proving\n" if live else "")

@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from articulate.make.spoken import counts_in, miscounted
@@ -24,3 +26,20 @@ def test_only_parts_of_that_name_are_counted():
     assert miscounted("a cabinet with two drawers", labels) == []
     assert miscounted("three drawers", labels) == ["the text says 3 drawers, and the parts hold 2"]
     assert len(miscounted("one door", labels)) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "labels", "wrong"),
+    [
+        ("a light switch", ["plate", "lever", "lever"], []),
+        ("a light switch with two levers", ["plate", "lever", "lever"], []),
+        ("a sliding window, one sash", ["frame", "sash"], []),
+        ("a light switch with one lever", ["plate", "lever", "lever"], ["1 lever, .* hold 2"]),
+        ("an oven with a door", ["body", "knob"], ["1 door, .* hold 0"]),
+        ("a door", ["leaf", "door", "door"], ["1 door, .* hold 2"]),
+    ],
+)
+def test_a_word_that_names_the_object_itself_is_no_count_of_its_parts(text, labels, wrong):
+    found = miscounted(text, labels)
+    assert len(found) == len(wrong)
+    assert all(re.search(pattern, said) for pattern, said in zip(wrong, found, strict=True))

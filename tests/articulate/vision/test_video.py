@@ -5,6 +5,7 @@ import pytest
 
 from articulate.errors import UsageError
 from articulate.render.clip import Clip, write_clip
+from articulate.vision import video
 from articulate.vision.video import ClipError, Reading, check_moves, read_clip
 
 
@@ -49,6 +50,38 @@ def test_a_file_that_is_no_film_is_refused(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"this is no film at all" * 100)
     with pytest.raises(ClipError, match=r"cannot be read as a film|no frame can be read"):
         read_clip(tmp_path / "a.mp4")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a letter\nthat somebody calls a film\n" * 200,
+        "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nreal.mp4\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile real.mp4\n",
+    ],
+    ids=["text", "playlist", "concat"],
+)
+def test_text_and_lists_of_other_files_are_no_films(tmp_path, text):
+    """The decoder draws the one letter by letter and opens what the others name."""
+    film(tmp_path / "real.mp4", ramp(8))
+    (tmp_path / "list.txt").write_text(text)
+    with pytest.raises(ClipError, match="cannot be read as a film"):
+        read_clip(tmp_path / "list.txt")
+
+
+def test_a_playlist_is_told_in_one_line(tmp_path, error_line):
+    (tmp_path / "list.txt").write_text("#EXTM3U\n#EXTINF:4,\nreal.mp4\n")
+    error_line("read_clip(a playlist)", lambda: read_clip(tmp_path / "list.txt"))
+
+
+def test_of_a_long_film_no_more_is_held_than_is_kept(tmp_path, monkeypatch, error_line):
+    path = film(tmp_path / "a.mp4", ramp(12))
+    monkeypatch.setattr(video, "MOST_BYTES", 3 * 48 * 64 * 3)
+    assert read_clip(path, Reading(most_frames=3)).frames.shape == (3, 48, 64, 3)
+    error_line(
+        "read_clip(a.mp4, four frames where three fit)",
+        lambda: read_clip(path, Reading(most_frames=4)),
+    )
 
 
 def test_a_film_of_one_frame_is_refused(tmp_path):

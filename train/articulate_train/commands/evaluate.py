@@ -72,7 +72,7 @@ def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
     for run in runs:
         if not (flags.keep_reports and (run.folder / "report.json").exists()):
             console.say(f"evaluating {run.folder}")
-            judge_run(run, episodes=flags.episodes or run.config.episodes)
+            judge_run(run, episodes=flags.episodes or run.config.episodes, say=console.say)
     comparison = compare([read_report(run.folder) for run in runs])
     command = console.command_line(["evaluate", *(run.folder for run in runs)])
     _, page = write_comparison(comparison, out, command)
@@ -86,6 +86,6 @@ def show(run: Run, episodes: int, required: float, *, as_json: bool) -> int:
     """Evaluate ``run``, print the report, and say whether it reached ``required``."""
     from articulate_train.judge_run import judge_run  # torch and MuJoCo
 
-    done = judge_run(run, episodes=episodes)
+    done = judge_run(run, episodes=episodes, say=console.say)
     console.emit_json(done.report.content()) if as_json else console.emit(done.text())
     return missed(done.report.success_rate, required)

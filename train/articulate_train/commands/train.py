@@ -80,7 +80,7 @@ def main(argv: Sequence[str]) -> int:
     if not flags.resume and is_many(flags.asset):
         return _many(flags, argv)
     run = resume_run(_given(flags), flags.config()) if flags.resume else _new_run(flags)
-    console.say(f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}")
+    console.say(_plan(run))
     again = console.command_line(["train", "--resume", "--out", run.folder])
     console.hint_after_interrupt(f"go on with: {again}")
     if not train_seeds(run, _tell):
@@ -128,16 +128,26 @@ def _new_run(flags: TrainFlags) -> Run:
 
     config, cache = flags.config(), cache_folder()
     if flags.out is not None:
-        return create_run(config, flags.out, cache)
+        return create_run(config, flags.out, cache, console.say_waiting)
     base = _default_name(flags)
     for k in itertools.count(1):
         folder = Path("runs") / (base if k == 1 else f"{base}-{k}")
         try:
-            return create_run(config, folder, cache)
+            return create_run(config, folder, cache, console.say_waiting)
         except RunError:
             if not folder.exists():
                 raise  # else a run that began in the same second was faster
     raise AssertionError
+
+
+def _plan(run: Run) -> str:
+    """One line: where it goes, what is asked, and how much of it."""
+    config = run.config
+    seeds = " ".join(map(str, config.seeds))
+    return (
+        f"{run.folder}: {run.task.name} of {run.asset.name}, joint {run.task.joint}; "
+        f"seed{'s' * (len(config.seeds) > 1)} {seeds} of {config.steps / 1e6:.3g}M steps"
+    )
 
 
 def _given(flags: TrainFlags) -> Path:
