@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -25,14 +26,16 @@ PLAIN = 18.0
 """Pixels that differ by less from what the picture's rim mostly shows are background."""
 MARGIN = 0.06
 """Room about what is not background, as a share of its size."""
-LEVELS_PX = (96, 220, 480)
-"""Longest side of the picture at each level."""
+LEVELS = ((96, 1.8), (220, 0.9), (480, 0.6))
+"""Longest side of the picture at each level [px], and how coarse parts are in pixels of it."""
 PROBES, DENSE = 100, 6000
 """Points on a part that asks how far it is from others, and on these."""
 SMALLEST_GAP = 0.004
 """Smaller gaps are none [m]."""
-ALIKE = 0.01
-"""Parts whose boxes differ by less than this share of their size are alike."""
+SIMILAR, SAME = 0.15, 0.01
+"""Parts whose boxes differ by less than these shares of the longest side are alike, or the same."""
+CROWDED = 10.0
+"""A part that lies in one like it is this much worse than one as far from all others."""
 FAR_M = 1.0
 """Larger gaps are not told apart [m]."""
 Places = Mapping[int, Array]
@@ -80,6 +83,9 @@ class Level:
     pieces: tuple[Piece, ...]
     px: float
     """Pixels of the given picture that make one."""
+    outline: NDArray[np.bool_] = field(repr=False)
+    """Where the object is, with one more pixel at each side (H + 2, W + 2); these are true where
+    the picture ends on the object."""
 
     @property
     def frame(self) -> Floats:
@@ -137,6 +143,11 @@ class Level:
         """Cost of the picture, in pixels of the given one."""
         return rest.total * self.px**2 / CAP
 
+    def unexplained(self, rest: Rest) -> float:
+        """The same of what is wrong all over a spot of some pixels, which edges are not."""
+        spots = cv2.erode(rest.base, np.ones((3, 3)))
+        return float(spots.sum(dtype=np.float64)) * self.px**2 / CAP
+
 
 def background_of(picture: Pixels) -> Array:
     """What the rim of a picture (H, W, 3) mostly shows (3,)."""
@@ -161,7 +172,7 @@ def region_of(picture: Pixels) -> tuple[int, int, int, int]:
 
 
 def level_of(
-    parts: Sequence[PartMesh], picture: Pixels, camera: Camera, most_px: int, depth_m: float
+    parts: Sequence[PartMesh], picture: Pixels, camera: Camera, most_px: int, coarse_m: float
 ) -> Level:
     """The picture at most ``most_px`` wide and high, and parts as coarse as that allows.
 
@@ -170,11 +181,11 @@ def level_of(
         picture: (H, W, 3).
         camera: Its camera.
         most_px: Longest side [px].
-        depth_m: About how far away the object is [m].
+        coarse_m: Parts are as coarse as a pixel is at this distance [m].
     """
     region = region_of(picture)
     shot = shot_of(picture[None], camera, np.array([0]), region, most_px)
-    pixel_m = depth_m / float(shot.pinhole[0])
+    pixel_m = coarse_m / float(shot.pinhole[0])
     rot = camera.T_cw[:3, :3]
     pieces = []
     for part in parts:
@@ -183,7 +194,17 @@ def level_of(
             Piece(np.ascontiguousarray(surface.points_o @ rot.T), surface.faces, surface.albedo)
         )
     longest = max(region[1] - region[0], region[3] - region[2])
-    return Level(shot, background_of(picture), tuple(pieces), longest / max(shot.size))
+    background = background_of(picture)
+    solid = (np.abs(shot.frames[0] - background).max(axis=-1) > PLAIN).astype(np.uint8)
+    outline = cv2.dilate(solid, np.ones((3, 3), np.uint8))
+    height, width = picture.shape[:2]
+    at_end = (region[2] == 0, region[3] == height, region[0] == 0, region[1] == width)
+    padded = np.pad(outline, 1, mode="edge").astype(np.bool_)
+    for side, ends in zip(
+        (padded[0], padded[-1], padded[:, 0], padded[:, -1]), at_end, strict=True
+    ):
+        side &= ends
+    return Level(shot, background, tuple(pieces), longest / max(shot.size), padded)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,19 +221,44 @@ class Puzzle:
     """Points on each part about its middle, in the camera's frame (N, 3)."""
     trees: tuple[cKDTree, ...] = field(repr=False)
     """More such points."""
+    sizes: Array
+    """Sides of each part's box (P, 3) [m]."""
 
     def volume(self, part: int) -> float:
         """Volume of a part's box, with a little in every direction."""
-        return float(np.prod(np.ptp(self.parts[part].bounds, axis=0) + 0.02))
+        return float(np.prod(self.sizes[part] + 0.02))
 
     def radius(self, part: int) -> float:
         """Half the diagonal of a part's box [m]."""
-        return 0.5 * float(np.linalg.norm(np.ptp(self.parts[part].bounds, axis=0)))
+        return 0.5 * float(np.linalg.norm(self.sizes[part]))
 
-    def alike(self, one: int, other: int) -> bool:
-        """Whether the boxes of two parts are alike."""
-        a, b = (np.ptp(self.parts[i].bounds, axis=0) for i in (one, other))
-        return bool(np.abs(a - b).max() <= ALIKE * max(a.max(), b.max()))
+    def alike(self, one: int, other: int, within: float = SIMILAR) -> bool:
+        """Whether the sides of two parts' boxes differ by less than a share of the longest."""
+        a, b = self.sizes[one], self.sizes[other]
+        return bool(np.abs(a - b).max() <= within * max(a.max(), b.max()))
+
+    def share_on_object(self, k: int, part: int, shifts: Array) -> Array:
+        """Share of a part's points that are seen where the object is (Q,), at places (Q, 3)."""
+        level = self.levels[k]
+        fx, fy, cx, cy = level.shot.pinhole
+        points = shifts[:, None] + self.probes[part]
+        depth = np.maximum(points[..., 2], 1e-3)
+        height, width = level.shot.size
+        u = np.clip(np.rint(points[..., 0] / depth * fx + cx), -1, width).astype(np.int64)
+        v = np.clip(np.rint(points[..., 1] / depth * fy + cy), -1, height).astype(np.int64)
+        return np.asarray(level.outline[v + 1, u + 1].mean(axis=1))
+
+    def misfit(self, part: int, shift: Array, places: Places) -> float:
+        """What is wrong with a place apart from the picture, as a length [m].
+
+        The gap to the nearest other part, and much more where a part lies in one like it.
+        """
+        crowded = 0.0
+        for i, other in places.items():
+            if i != part and self.alike(part, i):
+                apart = float(np.linalg.norm(shift - other))
+                crowded += max(0.0, 0.5 * float(self.sizes[part].max()) - apart)
+        return self.gap(part, shift, places) + CROWDED * crowded
 
     def gap(self, part: int, shift: Array, places: Places) -> float:
         """How far a part is from the nearest that has a place [m]; 0 if there is no other."""
@@ -232,9 +278,7 @@ class Puzzle:
     def _box_gap(self, part: int, shift: Array, other: int, other_shift: Array) -> float:
         """Distance of two parts' boxes."""
         between = self.camera.T_wc[:3, :3] @ (shift - other_shift)
-        half = 0.5 * (
-            np.ptp(self.parts[part].bounds, axis=0) + np.ptp(self.parts[other].bounds, axis=0)
-        )
+        half = 0.5 * (self.sizes[part] + self.sizes[other])
         return float(np.linalg.norm(np.maximum(np.abs(between) - half, 0.0)))
 
 
@@ -251,10 +295,13 @@ def puzzle_of(parts: Sequence[PartMesh], picture: Pixels, camera: Camera, light:
     rot = camera.T_cw[:3, :3]
     surfaces = [surface_of([part], pixel_m=1e-4) for part in parts]
     return Puzzle(
-        levels=tuple(level_of(parts, picture, camera, px, distance) for px in LEVELS_PX),
+        levels=tuple(
+            level_of(parts, picture, camera, px, coarse * distance) for px, coarse in LEVELS
+        ),
         camera=camera,
         parts=tuple(parts),
         light=light,
         probes=tuple(sample(surface, PROBES) @ rot.T for surface in surfaces),
         trees=tuple(cKDTree(sample(surface, DENSE) @ rot.T) for surface in surfaces),
+        sizes=np.stack([np.ptp(part.bounds, axis=0) for part in parts]),
     )

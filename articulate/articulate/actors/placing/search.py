@@ -11,7 +11,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from articulate.actors.placing.puzzle import Level, Places, Puzzle, Rest
+from articulate.actors.placing.puzzle import SAME, Level, Places, Puzzle, Rest
 from articulate.actors.placing.seats import (
     above_ground,
     grid,
@@ -21,32 +21,37 @@ from articulate.actors.placing.seats import (
 )
 from articulate.transforms import Array
 
-STARTS, KEPT = 5, 3
-"""Places from which a part is moved to where it costs least, and how many of these are looked at
-more closely."""
+STARTS, SIBLINGS, KEPT = 4, 2, 2
+"""Places from which a part is moved to where it costs least, of all and of those that like parts
+suggest, and how many of these are looked at more closely."""
 BEST_OF = 4000
 """Places of a grid that are compared with each other."""
 BEGINNINGS = 3
 """Places of the largest part that are tried while the picture is not explained."""
-EXPLAINED = 0.02
-"""Less than this share of the object's pixels left over is as good as it gets."""
+EXPLAINED = 0.005
+"""Less than this share of the object's pixels left unexplained is as good as it gets."""
 MOST_PARTS = 15
 """Objects of more parts are put together once only."""
-MUCH_THE_SAME = 0.15
-"""Parts whose sides differ by less than this share of the longest may stand in for each other."""
+EXCHANGES = 12
+"""Most pairs of parts that change places."""
 GAP_PX = 160.0
 """What a gap costs for each unit of length [px/m]."""
 LEAST_GAIN_PX, LEAST_GAIN = 12.0, 0.04
 """A part that explains fewer pixels, or a smaller share of those it is seen in, is hidden."""
+SHOWN = 0.2
+"""What each pixel costs in which a part is seen that should be hidden."""
 FROM_MIDDLE_PX = 20.0
 """What a hidden part costs for each unit of length that it is off the middle [px/m]."""
+HIDDEN_PLACES = 40
+"""So many places of a hidden part are asked for what it touches."""
 LAST_STEP_PX = 0.2
 """Steps in the picture smaller than this are not taken."""
 ALONG_RAY = 4.0
 """Steps along the ray of sight are this much longer than across."""
 RAY_M = np.linspace(-0.5, 0.5, 81)
 """Where along the ray a part is tried, from where it was found [m]."""
-CUBE = np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+CUBE = np.array([m for m in product((-1.0, 0.0, 1.0), repeat=3) if 0.0 in m])
+"""Steps that are compared, in the camera's axes."""
 
 
 def solve(puzzle: Puzzle) -> dict[int, Array]:
@@ -57,13 +62,12 @@ def solve(puzzle: Puzzle) -> dict[int, Array]:
         beginnings = beginnings[:1]
     best: dict[int, Array] = {}
     least = np.inf
-    solid = puzzle.levels[1].solid_px
     for beginning, _ in beginnings:
         places = _assembled(puzzle, order, beginning)
         cost = total_cost(puzzle, 1, places)
         if cost < least:
             best, least = places, cost
-        if least < EXPLAINED * solid:
+        if _explained(puzzle, best):
             break
     for part in order:
         best[part] = settled(puzzle, 2, part, best, best[part], 1.0)[0]
@@ -73,8 +77,8 @@ def solve(puzzle: Puzzle) -> dict[int, Array]:
 def total_cost(puzzle: Puzzle, k: int, places: Places) -> float:
     """What a placement costs at level ``k``."""
     level = puzzle.levels[k]
-    gaps = sum(puzzle.gap(part, shift, places) for part, shift in places.items())
-    return level.total(level.rest(places, puzzle.light)) + GAP_PX * gaps
+    misfit = sum(puzzle.misfit(part, shift, places) for part, shift in places.items())
+    return level.total(level.rest(places, puzzle.light)) + GAP_PX * misfit
 
 
 def _assembled(puzzle: Puzzle, order: Sequence[int], beginning: Array) -> dict[int, Array]:
@@ -83,7 +87,7 @@ def _assembled(puzzle: Puzzle, order: Sequence[int], beginning: Array) -> dict[i
     for part in order[1:]:
         places[part] = _placed(puzzle, part, places)
     _descend(puzzle, 1, order, places)
-    if total_cost(puzzle, 1, places) > EXPLAINED * puzzle.levels[1].solid_px:
+    if not _explained(puzzle, places):
         for part in order:
             _reseat(puzzle, part, places)
         if len(order) <= MOST_PARTS:
@@ -95,12 +99,12 @@ def _assembled(puzzle: Puzzle, order: Sequence[int], beginning: Array) -> dict[i
 def _exchanged(puzzle: Puzzle, parts: Sequence[int], places: dict[int, Array]) -> dict[int, Array]:
     """Parts of much the same size in each other's place, where that costs less."""
     cost = total_cost(puzzle, 1, places)
-    for a, b in combinations(parts, 2):
-        one, two = (np.sort(np.ptp(puzzle.parts[i].bounds, axis=0)) for i in (a, b))
-        if np.abs(one - two).max() > MUCH_THE_SAME * max(one.max(), two.max()):
-            continue
-        if puzzle.alike(a, b):
-            continue
+    pairs = [
+        (a, b)
+        for a, b in combinations(parts, 2)
+        if puzzle.alike(a, b) and not puzzle.alike(a, b, SAME)
+    ]
+    for a, b in pairs[:EXCHANGES]:
         trial = {**places, a: places[b], b: places[a]}
         for part in (a, b, a):
             trial[part] = settled(puzzle, 1, part, trial, trial[part], 2.0)[0]
@@ -108,6 +112,13 @@ def _exchanged(puzzle: Puzzle, parts: Sequence[int], places: dict[int, Array]) -
         if cost_now < cost - LEAST_GAIN_PX:
             places, cost = trial, cost_now
     return places
+
+
+def _explained(puzzle: Puzzle, places: Places) -> bool:
+    """Whether the picture shows hardly anything but the parts where they are."""
+    level = puzzle.levels[1]
+    left = level.unexplained(level.rest(places, puzzle.light))
+    return left < EXPLAINED * level.solid_px
 
 
 def _descend(puzzle: Puzzle, k: int, order: Sequence[int], places: dict[int, Array]) -> None:
@@ -121,7 +132,8 @@ def _reseat(puzzle: Puzzle, part: int, places: dict[int, Array]) -> None:
     others = {i: shift for i, shift in places.items() if i != part}
     if not others:
         return
-    here = settled(puzzle, 1, part, places, places[part], 1.0)
+    k = 2 if is_small(puzzle, part, others) else 1
+    here = settled(puzzle, k, part, places, places[part], 1.0)
     there = min(_found(puzzle, part, others), key=lambda f: f[1])
     places[part] = there[0] if there[1] < here[1] - LEAST_GAIN_PX else here[0]
 
@@ -139,26 +151,18 @@ def _placed(puzzle: Puzzle, part: int, places: Places) -> Array:
 
 def _hidden(puzzle: Puzzle, part: int, places: Places, rest: Rest) -> Array:
     """Where a part may be of which nothing is seen."""
-    siblings = sibling_seats(puzzle, part, places)
-    seats = above_ground(
-        puzzle, part, np.concatenate([siblings, hidden_seats(puzzle, part, places)])
-    )
+    siblings, others = sibling_seats(puzzle, part, places), hidden_seats(puzzle, part, places)
+    seats = above_ground(puzzle, part, np.concatenate([siblings, others]))
     costs, shown = puzzle.levels[1].costs(part, seats, rest, puzzle.light)
-    costs = np.maximum(costs, 0.0) + 0.2 * shown
-    middle = hidden_seats(puzzle, part, places)[0]
-    off = np.linalg.norm(seats - middle, axis=1)
-    off[: len(siblings)] = 0.0
+    costs = np.maximum(costs, 0.0) + SHOWN * shown
+    off = np.linalg.norm(seats - others[0], axis=1)
+    if len(siblings):
+        to_sibling = np.linalg.norm(seats[:, None] - siblings[None], axis=-1).min(axis=1)
+        off = np.minimum(off, to_sibling)
     costs += FROM_MIDDLE_PX * off
-    taken = np.stack(list(places.values()))
-    own = puzzle.camera.T_wc[:3, :3]
-    half = np.ptp(puzzle.parts[part].bounds, axis=0)
-    for other in taken:
-        inside = np.all(np.abs((seats - other) @ own.T) < 0.3 * half, axis=1)
-        costs[inside] += FROM_MIDDLE_PX
-    for q in np.argsort(costs, kind="stable")[:20]:
-        costs[q] += GAP_PX * puzzle.gap(part, seats[q], places)
-    first = np.argsort(costs, kind="stable")[0]
-    return np.asarray(seats[first])
+    likely = np.argsort(costs, kind="stable")[:HIDDEN_PLACES]
+    misfit = [GAP_PX * puzzle.misfit(part, seats[q], places) for q in likely]
+    return np.asarray(seats[likely[int(np.argmin(costs[likely] + misfit))]])
 
 
 def _found(puzzle: Puzzle, part: int, places: Places) -> list[tuple[Array, float]]:
@@ -166,36 +170,42 @@ def _found(puzzle: Puzzle, part: int, places: Places) -> list[tuple[Array, float
     k = 1 if is_small(puzzle, part, places) else 0
     level = puzzle.levels[k]
     rest = level.rest(places, puzzle.light)
-    seats = grid(puzzle, k, part, places, rest)
-    costs, _ = level.costs(part, seats, rest, puzzle.light)
-    starts = [*_apart(seats, costs, puzzle, part), *sibling_seats(puzzle, part, places)]
+    starts: list[Array] = []
+    for seats, most in (
+        (grid(puzzle, k, part, places, rest), STARTS),
+        (sibling_seats(puzzle, part, places), SIBLINGS),
+    ):
+        costs, _ = level.costs(part, seats, rest, puzzle.light)
+        starts += _apart(seats, costs, puzzle, part, most)
+    if not starts:  # everything is explained already
+        starts = [hidden_seats(puzzle, part, places)[0]]
     found = [settled(puzzle, k, part, places, s, 1.5) for s in starts]
     found = sorted(found, key=lambda f: f[1])[:KEPT]
-    if k == 0:
-        found = [settled(puzzle, 1, part, places, s, 1.5) for s, _ in found]
+    k += 1
+    found = [settled(puzzle, k, part, places, s, 1.5) for s, _ in found]
     if places:
-        touching = [_touching(puzzle, part, places, s) for s, _ in found]
-        found += [settled(puzzle, 1, part, places, s, 1.0) for s in touching]
+        touching = [_touching(puzzle, k, part, places, s) for s, _ in found]
+        found += [settled(puzzle, k, part, places, s, 1.0) for s in touching]
     return sorted(found, key=lambda f: f[1])
 
 
-def _touching(puzzle: Puzzle, part: int, places: Places, start: Array) -> Array:
+def _touching(puzzle: Puzzle, k: int, part: int, places: Places, start: Array) -> Array:
     """The place along the ray of sight that costs least."""
-    level = puzzle.levels[1]
+    level = puzzle.levels[k]
     shifts = start * (1.0 + np.maximum(RAY_M, 0.2 - start[2]) / start[2])[:, None]
     rest = level.rest(places, puzzle.light, without=(part,))
     return _cheapest(puzzle, level, part, places, rest, shifts, np.inf)[0]
 
 
-def _apart(seats: Array, costs: Array, puzzle: Puzzle, part: int) -> list[Array]:
+def _apart(seats: Array, costs: Array, puzzle: Puzzle, part: int, most: int) -> list[Array]:
     """The cheapest places, each some way from the cheaper ones."""
-    size = np.ptp(puzzle.parts[part].bounds, axis=0)
+    size = puzzle.sizes[part]
     apart = max(0.04, 0.15 * float(np.median(size)))
     chosen: list[Array] = []
     for q in np.argsort(costs, kind="stable")[:BEST_OF]:
         if all(np.linalg.norm(seats[q] - other) > apart for other in chosen):
             chosen.append(seats[q])
-        if len(chosen) == STARTS:
+        if len(chosen) == most:
             break
     return chosen
 
@@ -237,7 +247,7 @@ def _cheapest(
     for q in np.argsort(costs, kind="stable"):
         if costs[q] >= least - 1e-6:
             break
-        cost = float(costs[q]) + GAP_PX * puzzle.gap(part, shifts[q], places)
+        cost = float(costs[q]) + GAP_PX * puzzle.misfit(part, shifts[q], places)
         if cost < least - 1e-6:
             best, least = shifts[q], cost
     return best, least

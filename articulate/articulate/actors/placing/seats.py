@@ -11,12 +11,14 @@ import numpy as np
 from articulate.actors.placing.puzzle import CAP, Level, Places, Puzzle, Rest
 from articulate.transforms import Array, apply
 
-DEPTHS = 18
+DEPTHS = 16
 """Depths that are tried of a part of which nothing is known."""
 NEAREST, FARTHEST = 0.6, 1.7
 """Between these shares of the distance at which the largest part would fill the outline."""
 GROUND_M = 0.06
 """Nothing is farther below the ground than this [m]."""
+ON_OBJECT = 0.75
+"""At least this share of a part lies within the outline of the object."""
 SMALL_PX = 14.0
 """Parts smaller than this in the coarsest picture are looked for in the next finer one."""
 UNEXPLAINED = 0.3
@@ -28,7 +30,7 @@ LATTICE = 7
 def grid(puzzle: Puzzle, k: int, part: int, places: Places, rest: Rest) -> Array:
     """Places all over the object (N, 3), for the picture of level ``k``."""
     level = puzzle.levels[k]
-    size = np.ptp(puzzle.parts[part].bounds, axis=0)
+    size = puzzle.sizes[part]
     radius = 0.5 * float(np.linalg.norm(size))
     low, high = _depth_range(puzzle, level, radius, places)
     focal = float(level.shot.pinhole[0])
@@ -43,14 +45,15 @@ def grid(puzzle: Puzzle, k: int, part: int, places: Places, rest: Rest) -> Array
         u, v = u[keep], v[keep]
         depths = _near_surface(rest, u, v, radius, np.geomspace(low, high, DEPTHS // 3))
     found = _at(level, np.repeat(u, depths.shape[1]), np.repeat(v, depths.shape[1]), depths.ravel())
-    return above_ground(puzzle, part, found)
+    found = above_ground(puzzle, part, found)
+    return found[puzzle.share_on_object(k, part, found) > ON_OBJECT]
 
 
 def is_small(puzzle: Puzzle, part: int, places: Places) -> bool:
     """Whether a part is too small to be found in the coarsest picture."""
     if not places:
         return False
-    size = np.sort(np.ptp(puzzle.parts[part].bounds, axis=0))
+    size = np.sort(puzzle.sizes[part])
     depth = float(np.median([p[2] for p in places.values()]))
     level = puzzle.levels[0]
     return bool(float(level.shot.pinhole[0]) * float(size[1]) / depth < SMALL_PX)
@@ -58,7 +61,7 @@ def is_small(puzzle: Puzzle, part: int, places: Places) -> bool:
 
 def above_ground(puzzle: Puzzle, part: int, shifts: Array) -> Array:
     """Those of some places (N, 3) at which a part is not below the ground."""
-    heights = apply(puzzle.camera.T_wc, shifts)[:, 2] + puzzle.parts[part].bounds[0, 2]
+    heights = apply(puzzle.camera.T_wc, shifts)[:, 2] - 0.5 * puzzle.sizes[part, 2]
     kept = shifts[heights > -GROUND_M]
     return kept if len(kept) else shifts
 
@@ -85,7 +88,7 @@ def sibling_seats(puzzle: Puzzle, part: int, places: Places) -> Array:
                     seats.append((a + b - c)[None])
     found = np.concatenate(seats)
     far = np.linalg.norm(found[:, None] - known[None], axis=-1).min(axis=1)
-    own = 0.3 * float(np.max(np.ptp(puzzle.parts[part].bounds, axis=0)))
+    own = 0.3 * float(np.max(puzzle.sizes[part]))
     return np.asarray(apply(puzzle.camera.T_cw, found[far > own]))
 
 
@@ -93,7 +96,7 @@ def hidden_seats(puzzle: Puzzle, part: int, places: Places) -> Array:
     """Places all over the box of the largest part (N, 3), its middle first."""
     body = max((i for i in places if i != part), key=puzzle.volume)
     low, high = puzzle.parts[body].bounds + apply(puzzle.camera.T_wc, places[body])
-    own = np.ptp(puzzle.parts[part].bounds, axis=0)
+    own = puzzle.sizes[part]
     room = np.maximum(high - low - own, 0.0)
     shares = np.linspace(-0.5, 0.5, LATTICE)
     shares = shares[np.argsort(np.abs(shares), kind="stable")]
