@@ -10,7 +10,7 @@ import numpy as np
 from articulate.actors.geometric.sweep import LIGHT_ROWS
 from articulate.actors.named.actor import NamedActor
 from articulate.actors.placing.puzzle import puzzle_of
-from articulate.actors.placing.search import solve
+from articulate.actors.placing.search import solve, unexplained_share
 from articulate.actors.protocol import Actor, Evidence, Prediction, TraceStep
 from articulate.errors import UsageError
 from articulate.render.camera import Camera
@@ -30,13 +30,14 @@ class PlacingActor:
         if evidence.placed:
             return self.joints.predict(evidence)
         start = time.monotonic()
-        places = places_of(evidence)
+        places, unexplained = placed_by(evidence)
         moved = tuple(part.moved(places[part.name]) for part in evidence.parts)
         step = TraceStep(
             title="where parts belong, by drawing them and comparing",
             text="; ".join(
                 f"{name}: {np.round(T[:3, 3], 3).tolist()}" for name, T in places.items()
             ),
+            figures={"share of the object left unexplained": unexplained},
             seconds=time.monotonic() - start,
         )
         try:
@@ -52,6 +53,11 @@ def places_of(evidence: Evidence) -> dict[str, Array]:
     Raises:
         UsageError: There is no picture, or its camera is not known.
     """
+    return placed_by(evidence)[0]
+
+
+def placed_by(evidence: Evidence) -> tuple[dict[str, Array], float]:
+    """Where each part belongs, and the share of the object's pixels that is not explained then."""
     if evidence.picture is None or evidence.camera is None:
         raise UsageError("placing parts needs a picture and its camera; give --modality image")
     camera = evidence.camera
@@ -59,10 +65,11 @@ def places_of(evidence: Evidence) -> dict[str, Array]:
     parts = [p.moved(pose(-c)) for p, c in zip(evidence.parts, centres, strict=True)]
     puzzle = puzzle_of(parts, evidence.picture, camera, usual_light(camera))
     found = solve(puzzle)
-    return {
+    places = {
         part.name: pose(apply(camera.T_wc, found[i]) - centres[i])
         for i, part in enumerate(evidence.parts)
     }
+    return places, unexplained_share(puzzle, found)
 
 
 def usual_light(camera: Camera) -> Array:

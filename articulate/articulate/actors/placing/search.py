@@ -67,7 +67,7 @@ def solve(puzzle: Puzzle) -> dict[int, Array]:
         cost = total_cost(puzzle, 1, places)
         if cost < least:
             best, least = places, cost
-        if _explained(puzzle, best):
+        if unexplained_share(puzzle, best) <= EXPLAINED:
             break
     for part in order:
         best[part] = settled(puzzle, 2, part, best, best[part], 1.0)[0]
@@ -87,7 +87,7 @@ def _assembled(puzzle: Puzzle, order: Sequence[int], beginning: Array) -> dict[i
     for part in order[1:]:
         places[part] = _placed(puzzle, part, places)
     _descend(puzzle, 1, order, places)
-    if not _explained(puzzle, places):
+    if unexplained_share(puzzle, places) > EXPLAINED:
         for part in order:
             _reseat(puzzle, part, places)
         if len(order) <= MOST_PARTS:
@@ -114,11 +114,11 @@ def _exchanged(puzzle: Puzzle, parts: Sequence[int], places: dict[int, Array]) -
     return places
 
 
-def _explained(puzzle: Puzzle, places: Places) -> bool:
-    """Whether the picture shows hardly anything but the parts where they are."""
+def unexplained_share(puzzle: Puzzle, places: Places) -> float:
+    """Share of the object's pixels that lie in spots that look other than the parts there."""
     level = puzzle.levels[1]
     left = level.unexplained(level.rest(places, puzzle.light))
-    return left < EXPLAINED * level.solid_px
+    return left / max(level.solid_px, 1.0)
 
 
 def _descend(puzzle: Puzzle, k: int, order: Sequence[int], places: dict[int, Array]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from articulate.actors.named.actor import NamedActor
 from articulate.actors.placing.actor import PlacingActor, places_of, usual_light
 from articulate.actors.placing.puzzle import SMALLEST_GAP, Puzzle, puzzle_of, region_of
-from articulate.actors.placing.search import total_cost
+from articulate.actors.placing.search import total_cost, unexplained_share
 from articulate.actors.placing.seats import above_ground, sibling_seats
 from articulate.actors.protocol import Evidence
 from articulate.errors import UsageError
@@ -61,9 +62,15 @@ def three_places(three):
     return places_of(three)
 
 
-@pytest.fixture(scope="module")
-def puzzle(three) -> Puzzle:
-    return puzzle_of(three.parts, three.picture, CAMERA, usual_light(CAMERA))
+@functools.cache
+def puzzle_of_three() -> Puzzle:
+    evidence = question(["knob", "body", "door"])
+    return puzzle_of(evidence.parts, evidence.picture, CAMERA, usual_light(CAMERA))
+
+
+@pytest.fixture
+def puzzle() -> Puzzle:
+    return puzzle_of_three()
 
 
 def camera_places(puzzle: Puzzle, centres=CENTRES):
@@ -91,9 +98,9 @@ def test_names_labels_order_and_offsets_do_not_reach_the_search(three, three_pla
 
 
 def test_the_true_places_explain_the_picture_and_others_do_not(puzzle):
+    share = unexplained_share(puzzle, camera_places(puzzle))
+    assert share < 0.015  # soft edges of a small picture made larger
     true = total_cost(puzzle, 2, camera_places(puzzle))
-    solid = puzzle.levels[2].solid_px
-    assert true < 0.02 * solid
     for name in CENTRES:
         moved = {**CENTRES, name: CENTRES[name] + np.array([0.0, 0.1, 0.0])}
         assert total_cost(puzzle, 2, camera_places(puzzle, moved)) > true + 5.0
@@ -104,9 +111,8 @@ def test_the_true_places_explain_the_picture_and_others_do_not(puzzle):
     st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.6, -0.2)),
     st.integers(0, 2),
 )
-def test_what_a_part_adds_is_the_difference_of_the_pictures_with_and_without_it(
-    puzzle, shift, part
-):
+def test_what_a_part_adds_is_the_difference_of_the_pictures_with_and_without_it(shift, part):
+    puzzle = puzzle_of_three()
     places = camera_places(puzzle)
     level = puzzle.levels[0]
     here = places[part] + np.array(shift)
