@@ -90,7 +90,7 @@ class Level:
     @property
     def frame(self) -> Floats:
         """The picture (H, W, 3)."""
-        return self.shot.frames[0]
+        return np.asarray(self.shot.frames[0])
 
     @property
     def solid_px(self) -> float:
