@@ -9,6 +9,7 @@ from articulate.errors import ConfigError, MissingError, nearest
 
 ACTORS = {
     "geometric-video": "articulate.actors.geometric.video:video_actor",
+    "geometric-image": "articulate.actors.placing.actor:PlacingActor",
     "geometric-text": "articulate.actors.named.actor:NamedActor",
     "prior": "articulate.actors.prior:PriorActor",
     "vlm": "articulate.actors.vlm.actor:vlm_actor",
