@@ -9,14 +9,16 @@ from articulate.convert.fit import box_shares, fills, fitted, hull, is_near
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape, sample_surface
-from articulate.transforms import Array, Ints
+from articulate.transforms import Array, Ints, Mask
 
 SPARE_LEAST = 0.97
 """Share of what is seen that stays covered when shapes over the budget are left out."""
 SPARE_NEAR = 0.8
 """Share of the distance that the proof calls near within which it counts as covered."""
 SPARE_SAMPLES = 2000
-"""Points that decide about it."""
+"""So many points at least decide about it ..."""
+SPARE_EACH = 24
+"""... and so many for each shape: with few, those that none happens to lie on would be left out."""
 MAX_JOINED = 192
 """More shapes than this are not joined."""
 MAX_REFUSED = 300
@@ -124,9 +126,9 @@ def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) ->
     budget = max(budget, 1)  # handles may have used it up
     if len(shapes) <= budget:
         return shapes
-    points, _ = sample_surface(surface, SPARE_SAMPLES)
+    points, _ = sample_surface(surface, max(SPARE_SAMPLES, SPARE_EACH * len(shapes)))
     near = SPARE_NEAR * surface_tolerance(surface)
-    covers = np.array([shape.covers(points, near) for shape in shapes])
+    covers = np.array([_covered_by(shape, points, near) for shape in shapes])
     count = covers.sum(axis=0)
     kept = list(range(len(shapes)))
     while len(kept) > budget:
@@ -137,6 +139,15 @@ def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) ->
         count = count - covers[kept[least]]
         del kept[least]
     return [shapes[k] for k in kept]
+
+
+def _covered_by(shape: Shape, points: Array, near_m: float) -> Mask:
+    """Whether ``points`` (N, 3) lie in ``shape`` or at most ``near_m`` away (N,); few do."""
+    low, high = shape.bounds
+    found = ((points >= low - near_m) & (points <= high + near_m)).all(axis=1)
+    some = np.flatnonzero(found)
+    found[some] = shape.covers(points[some], near_m)
+    return np.asarray(found)
 
 
 def within_budget(

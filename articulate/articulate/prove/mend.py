@@ -3,8 +3,9 @@
 Where parts meet on a joint's way, two things are sound. What the collision shapes have too much
 is cut away, as long as what is seen stays covered. And where the parts meet as they were
 authored, deeper than a cut can mend, the way ends there: no real part goes through another one.
-Where too little of the way would be left, all stays as it is, and the proof refuses it: no cut
-opens a way through a wall, and none leaves slices so thin that they pass one unnoticed.
+A part that can go both ways and is stopped soon on one of them opens the other way. Where too
+little of the way would be left, all stays as it is, and the proof refuses it: no cut opens a way
+through a wall, and none leaves slices so thin that they pass one unnoticed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -62,6 +64,8 @@ class Mended:
     bodies: tuple[Body, ...]
     repairs: tuple[str, ...]
     """What was changed, one sentence each; none if nothing was."""
+    stuck: frozenset[str] = frozenset()
+    """Links that still go into each other on some way."""
 
 
 def mend(
@@ -82,15 +86,28 @@ def mend(
         bench.balance(pull, model)
     for _ in range(ROUNDS):
         faults = sweep(model).faults
-        if not faults:
-            break
         changed = False
         for fault in faults:
             changed |= bench.mend(fault, model)
         if not changed:
             break
         model = bench.model(shown=True)
-    return bench.done()
+    met = {name for f in faults for m in f.way.meetings for name in (m.one, m.other)}
+    return replace(bench.done(), stuck=frozenset(met))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reached:
+    """How far along a way shapes could be cut back."""
+
+    ends: tuple[float, float]
+    """Lowest and highest position without a meeting [m or rad]."""
+    whole: bool
+    """Whether that is the whole way."""
+    barred: bool
+    """Whether what ends it are parts that meet as authored, everywhere it ends."""
+    states: Mapping[str, tuple[Any, ...]]
+    """The parts, cut so far."""
 
 
 class Bench:
@@ -114,6 +131,8 @@ class Bench:
         }
         self._authored: set[tuple[str, str]] = set()
         """Pairs of links of the fault in hand that meet as authored."""
+        self._barred = False
+        """Whether the parts meet as authored where they were to be cut last."""
         self._shortened: dict[str, str] = {}
         self._eased: list[str] = []
 
@@ -196,8 +215,17 @@ class Bench:
 
     def _shorten(self, fault: Fault, pairs: set[tuple[str, str]], model: ObjectModel) -> bool:
         """End the way of a joint where any of ``pairs`` of links meets; False if little is left."""
-        joint = self.asset.joint(fault.joint)
-        low, high = reach(Sweeper(model=model), fault, pairs)
+        return self._end(fault.joint, reach(Sweeper(model=model), fault, pairs), pairs)
+
+    def _end(
+        self, name: str, ends: tuple[float, float], pairs: Collection[tuple[str, str]]
+    ) -> bool:
+        """End the way of a joint at ``ends`` [m or rad]; False if little is left of it.
+
+        A part that is stopped soon on the way to open, but can go far the other way, opens there.
+        """
+        joint = self.asset.joint(name)
+        low, high = ends
         lower, upper = _range(joint)
         low, high = max(low, lower), min(high, upper)
         scale = 10.0**DIGITS
@@ -206,20 +234,25 @@ class Bench:
         if high < upper:
             high = math.floor(high * scale) / scale
         closed = min(max(joint.closed, low), high)
-        far = min(max(joint.open, low), high)
-        way = abs(far - closed)
-        enough = way >= LEAST_WAY * abs(joint.span)
-        if joint.kind == "hinge":
-            enough = enough or way >= LEAST_TURN
-        if not enough or low >= high or (low, high) == (lower, upper):
+        if low >= high or (low, high) == (lower, upper):
             return False
-        self._set(replace(joint, lower=low, upper=high, closed=closed, open=far))
+        far = min(max(joint.open, low), high)
+        other = min((low, high), key=lambda end: (end - closed) * joint.span)
+        far = next((end for end in (far, other) if _is_enough(joint, end - closed)), closed)
+        if far == closed:
+            return False
+        turned = (far - closed) * joint.span < 0.0
+        rule = f"{joint.closed_rule}; opens towards its other limit" * turned or joint.closed_rule
+        joint = replace(joint, lower=low, upper=high, closed=closed, open=far, closed_rule=rule)
+        self._set(joint)
         others = sorted({other for _, other in pairs})
         unit = "m" if joint.kind == "slide" else "rad"
         before = "turned without end" if joint.lower is None else f"{lower:.4g} to {upper:.4g}"
         self._shortened[joint.name] = (
             f"way of joint {joint.name} shortened to {low:.4g} to {high:.4g} {unit} "
             f"(was {before}): beyond it the part goes into {' and '.join(others)}, as authored"
+            + "; it opens the other way"
+            * turned
         )
         return True
 
@@ -233,32 +266,62 @@ class Bench:
         """Cut shapes back along a way until nothing meets there; else leave all as it is.
 
         As little as has to be is tried first, then cuts after which two shapes do not meet at
-        all: many small ones can cost more than one that ends it.
+        all: many small ones can cost more than one that ends it. Where neither goes all the way,
+        for the parts meet as authored beyond, and enough was cleared, the way ends there.
         """
         self._authored = set(fault.authored)
         before = {name: part.state() for name, part in self.parts.items()}
+        tried = []
         for whole in (False, True):
-            if self._cut_along(fault, whole=whole):
-                return True
-            for name, state in before.items():
-                self.parts[name].restore(state)
-                before[name] = self.parts[name].state()
-        return False
+            count = sum(part.cut_count for part in self.parts.values())
+            reached = self._cut_along(fault, whole=whole)
+            if reached.whole:
+                return sum(part.cut_count for part in self.parts.values()) > count
+            tried.append(reached)
+            self._restore(before)
+        best = max(tried, key=lambda reached: reached.ends[1] - reached.ends[0])
+        if not (best.barred and fault.alone and self._end(fault.joint, best.ends, fault.authored)):
+            return False
+        self._restore(best.states)
+        return True
 
-    def _cut_along(self, fault: Fault, *, whole: bool) -> bool:
-        """Cut shapes back along a way; whether that could be done, and anything was cut."""
-        count = sum(part.cut_count for part in self.parts.values())
+    def _states(self) -> dict[str, tuple[Any, ...]]:
+        """All parts as they are now, to come back to with :meth:`_restore`."""
+        return {name: part.state() for name, part in self.parts.items()}
+
+    def _restore(self, states: Mapping[str, tuple[Any, ...]]) -> None:
+        """Go back to earlier states, which stay as they are."""
+        for name, (*lists, gone, cuts, count, removed_m3) in states.items():
+            fresh = [list(each) for each in lists]
+            self.parts[name].restore((*fresh, set(gone), set(cuts), count, removed_m3))
+
+    def _cut_along(self, fault: Fault, *, whole: bool) -> _Reached:
+        """Cut shapes back along a way, as far as that goes."""
         most = MAX_STATES if fault.alone else DRAW_STATES
-        ways = Sweeper(model=self.model()).positions(fault.joint, most)
+        start = Sweeper(model=self.model())
         pairs = {(meeting.one, meeting.other) for meeting in fault.way.meetings}
+        ends, stops = [start.model.closed[fault.joint]], []
         sweeper = self._sweeper_of(pairs)
-        for q in np.concatenate([np.zeros(0), *ways]):
-            at = {**fault.others, fault.joint: float(q)}
-            found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
-            if found is None:
-                return False
-            sweeper = found
-        return sum(part.cut_count for part in self.parts.values()) > count
+        for positions in start.positions(fault.joint, most):
+            for q in positions.tolist():
+                before = self._states()
+                at = {**fault.others, fault.joint: q}
+                found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
+                if found is None:
+                    self._restore(before)
+                    sweeper = self._sweeper_of(pairs)
+                    stops.append(self._barred)
+                    break
+                sweeper = found
+                ends.append(q)
+            if stops and not all(stops):
+                break
+        return _Reached(
+            ends=(min(ends), max(ends)),
+            whole=not stops,
+            barred=bool(stops) and all(stops),
+            states=self._states(),
+        )
 
     def _cut_at(
         self,
@@ -274,6 +337,7 @@ class Bench:
         Returns:
             The sweeper for the result, or None if the links would lose too much.
         """
+        self._barred = False
         for _ in range(TRIES):
             met = [m for m in sweeper.meetings(joint, q) if (m.one, m.other) in pairs]
             if not met:
@@ -302,8 +366,8 @@ class Bench:
         Where neither can lose as much, both are cut by half. Nothing is bared where the parts
         meet as authored.
         """
-        authored = (meeting.one, meeting.other) in self._authored
-        met = authored or sweeper.surfaces.cross(sweeper.data, meeting.overlap)
+        self._barred = sweeper.surfaces.cross(sweeper.data, meeting.overlap)
+        met = self._barred or (meeting.one, meeting.other) in self._authored
         way_out_w = np.asarray(meeting.overlap.way_out_w)
         one, other = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
         sides = ((one, other, -way_out_w), (other, one, way_out_w))
@@ -445,6 +509,12 @@ def reach(sweeper: Sweeper, fault: Fault, pairs: set[tuple[str, str]]) -> tuple[
             free = q
         ends.append(free)
     return min(ends), max(ends)
+
+
+def _is_enough(joint: Joint, way: float) -> bool:
+    """Whether so much of the way of a joint [m or rad], with its sign, is worth keeping."""
+    turn = joint.kind == "hinge" and abs(way) >= LEAST_TURN
+    return turn or abs(way) >= LEAST_WAY * abs(joint.span)
 
 
 def _range(joint: Joint) -> tuple[float, float]:
