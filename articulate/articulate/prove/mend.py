@@ -3,9 +3,8 @@
 Where parts meet on a joint's way, two things are sound. What the collision shapes have too much
 is cut away, as long as what is seen stays covered. And where the parts meet as they were
 authored, deeper than a cut can mend, the way ends there: no real part goes through another one.
-A part that can go both ways and is stopped soon on one of them opens the other way. Where too
-little of the way would be left, all stays as it is, and the proof refuses it: no cut opens a way
-through a wall, and none leaves slices so thin that they pass one unnoticed.
+Where too little of the way would be left, all stays as it is, and the proof refuses it: no cut
+opens a way through a wall, and none leaves slices so thin that they pass one unnoticed.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Joint
+from articulate.convert.budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body, Mimic, mesh_files, mjcf
 from articulate.prove.cut import APART_M, Offer, Part, carved, cut_back
@@ -69,7 +69,11 @@ class Mended:
 
 
 def mend(
-    asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], model: ObjectModel
+    asset: Asset,
+    bodies: Sequence[Body],
+    mimics: Sequence[Mimic],
+    model: ObjectModel,
+    budget: Budget = UNLIMITED,
 ) -> Mended:
     """Repair what stands in the way of joints.
 
@@ -78,8 +82,9 @@ def mend(
         bodies: Its bodies as they were written.
         mimics: Joints that follow others.
         model: The object compiled, with what it shows.
+        budget: Time for cuts; what is not done by then is left alone.
     """
-    bench = Bench(asset=asset, bodies=bodies, mimics=mimics)
+    bench = Bench(asset=asset, bodies=bodies, mimics=mimics, budget=budget)
     for name in model.free_joints:
         pull = pull_of(asset, model, name)
         bench.ease(pull)
@@ -117,10 +122,19 @@ class Bench:
         asset: The object.
         bodies: Its bodies as converted.
         mimics: Joints that follow others.
+        budget: Time for cuts.
     """
 
-    def __init__(self, *, asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic]) -> None:
+    def __init__(
+        self,
+        *,
+        asset: Asset,
+        bodies: Sequence[Body],
+        mimics: Sequence[Mimic],
+        budget: Budget = UNLIMITED,
+    ) -> None:
         self.asset = asset
+        self._budget = budget
         self.parts = {body.name: Part(body) for body in bodies}
         self.mimics = mimics
         self._shown = {
@@ -220,10 +234,7 @@ class Bench:
     def _end(
         self, name: str, ends: tuple[float, float], pairs: Collection[tuple[str, str]]
     ) -> bool:
-        """End the way of a joint at ``ends`` [m or rad]; False if little is left of it.
-
-        A part that is stopped soon on the way to open, but can go far the other way, opens there.
-        """
+        """End the way of a joint at ``ends`` [m or rad]; False if little is left of it."""
         joint = self.asset.joint(name)
         low, high = ends
         lower, upper = _range(joint)
@@ -234,25 +245,20 @@ class Bench:
         if high < upper:
             high = math.floor(high * scale) / scale
         closed = min(max(joint.closed, low), high)
-        if low >= high or (low, high) == (lower, upper):
-            return False
         far = min(max(joint.open, low), high)
-        other = min((low, high), key=lambda end: (end - closed) * joint.span)
-        far = next((end for end in (far, other) if _is_enough(joint, end - closed)), closed)
-        if far == closed:
+        way = abs(far - closed)
+        enough = way >= LEAST_WAY * abs(joint.span)
+        if joint.kind == "hinge":
+            enough = enough or way >= LEAST_TURN
+        if not enough or low >= high or (low, high) == (lower, upper):
             return False
-        turned = (far - closed) * joint.span < 0.0
-        rule = f"{joint.closed_rule}; opens towards its other limit" * turned or joint.closed_rule
-        joint = replace(joint, lower=low, upper=high, closed=closed, open=far, closed_rule=rule)
-        self._set(joint)
+        self._set(replace(joint, lower=low, upper=high, closed=closed, open=far))
         others = sorted({other for _, other in pairs})
         unit = "m" if joint.kind == "slide" else "rad"
         before = "turned without end" if joint.lower is None else f"{lower:.4g} to {upper:.4g}"
         self._shortened[joint.name] = (
             f"way of joint {joint.name} shortened to {low:.4g} to {high:.4g} {unit} "
             f"(was {before}): beyond it the part goes into {' and '.join(others)}, as authored"
-            + "; it opens the other way"
-            * turned
         )
         return True
 
@@ -270,17 +276,22 @@ class Bench:
         for the parts meet as authored beyond, and enough was cleared, the way ends there.
         """
         self._authored = set(fault.authored)
-        before = {name: part.state() for name, part in self.parts.items()}
+        before = self._states()
         tried = []
         for whole in (False, True):
             count = sum(part.cut_count for part in self.parts.values())
-            reached = self._cut_along(fault, whole=whole)
+            try:
+                reached = self._cut_along(fault, whole=whole)
+            except OutOfTimeError:
+                self._restore(before)
+                return False
             if reached.whole:
                 return sum(part.cut_count for part in self.parts.values()) > count
             tried.append(reached)
             self._restore(before)
         best = max(tried, key=lambda reached: reached.ends[1] - reached.ends[0])
-        if not (best.barred and fault.alone and self._end(fault.joint, best.ends, fault.authored)):
+        wall = best.barred and fault.alone and bool(fault.authored)
+        if not (wall and self._end(fault.joint, best.ends, fault.authored)):
             return False
         self._restore(best.states)
         return True
@@ -339,6 +350,7 @@ class Bench:
         """
         self._barred = False
         for _ in range(TRIES):
+            self._budget.check()
             met = [m for m in sweeper.meetings(joint, q) if (m.one, m.other) in pairs]
             if not met:
                 return sweeper
@@ -509,12 +521,6 @@ def reach(sweeper: Sweeper, fault: Fault, pairs: set[tuple[str, str]]) -> tuple[
             free = q
         ends.append(free)
     return min(ends), max(ends)
-
-
-def _is_enough(joint: Joint, way: float) -> bool:
-    """Whether so much of the way of a joint [m or rad], with its sign, is worth keeping."""
-    turn = joint.kind == "hinge" and abs(way) >= LEAST_TURN
-    return turn or abs(way) >= LEAST_WAY * abs(joint.span)
 
 
 def _range(joint: Joint) -> tuple[float, float]:

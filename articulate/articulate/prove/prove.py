@@ -15,6 +15,7 @@ import numpy as np
 
 from articulate.asset import Asset, load_asset
 from articulate.cache import alone
+from articulate.convert.budget import Budget
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import (
     Reading,
@@ -52,6 +53,8 @@ TIMED_STEPS = 100
 """Physics steps that are timed together."""
 TIMINGS = 7
 """So often; the median counts."""
+MEND_S = 90.0
+"""Cutting shapes back may take so much time of the processor [s]."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
 
@@ -243,10 +246,11 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     asset, mimics, model = made.asset, made.mimics, made.model
     if model is None or not asset.joints:
         return write_asset(asset, made.bodies, mimics, folder)
-    mended = mend(asset, made.bodies, mimics, model)
+    budget = Budget(MEND_S)
+    mended = mend(asset, made.bodies, mimics, model, budget)
     finer = refiner.finer(mended.stuck) if mended.stuck else None
     if finer is not None and finer.model is not None:
-        again = mend(finer.asset, finer.bodies, mimics, finer.model)
+        again = mend(finer.asset, finer.bodies, mimics, finer.model, budget)
         if not again.stuck:
             asset, mended = finer.asset, again
     sentences = (*asset.repairs, *mended.repairs)

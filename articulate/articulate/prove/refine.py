@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from articulate.asset import Asset
-from articulate.convert.budget import UNLIMITED, Budget
+from articulate.convert.budget import UNLIMITED, Budget, spent_s
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import Reading, Shaped, build_asset, write_asset
 from articulate.convert.write import Body, Mimic
@@ -26,7 +26,9 @@ from articulate.transforms import Array
 PASSES = 4
 """Shapes are made so often at most."""
 PASS_S = 25.0
-"""Each finer pass may take so much time of the processor [s]; what is not done by then stays."""
+"""A finer pass may take so much time of the processor for each link that it makes finer [s] ..."""
+MOST_S = 100.0
+"""... and all of them this much; what is not done by then stays as it was."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +70,7 @@ class Refiner:
         self._shaped = Shaped()
         self._hollow: dict[str, Array] = {}
         self._times: dict[str, int] = {}
+        self._left_s = MOST_S
 
     def best(self) -> Refined:
         """The object, made finer link by link while a pass gains enough."""
@@ -89,7 +92,7 @@ class Refiner:
             for link in sorted(sealed - set(self._hollow)):
                 self._hollow[link] = cavity_points(now.model, link)
             times |= {link: len(history[link]) for link in again}
-            now = self._made(Budget(PASS_S))
+            now = self._finer(len(again))
         best = {link: values.index(min(values)) for link, values in history.items()}
         worse = {link: count for link, count in best.items() if count != times.get(link, 0)}
         if worse:
@@ -104,11 +107,18 @@ class Refiner:
         """
         before = dict(self._times)
         self._times |= {link: before.get(link, 0) + 1 for link in links}
-        now = self._made(Budget(PASS_S))
+        now = self._finer(len(links))
         if now.model is not None and not _failed(now.model):
             return now
         self._times = before
         return None
+
+    def _finer(self, count: int) -> Refined:
+        """The object as fine as it is asked to be now, with ``count`` links finer than before."""
+        start_s = spent_s()
+        now = self._made(Budget(min(PASS_S * count, self._left_s)))
+        self._left_s = max(self._left_s - (spent_s() - start_s), 0.0)
+        return now
 
     def _made(self, budget: Budget) -> Refined:
         repairs = self.reading.source.repairs
