@@ -18,7 +18,7 @@ class Budget:
     """
 
     def __init__(self, limit_s: float = math.inf) -> None:
-        self._end_s = _spent_s() + limit_s
+        self._end_s = spent_s() + limit_s
 
     def check(self) -> None:
         """Go on if there is time left.
@@ -26,11 +26,12 @@ class Budget:
         Raises:
             OutOfTimeError: There is none.
         """
-        if _spent_s() > self._end_s:
+        if spent_s() > self._end_s:
             raise OutOfTimeError
 
 
-def _spent_s() -> float:
+def spent_s() -> float:
+    """Time of the processor that this process and its ended children took so far [s]."""
     return sum(os.times()[:4])
 
 

@@ -118,7 +118,7 @@ def collision_shapes(
         plain = merged(plain, whole, tol)
     plain = without_hidden(plain)
     few = min(most, max(config.max_geoms - len(handles), 1))
-    plain = without_spare(plain, whole.mesh, few)
+    plain = without_spare(plain, whole.mesh, few, sure=fineness(part, config) > 1.0)
     strict = None if fineness(part, config) == 1.0 else whole
     return (*within_budget(plain, most, part, repairs, strict, few), *handles)
 

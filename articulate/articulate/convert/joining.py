@@ -16,7 +16,12 @@ SPARE_LEAST = 0.97
 SPARE_NEAR = 0.8
 """Share of the distance that the proof calls near within which it counts as covered."""
 SPARE_SAMPLES = 2000
-"""Points that decide about it."""
+"""So many points decide about it ..."""
+SPARE_EACH = 100
+"""... and so many for each shape where it has to be sure: with few, those that by chance hold least
+of them would be left out, and more is lost then than the points say ..."""
+SPARE_MOST = 100_000
+"""... up to so many."""
 MAX_JOINED = 192
 """More shapes than this are not joined."""
 MAX_REFUSED = 300
@@ -116,27 +121,52 @@ def without_hidden(shapes: list[Shape]) -> list[Shape]:
     return kept
 
 
-def without_spare(shapes: list[Shape], surface: trimesh.Trimesh, budget: int) -> list[Shape]:
+def without_spare(
+    shapes: list[Shape], surface: trimesh.Trimesh, budget: int, *, sure: bool = False
+) -> list[Shape]:
     """At most ``budget`` shapes, as long as those left out stand for next to nothing alone.
 
     Trims and rims lie close to panels: what they cover of ``surface`` is covered twice.
+
+    Args:
+        shapes: Those of one part.
+        surface: What it shows.
+        budget: So many are wanted.
+        sure: Ask as many points as it takes to know what many small shapes stand for.
     """
     budget = max(budget, 1)  # handles may have used it up
     if len(shapes) <= budget:
         return shapes
-    points, _ = sample_surface(surface, SPARE_SAMPLES)
+    asked = min(max(SPARE_SAMPLES, SPARE_EACH * len(shapes) * sure), SPARE_MOST)
+    points, _ = sample_surface(surface, asked)
     near = SPARE_NEAR * surface_tolerance(surface)
-    covers = np.array([shape.covers(points, near) for shape in shapes])
-    count = covers.sum(axis=0)
-    kept = list(range(len(shapes)))
-    while len(kept) > budget:
-        alone = (covers[kept] & (count == 1)).mean(axis=1)
-        least = int(np.argmin(alone))
-        if float((count > 0).mean() - alone[least]) < SPARE_LEAST:
+    covered = [_covered_by(shape, points, near) for shape in shapes]
+    count = np.zeros(len(points), dtype=np.int64)
+    owners = np.zeros(len(points), dtype=np.int64)  # sum of the numbers of all that cover a point
+    for k, own in enumerate(covered):
+        count[own] += 1
+        owners[own] += k
+    alone = np.array([(count[own] == 1).sum() for own in covered])
+    seen, left = int((count > 0).sum()), len(shapes)
+    gone = np.zeros(len(shapes), dtype=bool)
+    while left > budget:
+        least = int(np.argmin(np.where(gone, len(points) + 1, alone)))
+        if seen - alone[least] < SPARE_LEAST * len(points):
             break
-        count = count - covers[kept[least]]
-        del kept[least]
-    return [shapes[k] for k in kept]
+        gone[least] = True
+        left, seen = left - 1, seen - int(alone[least])
+        own = covered[least]
+        count[own] -= 1
+        owners[own] -= least
+        np.add.at(alone, owners[own[count[own] == 1]], 1)
+    return [shape for shape, spare in zip(shapes, gone, strict=True) if not spare]
+
+
+def _covered_by(shape: Shape, points: Array, near_m: float) -> Ints:
+    """Which of ``points`` (N, 3) lie in ``shape`` or at most ``near_m`` away; few do."""
+    low, high = shape.bounds
+    some = np.flatnonzero(((points >= low - near_m) & (points <= high + near_m)).all(axis=1))
+    return np.asarray(some[shape.covers(points[some], near_m)])
 
 
 def within_budget(
@@ -163,8 +193,7 @@ def within_budget(
     if strict is not None:
         shapes = _strictly_joined(shapes, few or budget, strict)
         budget = round(OVER_BUDGET * budget)
-    while len(shapes) > max(budget, 1):
-        shapes = _cheapest_join(shapes)
+    shapes = _cheaply_joined(shapes, budget)
     if len(shapes) < before:
         repairs.add(f"part {part}: {before} collision shapes joined to {len(shapes)}")
     return tuple(shapes)
@@ -203,10 +232,24 @@ def _added(shapes: list[Shape]) -> Array:
     return np.asarray(added)
 
 
-def _cheapest_join(shapes: list[Shape]) -> list[Shape]:
-    """The shapes with the pair joined whose common upright box adds least volume."""
-    added = _added(shapes)
-    i, j = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
-    joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
-    rest = [s for k, s in enumerate(shapes) if k not in (i, j)]
-    return [*rest, joint] if joint is not None else [*rest, shapes[i]]
+def _cheaply_joined(shapes: list[Shape], budget: int) -> list[Shape]:
+    """At most ``budget`` shapes: pairs whose common upright box adds least volume are joined."""
+    if len(shapes) <= max(budget, 1):
+        return shapes
+    shapes, added = list(shapes), _added(shapes)
+    while len(shapes) > max(budget, 1):
+        i, j = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
+        joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
+        keep = [k for k in range(len(shapes)) if k not in (i, j)]
+        shapes = [*(shapes[k] for k in keep), joint if joint is not None else shapes[i]]
+        added = np.pad(added[np.ix_(keep, keep)], (0, 1), constant_values=np.inf)
+        added[:-1, -1] = _added_by(shapes[:-1], shapes[-1])
+    return shapes
+
+
+def _added_by(shapes: list[Shape], last: Shape) -> Array:
+    """Volume [m3] that the common upright box of each of ``shapes`` and ``last`` adds (N,)."""
+    low = np.array([s.bounds[0] for s in shapes]).reshape(-1, 3)
+    high = np.array([s.bounds[1] for s in shapes]).reshape(-1, 3)
+    common = np.prod(np.maximum(high, last.bounds[1]) - np.minimum(low, last.bounds[0]), axis=1)
+    return np.asarray(common - np.prod(high - low, axis=1) - np.prod(np.ptp(last.bounds, axis=0)))

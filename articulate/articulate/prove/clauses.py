@@ -89,8 +89,9 @@ CLAUSES: dict[str, Meaning] = {
         "meet there, too, or two joints each need the other one open first. It is listed only "
         "where it fails.",
         matters="No collision shape can mend an object whose parts run through each other.",
-        mend="A way of which half or 75 degrees are left is shortened by itself; otherwise mend "
-        "the limits, the axis or the meshes of the two parts that are named.",
+        mend="Edges that hardly matter to what is seen are cut away, and a way of which half or 75 "
+        "degrees are left then is shortened, by itself; otherwise mend the limits, the axis or "
+        "the meshes of the two parts that are named.",
     ),
     "sweep_random": Meaning(
         means="The same with the other joints anywhere in their ranges. States in which the "

@@ -12,11 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Joint
+from articulate.convert.budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.convert.shapes import Shape
 from articulate.convert.write import Body, Mimic, mesh_files, mjcf
 from articulate.prove.cut import APART_M, Offer, Part, carved, cut_back
@@ -62,10 +64,16 @@ class Mended:
     bodies: tuple[Body, ...]
     repairs: tuple[str, ...]
     """What was changed, one sentence each; none if nothing was."""
+    stuck: frozenset[str] = frozenset()
+    """Links that still go into each other on some way."""
 
 
 def mend(
-    asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], model: ObjectModel
+    asset: Asset,
+    bodies: Sequence[Body],
+    mimics: Sequence[Mimic],
+    model: ObjectModel,
+    budget: Budget = UNLIMITED,
 ) -> Mended:
     """Repair what stands in the way of joints.
 
@@ -74,23 +82,37 @@ def mend(
         bodies: Its bodies as they were written.
         mimics: Joints that follow others.
         model: The object compiled, with what it shows.
+        budget: Time for cuts; what is not done by then is left alone.
     """
-    bench = Bench(asset=asset, bodies=bodies, mimics=mimics)
+    bench = Bench(asset=asset, bodies=bodies, mimics=mimics, budget=budget)
     for name in model.free_joints:
         pull = pull_of(asset, model, name)
         bench.ease(pull)
         bench.balance(pull, model)
     for _ in range(ROUNDS):
         faults = sweep(model).faults
-        if not faults:
-            break
         changed = False
         for fault in faults:
             changed |= bench.mend(fault, model)
         if not changed:
             break
         model = bench.model(shown=True)
-    return bench.done()
+    met = {name for f in faults for m in f.way.meetings for name in (m.one, m.other)}
+    return replace(bench.done(), stuck=frozenset(met))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reached:
+    """How far along a way shapes could be cut back."""
+
+    ends: tuple[float, float]
+    """Lowest and highest position without a meeting [m or rad]."""
+    whole: bool
+    """Whether that is the whole way."""
+    barred: bool
+    """Whether what ends it are parts that meet as authored, everywhere it ends."""
+    states: Mapping[str, tuple[Any, ...]]
+    """The parts, cut so far."""
 
 
 class Bench:
@@ -100,10 +122,19 @@ class Bench:
         asset: The object.
         bodies: Its bodies as converted.
         mimics: Joints that follow others.
+        budget: Time for cuts.
     """
 
-    def __init__(self, *, asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic]) -> None:
+    def __init__(
+        self,
+        *,
+        asset: Asset,
+        bodies: Sequence[Body],
+        mimics: Sequence[Mimic],
+        budget: Budget = UNLIMITED,
+    ) -> None:
         self.asset = asset
+        self._budget = budget
         self.parts = {body.name: Part(body) for body in bodies}
         self.mimics = mimics
         self._shown = {
@@ -114,6 +145,8 @@ class Bench:
         }
         self._authored: set[tuple[str, str]] = set()
         """Pairs of links of the fault in hand that meet as authored."""
+        self._barred = False
+        """Whether the parts meet as authored where they were to be cut last."""
         self._shortened: dict[str, str] = {}
         self._eased: list[str] = []
 
@@ -196,8 +229,14 @@ class Bench:
 
     def _shorten(self, fault: Fault, pairs: set[tuple[str, str]], model: ObjectModel) -> bool:
         """End the way of a joint where any of ``pairs`` of links meets; False if little is left."""
-        joint = self.asset.joint(fault.joint)
-        low, high = reach(Sweeper(model=model), fault, pairs)
+        return self._end(fault.joint, reach(Sweeper(model=model), fault, pairs), pairs)
+
+    def _end(
+        self, name: str, ends: tuple[float, float], pairs: Collection[tuple[str, str]]
+    ) -> bool:
+        """End the way of a joint at ``ends`` [m or rad]; False if little is left of it."""
+        joint = self.asset.joint(name)
+        low, high = ends
         lower, upper = _range(joint)
         low, high = max(low, lower), min(high, upper)
         scale = 10.0**DIGITS
@@ -233,32 +272,67 @@ class Bench:
         """Cut shapes back along a way until nothing meets there; else leave all as it is.
 
         As little as has to be is tried first, then cuts after which two shapes do not meet at
-        all: many small ones can cost more than one that ends it.
+        all: many small ones can cost more than one that ends it. Where neither goes all the way,
+        for the parts meet as authored beyond, and enough was cleared, the way ends there.
         """
         self._authored = set(fault.authored)
-        before = {name: part.state() for name, part in self.parts.items()}
+        before = self._states()
+        tried = []
         for whole in (False, True):
-            if self._cut_along(fault, whole=whole):
-                return True
-            for name, state in before.items():
-                self.parts[name].restore(state)
-                before[name] = self.parts[name].state()
-        return False
-
-    def _cut_along(self, fault: Fault, *, whole: bool) -> bool:
-        """Cut shapes back along a way; whether that could be done, and anything was cut."""
-        count = sum(part.cut_count for part in self.parts.values())
-        most = MAX_STATES if fault.alone else DRAW_STATES
-        ways = Sweeper(model=self.model()).positions(fault.joint, most)
-        pairs = {(meeting.one, meeting.other) for meeting in fault.way.meetings}
-        sweeper = self._sweeper_of(pairs)
-        for q in np.concatenate([np.zeros(0), *ways]):
-            at = {**fault.others, fault.joint: float(q)}
-            found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
-            if found is None:
+            count = sum(part.cut_count for part in self.parts.values())
+            try:
+                reached = self._cut_along(fault, whole=whole)
+            except OutOfTimeError:
+                self._restore(before)
                 return False
-            sweeper = found
-        return sum(part.cut_count for part in self.parts.values()) > count
+            if reached.whole:
+                return sum(part.cut_count for part in self.parts.values()) > count
+            tried.append(reached)
+            self._restore(before)
+        best = max(tried, key=lambda reached: reached.ends[1] - reached.ends[0])
+        wall = best.barred and fault.alone and bool(fault.authored)
+        if not (wall and self._end(fault.joint, best.ends, fault.authored)):
+            return False
+        self._restore(best.states)
+        return True
+
+    def _states(self) -> dict[str, tuple[Any, ...]]:
+        """All parts as they are now, to come back to with :meth:`_restore`."""
+        return {name: part.state() for name, part in self.parts.items()}
+
+    def _restore(self, states: Mapping[str, tuple[Any, ...]]) -> None:
+        """Go back to earlier states, which stay as they are."""
+        for name, (*lists, gone, cuts, count, removed_m3) in states.items():
+            fresh = [list(each) for each in lists]
+            self.parts[name].restore((*fresh, set(gone), set(cuts), count, removed_m3))
+
+    def _cut_along(self, fault: Fault, *, whole: bool) -> _Reached:
+        """Cut shapes back along a way, as far as that goes."""
+        most = MAX_STATES if fault.alone else DRAW_STATES
+        start = Sweeper(model=self.model())
+        pairs = {(meeting.one, meeting.other) for meeting in fault.way.meetings}
+        ends, stops = [start.model.closed[fault.joint]], []
+        sweeper = self._sweeper_of(pairs)
+        for positions in start.positions(fault.joint, most):
+            for q in positions.tolist():
+                before = self._states()
+                at = {**fault.others, fault.joint: q}
+                found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
+                if found is None:
+                    self._restore(before)
+                    sweeper = self._sweeper_of(pairs)
+                    stops.append(self._barred)
+                    break
+                sweeper = found
+                ends.append(q)
+            if stops and not all(stops):
+                break
+        return _Reached(
+            ends=(min(ends), max(ends)),
+            whole=not stops,
+            barred=bool(stops) and all(stops),
+            states=self._states(),
+        )
 
     def _cut_at(
         self,
@@ -274,7 +348,9 @@ class Bench:
         Returns:
             The sweeper for the result, or None if the links would lose too much.
         """
+        self._barred = False
         for _ in range(TRIES):
+            self._budget.check()
             met = [m for m in sweeper.meetings(joint, q) if (m.one, m.other) in pairs]
             if not met:
                 return sweeper
@@ -302,8 +378,8 @@ class Bench:
         Where neither can lose as much, both are cut by half. Nothing is bared where the parts
         meet as authored.
         """
-        authored = (meeting.one, meeting.other) in self._authored
-        met = authored or sweeper.surfaces.cross(sweeper.data, meeting.overlap)
+        self._barred = sweeper.surfaces.cross(sweeper.data, meeting.overlap)
+        met = self._barred or (meeting.one, meeting.other) in self._authored
         way_out_w = np.asarray(meeting.overlap.way_out_w)
         one, other = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
         sides = ((one, other, -way_out_w), (other, one, way_out_w))

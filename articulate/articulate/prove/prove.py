@@ -15,6 +15,7 @@ import numpy as np
 
 from articulate.asset import Asset, load_asset
 from articulate.cache import alone
+from articulate.convert.budget import Budget
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import (
     Reading,
@@ -43,7 +44,7 @@ from articulate.prove.openness import openness
 from articulate.prove.origin import Origin, origin_of_reading
 from articulate.prove.page import write_page
 from articulate.prove.record import PAGE_FILE, load_proof, save_proof
-from articulate.prove.refine import refined
+from articulate.prove.refine import Refiner
 from articulate.prove.settle import settle
 from articulate.prove.shown import shown
 from articulate.prove.sweep import sweep
@@ -52,6 +53,8 @@ TIMED_STEPS = 100
 """Physics steps that are timed together."""
 TIMINGS = 7
 """So often; the median counts."""
+MEND_S = 90.0
+"""Cutting shapes back may take so much time of the processor [s]."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
 
@@ -238,11 +241,18 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     Its collision shapes are as fine as they have to be for what is hollow to be open and what
     is seen to be covered, and cut back where parts do not pass each other.
     """
-    made = refined(reading, config, folder.name)
-    asset, bodies, mimics, model = made.asset, made.bodies, made.mimics, made.model
+    refiner = Refiner(reading=reading, config=config, name=folder.name)
+    made = refiner.best()
+    asset, mimics, model = made.asset, made.mimics, made.model
     if model is None or not asset.joints:
-        return write_asset(asset, bodies, mimics, folder)
-    mended = mend(asset, bodies, mimics, model)
+        return write_asset(asset, made.bodies, mimics, folder)
+    budget = Budget(MEND_S)
+    mended = mend(asset, made.bodies, mimics, model, budget)
+    finer = refiner.finer(mended.stuck) if mended.stuck else None
+    if finer is not None and finer.model is not None:
+        again = mend(finer.asset, finer.bodies, mimics, finer.model, budget)
+        if not again.stuck:
+            asset, mended = finer.asset, again
     sentences = (*asset.repairs, *mended.repairs)
     return write_asset(replace(mended.asset, repairs=sentences), mended.bodies, mimics, folder)
 

@@ -16,6 +16,7 @@ from articulate.convert.mesh import PartGeometry, Piece
 from articulate.convert.rays import Surface
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape
+from articulate.transforms import pose
 
 NO_DECOMPOSITION = ConvertConfig(decompose=False)
 
@@ -209,3 +210,50 @@ def test_handles_that_use_up_the_budget_leave_one_shape_to_the_rest():
     surface = trimesh.creation.box((0.2, 0.2, 0.2))
     shapes = [Shape(kind="box", T_ps=np.eye(4), half=(0.1, 0.1, 0.1)) for _ in range(3)]
     assert len(without_spare(shapes, surface, -3)) == 1
+
+
+def test_what_many_small_shapes_stand_for_is_told_by_enough_points():
+    cubes = [box((0.02, 0.02, 0.02), (0.1 * (i % 20), 0.1 * (i // 20), 0.0)) for i in range(400)]
+    shapes = [Shape(kind="box", T_ps=pose(cube.centroid), half=(0.01,) * 3) for cube in cubes]
+    surface = trimesh.util.concatenate(cubes)
+    assert len(without_spare(shapes, surface, 48)) < 0.95 * 400  # each stands for a 400th
+    assert len(without_spare(shapes, surface, 48, sure=True)) >= 0.955 * 400
+
+
+def test_spare_shapes_go_before_those_that_stand_alone():
+    plate, rim = box((1.0, 1.0, 0.02), (0, 0, 0)), box((0.05, 0.05, 0.2), (0.9, 0, 0))
+    shapes = [
+        Shape(kind="box", T_ps=pose((0.0, 0.0, 0.0)), half=(0.5, 0.5, 0.01)),
+        *(Shape(kind="box", T_ps=pose((x, 0.0, 0.0)), half=(0.1, 0.5, 0.01)) for x in (0.1, 0.3)),
+        Shape(kind="box", T_ps=pose((0.9, 0.0, 0.0)), half=(0.025, 0.025, 0.1)),
+    ]
+    kept = without_spare(shapes, trimesh.util.concatenate([plate, rim]), 2, sure=True)
+    assert [shapes.index(shape) for shape in kept] in ([0], [0, 3])
+
+
+def added_m3(one, other) -> float:
+    """Volume that the common upright box of two boxes (2, 3) has more than both [m3]."""
+    common = np.maximum(one[1], other[1]) - np.minimum(one[0], other[0])
+    return float(np.prod(common) - np.prod(one[1] - one[0]) - np.prod(other[1] - other[0]))
+
+
+def test_joining_takes_the_pair_that_adds_least_each_time():
+    rng = np.random.default_rng(3)
+    shapes = [
+        Shape(kind="box", T_ps=pose(rng.uniform(0, 1, 3)), half=tuple(rng.uniform(0.01, 0.1, 3)))
+        for _ in range(14)
+    ]
+    left = list(shapes)
+    while len(left) > 5:
+        pairs = [
+            (added_m3(left[i].bounds, left[j].bounds), i, j)
+            for j in range(len(left))
+            for i in range(j)
+        ]
+        _, i, j = min(pairs)
+        joint = hull(np.vstack([left[i].corners, left[j].corners]), "")
+        left = [*(s for k, s in enumerate(left) if k not in (i, j)), joint]
+    found = within_budget(shapes, 5, "p", Repairs())
+    assert len(found) == 5
+    for one, other in zip(found, left, strict=True):
+        np.testing.assert_allclose(one.bounds, other.bounds, atol=1e-12)

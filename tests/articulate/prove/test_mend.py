@@ -62,13 +62,46 @@ def test_a_way_of_which_too_little_would_be_left_is_refused(tmp_path):
     assert "shortened" not in sentences(proof)
 
 
+LEAF = """<robot name="leaf">
+  <link name="jamb"><visual><origin xyz="-0.015 0 0"/><geometry><box size="0.03 0.03 0.15"/>
+  </geometry></visual></link>
+  <link name="leaf"><visual><origin xyz="0.06 0 0"/><geometry><box size="0.12 0.01 0.12"/>
+  </geometry></visual></link>
+  <joint name="hinge" type="revolute"><parent link="jamb"/><child link="leaf"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="2.8"/></joint>
+</robot>"""
+"""Turns about the middle of its edge, which goes 5 mm into the jamb at a right angle, where each
+may lose 3 mm; at its end it stands right across the jamb."""
+
+
+def test_shapes_are_cut_back_as_far_as_that_goes_and_the_way_ends_there(tmp_path):
+    (tmp_path / "leaf.urdf").write_text(LEAF)
+    proof = checked(tmp_path / "leaf.urdf", tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    (joint,) = proof.joints
+    assert math.radians(90.0) < joint.span < 2.79
+    assert "way of joint hinge shortened" in sentences(proof)
+    assert "goes into jamb, as authored" in sentences(proof)
+    assert "collision shapes cut back where parts pass" in sentences(proof)
+
+
+SILL = (
+    BODY_BOX + "</geometry></visual>",
+    BODY_BOX + '</geometry></visual><visual><origin xyz="-0.3 0 -0.053"/>'
+    '<geometry><box size="0.1 0.3 0.012"/></geometry></visual>',
+)
+"""Its top lies 3 mm above the drawer's lower edge."""
+
+
+def test_cuts_that_take_too_long_are_not_made(tmp_path, monkeypatch):
+    monkeypatch.setattr("articulate.prove.prove.MEND_S", -1.0)
+    proof = checked(written(tmp_path / "in", SILL), tmp_path)
+    assert proof.verdict == "refused"
+    assert "cut back" not in sentences(proof)
+
+
 def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
-    sill = (
-        '</geometry></visual><visual><origin xyz="-0.3 0 -0.053"/>'
-        '<geometry><box size="0.1 0.3 0.012"/></geometry></visual>'
-    )  # its top lies 3 mm above the drawer's lower edge
-    path = written(tmp_path / "in", (BODY_BOX + "</geometry></visual>", BODY_BOX + sill))
-    proof = checked(path, tmp_path)
+    proof = checked(written(tmp_path / "in", SILL), tmp_path)
     assert proof.verdict == "repaired", proof.reasons
     assert proof.joints[0].span == pytest.approx(0.3)
     assert "collision shapes cut back where parts pass each other" in sentences(proof)

@@ -11,11 +11,18 @@ from hypothesis import strategies as st
 from tests.articulate.convert.boxes import written
 
 from articulate.convert import ConvertConfig
-from articulate.convert.budget import Budget, OutOfTimeError
+from articulate.convert.budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.convert.convert import Shaped, build_asset, read_input
 from articulate.proof import Clause
 from articulate.prove import refine
-from articulate.prove.refine import is_worth_it, refined, shortfalls
+from articulate.prove.refine import (
+    MOST_S,
+    PASS_S,
+    Refiner,
+    is_worth_it,
+    refined,
+    shortfalls,
+)
 
 
 def test_the_first_finer_pass_is_always_worth_it_and_none_after_the_last():
@@ -91,6 +98,36 @@ def test_passes_go_on_while_they_gain_and_the_best_shapes_stay(
     assert [len(finer) for finer in made] == times
     assert found.model is not None
     assert {body.name for body in found.bodies} == {"body", "drawer"}
+
+
+def test_links_in_the_way_of_others_are_made_finer_unless_that_spoils_them(tmp_path, monkeypatch):
+    made = failing(monkeypatch, [0.96, 0.96, 0.80, 0.96])
+    reading = read_input(written(tmp_path / "in"), ConvertConfig())
+    refiner = Refiner(reading=reading, config=ConvertConfig(), name="two")
+    assert refiner.best().model is not None
+    assert refiner.finer(["body", "drawer"]) is not None
+    assert refiner.finer(["body"]) is None
+    assert refiner.finer(["drawer"]) is not None  # and not of the body
+    both = ("body", "drawer")
+    assert made == [(), both, ("body", *both), (*both, "drawer")]
+
+
+def test_finer_links_share_some_time(tmp_path, monkeypatch):
+    failing(monkeypatch, [0.96, 0.96, 0.96])
+    given, clock = [], [0.0]
+    monkeypatch.setattr(refine, "spent_s", lambda: clock[0])
+    monkeypatch.setattr(refine, "Budget", lambda limit_s: given.append(limit_s) or UNLIMITED)
+
+    def build(*args):
+        clock[0] += 40.0
+        return build_asset(*args)
+
+    monkeypatch.setattr(refine, "build_asset", build)
+    reading = read_input(written(tmp_path / "in"), ConvertConfig())
+    refiner = Refiner(reading=reading, config=ConvertConfig(), name="two")
+    for links in (["body", "drawer"], ["body"], ["body", "drawer"]):
+        refiner.finer(links)
+    assert given == [2.0 * PASS_S, PASS_S, MOST_S - 80.0]
 
 
 def test_a_link_that_takes_too_long_keeps_the_shapes_it_had(tmp_path: Path):

@@ -1,0 +1,67 @@
+"""The physics of proven objects is compared with that of plain boxes, the first ten by id."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import mujoco
+import pytest
+from tests.articulate.prove.objects import Part, make_object
+
+TRAY = tuple(
+    ((x, y, 0.0), (0.1 if y else 0.01, 0.01 if y else 0.1, 0.05))
+    for x, y in ((0.1, 0.0), (-0.1, 0.0), (0.0, 0.1), (0.0, -0.1))
+)
+
+
+@pytest.fixture(scope="module")
+def assets() -> ModuleType:
+    path = Path(__file__).parents[2] / "benchmarks" / "assets.py"
+    spec = importlib.util.spec_from_file_location("assets_benchmark", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_first_of_a_category_by_number_are_timed(
+    assets: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assets, "step_ratio", lambda folder: float(len(folder.name)))
+    rows = [
+        {"id": f"partnet_{k}", "category": category, "source": "partnet", "verdict": verdict}
+        for k, category, verdict in (
+            (300, "StorageFurniture", "proven"),
+            (45, "StorageFurniture", "repaired"),
+            (7, "StorageFurniture", "refused"),
+            (8, "Table", "proven"),
+            *((k, "StorageFurniture", "proven") for k in range(1000, 1020)),
+        )
+    ]
+    found = assets.physics_cost(Path("out"), rows)
+    assert list(found) == [
+        "partnet_45",
+        "partnet_300",
+        *(f"partnet_{k}" for k in range(1000, 1008)),
+    ]
+    assert found["partnet_45"] == 10.0
+
+
+def test_each_connected_component_becomes_one_box(assets: ModuleType, tmp_path: Path) -> None:
+    drawer = Part(name="drawer", kind="slide", axis=(-1.0, 0.0, 0.0), boxes=TRAY)
+    made = make_object(tmp_path / "a", drawer)
+    model = assets.boxes_only(made.folder)
+    touching = [g for g in range(model.ngeom) if model.geom_contype[g]]
+    assert len(touching) == len(TRAY) + 1
+    assert {int(model.geom_type[g]) for g in touching} == {int(mujoco.mjtGeom.mjGEOM_BOX)}
+
+
+def test_an_object_of_boxes_costs_what_boxes_cost(
+    assets: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assets, "STEPS", 50)
+    drawer = Part(name="drawer", kind="slide", axis=(-1.0, 0.0, 0.0), boxes=TRAY)
+    assert 0.1 < assets.step_ratio(make_object(tmp_path / "a", drawer).folder) < 10.0
