@@ -146,7 +146,7 @@ def test_approach_counts_the_way_across_the_fingers_and_the_turn_by_their_weight
     ],
 )
 def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, thick, out):
-    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035)
+    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035, beyond_m=0.01)
     for along in (0.0, 0.03):
         after = state(offset=[along, across, ahead])
         cost = terms(after, config=config, along_m=0.03, thick_m=thick, progress=1.0)["aside"]
