@@ -65,6 +65,7 @@ def three_places(three):
 @functools.cache
 def puzzle_of_three() -> Puzzle:
     evidence = question(["knob", "body", "door"])
+    assert evidence.picture is not None
     return puzzle_of(evidence.parts, evidence.picture, CAMERA, usual_light(CAMERA))
 
 
@@ -142,6 +143,7 @@ def test_a_part_like_another_may_be_opposite_to_it():
     evidence = question(["body", "knob"])
     twin = evidence.parts[1].renamed("twin")
     parts = (*evidence.parts, twin)
+    assert evidence.picture is not None
     puzzle = puzzle_of(parts, evidence.picture, CAMERA, usual_light(CAMERA))
     places = {i: apply(CAMERA.T_cw, CENTRES[n]) for i, n in enumerate(("body", "knob"))}
     seats = apply(CAMERA.T_wc, sibling_seats(puzzle, 2, places))
