@@ -35,7 +35,7 @@ def recorder(tried):
 
 def test_the_lowest_number_that_passes_is_taken_and_those_before_it_are_told(choose):
     row = choose.Row(task="open_lid", categories=("Box",), first=("b_box",))
-    tried = []
+    tried: list[str] = []
     *partly, last = choose.progress(row, INDEX, {}, recorder(tried))
     assert tried == ["partnet_3", "partnet_20", "b_box"]
     assert [r["id"] for r in last["taken"]] == ["partnet_20", "b_box"]
@@ -47,7 +47,7 @@ def test_the_lowest_number_that_passes_is_taken_and_those_before_it_are_told(cho
 def test_what_is_known_is_not_tried_again(choose):
     row = choose.Row(task="open_lid", categories=("Box",), partnet=2, others=0)
     known = {"partnet_3": {"id": "partnet_3", "reason": "refused"}}
-    tried = []
+    tried: list[str] = []
     *_, last = choose.progress(row, INDEX, known, recorder(tried))
     assert tried == ["partnet_20", "partnet_100"]
     assert last["skipped"] == [known["partnet_3"]]
@@ -58,7 +58,7 @@ def test_a_list_that_was_stopped_goes_on(choose, tmp_path, monkeypatch):
     monkeypatch.setenv("ARTICULATE_DATA", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(choose, "ROWS", (choose.Row(task="open_lid", categories=("Box",)),))
-    tried = []
+    tried: list[str] = []
     attempt = recorder(tried)
     monkeypatch.setattr(choose, "tried", lambda row, item, data, cache: attempt(row, item))
     out = tmp_path / "list.json"

@@ -252,6 +252,7 @@ def test_joining_takes_the_pair_that_adds_least_each_time():
         ]
         _, i, j = min(pairs)
         joint = hull(np.vstack([left[i].corners, left[j].corners]), "")
+        assert joint is not None
         left = [*(s for k, s in enumerate(left) if k not in (i, j)), joint]
     found = within_budget(shapes, 5, "p", Repairs())
     assert len(found) == 5

@@ -114,9 +114,15 @@ def test_links_in_the_way_of_others_are_made_finer_unless_that_spoils_them(tmp_p
 
 def test_finer_links_share_some_time(tmp_path, monkeypatch):
     failing(monkeypatch, [0.96, 0.96, 0.96])
-    given, clock = [], [0.0]
+    given: list[float] = []
+    clock = [0.0]
+
+    def budget(limit_s: float) -> Budget:
+        given.append(limit_s)
+        return UNLIMITED
+
     monkeypatch.setattr(refine, "spent_s", lambda: clock[0])
-    monkeypatch.setattr(refine, "Budget", lambda limit_s: given.append(limit_s) or UNLIMITED)
+    monkeypatch.setattr(refine, "Budget", budget)
 
     def build(*args):
         clock[0] += 40.0
