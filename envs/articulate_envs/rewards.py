@@ -141,16 +141,10 @@ NO_GRASP = Grasp()
 
 
 def grasp_of(handle: Handle | None) -> Grasp:
-    """What ``handle`` asks of a hand; None asks for a point, a knob to be held at its middle.
-
-    Flat fingers squeeze a round knob out when they hold it beside its middle: 10 mm off that of one
-    of 41 mm its sides lean outward by 29 degrees.
-    """
+    """What ``handle`` asks of a hand; None asks for a point."""
     if handle is None:
         return NO_GRASP
     along_m = min(max(0.0, 0.9 * (handle.extent[0] - FINGER_M) / 2.0), MOST_ALONG_M)
-    if handle.kind == "knob":
-        along_m = 0.0
     return Grasp(along_m=along_m, thick_m=handle.extent[1])
 
 
