@@ -132,7 +132,8 @@ def self_motion(jacobian: Array) -> Array:
     """
     columns = np.arange(7)
     minors = np.stack([jacobian[..., columns != i] for i in columns], axis=-3)
-    out = np.linalg.det(minors) * (-1.0) ** columns
+    with np.errstate(divide="ignore"):  # of numbers near the smallest, which are as good as 0
+        out = np.linalg.det(minors) * (-1.0) ** columns
     length = np.linalg.norm(out, axis=-1, keepdims=True)
     return np.asarray(out / np.maximum(length, 1e-4))
 

@@ -18,13 +18,12 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from articulate.actors.modality import Modality
 from articulate.render.camera import Camera
 from articulate.render.parts import PartMesh
 from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
 
 Pixels = NDArray[np.uint8]
-Modality = Literal["text", "image", "video"]
-MODALITIES: tuple[Modality, ...] = ("text", "image", "video")
 JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
 Failure = Literal["success", "joint_type", "joint_axis", "joint_origin", "joint_limit"]
 """What a critic may say, in the order in which failures are attributed."""

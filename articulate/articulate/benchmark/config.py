@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from articulate.actors.protocol import Modality
+from articulate.actors.modality import Modality
 from articulate.errors import ConfigError
 
 Task = Literal["joints", "placement"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from articulate.actors.protocol import Modality
+from articulate.actors.modality import Modality
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
 from articulate.commands import console, version
 from articulate.commands.fields import POSITIONAL

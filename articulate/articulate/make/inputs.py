@@ -9,7 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from articulate.actors.protocol import Modality, Pixels
+from articulate.actors.modality import Modality
+from articulate.actors.protocol import Pixels
 from articulate.errors import ConfigError, UsageError
 from articulate.render.camera import (
     FRONT_EYE_W,

@@ -120,9 +120,9 @@ def draw_part(
     for v in range(box[2], box[3] + 1):
         for u in range(box[0], box[1] + 1):
             f = face_ids[v, u]
-            if f >= 0 and mine[v, u] >= nearness[v, u]:
+            if f >= 0 and mine[v, u] * SAME_DEPTH >= nearness[v, u]:
                 colour_of(points_c, faces[f], albedo[f], light, view, colour)
-                nearness[v, u] = mine[v, u]
+                nearness[v, u] = max(mine[v, u], nearness[v, u])
                 part_ids[v, u] = part
                 for k in range(3):
                     picture[v, u, k] = colour[k]

@@ -119,7 +119,8 @@ def test_what_a_part_adds_is_the_difference_of_the_pictures_with_and_without_it(
     here = places[part] + np.array(shift)
     rest = level.rest(places, puzzle.light, without=(part,))
     added, _ = level.costs(part, here[None], rest, puzzle.light)
-    whole = level.rest({**places, part: here}, puzzle.light)
+    others = {i: place for i, place in places.items() if i != part}
+    whole = level.rest({**others, part: here}, puzzle.light)  # drawn last, as what is added is
     assert level.total(whole) == pytest.approx(level.total(rest) + added[0], abs=1.0)
 
 
