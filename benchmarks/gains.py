@@ -33,7 +33,7 @@ from articulate.arm import (
 from articulate.draw import Draw, DrawConfig
 from articulate.follow import FollowConfig
 from articulate.kinematics import self_motion, solve_ik, tool_jacobian_t
-from articulate.placing import handle_in_world, object_pose
+from articulate.placing import handle_in_world
 from articulate.transforms import Array, axis_angle_to_matrix
 from articulate_envs.choose import choose_joint
 from articulate_envs.physics import PhysicsConfig
@@ -68,14 +68,7 @@ def path(scene: Scene, drawn: Draw, opened: Array, q: Array) -> Array:
     """Angles (T, N, 7) along the way as an estimate with the drawn errors shows it."""
     task, place = scene.task, scene.place
     ticks = int(abs(task.span) * task.target / PULL_M_S * scene.follow.rate_hz)
-    T_wo = object_pose(
-        scene.asset,
-        task.joint,
-        place,
-        scale=drawn["scale"],
-        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-        yaw=drawn["yaw_rad"],
-    )
+    T_wo = scene.T_wo(drawn)
     turn = axis_angle_to_matrix(np.array([[0.0, 0.0, 1.0]]), drawn["bias_yaw_rad"])
     out = np.empty((ticks, len(q), 7))
     for t in range(ticks):

@@ -58,7 +58,7 @@ from articulate.errors import UsageError
 from articulate.files import write_json
 from articulate.judgement import REASONS, judge_tick, judgement_start, verdict
 from articulate.kinematics import solve_ik, tool_pose
-from articulate.placing import Place, handle_in_world, object_pose
+from articulate.placing import Place, handle_in_world
 from articulate.prove.prove import proven_asset
 from articulate.task import Task
 from articulate.transforms import Array, Ints, axis_angle_to_matrix, pose
@@ -278,14 +278,7 @@ def script(scene: Scene, start: Start, rng: np.random.Generator) -> tuple[Array,
 
 def _goal(scene: Scene, drawn: Draw, opened: Array) -> Array:
     """Where the hand holds the handle (N, 4, 4), as a wrong estimate has it."""
-    T_wo = object_pose(
-        scene.asset,
-        scene.task.joint,
-        scene.place,
-        scale=drawn["scale"],
-        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-        yaw=drawn["yaw_rad"],
-    )
+    T_wo = scene.T_wo(drawn)
     goal = handle_in_world(
         scene.asset,
         scene.task.joint,

@@ -14,7 +14,7 @@ from articulate.errors import AssetError
 from articulate.follow import HandState, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import WIDTH
 from articulate.kinematics import tool_pose
-from articulate.placing import object_pose, way_of
+from articulate.placing import way_of
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.engine import Start, State
 from articulate_envs.native import copy_model
@@ -125,14 +125,7 @@ class BufferedEngine(ABC):
 
     def _place(self, rows: Ints, drawn: Draw) -> None:
         scene = self.scene
-        self._T_wo[rows] = object_pose(
-            scene.asset,
-            scene.task.joint,
-            scene.place,
-            scale=drawn["scale"],
-            shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-            yaw=drawn["yaw_rad"],
-        )
+        self._T_wo[rows] = scene.T_wo(drawn)
 
     def _slide_scale(self, rows: Ints) -> Array:
         scale = self._draw[rows, COLUMNS.index("scale")]

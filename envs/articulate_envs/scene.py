@@ -10,8 +10,9 @@ import numpy as np
 from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
+from articulate.draw import Draw
 from articulate.follow import FollowConfig
-from articulate.placing import Place, tilted
+from articulate.placing import Place, object_pose, tilted
 from articulate.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
@@ -84,6 +85,17 @@ class Scene:
     def ticks(self) -> int:
         """Ticks in an episode."""
         return round(self.task.episode_s * self.follow.rate_hz)
+
+    def T_wo(self, drawn: Draw) -> Array:
+        """Poses of the object in the world (N, 4, 4) as drawn; see :func:`object_pose`."""
+        return object_pose(
+            self.asset,
+            self.task.joint,
+            self.place,
+            scale=drawn["scale"],
+            shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
+            yaw=drawn["yaw_rad"],
+        )
 
 
 def build_scene(

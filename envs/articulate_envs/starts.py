@@ -10,7 +10,7 @@ import numpy as np
 from articulate.draw import COLUMNS, Draw, DrawConfig, draw
 from articulate.errors import ConfigError
 from articulate.kinematics import solve_ik
-from articulate.placing import handle_in_world, object_pose
+from articulate.placing import handle_in_world
 from articulate.transforms import Array, pose
 from articulate_envs.engine import Start
 from articulate_envs.rewards import check_until
@@ -95,14 +95,7 @@ def bank_of_starts(
     grip = rng.random(n) < config.grip_share
     on_way = task.begin[1] + (task.target - task.begin[1]) * rng.random(n)
     opened = np.where(grip, on_way, drawn["part_open"])
-    T_wo = object_pose(
-        scene.asset,
-        scene.task.joint,
-        scene.place,
-        scale=drawn["scale"],
-        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-        yaw=drawn["yaw_rad"],
-    )
+    T_wo = scene.T_wo(drawn)
     goals = handle_in_world(
         scene.asset,
         scene.task.joint,

@@ -11,7 +11,6 @@ from articulate.draw import COLUMNS, NO_DRAW, Draw, DrawConfig, draw
 from articulate.judgement import COLUMN, REASONS
 from articulate.transforms import Array
 from articulate_envs.episodes import Ended, Episodes
-from articulate_envs.place import object_pose
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
 from articulate_envs.starts import home_start
@@ -113,14 +112,7 @@ def roll_out(
             opened[t] = state.opened
     finally:
         engine.close()
-    T_wo = object_pose(
-        scene.asset,
-        scene.task.joint,
-        scene.place,
-        scale=drawn["scale"],
-        shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-        yaw=drawn["yaw_rad"],
-    )
+    T_wo = scene.T_wo(drawn)
     for array in (qpos, force, speed, opened):
         array[-1] = array[-2]
     return Rollout(
