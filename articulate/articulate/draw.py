@@ -46,7 +46,7 @@ class DrawConfig:
     yaw_rad: float = 0.1745
     """The object is turned by up to ± this about the vertical through its handle [rad]."""
     start_rad: float = 0.1
-    """Each joint starts within ± this of home [rad]."""
+    """Each joint begins within ± this of its start [rad]."""
     delay_ticks: tuple[int, int] = (0, 2)
     """Delay of the motions, whole ticks, both ends included."""
     hand_latency_s: Range = (0.1, 1.2)

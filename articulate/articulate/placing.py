@@ -117,6 +117,9 @@ def object_pose(
 ) -> Array:
     """Poses ``T_wo`` (N, 4, 4) so that the closed handle stays where it is but for the shift.
 
+    That is as seen from above: the object keeps its floor, and at another size its handle is
+    higher or lower.
+
     Args:
         asset: The object.
         joint: Joint of the task.

@@ -1,7 +1,7 @@
 """Bundles: read whole into memory, checked, and only then used.
 
-Nothing of a bundle is unpacked to disk, and no file is opened by a library before its SHA-256
-was compared with the manifest.
+Nothing of a bundle is written to disk before it was checked, and no file is opened by a library
+before its SHA-256 was compared with the manifest.
 """
 
 from __future__ import annotations

@@ -18,7 +18,8 @@ from articulate_envs.reach import check_grasp
 from articulate_envs.scene import build_scene
 
 HOME_HEIGHT_M = 0.78
-"""Height of the tool over the robot's base at home [m]; objects stand on the robot's floor."""
+"""Height of the tool over the robot's base at home [m]; handles are compared as if objects stood
+on the robot's floor."""
 
 
 class Wish(Protocol):
@@ -48,8 +49,8 @@ class Wish(Protocol):
 def choose_joint(config: Wish, asset: Asset) -> tuple[Task, Place]:
     """The task and place of the joint asked for, or of the best that can be reached.
 
-    Where several joints match and none is named, the reachable one is taken whose handle, where
-    the object stands, is nearest the height of the hand's home.
+    Where several joints match and none is named, the reachable one is taken whose handle is, over
+    the object's floor, nearest the height of the hand's home.
 
     Raises:
         AssetError: No such joint, or none that matches the task.

@@ -54,7 +54,8 @@ class Start:
     width: Array
     """Opening between the fingers (M,) [m]."""
     closing: Array
-    """+1 where the hand is closed on the handle, -1 where it is open (M,)."""
+    """+1 where the hand is told to close, whether it holds the handle, has closed on nothing or is
+    still open; -1 where it is told to open (M,)."""
     home: Mask
     """Whether it is the start the task asks for, not one along the way (M,)."""
 

@@ -2,8 +2,8 @@
 
 Episodes have the task's length, and the observation holds the time that is left: the end of an
 episode is a *termination*, as it is in training, and so is a state that diverged. The environment
-itself truncates nothing; ``gymnasium.make(..., max_episode_steps=N)`` does, and gymnasium tells
-the two apart.
+itself truncates nothing unless its ``starts`` say to cut episodes off;
+``gymnasium.make(..., max_episode_steps=N)`` does, and gymnasium tells the two apart.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         return self._vector(observation), self._info() | {"draw": drawn_numbers(start.draw)}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, Info]:
-        """Run one tick: observation, reward, terminated, truncated (never), info.
+        """Run one tick: observation, reward, terminated, truncated (cut off, by ``starts``), info.
 
         Raises:
             EngineError: The action is not accepted, or no episode is running.
@@ -119,7 +119,9 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         self._running = not bool(tick.done[0])
         self._show()
         reward = float(tick.reward[0])
-        return self._vector(tick.observation), reward, not self._running, False, self._info()
+        cut = tick.ended is not None and bool(tick.ended.cut[0])
+        ended = not self._running and not cut
+        return self._vector(tick.observation), reward, ended, cut, self._info()
 
     def render(self) -> Pixels | None:
         """The picture of now (height, width, 3); None in a window, which shows it by itself.

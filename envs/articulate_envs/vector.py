@@ -2,7 +2,7 @@
 
 Environments that end begin anew in the same step (``AutoresetMode.SAME_STEP``); what the last
 observation and info were stands in ``final_obs`` and ``final_info``. What ends is a termination,
-as in :mod:`articulate_envs.gym`.
+as in :mod:`articulate_envs.gym`; what ``starts`` cuts off is a truncation.
 """
 
 from __future__ import annotations

@@ -107,6 +107,20 @@ def test_success_is_told(drawer, env):
     assert info["open_fraction"] == pytest.approx(0.9, abs=0.01)
 
 
+def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
+    """Its part rests at the target from the first tick on."""
+    env = ArticulateEnv(scene=drawer, starts={"cut": 1.0, "cut_share": 0.9, "bank": 8})
+    aside = [1.6, *drawer.place.start_q[1:]]
+    still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
+    env.reset(seed=0, options={"q": aside, "opened": 0.9, "draw": still})
+    ends = []
+    while not any(any(e) for e in ends):
+        ends.append(env.step(STILL)[2:4])
+    env.close()
+    assert ends[-1] == (False, True)
+    assert len(ends) < drawer.ticks
+
+
 def test_options_replace_what_was_drawn(drawer, env):
     q = (np.asarray(drawer.place.start_q) + 0.05).tolist()
     asked = {"draw": {"scale": 0.9, "mass": 1.2}, "q": q, "opened": 0.5, "width": 0.02}

@@ -79,7 +79,8 @@ class TrainConfig:
     """What is trained on what, and how."""
 
     asset: str
-    """URDF file, or folder of an asset."""
+    """URDF or MJCF file, a folder that holds one, or an asset folder; a folder of objects or a
+    quoted pattern for many."""
     task: str = "open_drawer"
     """What is asked; --list-tasks lists the names."""
     joint: str | None = None

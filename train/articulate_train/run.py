@@ -5,7 +5,9 @@
     run/
       config.yaml    the whole configuration, before work starts
       asset/         the object as it was converted
-      scene.json     task and place
+      scene.json     task, place and arm
+      versions.json  versions at the beginning
+      seed_K.log     what its process said
       seed_K/        checkpoint.pt, progress.jsonl, tensorboard/, done.json or diverged.npz
       summary.json   what each seed reached, seconds, versions
       report.json, report.html, videos/

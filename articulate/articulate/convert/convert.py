@@ -69,10 +69,10 @@ class Placement:
 
 
 def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Asset:
-    """Make the asset folder ``out`` from the URDF ``source``.
+    """Make the asset folder ``out`` from ``source``.
 
     Args:
-        source: URDF, or a folder that holds exactly one.
+        source: URDF or MJCF file, or a folder that holds one.
         out: Folder to write; replaced if it is an asset, refused if it is anything else.
         config: What to do otherwise than by default.
 

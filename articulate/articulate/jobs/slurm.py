@@ -24,7 +24,7 @@ class SlurmLauncher:
         """Open the executor.
 
         Args:
-            slots: Jobs side by side.
+            slots: Not heeded: each job is submitted by itself, Slurm decides how many run.
             folder: Where submitit keeps its scripts and logs.
             cluster: ``slurm``, or ``local`` for submitit's own stand-in.
 

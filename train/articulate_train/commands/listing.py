@@ -27,7 +27,8 @@ class ListFlags:
     list_tasks: bool = False
     """Print the names of the tasks and what they ask."""
     list_joints: str | None = None
-    """Print the joints of this object: URDF file, or folder of an asset."""
+    """Print the joints of this object: URDF or MJCF file, a folder that holds one, or an asset
+    folder."""
     closed: Literal["auto", "lower", "upper"] = "auto"
     """Which limit of a joint is its closed end."""
     size: float | None = None
