@@ -7,6 +7,7 @@ one of them or None. What is written by ``to_yaml`` reads back as an equal objec
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import types
@@ -122,7 +123,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
         raise ConfigError(f"{path}{line}: not YAML ({error.problem or error.context})") from None
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):  # a date of no calendar, deep brackets
         raise ConfigError(f"{path}: not YAML") from None
     if content is None:
         return {}
@@ -186,6 +187,10 @@ class _Loader(yaml.SafeLoader):
         seen: set[Any] = set()
         for key_node, _ in node.value:
             key = key_node.value
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a key must be a name", key_node.start_mark
+                )
             if key in seen and key != "<<":
                 raise yaml.constructor.ConstructorError(
                     None, None, f"key {key} stands twice", key_node.start_mark
@@ -316,6 +321,9 @@ def number_of(hint: type[Any], value: float | str) -> float | int | None:
     """``value`` as a number, or None; YAML 1.1 takes ``1e-3`` for text, so text may be one."""
     if hint is int and isinstance(value, int):
         return value
+    if hint is int and isinstance(value, str):
+        with contextlib.suppress(ValueError):  # not by a float, which loses digits
+            return int(value)
     try:
         number = float(value)
     except (ValueError, OverflowError):

@@ -65,6 +65,8 @@ class DrawConfig:
     """Force of a push on the moving part, once in an episode, any direction [N]."""
 
     def __post_init__(self) -> None:
+        if self.scales < 1:
+            raise ConfigError(f"draw.scales is {self.scales}; it must be at least 1")
         for f in fields(self):
             value = getattr(self, f.name)
             if isinstance(value, tuple) and value[0] > value[1]:

@@ -15,6 +15,7 @@ speed, acceleration and jerk of the output are bounded for every sequence of tar
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +47,12 @@ class FollowConfig:
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad"):
-            if not getattr(self, name) > 0.0:
+            if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigError(f"follow.{name} is {getattr(self, name)}; it must be above 0")
+        if not 0.0 <= self.margin_rad < math.inf:
+            raise ConfigError(
+                f"follow.margin_rad is {self.margin_rad}; it must be finite and at least 0"
+            )
 
     @property
     def tick_s(self) -> float:
@@ -107,6 +112,22 @@ def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> A
     t = phase + config.tick_s * np.arange(ticks)
     terms = np.abs(response(config.omega_rad_s, t)[..., 1:])
     return np.asarray(config.step_rad * terms.sum(axis=1).max(axis=0))
+
+
+def check_follow(config: FollowConfig, arm: Arm) -> None:
+    """Refuse a follower that some sequence of targets could take beyond the arm's limits.
+
+    Raises:
+        ConfigError: Its worst case is above the arm's speed, acceleration or jerk.
+    """
+    tables = (arm.dq_max, arm.ddq_max, arm.dddq_max)
+    units = ("rad/s", "rad/s^2", "rad/s^3")
+    for worst, table, unit in zip(worst_case(config), tables, units, strict=True):
+        if worst > float(np.min(table)):
+            raise ConfigError(
+                f"follow: targets could ask for {worst:.4g} {unit} and the arm allows "
+                f"{float(np.min(table)):.4g}; lower follow.step_rad or follow.omega_rad_s"
+            )
 
 
 def joint_step(target: Array, motion: Array, config: FollowConfig, arm: Arm) -> Array:

@@ -7,6 +7,7 @@ which it counts as done, and where it hits its stop.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -67,6 +68,11 @@ class Limits:
     def __post_init__(self) -> None:
         if not 0.0 < self.speed_share <= 1.0:
             raise ConfigError(f"limits.speed_share is {self.speed_share}; it must be in (0, 1]")
+        if not 0.0 < self.torque_share <= 1.0:
+            raise ConfigError(f"limits.torque_share is {self.torque_share}; it must be in (0, 1]")
+        for name in ("force_n", "moment_nm", "short_filter_s"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"limits.{name} is {getattr(self, name)}; it must be above 0")
         if not 0.0 < self.filter_s <= 0.05:
             raise ConfigError(f"limits.filter_s is {self.filter_s}; it must be in (0, 0.05] s")
 
@@ -101,6 +107,14 @@ class Task:
     def __post_init__(self) -> None:
         if not 0.0 < self.episode_s <= 10.0:
             raise ConfigError(f"task.episode_s is {self.episode_s}; it must be in (0, 10] s")
+        if self.name not in TASK_RULES:
+            raise ConfigError(f"unknown task {self.name!r}{nearest(self.name, TASK_RULES)}")
+        if not 0.0 < self.hold_s <= self.episode_s:
+            raise ConfigError(
+                f"task.hold_s is {self.hold_s}; it must be in (0, {self.episode_s}] s"
+            )
+        if self.span == 0.0 or not math.isfinite(self.span):
+            raise ConfigError(f"task.span is {self.span}; it must be finite and not 0")
 
     @property
     def closes(self) -> bool:

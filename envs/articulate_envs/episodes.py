@@ -228,7 +228,8 @@ class Episodes:
         self._tick += 1
         full = self._tick >= scene.ticks
         if full.any():
-            terms[full] += at_end(self.reward, verdict(self._judgement, scene.task)[full] == 0)
+            ends = self._tick == scene.ticks  # once, where nobody begins anew either
+            terms[ends] += at_end(self.reward, verdict(self._judgement, scene.task)[ends] == 0)
         self._terms += terms
         self._estimator.push(state.T_wh, state.opened, state.speed)
         cut = self._cut()

@@ -107,12 +107,14 @@ def _drawn(asked: Any, start: Start, scene: Scene) -> Start:
             )
         values[:, COLUMNS.index(name)] = number
     drawn = Draw(values)
-    home, at_home = home_start(scene, drawn), start.home
+    within, k = values.copy(), COLUMNS.index("part_open")
+    within[:, k] = np.clip(values[:, k], *scene.task.begin)
+    home, at_home = home_start(scene, Draw(within)), start.home
     return replace(
         start,
         draw=drawn,
         q=np.where(at_home[:, None], home.q, start.q),
-        opened=np.where(at_home, home.opened, start.opened),
+        opened=np.where(at_home, drawn["part_open"], start.opened),
     )
 
 

@@ -11,7 +11,7 @@ from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
 from articulate.draw import Draw
-from articulate.follow import FollowConfig
+from articulate.follow import FollowConfig, check_follow
 from articulate.placing import Place, object_pose, tilted
 from articulate.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
@@ -111,8 +111,10 @@ def build_scene(
     """Compile the scene once for each of ``scales``.
 
     Raises:
+        ConfigError: The follower could take the arm beyond its limits.
         MissingError: robosuite, whose Panda is used, is not installed.
     """
+    check_follow(follow, arm)
     models = []
     for scale in scales:
         spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)

@@ -12,6 +12,7 @@ from articulate.config import (
     from_mapping,
     known_keys,
     load_config,
+    number_of,
     preset_folder,
     preset_names,
     preset_path,
@@ -169,7 +170,16 @@ def test_missing_key_is_named(error_line):
 
 @pytest.mark.parametrize(
     "text",
-    ["[1, 2]", "a: [1", "a: 1\na: 2", "a: !!python/object:os.system {}", "just words", "a: \x00"],
+    [
+        "[1, 2]",
+        "a: [1",
+        "a: 1\na: 2",
+        "a: !!python/object:os.system {}",
+        "just words",
+        "a: \x00",
+        "[a]: 1",
+        "a: 2024-13-45",
+    ],
     ids=repr,
 )
 def test_files_that_hold_no_mapping_are_refused(text, tmp_path, error_line):
@@ -218,3 +228,16 @@ def test_presets_of_the_checkout_are_found_by_name():
     assert preset_folder() == ROOT / "configs"
     for name in preset_names():
         assert preset_path(name) == ROOT / "configs" / f"{name}.yaml"
+
+
+def test_brackets_too_deep_are_refused(tmp_path):
+    path = tmp_path / "deep.yaml"
+    path.write_text("a: " + "[" * 5000 + "]" * 5000)
+    with pytest.raises(ConfigError, match="not YAML"):
+        read_yaml(path)
+
+
+def test_whole_numbers_keep_all_their_digits():
+    assert number_of(int, "9007199254740993") == 9007199254740993
+    assert number_of(int, "2e6") == 2_000_000
+    assert number_of(int, "2.5") is None

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from articulate.arm import PANDA, Hand
 from articulate.follow import (
     FollowConfig,
+    check_follow,
     discrete,
     follow,
     follow_start,
@@ -255,3 +256,23 @@ def test_noise_of_exploration_does_not_toggle_a_hand_that_is_meant(sign):
 def test_rates_and_steps_must_be_above_zero(error_line):
     for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad"):
         error_line(f"FollowConfig({name}=0)", lambda name=name: FollowConfig(**{name: 0}))
+
+
+@pytest.mark.parametrize(
+    "asked", [{"margin_rad": -0.1}, {"margin_rad": np.inf}, {"step_rad": np.inf}], ids=repr
+)
+def test_margins_are_not_negative_and_nothing_is_endless(asked, error_line):
+    error_line(f"FollowConfig(**{asked})", lambda: FollowConfig(**asked))
+
+
+def test_a_follower_that_could_break_a_limit_of_the_arm_is_refused(error_line):
+    """The default is within all of them; a step or a bandwidth half as large again is not."""
+    check_follow(CONFIG, PANDA)
+    error_line(
+        "check_follow(FollowConfig(step_rad=0.1), PANDA)",
+        lambda: check_follow(FollowConfig(step_rad=0.1), PANDA),
+    )
+    error_line(
+        "check_follow(FollowConfig(omega_rad_s=60.0), PANDA)",
+        lambda: check_follow(FollowConfig(omega_rad_s=60.0), PANDA),
+    )

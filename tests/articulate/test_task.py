@@ -209,3 +209,28 @@ def test_every_task_can_be_asked_of_some_part(name, cabinet, cupboard):
     asset = {"drawer": cabinet, "door": cupboard, "lid": lids, "joint": lids}[name.split("_")[1]]
     task = make_task(name, asset, asset.joints[0].name)
     assert (task.name, task.closes) == (name, name.startswith("close"))
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"name": "open_sesame"},
+        {"span": 0.0},
+        {"span": float("nan")},
+        {"hold_s": 0.0},
+        {"hold_s": 11.0},
+        {"episode_s": 20.0},
+    ],
+    ids=repr,
+)
+def test_tasks_that_mean_nothing_are_refused(asked, error_line):
+    sound = {"name": "open_joint", "joint": "j", "kind": "slide", "span": 0.3, "target": 0.8}
+    Task(**sound)
+    error_line(f"Task(**{asked})", lambda: Task(**sound | asked))
+
+
+@pytest.mark.parametrize(
+    "asked", [{"torque_share": 1.5}, {"force_n": 0.0}, {"moment_nm": -1.0}], ids=repr
+)
+def test_limits_that_limit_nothing_are_refused(asked, error_line):
+    error_line(f"Limits(**{asked})", lambda: Limits(**asked))

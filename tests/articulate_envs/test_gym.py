@@ -136,6 +136,9 @@ def test_options_replace_what_was_drawn(drawer, env):
     other = ("scale", "mass", "part_open")
     kept = {k: v for k, v in plain["draw"].items() if k not in other}
     assert kept.items() <= info["draw"].items()
+    _, again = env.reset(options={"draw": info["draw"]})
+    assert again["draw"] == info["draw"]
+    assert env.episodes.state.opened[0] == pytest.approx(0.5)
 
 
 def test_drawn_offsets_of_the_start_move_the_arm(drawer, env):

@@ -115,6 +115,17 @@ def test_horizon_and_ignore_done_are_what_they_are_in_robosuite(drawer):
     assert not any(endless.step(STILL)[2] for _ in range(drawer.ticks + 3))
 
 
+def test_success_is_paid_once_though_the_episode_goes_on(drawer):
+    endless = ArticulatedObject("Panda", scene=drawer, ignore_done=True)
+    aside = [1.6, *drawer.place.start_q[1:]]
+    still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
+    endless.set_ep_meta({"q": aside, "opened": 0.9, "draw": still})
+    endless.reset()
+    rewards = [endless.step(STILL)[1] for _ in range(drawer.ticks + 3)]
+    paid = np.flatnonzero(np.array(rewards) > 30.0)
+    assert paid.tolist() == [drawer.ticks - 1]
+
+
 def test_success_is_what_the_judgement_says(drawer, env):
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
