@@ -6,30 +6,27 @@ before its SHA-256 was compared with the manifest.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-import io
-import re
-import stat
-import zipfile
-import zlib
+import json
+import math
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import NoReturn
 
 import numpy as np
 
-from articulate.arm import arm_named
-from articulate.draw import COLUMNS, Draw
-from articulate.errors import BundleError, ConfigError
-from articulate.manifest import MANIFEST_FILE, Manifest, decode_manifest, limit_table_sha256
-from articulate.observe import ACTION, OBSERVATION
+from articulate.draw import COLUMNS, FACTORS, MAX_DELAY_TICKS, Draw
+from articulate.errors import BundleError, UsageError
+from articulate.manifest import MANIFEST_FILE, Manifest, decode_manifest
+from articulate_deploy.arrays import read_tables
+from articulate_deploy.contents import read_contents
+from articulate_deploy.fits import check_fits
 from articulate_deploy.graph import check_graph
+from articulate_deploy.references import check_object, check_scene
 
-MAX_BYTES = 64 << 20
-"""Largest size of a bundle, unpacked [bytes]."""
-MAX_RATIO = 100
-"""Largest ratio of a zip member's size to its packed size."""
-MAX_FILES = 2000
-"""Largest number of files."""
+MAX_DIGITS = 18
+"""Most characters of a whole number in a manifest; all of them fit into 64 bits."""
 
 
 @dataclass(frozen=True)
@@ -85,24 +82,16 @@ def load_bundle(path: Path) -> Bundle:
     Raises:
         BundleError: It is none, was changed, or holds what is not allowed.
     """
-    if path.is_dir():
-        contents = _from_folder(path)
-    elif path.is_file():
-        contents = _from_zip(path)
-    else:
-        raise BundleError(f"{path}: no such bundle; export-policy makes one from a run")
+    contents = read_contents(path)
     text = contents.pop(MANIFEST_FILE, None)
     if text is None:
         raise BundleError(
             f"{path}: not a bundle, it has no {MANIFEST_FILE}; give what export-policy made"
         )
-    try:
-        manifest = decode_manifest(text.decode("utf-8"), f"{path}/{MANIFEST_FILE}")
-    except UnicodeDecodeError:
-        raise BundleError(f"{path}/{MANIFEST_FILE}: not text in UTF-8") from None
+    manifest = _manifest(text, f"{path}/{MANIFEST_FILE}")
     _check_sums(manifest, contents, path)
     bundle = Bundle(manifest, contents, str(path))
-    _check_fits(bundle)
+    check_fits(manifest, bundle.where)
     check_graph(bundle.policy, f"{path}/{manifest.policy.file}")
     _check_scene(bundle)
     _check_object(bundle)
@@ -110,70 +99,33 @@ def load_bundle(path: Path) -> Bundle:
     return bundle
 
 
-def _from_folder(folder: Path) -> dict[str, bytes]:
-    contents: dict[str, bytes] = {}
-    total = 0
-    for path in sorted(folder.rglob("*")):
-        name = path.relative_to(folder).as_posix()
-        mode = path.lstat().st_mode
-        if stat.S_ISDIR(mode):
-            continue
-        if not stat.S_ISREG(mode):
-            raise BundleError(f"{folder}: {name} is not a plain file; a bundle holds no links")
-        total += path.stat().st_size
-        _check_size(folder, total, len(contents))
-        contents[name] = path.read_bytes()
-    return contents
-
-
-def _from_zip(path: Path) -> dict[str, bytes]:
-    contents: dict[str, bytes] = {}
-    total = 0
+def _manifest(content: bytes, where: str) -> Manifest:
     try:
-        with zipfile.ZipFile(path) as archive:
-            for item in archive.infolist():
-                if item.is_dir():
-                    _check_name(path, item.filename.rstrip("/"))
-                    continue
-                _check_member(path, item)
-                if item.filename in contents:
-                    raise BundleError(f"{path}: {item.filename} stands twice in it")
-                total += item.file_size
-                _check_size(path, total, len(contents))
-                contents[item.filename] = archive.read(item)  # its size is that of the directory
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-        RuntimeError,
-        EOFError,
-        OSError,
-    ) as error:
-        raise BundleError(f"{path}: not a bundle ({error}); give what export-policy made") from None
-    return contents
+        text = content.decode("utf-8")
+        _check_numbers(text, where)
+        return decode_manifest(text, where)
+    except UnicodeDecodeError:
+        raise BundleError(f"{where}: not text in UTF-8") from None
+    except BundleError:
+        raise
+    except UsageError as error:  # what the parts of a manifest refuse for themselves
+        raise BundleError(f"{where}: {error}") from None
 
 
-def _check_member(path: Path, item: zipfile.ZipInfo) -> None:
-    _check_name(path, item.filename)
-    mode = item.external_attr >> 16
-    if stat.S_IFMT(mode) not in (0, stat.S_IFREG) or item.flag_bits & 0x1:
-        raise BundleError(f"{path}: {item.filename!r} is not a plain file")
-    if item.file_size > MAX_RATIO * max(item.compress_size, 100):
-        raise BundleError(f"{path}: {item.filename!r} unpacks to more than {MAX_RATIO} times")
+def _check_numbers(text: str, where: str) -> None:
+    """Refuse numbers that a computer does not hold, such as 1e999; the rest is said elsewhere."""
 
+    def refuse(word: str) -> NoReturn:
+        raise BundleError(f"{where}: {word[:20]} is a number too large to be meant")
 
-def _check_name(path: Path, name: str) -> None:
-    parts = name.split("/")
-    bad = any(part in {"", ".", ".."} for part in parts) or re.search(r"[\\:\x00-\x1f]", name)
-    if bad or len(name) > 200:
-        raise BundleError(f"{path}: {name[:60]!r} is no name of a file inside a bundle")
+    def real(word: str) -> float:
+        return float(word) if math.isfinite(float(word)) else refuse(word)
 
+    def whole(word: str) -> int:
+        return int(word) if len(word) <= MAX_DIGITS else refuse(word)
 
-def _check_size(path: Path, total: int, count: int) -> None:
-    if total > MAX_BYTES or count >= MAX_FILES:
-        raise BundleError(
-            f"{path}: larger than a bundle may be ({MAX_BYTES >> 20} MB, {MAX_FILES} files)"
-        )
+    with contextlib.suppress(ValueError, RecursionError):
+        json.loads(text, parse_float=real, parse_int=whole)
 
 
 def _check_sums(manifest: Manifest, contents: dict[str, bytes], path: Path) -> None:
@@ -193,76 +145,41 @@ def _check_sums(manifest: Manifest, contents: dict[str, bytes], path: Path) -> N
             raise BundleError(f"{path}: {name} is missing; export it again")
 
 
-def _check_fits(bundle: Bundle) -> None:
-    """The bundle is for the arm, the observations and the actions of this version."""
-    manifest = bundle.manifest
-    try:
-        arm = arm_named(manifest.robot.name)
-    except ConfigError as error:
-        raise BundleError(f"{bundle.where}: {error}") from None
-    own = limit_table_sha256(arm)
-    if manifest.limit_table_sha256 != own or limit_table_sha256(manifest.robot) != own:
-        raise BundleError(
-            f"{bundle.where}: its limit tables are not those of the {arm.name}; export it again"
-        )
-    for name, layout, known in (
-        ("observation", manifest.observation, OBSERVATION),
-        ("action", manifest.action, ACTION),
-    ):
-        if layout != known:
-            fields = [a.name for a, b in zip(layout.fields, known.fields, strict=False) if a != b]
-            what = fields[0] if fields else "its number of fields"
-            raise BundleError(
-                f"{bundle.where}: {name} is not the one of this version ({what}); export it again"
-            )
-
-
 def _check_scene(bundle: Bundle) -> None:
-    """The scene refers to nothing but the meshes of the bundle."""
-    name = bundle.manifest.scene.file
+    where = f"{bundle.where}/{bundle.manifest.scene.file}"
     try:
         text, meshes = bundle.scene_assets()
     except UnicodeDecodeError:
-        raise BundleError(f"{bundle.where}/{name}: not text in UTF-8") from None
-    if re.search(r"<[!?]|<\s*(include|plugin|extension|model|hfield|skin|texture)\b", text):
-        raise BundleError(f"{bundle.where}/{name}: refers to something outside of the bundle")
-    for file in re.findall(r"\bfile\s*=\s*[\"']([^\"']*)[\"']", text):
-        if file not in meshes:
-            raise BundleError(f"{bundle.where}/{name}: names {file[:60]!r}, which is not in it")
-    for folder in re.findall(r"\b(?:mesh|texture|asset)dir\s*=\s*[\"']([^\"']*)[\"']", text):
-        if folder != "meshes":
-            raise BundleError(f"{bundle.where}/{name}: refers to the folder {folder[:60]!r}")
+        raise BundleError(f"{where}: not text in UTF-8") from None
+    check_scene(text, meshes, where)
 
 
 def _check_object(bundle: Bundle) -> None:
-    """The object's URDF refers to nothing but its meshes, and these to nothing at all."""
-    name = bundle.manifest.scene.object_file
+    where = f"{bundle.where}/{bundle.manifest.scene.object_file}"
     try:
         text, meshes = bundle.object_assets()
     except UnicodeDecodeError:
-        raise BundleError(f"{bundle.where}/{name}: not text in UTF-8") from None
-    if re.search(r"<[!?]|<\s*(gazebo|plugin|sdf|include|texture|visual)\b", text):
-        raise BundleError(f"{bundle.where}/{name}: refers to something outside of the bundle")
-    for file in re.findall(r"\bfilename\s*=\s*[\"']([^\"']*)[\"']", text):
-        if file not in meshes:
-            raise BundleError(f"{bundle.where}/{name}: names {file[:60]!r}, which is not in it")
-    for file, content in meshes.items():
-        if not file.endswith(".obj") or re.search(rb"^\s*[^vf#\s]", content, re.MULTILINE):
-            raise BundleError(
-                f"{bundle.where}/{PurePosixPath(name).parent / file}: holds more than corners "
-                "and faces; export it again"
-            )
+        raise BundleError(f"{where}: not text in UTF-8") from None
+    check_object(text, meshes, where)
 
 
 def _draws(bundle: Bundle) -> Draw:
     entry = bundle.manifest.draws
-    where = f"{bundle.where}/{entry.file}"
-    try:
-        with np.load(io.BytesIO(bundle.files[entry.file]), allow_pickle=False) as arrays:
-            values = np.asarray(arrays["values"], dtype=np.float64)
-    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile):
-        raise BundleError(f"{where}: not a file of draws") from None
-    fits = values.shape == (entry.count, len(COLUMNS)) and entry.columns == COLUMNS
-    if not fits or not np.isfinite(values).all():
-        raise BundleError(f"{where}: does not hold {entry.count} draws of this version")
+    where, wanted = f"{bundle.where}/{entry.file}", f"{entry.count} draws of this version"
+    shape = (entry.count, len(COLUMNS))
+    values = read_tables(bundle.files[entry.file], {"values": shape}, where, wanted)["values"]
+    if entry.columns != COLUMNS or not np.isfinite(values).all():
+        raise BundleError(f"{where}: does not hold {wanted}")
+    _check_draws(Draw(values), where)
     return Draw(values)
+
+
+def _check_draws(draws: Draw, where: str) -> None:
+    """Refuse what no range of a draw allows, and a stand-in would not survive."""
+    for name in ("delay_ticks", "estimate_delay_ticks"):
+        ticks = draws[name]
+        if np.any((ticks < 0.0) | (ticks > MAX_DELAY_TICKS) | (ticks != np.round(ticks))):
+            raise BundleError(f"{where}: a {name} is not one of 0 to {MAX_DELAY_TICKS} ticks")
+    for name in FACTORS:
+        if np.any(draws[name] <= 0.0):
+            raise BundleError(f"{where}: a {name} is not above 0")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,10 +16,12 @@ from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
 from articulate_deploy.policy import Policy
-from articulate_deploy.record import new_folder, write_episode, write_report
+from articulate_deploy.record import give_back, new_folders, write_episode, write_report
 from articulate_deploy.report import DeployReport, Transfer
 from articulate_deploy.robots import robot_named
+from articulate_deploy.robots.robot import StandIn
 
+_Told = Callable[[str, int, EpisodeResult], None]
 _SCALE_NOTE = "the object's size is not randomised: a bundle holds its scene at one size"
 
 
@@ -50,19 +52,62 @@ def deploy(
         ConfigError: The robot is not known, or a number not accepted.
         UsageError: ``out`` cannot be written.
     """
-    if episodes < 1:
-        raise ConfigError(f"episodes is {episodes}; it must be at least 1")
-    if seed is not None and seed < 0:
-        raise ConfigError(f"seed is {seed}; it must be 0 or more")
+    told = None if on_episode is None else lambda _, k, result: on_episode(k, result)
+    (report,) = _deploy(path, {robot: out}, _Asked(episodes, seed, randomise), told)
+    return report
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked for on each robot; see :func:`deploy`."""
+
+    episodes: int
+    seed: int | None
+    randomise: bool
+
+    def __post_init__(self) -> None:
+        if self.episodes < 1:
+            raise ConfigError(f"episodes is {self.episodes}; it must be at least 1")
+        if self.seed is not None and self.seed < 0:
+            raise ConfigError(f"seed is {self.seed}; it must be 0 or more")
+
+
+def _deploy(
+    path: Path, folders: Mapping[str, Path | None], asked: _Asked, on_episode: _Told | None
+) -> tuple[DeployReport, ...]:
+    """Reports of the robots that ``folders`` names; all are looked for before the first runs."""
     bundle = load_bundle(path)
-    manifest, policy = bundle.manifest, Policy(bundle)
-    plan = plan_of(bundle, episodes, seed=seed, randomise=randomise)
-    results, draws = [], []
-    stand_in = robot_named(robot, bundle)
-    if out is not None:
-        new_folder(out)
+    policy = Policy(bundle)
+    plan = plan_of(bundle, asked.episodes, seed=asked.seed, randomise=asked.randomise)
+    stand_ins = {name: robot_named(name, bundle) for name in folders}
+    claimed = [folder for folder in folders.values() if folder is not None]
+    new_folders(claimed)
+    try:
+        reports = []
+        for name, out in folders.items():
+            told = None if on_episode is None else partial(on_episode, name)
+            results = _run(policy, bundle, stand_ins[name], plan, out, told)
+            report = _report(path, bundle, stand_ins[name], plan, asked, results)
+            if out is not None:
+                write_report(out, report)
+            reports.append(report)
+        return tuple(reports)
+    finally:
+        give_back(claimed)
+
+
+def _run(
+    policy: Policy,
+    bundle: Bundle,
+    stand_in: StandIn,
+    plan: Plan,
+    out: Path | None,
+    on_episode: Callable[[int, EpisodeResult], None] | None,
+) -> tuple[EpisodeResult, ...]:
+    """The episodes of ``plan`` on one robot, one after another."""
+    manifest, results = bundle.manifest, []
     with stand_in:
-        for k in range(episodes):
+        for k in range(len(plan.draws.values)):
             drawn = plan.draw(k)
             stand_in.set_draw(drawn)
             stand_in.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
@@ -78,24 +123,32 @@ def deploy(
             if out is not None and recording is not None:
                 write_episode(out, k, recording)
             results.append(result)
-            draws.append(drawn)
             if on_episode is not None:
                 on_episode(k, result)
-    report = DeployReport(
+    return tuple(results)
+
+
+def _report(
+    path: Path,
+    bundle: Bundle,
+    stand_in: StandIn,
+    plan: Plan,
+    asked: _Asked,
+    results: tuple[EpisodeResult, ...],
+) -> DeployReport:
+    manifest = bundle.manifest
+    return DeployReport(
         bundle=str(path),
-        robot=robot,
+        robot=stand_in.name,
         task=manifest.task.name,
         joint=manifest.task.joint,
         seed=plan.seed,
         carried=plan.carried,
-        randomised=randomise,
-        results=tuple(results),
-        draws=tuple(draws),
-        notes=(*_scale_notes(manifest, randomise), *stand_in.notes),
+        randomised=asked.randomise,
+        results=results,
+        draws=tuple(plan.draw(k) for k in range(len(results))),
+        notes=(*_scale_notes(manifest, asked.randomise), *stand_in.notes),
     )
-    if out is not None:
-        write_report(out, report)
-    return report
 
 
 @dataclass(frozen=True)
@@ -173,25 +226,14 @@ def transfer(
         on_episode: Told of the robot and of each episode as it ends.
 
     Raises:
-        ConfigError: A robot is named twice; and what :func:`deploy` raises.
+        ConfigError: A robot is named twice; and what :func:`deploy` raises, for any of them
+            before the first runs.
     """
     twice = [name for k, name in enumerate(robots) if name in robots[:k]]
     if twice:
         raise ConfigError(f"--robot {twice[0]} stands twice; name each robot once")
-    reports = []
-    for name in robots:
-        told = None if on_episode is None else partial(on_episode, name)
-        report = deploy(
-            path,
-            robot=name,
-            episodes=episodes,
-            seed=seed,
-            randomise=randomise,
-            out=None if out is None else out / name,
-            on_episode=told,
-        )
-        reports.append(report)
-    return Transfer(tuple(reports))
+    folders = {name: None if out is None else out / name for name in robots}
+    return Transfer(_deploy(path, folders, _Asked(episodes, seed, randomise), on_episode))
 
 
 def _scale_notes(manifest: Manifest, randomise: bool) -> tuple[str, ...]:

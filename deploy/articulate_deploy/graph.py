@@ -14,6 +14,8 @@ DEFAULT_DOMAINS = ("", "ai.onnx")
 """Domains of ONNX's own operators."""
 MAX_DEPTH = 16
 """Deepest nesting of graphs that is read."""
+MAX_KEY = 0xFFFFFFFF
+"""Largest key of a field: its number and its wire type."""
 
 _MODEL_GRAPH, _MODEL_OPSET, _MODEL_FUNCTIONS, _MODEL_TRAINING = 7, 8, 25, 20
 _OPSET_DOMAIN = 1
@@ -101,6 +103,9 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, bytes | int]]:
     at = 0
     while at < len(message):
         key, at = _varint(message, at)
+        # Readers in C++ keep 32 bits of a key: with more, they would see another field than we do.
+        if key > MAX_KEY or key >> 3 == 0:
+            raise ValueError(f"key {key}")
         number, kind = key >> 3, key & 7
         if kind == _VARINT:
             value, at = _varint(message, at)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from typing import Any
 
 import numpy as np
@@ -11,7 +9,8 @@ import onnxruntime
 
 from articulate.errors import BundleError
 from articulate.transforms import Array
-from articulate_deploy.bundle import MAX_BYTES, Bundle
+from articulate_deploy.arrays import read_tables
+from articulate_deploy.bundle import Bundle
 
 
 class Policy:
@@ -24,11 +23,13 @@ class Policy:
             BundleError: It cannot be read, or does not give its golden pairs.
         """
         manifest, where = bundle.manifest, f"{bundle.where}/{bundle.manifest.policy.file}"
-        self._entry = manifest.policy
+        self._entry, self._where = manifest.policy, where
+        self._actions = manifest.action.size
         self._session = _session(bundle.policy, where)
         sizes = (manifest.observation.size, manifest.action.size)
         _check_ends(self._session, manifest.policy.input, manifest.policy.output, sizes, where)
         seen, wanted = _golden(bundle)
+        self.act(seen[:1])  # a network may take one number of rows only, and robots ask for one
         error = float(np.max(np.abs(self.act(seen) - wanted)))
         if not error <= manifest.golden.atol:
             raise BundleError(
@@ -37,10 +38,27 @@ class Policy:
             )
 
     def act(self, observation: Array) -> Array:
-        """Actions (N, 8) in [-1, 1] for observations (N, size)."""
+        """Actions (N, 8) in [-1, 1] for observations (N, size).
+
+        Raises:
+            BundleError: The network fails, or gives something else.
+        """
         feed = {self._entry.input: np.ascontiguousarray(observation, dtype=np.float32)}
-        out = self._session.run([self._entry.output], feed)[0]
-        return np.clip(np.asarray(out, dtype=np.float64), -1.0, 1.0)
+        try:
+            out = np.asarray(self._session.run([self._entry.output], feed)[0], dtype=np.float64)
+        except Exception as error:  # noqa: BLE001  its exceptions share no class that can be named
+            raise _cannot_run(self._where, error) from None
+        if out.shape != (len(observation), self._actions):
+            raise BundleError(
+                f"{self._where}: gives numbers of shape {out.shape} for {len(observation)} "
+                "observations; export it again"
+            )
+        return np.clip(out, -1.0, 1.0)
+
+
+def _cannot_run(where: str, error: Exception) -> BundleError:
+    text = (str(error).splitlines() or [""])[0][:160]
+    return BundleError(f"{where}: cannot be run ({text})")
 
 
 def _session(content: bytes, where: str) -> Any:
@@ -48,12 +66,12 @@ def _session(content: bytes, where: str) -> Any:
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 3
+    options.add_session_config_entry("session.load_model_format", "ONNX")  # as it was checked
+    options.log_severity_level = 4  # what fails is raised, and need not be printed as well
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # noqa: BLE001  its exceptions share no class that can be named
-        text = (str(error).splitlines() or [""])[0][:160]
-        raise BundleError(f"{where}: cannot be run ({text})") from None
+        raise _cannot_run(where, error) from None
 
 
 def _check_ends(
@@ -69,19 +87,16 @@ def _check_ends(
 
 
 def _golden(bundle: Bundle) -> tuple[Array, Array]:
-    manifest = bundle.manifest
-    where = f"{bundle.where}/{manifest.golden.file}"
-    try:
-        with zipfile.ZipFile(io.BytesIO(bundle.golden)) as archive:
-            if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
-                raise BundleError(f"{where}: larger than a bundle may be")
-        with np.load(io.BytesIO(bundle.golden), allow_pickle=False) as pairs:
-            seen = np.asarray(pairs["observation"], dtype=np.float32)
-            wanted = np.asarray(pairs["action"], dtype=np.float64)
-    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile):
-        raise BundleError(f"{where}: not a file of golden pairs") from None
-    count = manifest.golden.count
-    shapes = ((count, manifest.observation.size), (count, manifest.action.size))
-    if count < 1 or (seen.shape, wanted.shape) != shapes:
-        raise BundleError(f"{where}: does not hold {count} pairs of the manifest's sizes")
-    return np.asarray(seen, dtype=np.float64), wanted
+    manifest, count = bundle.manifest, bundle.manifest.golden.count
+    where, wanted = (
+        f"{bundle.where}/{manifest.golden.file}",
+        f"{count} pairs of the manifest's sizes",
+    )
+    if count < 1:
+        raise BundleError(f"{where}: does not hold {wanted}")
+    shapes = {
+        "observation": (count, manifest.observation.size),
+        "action": (count, manifest.action.size),
+    }
+    pairs = read_tables(bundle.golden, shapes, where, wanted)
+    return pairs["observation"], pairs["action"]

@@ -7,6 +7,7 @@ what was drawn; ``report.json`` the whole. ``np.load(path, allow_pickle=False)``
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +21,49 @@ EPISODES_FILE, REPORT_FILE = "episodes.jsonl", "report.json"
 
 
 def new_folder(folder: Path) -> None:
-    """Make the folder of a recording.
+    """Make the folder of a recording, and claim it: of several at once one gets it.
+
+    The claim is an empty ``episodes.jsonl``, which :func:`write_report` replaces.
 
     Raises:
         UsageError: It exists and holds something, or cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        held = any(folder.iterdir())
+        if not any(folder.iterdir()):
+            (folder / EPISODES_FILE).touch(exist_ok=False)
+            return
+    except FileExistsError as error:
+        if not folder.is_dir():  # something that is no folder stands there
+            raise _not_written(folder, error) from None
     except OSError as error:
-        raise UsageError(
-            f"{folder}: cannot be written ({error.strerror}); choose another --out"
-        ) from None
-    if held:
-        raise UsageError(f"{folder}: exists and is not empty; choose another --out")
+        raise _not_written(folder, error) from None
+    raise UsageError(f"{folder}: exists and is not empty; choose another --out")
+
+
+def _not_written(folder: Path, error: OSError) -> UsageError:
+    return UsageError(f"{folder}: cannot be written ({error.strerror}); choose another --out")
+
+
+def new_folders(folders: Sequence[Path]) -> None:
+    """Make and claim all of ``folders``, or none.
+
+    Raises:
+        UsageError: As :func:`new_folder`.
+    """
+    for k, folder in enumerate(folders):
+        try:
+            new_folder(folder)
+        except UsageError:
+            give_back(folders[:k])
+            raise
+
+
+def give_back(folders: Sequence[Path]) -> None:
+    """Take the claims back where nothing was recorded, so that the folders can be used again."""
+    for folder in folders:
+        if [path.name for path in folder.iterdir()] == [EPISODES_FILE]:
+            (folder / EPISODES_FILE).unlink()
 
 
 def write_episode(folder: Path, index: int, recording: Recording) -> Path:

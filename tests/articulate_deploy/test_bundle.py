@@ -1,14 +1,15 @@
 import dataclasses
+import re
 import stat
 import zipfile
 
 import numpy as np
 import pytest
 
-from articulate.draw import at_size, drawn_one_by_one
+from articulate.draw import COLUMNS, at_size, drawn_one_by_one
 from articulate.errors import BundleError
 from articulate.manifest import decode_manifest, encode_manifest, with_files
-from articulate_deploy import bundle as module
+from articulate_deploy import contents
 from articulate_deploy.bundle import load_bundle
 from articulate_train.export import write_bundle
 
@@ -121,7 +122,7 @@ def test_a_member_that_unpacks_to_much_more_is_refused(tmp_path):
 
 
 def test_a_bundle_larger_than_allowed_is_refused(exported, monkeypatch):
-    monkeypatch.setattr(module, "MAX_BYTES", 1000)
+    monkeypatch.setattr(contents, "MAX_BYTES", 1000)
     with pytest.raises(BundleError, match="larger"):
         load_bundle(exported)
 
@@ -157,6 +158,13 @@ def test_a_layout_of_another_version_is_refused(folder, bundle, error_line):
         "<asset><mesh name='x' file='../x.obj'/></asset>",
         '<compiler meshdir="/"/>',
         '<asset><texture type="2d" file="000_link0.obj"/></asset>',
+        """<asset><mesh name="x" file="000_link0.obj'/../../outside.obj"/></asset>""",
+        """<compiler meshdir="meshes'/../.."/>""",
+        """<compiler assetdir='meshes"/../..'/>""",
+        '<asset><mesh name="x" fileup="/etc/passwd"/></asset>',
+        '<asset><model name="x" file="000_link0.obj"/></asset>',
+        '<worldbody><flexcomp name="x" file="/etc/passwd"/></worldbody>',
+        '<asset><mesh name="x" file="a&#47;..&#47;b.obj"/></asset>',
     ],
 )
 def test_a_scene_that_refers_to_what_is_not_in_the_bundle_is_refused(folder, text):
@@ -182,6 +190,9 @@ def test_loading_leaves_no_file_open_and_writes_none(exported, tmp_path, monkeyp
         "</link>",
         "<link name='x'><visual/></link>",
         '<gazebo reference="x"/>',
+        """<link name="x"><collision><geometry><mesh filename="meshes/c00_000.obj'/../../x"/>"""
+        "</geometry></collision></link>",
+        '<deformable name="x"><collision filename="/etc/passwd"/></deformable>',
     ],
 )
 def test_an_object_that_refers_to_what_is_not_in_the_bundle_is_refused(folder, text):
@@ -204,6 +215,70 @@ def test_draws_of_another_size_are_refused(folder, shape, error_line):
     np.savez(folder / "draws.npz", values=np.zeros(shape))
     resealed(folder)
     error_line("load_bundle: other draws", lambda: load_bundle(folder))
+
+
+def test_a_line_that_ends_as_on_old_machines_hides_no_other_file(folder):
+    (folder / "object" / "meshes").mkdir(exist_ok=True)
+    (folder / "object" / "meshes" / "a.obj").write_bytes(b"v 0 0 0\rmtllib ../../secret\n")
+    resealed(folder)
+    with pytest.raises(BundleError, match="corners and faces"):
+        load_bundle(folder)
+
+
+def test_a_mesh_of_the_scene_that_names_another_file_is_refused(folder):
+    path = next((folder / "scene" / "meshes").glob("*.obj"))
+    path.write_bytes(path.read_bytes() + b"mtllib ../../secret\n")
+    resealed(folder)
+    with pytest.raises(BundleError, match=rf"{path.name}: holds more"):
+        load_bundle(folder)
+
+
+@pytest.mark.parametrize("number", ["1e999", "-1e999", "1" * 400, "1" * 5000, "NaN"])
+def test_a_number_that_is_not_finite_is_refused(folder, number):
+    path = folder / "manifest.json"
+    text = path.read_text()
+    changed = re.sub(r'("max_age_s": )[\d.]+', rf"\g<1>{number}", text)
+    assert changed != text
+    path.write_text(changed)
+    with pytest.raises(BundleError, match=r"manifest\.json: "):
+        load_bundle(folder)
+
+
+def test_a_member_packed_in_another_way_is_refused(tmp_path):
+    """LZMA and bzip2 ask for memory as the file says."""
+    with zipfile.ZipFile(tmp_path / "b.zip", "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("manifest.json", "{}")
+    with pytest.raises(BundleError, match="packed in a way"):
+        load_bundle(tmp_path / "b.zip")
+
+
+def test_a_member_whose_name_is_not_text_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
+        archive.writestr("é", "")
+    content = (tmp_path / "b.zip").read_bytes()
+    (tmp_path / "b.zip").write_bytes(content.replace("é".encode(), b"\xff\xfe"))
+    with pytest.raises(BundleError, match="not a bundle"):
+        load_bundle(tmp_path / "b.zip")
+
+
+def test_a_folder_that_cannot_be_read_is_refused(folder, monkeypatch):
+    def locked(path):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.read_bytes", locked)
+    with pytest.raises(BundleError, match="Permission denied"):
+        load_bundle(folder)
+
+
+@pytest.mark.parametrize(("column", "value"), [("delay_ticks", 1e9), ("mass", -1.0)])
+def test_draws_that_no_range_allows_are_refused(folder, column, value):
+    with np.load(folder / "draws.npz", allow_pickle=False) as arrays:
+        values = arrays["values"]
+    values[3, COLUMNS.index(column)] = value
+    np.savez(folder / "draws.npz", values=values)
+    resealed(folder)
+    with pytest.raises(BundleError, match=f"a {column} is not"):
+        load_bundle(folder)
 
 
 def test_draws_are_those_of_the_evaluation_seed(bundle, run):

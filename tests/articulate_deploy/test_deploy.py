@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from articulate.commands import run_command
+from articulate.errors import ConfigError, MissingError, UsageError
 from articulate.observe import OBSERVATION
 from articulate_deploy.commands.deploy import main
 from articulate_deploy.deploy import deploy, transfer
@@ -158,3 +159,42 @@ def test_a_robot_that_is_named_twice_is_refused(exported, error_line):
 def test_the_arm_that_comes_later_is_one_line_and_exit_2(exported, capsys):
     assert run_command(main, [str(exported), "--robot", "panda"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("second", ["pybulet", "panda"])
+def test_no_robot_runs_where_a_later_one_is_not_there(exported, tmp_path, second):
+    told = []
+    with pytest.raises(ConfigError, match=second):
+        transfer(
+            exported,
+            ("mujoco", second),
+            episodes=1,
+            out=tmp_path / "out",
+            on_episode=lambda *it: told.append(it),
+        )
+    assert told == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_no_robot_runs_where_a_later_one_is_not_installed(exported, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    monkeypatch.delitem(sys.modules, "articulate_deploy.robots.pybullet", raising=False)
+    with pytest.raises(MissingError, match="pybullet"):
+        transfer(exported, ("mujoco", "pybullet"), episodes=1, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_no_robot_runs_where_a_later_ones_folder_is_taken(exported, tmp_path):
+    (tmp_path / "out" / "pybullet").mkdir(parents=True)
+    (tmp_path / "out" / "pybullet" / "kept").write_text("")
+    told = []
+    with pytest.raises(UsageError, match="not empty"):
+        transfer(
+            exported,
+            ("mujoco", "pybullet"),
+            episodes=1,
+            out=tmp_path / "out",
+            on_episode=lambda *it: told.append(it),
+        )
+    assert told == []
+    assert list((tmp_path / "out" / "mujoco").iterdir()) == []

@@ -77,6 +77,32 @@ def test_deep_nesting_is_refused():
         check_graph(model(graph=inner).SerializeToString(), "p")
 
 
+def field(key, content):
+    """A field of bytes under a key of any size."""
+    out = bytearray()
+    for value in (key, len(content)):
+        while value > 127:
+            out.append(value & 127 | 128)
+            value >>= 7
+        out.append(value)
+    return bytes(out) + content
+
+
+@pytest.mark.parametrize("number", [7, 8, 25])
+def test_a_key_that_others_cut_to_another_field_is_refused(number):
+    """protobuf keeps 32 bits of a key: without bit 32 this is a field that would be looked at."""
+    plain = model().SerializeToString()
+    hidden = field(number << 3 | 2 | 1 << 32, model(domain="com.evil").SerializeToString())
+    with pytest.raises(BundleError, match="not an ONNX model"):
+        check_graph(plain + hidden, "p")
+    check_graph(plain + field((1 << 29) - 1 << 3 | 2, b""), "p")  # the largest there is
+
+
+def test_a_field_without_a_number_is_refused():
+    with pytest.raises(BundleError, match="not an ONNX model"):
+        check_graph(model().SerializeToString() + field(2, b"x"), "p")
+
+
 @given(st.binary(max_size=300))
 def test_noise_is_refused_as_what_it_is(content):
     with pytest.raises(BundleError):

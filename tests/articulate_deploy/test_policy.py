@@ -4,6 +4,7 @@ import io
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from onnx import TensorProto, helper, numpy_helper
 
 from articulate.errors import BundleError
 from articulate_deploy.policy import Policy
@@ -81,3 +82,43 @@ def test_a_network_of_another_input_is_refused(bundle):
     manifest = dataclasses.replace(bundle.manifest, policy=entry)
     with pytest.raises(BundleError, match="input and output"):
         Policy(dataclasses.replace(bundle, manifest=manifest))
+
+
+def network(rows, size):
+    """A network that takes so many rows of observations, and gives their first 8 numbers."""
+    x = helper.make_tensor_value_info("observation", TensorProto.FLOAT, [rows, size])
+    y = helper.make_tensor_value_info("action", TensorProto.FLOAT, [rows, 8])
+    weight = numpy_helper.from_array(np.eye(size, 8, dtype=np.float32), "w")
+    node = helper.make_node("MatMul", ["observation", "w"], ["action"])
+    graph = helper.make_graph([node], "g", [x], [y], [weight])
+    opset = helper.make_opsetid("", 18)
+    return helper.make_model(graph, opset_imports=[opset], ir_version=8).SerializeToString()
+
+
+@pytest.mark.parametrize("rows", [1, 64])
+def test_a_network_that_takes_one_number_of_rows_only_is_refused(bundle, rows, capfd):
+    """64 is the number of golden pairs; a robot asks for one row."""
+    content = network(rows, bundle.manifest.observation.size)
+    changed = dataclasses.replace(bundle, files={**bundle.files, "policy.onnx": content})
+    with pytest.raises(BundleError, match="cannot be run"):
+        Policy(changed)
+    assert capfd.readouterr().err == ""
+
+
+def test_golden_pairs_that_unpack_to_more_than_a_bundle_are_refused(bundle):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, observation=np.zeros(9_000_000))
+    files = {**bundle.files, "golden.npz": stream.getvalue()}
+    with pytest.raises(BundleError, match="larger"):
+        Policy(dataclasses.replace(bundle, files=files))
+
+
+def test_damaged_golden_pairs_are_refused(bundle):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **golden(bundle))
+    content = bytearray(stream.getvalue())
+    begin = content.index(b"observation.npy") + 40
+    content[begin : begin + 16] = b"\xff" * 16
+    files = {**bundle.files, "golden.npz": bytes(content)}
+    with pytest.raises(BundleError, match="golden"):
+        Policy(dataclasses.replace(bundle, files=files))
