@@ -13,8 +13,8 @@
     │   └── MissingError    an optional package, or a key, that is not there
     └── DivergedError       training produced values that are not finite
 
-Three more stand where they are raised: ``StartError`` and ``ClipError``, both UsageErrors, and
-``NotConnectedError``.
+Four more stand where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
+``AbsentMesh``, an AssetError, and ``NotConnectedError``.
 
 Every message is one line: what was wrong with which value, where it came from, what would
 be accepted, what to do next.

@@ -1,11 +1,21 @@
+import dataclasses
 import json
+import os
+import signal
+import subprocess
+import sys
+import threading
 
 import pytest
 from tests.runs import write_checkpoint
 
-from articulate.errors import DivergedError, RunError
+from articulate.errors import ArticulateError, DivergedError, RunError, UsageError
+from articulate.files import write_json
 from articulate_train import campaign
+from articulate_train import lock as locks
 from articulate_train.campaign import SeedProgress, last_progress, read_progress, train_seeds
+from articulate_train.lock import alone
+from articulate_train.run import resume_run
 from articulate_train.seed import DIVERGED, DONE, PROGRESS
 
 
@@ -42,7 +52,7 @@ def fake(tiny, monkeypatch):
     started = []
 
     def set_up(code=0, log=""):
-        def start(folder, seed, threads):
+        def start(folder, seed, threads, lock):
             started.append((seed, threads))
             return FakeProcess(tiny, seed, code, log)
 
@@ -96,14 +106,99 @@ def test_seed_that_diverges_is_told_with_where_its_states_lie(tiny, fake):
 
 
 @pytest.mark.parametrize(
-    ("log", "what"), [("Traceback\nKeyError: 'x'\n", "KeyError: 'x'"), ("", "exit 1")]
+    ("log", "what"), [("run: no scene.json in it\n", "run: no scene.json in it"), ("", "it said")]
 )
-def test_seed_that_fails_is_told_with_its_last_line_and_its_log(tiny, fake, log, what):
-    fake(code=1, log=log)
+def test_seed_that_is_refused_is_bad_input_with_its_last_line_and_its_log(tiny, fake, log, what):
+    fake(code=2, log=log)
     with pytest.raises(RunError) as caught:
         train_seeds(tiny, lambda _: None)
-    log_path = tiny.folder / "seed_0.log"
-    assert str(caught.value) == f"seed 0 failed: {what}; its log is {log_path}"
+    line = str(caught.value)
+    assert line.startswith(f"seed 0 failed: {what}")
+    assert line.endswith(f"; its log is {tiny.folder / 'seed_0.log'}")
+
+
+@pytest.mark.parametrize(
+    ("code", "log", "what"),
+    [
+        (1, "Traceback\nKeyError: 'x'\n", "crashed with exit 1: KeyError: 'x'"),
+        (1, "", "crashed with exit 1"),
+        (-9, "", "was ended by SIGKILL"),
+        (-11, "half a line", "was ended by SIGSEGV: half a line"),
+        (-99, "", "was ended by signal 99"),
+    ],
+)
+def test_seed_that_crashes_or_is_killed_is_no_bad_input(tiny, fake, code, log, what):
+    fake(code=code, log=log)
+    with pytest.raises(ArticulateError) as caught:
+        train_seeds(tiny, lambda _: None)
+    assert not isinstance(caught.value, UsageError)
+    assert str(caught.value) == f"seed 0 {what}; its log is {tiny.folder / 'seed_0.log'}"
+
+
+def test_seconds_of_all_calls_add_up(tiny, fake):
+    fake(code=130)
+    assert not train_seeds(tiny, lambda _: None)
+    sessions = json.loads((tiny.folder / "sessions.json").read_text())["seconds"]
+    assert len(sessions) == 1
+    write_json(tiny.folder / "sessions.json", {"seconds": [1000.0]})
+    fake()
+    assert train_seeds(tiny, lambda _: None)
+    seconds = json.loads((tiny.folder / "summary.json").read_text())["seconds"]
+    assert 1000.0 < seconds < 1010.0
+    (tiny.folder / "sessions.json").unlink()  # a run from before calls were added up
+    (tiny.seed_folder(0) / DONE).unlink()
+    assert train_seeds(tiny, lambda _: None)
+    assert json.loads((tiny.folder / "summary.json").read_text())["seconds"] > seconds
+
+
+def test_run_that_is_being_trained_is_refused_and_free_again_afterwards(tiny, fake):
+    started = fake()
+    config = dataclasses.replace(tiny.config, steps=640)
+    before = (tiny.folder / "config.yaml").read_bytes()
+    with alone(tiny.folder):
+        for call in (train_seeds, lambda run, _: resume_run(run.folder, config)):
+            with pytest.raises(RunError, match=f"trained already, by process {os.getpid()} of "):
+                call(tiny, lambda _: None)
+    assert not started
+    assert (tiny.folder / "config.yaml").read_bytes() == before
+    assert train_seeds(tiny, lambda _: None)
+
+
+def test_seeds_of_a_call_that_was_killed_hold_the_run_until_they_end(tiny, tmp_path, monkeypatch):
+    """The lock is theirs too, and is waited for once none but they have it."""
+    code = (
+        "import subprocess, sys, time\n"
+        "from pathlib import Path\n"
+        "from articulate_train.lock import alone\n"
+        "with alone(Path(sys.argv[1])) as lock:\n"
+        "    seed = [sys.executable, '-c', 'import time; time.sleep(60)']\n"
+        "    child = subprocess.Popen(seed, pass_fds=(lock,), stdout=subprocess.DEVNULL)\n"
+        "    print(child.pid, flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    command = [sys.executable, "-c", code, str(tiny.folder)]
+    train = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    orphan = int(train.stdout.readline())
+    with pytest.raises(RunError, match=f"process {train.pid}"), alone(tiny.folder):
+        pass
+    train.kill()
+    train.communicate()
+    monkeypatch.setattr(locks, "ORPHANS_S", 0.3)
+    with pytest.raises(RunError, match="is being trained"), alone(tiny.folder):
+        pass
+    monkeypatch.setattr(locks, "ORPHANS_S", 60.0)
+    threading.Timer(0.3, os.kill, (orphan, signal.SIGKILL)).start()
+    with alone(tiny.folder):
+        assert json.loads((tiny.folder / locks.LOCK).read_text())["pid"] == os.getpid()
+
+
+def test_seed_is_told_its_parent_and_keeps_the_lock(tiny, monkeypatch):
+    asked = {}
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **how: asked.update(how, c=command))
+    with alone(tiny.folder) as lock:
+        campaign._start(tiny.folder, 3, 2, lock)
+    assert asked["c"][-4:] == [str(tiny.folder), "3", "2", str(os.getpid())]
+    assert asked["pass_fds"] == (lock,)
 
 
 def test_interrupt_stops_all_seeds_and_is_no_error(tiny, fake, monkeypatch):

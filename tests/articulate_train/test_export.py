@@ -1,6 +1,7 @@
 import dataclasses
 import io
 import json
+import shutil
 import zipfile
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose
 from tests.assets import make_cabinet
-from tests.runs import make_run
+from tests.runs import make_run, write_checkpoint
 
 from articulate.errors import RunError, UsageError
 from articulate.manifest import decode_manifest
@@ -22,8 +23,9 @@ from articulate_train.export import (
     golden_pairs,
     licence_warnings,
     to_onnx,
+    write_bundle,
 )
-from articulate_train.policy import load_policy
+from articulate_train.policy import checkpoint_sha256, load_policy, read_checkpoint
 from articulate_train.run import open_run
 
 
@@ -111,7 +113,14 @@ def test_a_bundle_names_what_made_it_and_nothing_of_the_machine(run, tmp_path):
 
 
 def report(run, **success):
-    seeds = [{"seed": int(k[1:]), "success": {"value": v}} for k, v in success.items()]
+    seeds = [
+        {
+            "seed": int(k[1:]),
+            "success": {"value": v},
+            "checkpoint_sha256": checkpoint_sha256(run.seed_folder(int(k[1:]))),
+        }
+        for k, v in success.items()
+    ]
     (run.folder / "report.json").write_text(json.dumps({"seeds": seeds}))
 
 
@@ -124,6 +133,43 @@ def test_the_best_seed_of_the_evaluation_is_taken_and_ties_go_to_the_lower(run):
         assert choose_seed(run, 1)[::2] == (1, 0.9)
     finally:
         (run.folder / "report.json").unlink()
+
+
+def test_success_of_a_checkpoint_that_was_replaced_since_is_not_told(tmp_path):
+    """After a training that went on without an evaluation the report is of what was before."""
+    made = make_run(tmp_path / "run", make_cabinet(tmp_path / "cabinet"), seeds=(0, 1))
+    run = open_run(made)
+    report(run, s0=0.9, s1=0.95)
+    shutil.rmtree(run.seed_folder(1))
+    write_checkpoint(run.seed_folder(1), 7)
+    assert choose_seed(run, 1)[2] is None
+    assert choose_seed(run, 0)[2] == 0.9
+    assert "not evaluated" in choose_seed(run, None)[1]
+    (run.folder / "report.json").write_text('{"seeds": [{"seed": 0, "success": {"value": 1}}]}')
+    assert choose_seed(run, 0)[2] is None  # a report that does not say of which checkpoint it is
+
+
+def test_steps_of_a_bundle_are_those_of_its_checkpoint(tiny, tmp_path):
+    """Progress tells of more where the training went on after the last checkpoint."""
+    write_checkpoint(tiny.seed_folder(0), 0)
+    content = read_checkpoint(tiny.seed_folder(0)) | {"plain": json.dumps({"num_timesteps": 64})}
+    torch.save(content, tiny.seed_folder(0) / "checkpoint.pt")
+    row = json.dumps({"steps": 96, "success": 0.5}) + "\n"
+    (tiny.seed_folder(0) / "progress.jsonl").write_text(row)
+    done = export_policy(tiny.folder, tmp_path / "bundle")
+    manifest = decode_manifest((done.path / "manifest.json").read_text(), "m")
+    assert manifest.training.steps == 64
+
+
+def test_a_folder_that_another_export_writes_to_is_left_alone(tmp_path):
+    other = tmp_path / ".bundle.part"
+    other.mkdir()
+    (other / "half").write_text("of another export")
+    write_bundle(tmp_path / "bundle", {"a/b.txt": b"c"})
+    assert (tmp_path / "bundle" / "a" / "b.txt").read_bytes() == b"c"
+    assert (other / "half").exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".bundle.part", "bundle"]
+    assert (tmp_path / "bundle").stat().st_mode & 0o777 == 0o755
 
 
 def test_without_an_evaluation_the_end_of_training_decides_and_it_says_so(run):

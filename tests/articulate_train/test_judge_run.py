@@ -10,6 +10,7 @@ from articulate.task import Task
 from articulate_envs.rewards import TERMS
 from articulate_train import judge_run as judging
 from articulate_train.judge_run import commit, judge_run, target_text
+from articulate_train.policy import checkpoint_sha256
 from articulate_train.seed import PROGRESS
 
 
@@ -50,6 +51,36 @@ def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, fil
     assert (info.joint, info.steps, info.steps_per_s) == (trained.task.joint, 192, 100.0)
     assert f"--joint {trained.task.joint} --seeds 0 --steps 192" in info.command
     assert films == ["failure.mp4"]
+
+
+@pytest.mark.parametrize(
+    ("files", "seconds"),
+    [
+        ({}, 30.0),  # seeds run side by side: the longest of them, and not their sum
+        ({"summary.json": {"seconds": 42.0}}, 42.0),
+        ({"summary.json": {"seconds": 2.0}}, 30.0),  # of the last call of several
+        ({"summary.json": {"seconds": 2.0}, "sessions.json": {"seconds": [40.0, 5.0]}}, 45.0),
+        ({"summary.json": ["of", "another", "kind"]}, 30.0),
+    ],
+)
+def test_training_took_what_its_calls_took_and_not_the_sum_over_seeds(tiny, files, seconds):
+    run = dataclasses.replace(tiny, config=dataclasses.replace(tiny.config, seeds=(0, 1)))
+    for seed in run.config.seeds:
+        run.seed_folder(seed).mkdir()
+        row = json.dumps({"steps": 192, "seconds": 30.0 - seed})
+        (run.seed_folder(seed) / PROGRESS).write_text(row + "\n")
+    for name, content in files.items():
+        (run.folder / name).write_text(json.dumps(content))
+    info = judging._info(run)
+    assert info.seconds == seconds
+    assert info.steps_per_s == pytest.approx(2 * 192 / seconds)
+
+
+def test_report_says_of_which_checkpoints_it_is(trained, films):
+    done = judge_run(trained, episodes=2)
+    (row,) = json.loads(done.json_path.read_text())["seeds"]
+    assert row["checkpoint_sha256"] == checkpoint_sha256(trained.seed_folder(0))
+    assert len(row["checkpoint_sha256"]) == 64
 
 
 def test_text_tells_success_opened_and_reasons(trained, films):

@@ -9,12 +9,13 @@ import pytest
 from tests.articulate_train.test_compare import content_of
 from tests.assets import make_cabinet
 
+from articulate.errors import MissingError
 from articulate.jobs.job import Attempt, State
 from articulate.jobs.launcher import Progress
 from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate_train.compare import compare
 from articulate_train.config import PpoConfig, TrainConfig
-from articulate_train.many import cells_of, merged, told, train_many
+from articulate_train.many import cells_of, folder_names, merged, told, train_many
 from articulate_train.objects import is_many, objects_of
 
 
@@ -53,6 +54,22 @@ def test_every_object_and_seed_is_a_command_line_of_its_own(folder, tmp_path):
     assert job.start[-1] == made
     assert job.go_on[4:] == ("--resume", "--out", made)
     assert str(job.made) == made
+
+
+def test_no_two_objects_share_a_folder():
+    names = folder_names(["a/b", "a-b", "a/c", "d", "e/f-g", "e-f/g"])
+    assert names["a-b"] == "a-b"
+    assert names["a/c"] == "a-c"
+    assert len(set(names.values())) == len(names)
+    assert names == folder_names(["e-f/g", "d", "a/c", "e/f-g", "a-b", "a/b"])
+
+
+def test_where_the_launcher_is_missing_nothing_is_written(folder, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "submitit", None)
+    config = TrainConfig(asset=str(folder))
+    with pytest.raises(MissingError, match="submitit is not installed"):
+        train_many(config, tmp_path / "out", "slurm", "train …", lambda _: None)
+    assert not (tmp_path / "out").exists()
 
 
 def test_reports_of_seeds_become_one(tmp_path):

@@ -12,7 +12,7 @@ import torch
 from numpy.testing import assert_array_equal
 from tests.runs import tiny_run
 
-from articulate.errors import DivergedError
+from articulate.errors import DivergedError, UsageError
 from articulate.judgement import CODE, WIDTH
 from articulate.observe import OBSERVATION
 from articulate_envs.critic import PRIVILEGED
@@ -100,6 +100,20 @@ def test_seed_whose_run_was_killed_saves_and_stops(tiny, process, monkeypatch):
     assert json.loads(read_checkpoint(tiny.seed_folder(0))["plain"])["num_timesteps"] == 32
 
 
+def test_seed_whose_run_was_killed_before_it_began_trains_nothing(tiny):
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    assert seeds.main([str(tiny.folder), "0", "1", str(gone.pid)]) == 130
+    assert not tiny.seed_folder(0).exists()
+
+
+def test_seed_whose_run_was_killed_while_it_began_stops_after_an_update(tiny):
+    orphan = SeedProcess(tiny, 0, threads=1, parent=1 if os.getppid() != 1 else 2)
+    assert not orphan.train()
+    orphan.close()
+    assert json.loads(read_checkpoint(tiny.seed_folder(0))["plain"])["num_timesteps"] == 32
+
+
 def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits(
     tiny, process, whole
 ):
@@ -119,6 +133,36 @@ def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits
     assert json.loads(read_checkpoint(folder)["plain"])["num_timesteps"] == 64
     assert process().train()
     same_checkpoints(folder, whole)
+
+
+def progress_of(folder):
+    """What progress tells, without the time it took."""
+    rows = [json.loads(line) for line in (folder / PROGRESS).read_text().splitlines()]
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in rows]
+
+
+@pytest.mark.parametrize("updates", [1, 2, 3, 5, 6])
+def test_progress_of_a_seed_that_was_interrupted_is_that_of_one_that_was_not(
+    tiny, process, whole, monkeypatch, updates
+):
+    """Episodes that ended since the last line are kept with the checkpoint."""
+    first = process()
+    stop_after(first, updates)
+    first.train()
+    process().train()
+    rows = progress_of(tiny.seed_folder(0))
+    assert rows == progress_of(whole)
+    assert len(rows) == 1
+
+
+def test_episodes_that_progress_has_told_of_are_not_told_again(tiny, process, monkeypatch):
+    """A run that is done, and goes on because more steps are asked for."""
+    process().train()
+    content = read_checkpoint(tiny.seed_folder(0))
+    assert content["finished"] == {}
+    del content["finished"]  # as older checkpoints are
+    torch.save(content, tiny.seed_folder(0) / CHECKPOINT)
+    assert process().learner.envs.finished == []
 
 
 def test_progress_after_the_checkpoint_and_lines_cut_off_are_dropped(tiny, whole, process):
@@ -156,6 +200,42 @@ def test_seed_that_diverges_keeps_its_last_states(tiny, process):
         assert len(kept["draw"]) == tiny.config.ppo.n_envs
     assert not (folder / DONE).exists()
     assert not (folder / CHECKPOINT).exists()  # weights that are no numbers take nobody's place
+
+
+def test_last_states_that_cannot_be_written_leave_no_half_file(tiny, process, monkeypatch):
+    def full(stream, **_):
+        stream.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(UsageError, match="No space left"):
+        process()._keep_states()
+    assert not list(tiny.seed_folder(0).glob("*diverged*"))
+
+
+def test_checkpoint_of_another_version_is_one_line_and_exit_2(tiny, process, capsys):
+    first = process()
+    stop_after(first, 1)
+    first.train()
+    path = tiny.seed_folder(0) / CHECKPOINT
+    whole = read_checkpoint(path.parent)
+    without = {k: v for k, v in whole.items() if k != "returns"}
+    other = whole | {"net": [8], "policy": {"a": torch.zeros(1)}}
+    for content in (without, other):
+        torch.save(content, path)
+        assert seeds.main([str(tiny.folder), "0", "1"]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "made by another version" in error
+
+
+def test_seed_that_diverges_is_no_bad_input(tiny, monkeypatch, capsys):
+    def diverges(_):
+        raise DivergedError("weights are not finite after 64 steps")
+
+    monkeypatch.setattr(SeedProcess, "train", diverges)
+    assert seeds.main([str(tiny.folder), "0", "1"]) == 1
+    assert "not finite" in capsys.readouterr().err
 
 
 def test_a_run_that_is_none_is_one_line_and_exit_2(tmp_path, capsys):

@@ -71,7 +71,7 @@ def test_end_of_an_episode_is_a_termination_with_its_last_observation_and_reason
             else:
                 assert infos[i] == {}
     assert sorted(seen) == list(range(N))
-    assert sum(len(e.rows) for e in env.finished) == N
+    assert sum(len(e.code) for e in env.finished) == N
 
 
 def test_episode_cut_at_rest_is_a_truncation_whose_last_observation_can_be_valued(env, drawer):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -12,9 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from articulate.errors import DivergedError, RunError
+from articulate.errors import ArticulateError, DivergedError, RunError
+from articulate_train.clock import Clock
+from articulate_train.lock import alone
 from articulate_train.run import SUMMARY, Run, write_summary
-from articulate_train.seed import DIVERGED, DONE, PROGRESS
+from articulate_train.seed import BAD_INPUT, DIVERGED, DONE, INTERRUPTED, PROGRESS
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to 1 for each seed: more threads fight with the physics (they spin)."""
@@ -42,25 +45,31 @@ def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
 
     Raises:
         DivergedError: A seed produced values that are not finite.
-        RunError: A seed's process failed.
+        RunError: A seed was refused what it is to train with, or another process trains the run.
+        ArticulateError: A seed's process crashed, or was killed.
     """
-    config = run.config
-    waiting = [s for s in config.seeds if not _is_done(run, s)]
-    if not waiting and (run.folder / SUMMARY).exists():
+    if not _waiting(run) and (run.folder / SUMMARY).exists():
         return True
-    jobs = min(config.jobs or processors(), max(len(waiting), 1))
+    with alone(run.folder) as lock:
+        return _train(run, on_progress, lock)
+
+
+def _train(run: Run, on_progress: Callable[[SeedProgress], None], lock: int) -> bool:
+    waiting = _waiting(run)
+    jobs = min(run.config.jobs or processors(), max(len(waiting), 1))
     threads = max(1, processors() // jobs)
     running: dict[int, subprocess.Popen[bytes]] = {}
     seen: dict[int, int] = {}
-    begin = time.monotonic()
+    clock = Clock(run.folder)
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
                 seed = waiting.pop(0)
-                running[seed] = _start(run.folder, seed, threads)
+                running[seed] = _start(run.folder, seed, threads, lock)
             time.sleep(0.2)
             for seed, process in list(running.items()):
-                _tell(run, seed, seen, on_progress)
+                if _tell(run, seed, seen, on_progress):
+                    clock.note()
                 if process.poll() is not None:
                     del running[seed]
                     if not _ended_well(run, seed, process):
@@ -72,8 +81,14 @@ def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
             process.terminate()
         for process in running.values():
             process.wait()
-    write_summary(run, [last_progress(run, s) for s in config.seeds], time.monotonic() - begin)
+        seconds = clock.note()
+    write_summary(run, [last_progress(run, s) for s in run.config.seeds], seconds)
     return True
+
+
+def _waiting(run: Run) -> list[int]:
+    """Seeds that are to be trained."""
+    return [seed for seed in run.config.seeds if not _is_done(run, seed)]
 
 
 def _is_done(run: Run, seed: int) -> bool:
@@ -103,22 +118,30 @@ def read_progress(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _start(folder: Path, seed: int, threads: int) -> subprocess.Popen[bytes]:
+def _start(folder: Path, seed: int, threads: int, lock: int) -> subprocess.Popen[bytes]:
+    """Start the process of a seed; it keeps ``lock``, and ends if this process is gone."""
     environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1")
-    command = [sys.executable, "-m", "articulate_train.seed", str(folder), str(seed), str(threads)]
+    numbers = (seed, threads, os.getpid())
+    command = [sys.executable, "-m", "articulate_train.seed", str(folder), *map(str, numbers)]
     log = (folder / f"seed_{seed}.log").open("wb")
     with log:
         return subprocess.Popen(
-            command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment
+            command,
+            stdout=log,
+            stderr=log,
+            stdin=subprocess.DEVNULL,
+            env=environment,
+            pass_fds=(lock,),
         )
 
 
 def _tell(
     run: Run, seed: int, seen: dict[int, int], on_progress: Callable[[SeedProgress], None]
-) -> None:
+) -> bool:
+    """Tell how far a seed has come, if that is news; whether it was."""
     rows = read_progress(run.seed_folder(seed))
     if not rows or len(rows) == seen.get(seed, 0):
-        return
+        return False
     seen[seed] = len(rows)
     row = rows[-1]
     on_progress(
@@ -131,17 +154,29 @@ def _tell(
             opened=row["opened"],
         )
     )
+    return True
 
 
 def _ended_well(run: Run, seed: int, process: subprocess.Popen[bytes]) -> bool:
-    if process.returncode == 0:
-        return True
-    if process.returncode == 130:
-        return False
+    """True if the seed is done, False if it was interrupted."""
+    code = process.returncode
+    if code in (0, INTERRUPTED):
+        return code == 0
     log = run.folder / f"seed_{seed}.log"
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    what = lines[-1] if lines else f"exit {process.returncode}"
-    if "not finite" in what:
+    said = lines[-1] if lines else ""
+    if code > 0 and "not finite" in said:
         states = run.seed_folder(seed) / DIVERGED
-        raise DivergedError(f"seed {seed} diverged: {what}; its last states lie in {states}")
-    raise RunError(f"seed {seed} failed: {what}; its log is {log}")
+        raise DivergedError(f"seed {seed} diverged: {said}; its last states lie in {states}")
+    if code == BAD_INPUT:
+        raise RunError(f"seed {seed} failed: {said or 'it said nothing'}; its log is {log}")
+    how = f"was ended by {signal_name(-code)}" if code < 0 else f"crashed with exit {code}"
+    raise ArticulateError(f"seed {seed} {how}{said and f': {said}'}; its log is {log}")
+
+
+def signal_name(number: int) -> str:
+    """``SIGKILL`` for 9; real-time signals have numbers alone."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -13,6 +14,16 @@ from articulate.task import TASK_RULES
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig
+
+SEEDS = 2**32
+"""Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
+
+
+def check_least(least: int, values: Mapping[str, int]) -> None:
+    """ConfigError for the first of ``values``, by the names of their flags, below ``least``."""
+    for name, value in values.items():
+        if value < least:
+            raise ConfigError(f"{name} is {value}; it must be at least {least}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +65,8 @@ class PpoConfig:
     """Widths of the hidden layers of policy and value, ELU between."""
 
     def __post_init__(self) -> None:
+        counts = {f"ppo.{name}": getattr(self, name) for name in ("n_envs", "n_steps", "n_epochs")}
+        check_least(1, counts | {"ppo.net": min(self.net, default=1)})
         size = self.n_envs * self.n_steps
         if self.batch_size < 2 or size % self.batch_size:
             raise ConfigError(
@@ -119,11 +132,14 @@ class TrainConfig:
     def __post_init__(self) -> None:
         if self.task not in TASK_RULES:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
-        if not self.seeds or len(set(self.seeds)) != len(self.seeds) or min(self.seeds) < 0:
-            shown = " ".join(map(str, self.seeds))
-            raise ConfigError(f"seeds are {shown}; they must be distinct and not negative")
+        seeds = self.seeds
+        if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0 or max(seeds) >= SEEDS:
+            shown = " ".join(map(str, seeds))
+            raise ConfigError(
+                f"seeds are {shown}; they must be distinct, not negative and below {SEEDS}"
+            )
         if self.steps < self.ppo.n_envs * self.ppo.n_steps:
             least = self.ppo.n_envs * self.ppo.n_steps
             raise ConfigError(f"steps is {self.steps}; one update alone takes {least}, give more")
-        if self.episodes < 1:
-            raise ConfigError(f"episodes is {self.episodes}; it must be at least 1")
+        check_least(1, {"episodes": self.episodes, "checkpoint_updates": self.checkpoint_updates})
+        check_least(0, {"jobs": self.jobs, "evaluation_seed": self.evaluation_seed})

@@ -15,7 +15,7 @@ from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
 from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
-from articulate_train.policy import Policy, load_policy
+from articulate_train.policy import Policy, checkpoint_sha256, load_policy
 from articulate_train.ppo import EVALUATION
 from articulate_train.report import SeedEvaluation, Timeline
 from articulate_train.run import Run
@@ -60,6 +60,8 @@ def evaluate_seed(
     Raises:
         RunError: There is no checkpoint.
     """
+    # Before it is read: a checkpoint that is replaced meanwhile must not pass as the one judged.
+    judged = checkpoint_sha256(run.seed_folder(seed))
     policy = load_policy(run.seed_folder(seed))
     config = run.config
     stream = np.random.SeedSequence([config.evaluation_seed, seed, EVALUATION])
@@ -74,6 +76,7 @@ def evaluate_seed(
         draws=drawn.draws.values,
         nominal_codes=nominal.ended.code,
         nominal_opened=nominal.ended.opened,
+        checkpoint_sha256=judged,
     )
     return result, drawn
 

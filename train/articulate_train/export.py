@@ -52,7 +52,15 @@ from articulate_envs.export_object import object_files
 from articulate_envs.export_scene import export_scene
 from articulate_envs.scene import PREFIX, Scene
 from articulate_train.campaign import last_progress
-from articulate_train.policy import CHECKPOINT, Policy, load_policy
+from articulate_train.policy import (
+    CHECKPOINT,
+    Policy,
+    checkpoint_sha256,
+    of_this_version,
+    policy_of,
+    read_checkpoint,
+    trained_steps,
+)
 from articulate_train.run import Run, open_run, versions
 
 OPSET = 18
@@ -108,7 +116,9 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
     if out.exists():
         raise UsageError(f"{out}: exists; choose another --out")
     require_space(out, BUNDLE_BYTES, "a bundle")
-    policy = load_policy(run.seed_folder(chosen))
+    checkpoint = read_checkpoint(run.seed_folder(chosen))
+    with of_this_version(run.seed_folder(chosen)):
+        policy, steps = policy_of(checkpoint), trained_steps(checkpoint)
     scene = run.scene((1.0,))
     files = bundle_files(scene, policy, draws_of(run, scene))
     manifest = make_manifest(
@@ -119,7 +129,7 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
             run=run.folder.resolve().name,
             seed=chosen,
             seed_rule=rule,
-            steps=int(last_progress(run, chosen).get("steps", 0)),
+            steps=steps,
             config_sha256=sha256(run.folder / "config.yaml"),
             success=success,
         ),
@@ -160,9 +170,14 @@ def choose_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
 
 
 def _success_of_report(run: Run) -> dict[int, float]:
+    """Measured success of the seeds whose checkpoint is still the one that was evaluated."""
     try:
         report = json.loads((run.folder / "report.json").read_text(encoding="utf-8"))
-        return {int(row["seed"]): float(row["success"]["value"]) for row in report["seeds"]}
+        return {
+            int(row["seed"]): float(row["success"]["value"])
+            for row in report["seeds"]
+            if row["checkpoint_sha256"] == checkpoint_sha256(run.seed_folder(int(row["seed"])))
+        }
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
@@ -379,15 +394,20 @@ def write_bundle(out: Path, files: dict[str, bytes]) -> None:
                 item.external_attr = 0o100644 << 16
                 archive.writestr(item, content)
         return
-    temporary = out.with_name(f".{out.name}.part")
+    part = None
     try:
-        shutil.rmtree(temporary, ignore_errors=True)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        # A name of its own: another bundle may be written beside this one at the same moment.
+        part = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+        part.chmod(0o755)
         for name, content in files.items():
-            (temporary / name).parent.mkdir(parents=True, exist_ok=True)
-            (temporary / name).write_bytes(content)
-        temporary.replace(out)
+            (part / name).parent.mkdir(parents=True, exist_ok=True)
+            (part / name).write_bytes(content)
+        part.replace(out)
     except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
         ) from None
+    finally:
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)

@@ -18,6 +18,7 @@ from articulate_envs.film import picture, write_film
 from articulate_envs.rewards import TERMS
 from articulate_envs.scene import Scene
 from articulate_train.campaign import processors, read_progress
+from articulate_train.clock import trained_s
 from articulate_train.command import train_command
 from articulate_train.evaluate import Rollout, evaluate_seed, timelines
 from articulate_train.policy import load_policy
@@ -94,7 +95,7 @@ def target_text(task: Task) -> str:
 
 def _info(run: Run) -> RunInfo:
     rows = [read_progress(run.seed_folder(s)) for s in run.config.seeds]
-    seconds = sum(r[-1]["seconds"] for r in rows if r)
+    seconds = trained_s(run.folder, [r[-1]["seconds"] for r in rows if r])
     steps = sum(r[-1]["steps"] for r in rows if r)
     config = run.config
     return RunInfo(

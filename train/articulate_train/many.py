@@ -11,8 +11,11 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -87,9 +90,10 @@ def cells_of(config: TrainConfig, items: Sequence[Item], out: Path) -> list[Cell
         out: Folder of all.
     """
     cells = []
+    names = folder_names([item.name for item in items])
     for item in items:
         for seed in config.seeds:
-            folder = out / f"{item.name.replace('/', '-')}-seed-{seed}"
+            folder = out / f"{names[item.name]}-seed-{seed}"
             made = str((folder / "run").absolute())
             train = [sys.executable, "-m", "articulate", "train"]
             start = [
@@ -106,6 +110,23 @@ def cells_of(config: TrainConfig, items: Sequence[Item], out: Path) -> list[Cell
             )
             cells.append(Cell(item, seed, job))
     return cells
+
+
+def folder_names(items: Sequence[str]) -> dict[str, str]:
+    """A name of a folder for each object, no two alike: ``a/b`` gives way to ``a-b``.
+
+    It is the same whatever the order, so that jobs are found again.
+    """
+    plain = {item: item.replace("/", "-") for item in items}
+    count = Counter(plain.values())
+    return {
+        item: name if item == name or count[name] == 1 else f"{name}-{_digest(item)}"
+        for item, name in plain.items()
+    }
+
+
+def _digest(name: str) -> str:
+    return hashlib.sha256(name.encode()).hexdigest()[:8]
 
 
 def train_many(
@@ -130,10 +151,11 @@ def train_many(
     shared = yaml.safe_load(to_yaml(config))
     for own in ("asset", "seeds", "jobs"):
         del shared[own]
-    _keep(out / CONFIG, yaml.safe_dump(shared, sort_keys=False))
     cells = cells_of(config, items, out)
-    with_slots = make_launcher(launcher, config.jobs or processors(), out)
-    progress = run_jobs([cell.job for cell in cells], with_slots, lambda p: say(told(p)))
+    # First what may be missing on this machine: where it is, nothing is written.
+    with closing(make_launcher(launcher, config.jobs or processors(), out)) as runner:
+        _keep(out / CONFIG, yaml.safe_dump(shared, sort_keys=False))
+        progress = run_jobs([cell.job for cell in cells], runner, lambda p: say(told(p)))
     reports = grouped(cells)
     if not reports:
         return Outcome(progress, None, None, None)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import pickle  # noqa: TID251  # its error alone, which torch lets through
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,11 +15,14 @@ import torch
 from torch import Tensor, nn
 
 from articulate.errors import RunError
+from articulate.files import sha256
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
+MOST_LETTERS = 160
+"""Letters that are told of why a checkpoint does not fit."""
 
 
 class Policy(nn.Module):
@@ -59,22 +66,61 @@ def read_checkpoint(folder: Path) -> dict[str, Any]:
         content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError:
         raise RunError(f"{folder}: no checkpoint; train first, or go on with --resume") from None
-    except (OSError, RuntimeError, ValueError, EOFError) as error:
+    except (OSError, RuntimeError, ValueError, EOFError, pickle.UnpicklingError) as error:
         raise RunError(f"{path}: cannot be read ({type(error).__name__}); train again") from None
+    with of_this_version(folder):
+        if not isinstance(content, dict):
+            raise TypeError(f"it holds a {type(content).__name__}")
     return content
 
 
+@contextmanager
+def of_this_version(folder: Path) -> Iterator[None]:
+    """Inside, a checkpoint of ``folder`` that lacks something, or has another size, is a RunError.
+
+    Raises:
+        RunError: What was read does not fit what this version trains.
+    """
+    try:
+        yield
+    except (KeyError, RuntimeError, ValueError, TypeError) as error:
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        why = said if len(said) <= MOST_LETTERS else f"{said[:MOST_LETTERS]}..."
+        raise RunError(
+            f"{folder / CHECKPOINT}: made by another version ({why}); train again"
+        ) from error
+
+
 def load_policy(folder: Path) -> Policy:
-    """The policy of the last checkpoint in a seed's folder."""
-    return policy_of(read_checkpoint(folder))
+    """The policy of the last checkpoint in a seed's folder.
+
+    Raises:
+        RunError: There is none, it is not whole, or another version made it.
+    """
+    content = read_checkpoint(folder)
+    with of_this_version(folder):
+        return policy_of(content)
+
+
+def checkpoint_sha256(folder: Path) -> str:
+    """Sum of the checkpoint in a seed's folder; empty if there is none."""
+    path = folder / CHECKPOINT
+    return sha256(path) if path.exists() else ""
+
+
+def trained_steps(checkpoint: dict[str, Any]) -> int:
+    """Ticks of experience that a checkpoint was made after; 0 where it does not say."""
+    return int(json.loads(checkpoint.get("plain", "{}")).get("num_timesteps", 0))
 
 
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
-    weights = checkpoint["policy"]
+    weights, mean = checkpoint["policy"], checkpoint["normalise"]["mean"]
+    if mean.numel() < OBSERVATION.size:
+        raise ValueError(f"observations of {mean.numel()} numbers, not {OBSERVATION.size}")
     names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
     policy = Policy(
-        checkpoint["normalise"]["mean"][: OBSERVATION.size],  # the rest is the value function's
+        mean[: OBSERVATION.size],  # the rest is the value function's
         checkpoint["normalise"]["var"][: OBSERVATION.size],
         tuple(int(v) for v in checkpoint["net"]),
     )

@@ -107,6 +107,7 @@ class Learner:
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
             "episodes": {k: torch.from_numpy(np.asarray(v).copy()) for k, v in snapshot.items()},
+            "finished": {k: torch.from_numpy(v) for k, v in self.envs.pending().items()},
             "last_observation": torch.from_numpy(np.asarray(model._last_obs).copy()),
             "last_raw": torch.from_numpy(np.asarray(norm.old_obs).copy()),
             "last_starts": torch.from_numpy(np.asarray(model._last_episode_starts).copy()),
@@ -132,6 +133,8 @@ class Learner:
         plain = json.loads(content["plain"])
         snapshot = {k: v.numpy() for k, v in content["episodes"].items()}
         self.episodes.restore(snapshot | {"generator": plain["generator"]})
+        finished = content.get("finished", {})  # older checkpoints have it not
+        self.envs.restore({k: v.numpy() for k, v in finished.items()})
         model.policy.load_state_dict(content["policy"])
         model.policy.optimizer.load_state_dict(content["optimizer"])
         for rms, key in ((seen, "normalise"), (norm.ret_rms, "returns_rms")):

@@ -59,6 +59,8 @@ class SeedEvaluation:
     """Codes of episodes in which nothing is randomised (E_n,); empty if there were none."""
     nominal_opened: Mask
     """Whether those held the part open (E_n,)."""
+    checkpoint_sha256: str = ""
+    """Sum of the checkpoint that was evaluated; a training that goes on replaces it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +150,8 @@ class SeedReport:
     """The same without randomisation; None if that was not evaluated."""
     nominal_opened: Share | None
     nominal_reasons: Mapping[str, int]
+    checkpoint_sha256: str
+    """Sum of the checkpoint that the figures are of."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,6 +287,7 @@ def _seed_report(seed: SeedEvaluation) -> SeedReport:
         nominal_success=wilson(int(np.sum(seed.nominal_codes == 0)), m) if m else None,
         nominal_opened=wilson(int(np.sum(seed.nominal_opened)), m) if m else None,
         nominal_reasons=_reasons(seed.nominal_codes),
+        checkpoint_sha256=seed.checkpoint_sha256,
     )
 
 

@@ -9,8 +9,10 @@
       versions.json  versions at the beginning
       seed_K.log     what its process said
       seed_K/        checkpoint.pt, progress.jsonl, tensorboard/, done.json or diverged.npz
-      summary.json   what each seed reached, seconds, versions
+      sessions.json  seconds of each call of train that worked on it
+      summary.json   what each seed reached, seconds of all calls, versions
       report.json, report.html, videos/
+      .lock          held by the call of train that works on it
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ from articulate_envs.choose import choose_joint
 from articulate_envs.place import Place
 from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
+from articulate_train.lock import alone
 
 PACKAGES = (
     "mujoco", "numpy", "torch", "stable_baselines3", "gymnasium", "numba", "robosuite",
@@ -165,7 +168,7 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
     """The run in ``folder`` to go on with, under ``config`` where it differs in :data:`OPEN`.
 
     Raises:
-        RunError: It is none, or ``config`` differs from what it was begun with.
+        RunError: It is none, is being trained, or ``config`` differs from what it was begun with.
     """
     run = open_run(folder)
     asked, kept = _plain("", config), _plain("", run.config)
@@ -178,7 +181,8 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
             )
     if asked == kept:
         return run
-    write_text(folder / CONFIG, to_yaml(config))
+    with alone(folder):  # seeds that wait their turn in another call read it too
+        write_text(folder / CONFIG, to_yaml(config))
     return dataclasses.replace(run, config=config)
 
 
@@ -240,7 +244,7 @@ def load_scene(folder: Path) -> Scene:
 
 
 def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Path:
-    """Write ``summary.json``: what each seed reached in training."""
+    """Write ``summary.json``: what each seed reached in ``seconds`` of training."""
     path = run.folder / SUMMARY
     content = {
         "asset": run.asset.name,

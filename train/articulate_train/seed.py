@@ -1,7 +1,8 @@
-"""One seed in a process of its own: ``python -m articulate_train.seed RUN SEED THREADS``.
+"""One seed in a process of its own: ``python -m articulate_train.seed RUN SEED THREADS [PARENT]``.
 
 It writes ``progress.jsonl`` (a line every ten updates and at the end), TensorBoard events and
-``checkpoint.pt``, and at the end ``done.json``. SIGINT or SIGTERM saves and stops with 130.
+``checkpoint.pt``, and at the end ``done.json``. SIGINT or SIGTERM saves and stops with 130, and so
+does the end of the process PARENT, which started it.
 """
 
 from __future__ import annotations
@@ -19,17 +20,19 @@ import numpy as np
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from articulate.errors import ArticulateError, DivergedError
-from articulate.files import write_json, write_text
+from articulate.errors import ArticulateError, DivergedError, UsageError
+from articulate.files import whole_file, write_json, write_text
 from articulate.judgement import REASONS
-from articulate_envs.episodes import Ended
 from articulate_envs.rewards import TERMS
-from articulate_train.policy import CHECKPOINT, read_checkpoint
+from articulate_train.policy import CHECKPOINT, of_this_version, read_checkpoint
 from articulate_train.ppo import Learner
 from articulate_train.run import Run, open_run
+from articulate_train.vecenv import Finished
 
 log = logging.getLogger(__name__)
 PROGRESS, DONE, DIVERGED = "progress.jsonl", "done.json", "diverged.npz"
+CRASHED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit statuses."""
 REPORT_UPDATES = 10
 """Updates between lines of progress."""
 
@@ -37,21 +40,29 @@ REPORT_UPDATES = 10
 class SeedProcess:
     """Trains one seed of a run and keeps its folder."""
 
-    def __init__(self, run: Run, seed: int, *, threads: int) -> None:
-        """Continue from the seed's checkpoint if there is one."""
+    def __init__(self, run: Run, seed: int, *, threads: int, parent: int | None = None) -> None:
+        """Continue from the seed's checkpoint if there is one.
+
+        Args:
+            run: The run.
+            seed: One of its seeds.
+            threads: Threads of the engine.
+            parent: Number of the process without which nothing is to be trained; by default the
+                one that is the parent now.
+        """
         self.folder = run.seed_folder(seed)
         self.folder.mkdir(exist_ok=True)
         self._every = run.config.checkpoint_updates
         self._stop = False
-        self._parent = os.getppid()
+        self._parent = os.getppid() if parent is None else parent
         self.learner = Learner(run.scene(), run.config, seed, threads=threads)
         self._before_s = 0.0
         self._updates = 0
         if (self.folder / CHECKPOINT).exists():
             content = read_checkpoint(self.folder)
-            self.learner.restore(content)
-            state = json.loads(content["plain"])
-            self._updates = int(state["n_updates"]) // run.config.ppo.n_epochs
+            with of_this_version(self.folder):
+                self.learner.restore(content)
+            self._updates = self.learner.model._n_updates // run.config.ppo.n_epochs
         self._cut_progress()
         self._board = SummaryWriter(
             str(self.folder / "tensorboard"), purge_step=self.learner.model.num_timesteps
@@ -85,11 +96,12 @@ class SeedProcess:
         except DivergedError:
             self._keep_states()
             raise
-        self.learner.save(self.folder)
-        if self._stop and self.learner.model.num_timesteps < self.learner.config.steps:
-            return False
-        if self._updates % REPORT_UPDATES:
+        done = self.learner.model.num_timesteps >= self.learner.config.steps
+        if done and self._updates % REPORT_UPDATES:
             self._report()  # the last updates, without which a short training has no figures
+        self.learner.save(self.folder)
+        if not done:
+            return False
         write_json(self.folder / DONE, {"steps": self.learner.model.num_timesteps})
         return True
 
@@ -99,9 +111,14 @@ class SeedProcess:
             self._report()
         if self._updates % self._every == 0:
             learner.save(self.folder)
-        if os.getppid() != self._parent:  # the run was killed: its next one must find none at work
+        if self.is_orphan:  # its run was killed, and may be taken up again any moment
             self._stop = True
         return not self._stop
+
+    @property
+    def is_orphan(self) -> bool:
+        """Whether the process that started it is gone."""
+        return os.getppid() != self._parent
 
     def _report(self) -> None:
         finished = self.learner.envs.finished
@@ -126,7 +143,8 @@ class SeedProcess:
 
     def _keep_states(self) -> None:
         snapshot: dict[str, Any] = self.learner.episodes.engine.snapshot()
-        np.savez_compressed(self.folder / DIVERGED, **snapshot)
+        with whole_file(self.folder / DIVERGED) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, **snapshot)
 
     def close(self) -> None:
         """Close the files and the engine."""
@@ -134,7 +152,7 @@ class SeedProcess:
         self.learner.close()
 
 
-def summarise(finished: list[Ended]) -> dict[str, Any]:
+def summarise(finished: list[Finished]) -> dict[str, Any]:
     """Shares and means over episodes that ended: from home, and over all starts."""
     code = np.concatenate([e.code for e in finished])
     opened = np.concatenate([e.opened for e in finished])
@@ -152,18 +170,22 @@ def summarise(finished: list[Ended]) -> dict[str, Any]:
 
 
 def main(argv: list[str]) -> int:
-    """Train seed ``argv[1]`` of run ``argv[0]`` on ``argv[2]`` threads."""
+    """Train seed ``argv[1]`` of run ``argv[0]`` on ``argv[2]`` threads for process ``argv[3]``."""
     torch.set_num_threads(1)
+    parent = int(argv[3]) if len(argv) > 3 else None
+    if parent not in (None, os.getppid()):
+        return INTERRUPTED  # it ended while this process loaded its libraries
     try:
-        process = SeedProcess(open_run(Path(argv[0])), int(argv[1]), threads=int(argv[2]))
+        run, seed, threads = open_run(Path(argv[0])), int(argv[1]), int(argv[2])
+        process = SeedProcess(run, seed, threads=threads, parent=parent)
         signal.signal(signal.SIGINT, process.stop)
         signal.signal(signal.SIGTERM, process.stop)
         done = process.train()
         process.close()
     except ArticulateError as error:
         sys.stderr.write(f"{error}\n")
-        return 2
-    return 0 if done else 130
+        return BAD_INPUT if isinstance(error, UsageError) else CRASHED
+    return 0 if done else INTERRUPTED
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -12,11 +13,23 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from articulate.judgement import REASONS
 from articulate.observe import ACTION, OBSERVATION
-from articulate.transforms import Array, Mask
+from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import PRIVILEGED
-from articulate_envs.episodes import Ended, Episodes
+from articulate_envs.episodes import Episodes
 
 Singles = NDArray[np.float32]
+FINISHED = ("code", "opened", "from_home", "terms")
+"""Fields of :class:`Finished`."""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What progress tells of M episodes that ended; see :class:`articulate_envs.episodes.Ended`."""
+
+    code: Ints
+    opened: Mask
+    from_home: Mask
+    terms: Array
 
 
 class EpisodesVecEnv(VecEnv):
@@ -31,7 +44,7 @@ class EpisodesVecEnv(VecEnv):
     def __init__(self, episodes: Episodes) -> None:
         """Wrap ``episodes``, which this then owns."""
         self.episodes = episodes
-        self.finished: list[Ended] = []
+        self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
         self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
         self._stagger = True
@@ -65,7 +78,7 @@ class EpisodesVecEnv(VecEnv):
             infos = [{} for _ in range(self.num_envs)]
             both = (tick.ended.observation, tick.ended.privileged)
             last = np.concatenate(both, axis=1).astype(np.float32)
-            self.finished.append(tick.ended)
+            self.finished.append(Finished(**{n: getattr(tick.ended, n) for n in FINISHED}))
             for k, i in enumerate(tick.ended.rows):
                 infos[i] = {
                     "terminal_observation": last[k],
@@ -79,6 +92,16 @@ class EpisodesVecEnv(VecEnv):
             tick.done,
             infos,
         )
+
+    def pending(self) -> dict[str, Any]:
+        """All of :attr:`finished` as arrays by name, for a checkpoint; empty if there are none."""
+        if not self.finished:
+            return {}
+        return {n: np.concatenate([getattr(one, n) for one in self.finished]) for n in FINISHED}
+
+    def restore(self, pending: dict[str, Any]) -> None:
+        """Begin with what :meth:`pending` gave."""
+        self.finished[:] = [Finished(**pending)] if pending else []
 
     def close(self) -> None:
         """Give back the engine."""

@@ -17,10 +17,12 @@ from articulate.commands.flags import parse
 from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
 from articulate.files import require_space
-from articulate.prove.batch import Batch, Checked, items_in, write_junit
-from articulate.prove.clauses import explained
+from articulate.prove.batch import Batch, Checked, is_there, items_in, write_junit
+from articulate.prove.clauses import explained, explained_content
 from articulate.prove.record import PAGE_FILE, content_of
 
+MOST_LIMIT_S = 1e6
+"""Longest time that an object may be given [s]."""
 BAR = 24
 """Letters of the progress bar."""
 RESULT_BYTES = 4_000_000
@@ -82,6 +84,10 @@ class CheckFlags:
             raise ConfigError(f"--jobs is {self.jobs}; it must be 0 or more")
         if not self.limit > 0.0:
             raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
+        if self.limit > MOST_LIMIT_S:
+            raise ConfigError(
+                f"--limit is {self.limit:g} s; it must be at most {MOST_LIMIT_S:.0f} s"
+            )
         if self.max_geoms is not None and self.max_geoms < 1:
             raise ConfigError(f"--max-geoms is {self.max_geoms}; it must be at least 1")
 
@@ -107,10 +113,16 @@ def main(argv: Sequence[str]) -> int:
     """Check and print; 3 if anything was refused."""
     flags = parse(CheckFlags, argv, prog="check-asset")
     if flags.explain is not None:
-        console.emit(explained(flags.explain))
+        if flags.json:
+            console.emit_json(explained_content(flags.explain))
+        else:
+            console.emit(explained(flags.explain))
         return 0
     assert flags.asset is not None
-    if flags.against is not None and not flags.against.exists():
+    for path in (flags.out, flags.junit):
+        if path is not None:
+            is_there(path)  # before any work, where it could not even be looked up
+    if flags.against is not None and not is_there(flags.against):
         raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
     items, single = items_in(flags.asset)
     out = flags.out or Path("checked") / _name(flags.asset)

@@ -20,6 +20,7 @@ from articulate.convert.collision import collision_shapes
 from articulate.convert.config import ConvertConfig
 from articulate.convert.contacts import excludes_of
 from articulate.convert.expand import expand
+from articulate.convert.followers import followed, with_followers
 from articulate.convert.grasps import handles_of
 from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
@@ -33,13 +34,14 @@ from articulate.convert.read_mjcf_files import is_mjcf
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape
 from articulate.convert.size import category_of, is_normalised, scale_of
+from articulate.convert.swap import is_asset, take_place
 from articulate.convert.tree import Part, build_parts, poses_at
 from articulate.convert.write import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "17"
+VERSION = "18"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -90,8 +92,15 @@ def urdf_in(source: Path) -> Path:
     """The URDF or MJCF file that ``source`` is or holds; a folder's only URDF comes first.
 
     Raises:
-        AssetError: There is none, or more than one.
+        AssetError: There is none, or more than one, or it cannot be looked at.
     """
+    try:
+        return _only_source(source)
+    except OSError as error:  # a name too long, a folder that is closed
+        raise AssetError(f"{source}: cannot be read ({error.strerror}); give another") from None
+
+
+def _only_source(source: Path) -> Path:
     if not source.exists():
         raise AssetError(
             f"{source}: does not exist; give a URDF, an MJCF file or a folder that holds one"
@@ -128,13 +137,23 @@ def read_input(path: Path, config: ConvertConfig) -> Reading:
     parts = _without_empty(parts, geometry, source)
     if not any(geometry[part.name].shown for part in parts):
         raise AssetError(f"{path}: no link has geometry; nothing can be made of it")
-    travels = {
-        part.name: travel_of(part.joint, geometry[part.name], config, source.repairs)
-        for part in parts
-        if part.joint is not None
-    }
+    travels = _travels(parts, geometry, config, source.repairs)
     files = {**source.files, **loader.files}
     return Reading(source=source, parts=parts, geometry=geometry, travels=travels, files=files)
+
+
+def _travels(
+    parts: Sequence[Part],
+    geometry: Mapping[str, PartGeometry],
+    config: ConvertConfig,
+    repairs: Repairs,
+) -> dict[str, Travel]:
+    """How far each part goes, by part."""
+    moving = [(part, part.joint) for part in parts if part.joint is not None]
+    own = {j.name: travel_of(j, geometry[part.name], config, repairs) for part, j in moving}
+    leads, _ = followed(joint for _, joint in moving)
+    found = with_followers(own, leads, repairs)
+    return {part.name: found[joint.name] for part, joint in moving}
 
 
 def _without_empty(
@@ -155,17 +174,22 @@ def _without_empty(
 
 
 def input_key(reading: Reading, config: ConvertConfig) -> str:
-    """Content hash of all that an asset is made from: files, options, version of the converter."""
+    """Content hash of all that an asset is made from: files, options, version of the converter.
+
+    The names of the file and of its folder are hashed too: an asset says where it comes from.
+    """
     digest = hashlib.sha256(f"convert {VERSION}\0".encode())
     options = dataclasses.asdict(config)
     del options["cache_dir"], options["decompose_s"]
     digest.update(json.dumps(options, sort_keys=True, default=str).encode())
-    extra = [reading.source.path.parent / n for n in ("meta.json", "semantics.txt", ORIGIN_FILE)]
-    files = [("urdf", reading.source.path), *sorted(reading.files.items())]
+    path = reading.source.path
+    digest.update(json.dumps([path.name, path.parent.resolve().name]).encode() + b"\0")
+    extra = [path.parent / n for n in ("meta.json", "semantics.txt", ORIGIN_FILE)]
+    files = [("urdf", path), *sorted(reading.files.items())]
     files += [(p.name, p) for p in extra if p.is_file()]
-    digest.update(str(is_normalised(reading.source.path)).encode())
-    for name, path in files:
-        digest.update(name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    digest.update(str(is_normalised(path)).encode())
+    for name, file in files:
+        digest.update(name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
     colours = [[p.rgba for p in g.shown] for g in reading.geometry.values()]  # of other files too
     digest.update(json.dumps(colours).encode())
     return digest.hexdigest()
@@ -418,59 +442,48 @@ def _link(body: Body, T_ol: Array) -> Link:
 
 def _mimics(reading: Reading, place: Placement) -> list[Mimic]:
     kinds = {p.joint.name: reading.travels[p.name].kind for p in reading.parts if p.joint}
-    leaders = {p.joint.name: p.joint.mimic[0] for p in reading.parts if p.joint and p.joint.mimic}
-    out = []
-    for part in reading.parts:
-        if part.joint is None or part.joint.mimic is None:
-            continue
-        leader, multiplier, offset = part.joint.mimic
-        if leader not in kinds or _circular(part.joint.name, leaders):
-            why = "itself" if leader in kinds else f"{leader}, which does not move"
-            reading.source.repairs.add(f"joint {part.joint.name} mimics {why}: made independent")
-            del leaders[part.joint.name]
-            continue
-        own, other = kinds[part.joint.name], kinds[leader]
-        unit = place.scale if own == "slide" else 1.0
-        ratio = unit / (place.scale if other == "slide" else 1.0)
-        out.append(
-            Mimic(
-                joint=part.joint.name,
-                leader=leader,
-                multiplier=multiplier * ratio,
-                offset=offset * unit,
-            )
+    leads, dropped = followed(part.joint for part in reading.parts if part.joint)
+    for name, what in dropped.items():
+        reading.source.repairs.add(f"joint {name} mimics {what}: made independent")
+    units = {name: place.scale if kind == "slide" else 1.0 for name, kind in kinds.items()}
+    return [
+        Mimic(
+            joint=name,
+            leader=leader,
+            multiplier=multiplier * units[name] / units[leader],
+            offset=offset * units[name],
         )
-    return out
-
-
-def _circular(joint: str, leaders: Mapping[str, str]) -> bool:
-    """Whether following leaders from ``joint`` leads back to it."""
-    seen = {joint}
-    while joint in leaders:
-        joint = leaders[joint]
-        if joint in seen:
-            return True
-        seen.add(joint)
-    return False
+        for name, (leader, multiplier, offset) in leads.items()
+    ]
 
 
 def _check_out(out: Path) -> None:
-    if out.exists() and not (out / "asset.json").is_file():
-        empty = out.is_dir() and not any(out.iterdir())
-        if not empty:
-            raise UsageError(f"{out}: exists and is not an asset; choose another --out")
+    try:
+        free = not out.exists() or is_asset(out) or (out.is_dir() and not any(out.iterdir()))
+    except OSError as error:  # a name too long, a folder that is closed
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    if not free:
+        raise UsageError(f"{out}: exists and is not an asset; choose another --out")
 
 
 def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path) -> Asset:
-    """Write everything beside ``out`` and move it there in one step."""
+    """Write everything beside ``out`` and move it there in one step.
+
+    Raises:
+        UsageError: ``out`` cannot be written, or holds something other than an asset.
+    """
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
     except OSError as error:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
         ) from None
+    folder = beside / "new"
     try:
+        folder.mkdir()
         folder.chmod(0o755)
         write_meshes(folder / "meshes", mesh_files(bodies))
         write_text(folder / "object.urdf", urdf(asset.name, bodies, mimics))
@@ -478,14 +491,10 @@ def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], o
         text = mjcf(asset.name, bodies, asset.handles, excludes, mimics)
         write_text(folder / "object.xml", text)
         save_asset(replace(asset, folder=folder))
-        if (out / "asset.json").is_file():
-            shutil.rmtree(out)
-        elif out.is_dir():
-            out.rmdir()
-        folder.rename(out)
+        written = load_asset(folder)  # in its place another writer's may follow it at once
+        take_place(folder, out, beside)
     except OSError as error:
-        if not (out / "asset.json").is_file():  # another process may have been first
-            raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
+        raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
-    return load_asset(out)
+        shutil.rmtree(beside, ignore_errors=True)
+    return replace(written, folder=out)

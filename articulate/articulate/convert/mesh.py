@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from articulate.convert.config import ConvertConfig
 from articulate.convert.meshfile import TEXTURES, Y_FROM_Z, Group, is_z_up, read_mesh
-from articulate.convert.paths import found_elsewhere, resolve
+from articulate.convert.paths import AbsentMesh, found_elsewhere, resolve
 from articulate.convert.read import SourceGeometry, SourceObject
 from articulate.convert.texture import mean_colour
 from articulate.convert.tree import Part
@@ -21,6 +21,8 @@ from articulate.transforms import Array
 
 LEAST_AREA_M2 = 1e-9
 """Pieces of a smaller area are left out: a speck of 0.03 mm [m2]."""
+SAME_DECIMALS = 4
+"""Poses that are alike to so many digits are one place: files write angles as 1.5708."""
 GREY = (0.7, 0.7, 0.7, 1.0)
 
 
@@ -68,7 +70,7 @@ class PartGeometry:
     visuals: tuple[Piece, ...]
     collisions: tuple[Piece, ...]
     collides_as_seen: bool
-    """The collision elements name the same files as the visual ones, or there are none."""
+    """The collision elements are the visual ones in the same places, or there are none."""
 
     @property
     def shown(self) -> tuple[Piece, ...]:
@@ -90,6 +92,13 @@ class PartGeometry:
             collisions=tuple(p.moved(T) for p in self.collisions),
             collides_as_seen=self.collides_as_seen,
         )
+
+
+def _sameness(element: SourceGeometry) -> tuple[object, ...]:
+    """What two elements have in common that are the same geometry in the same place."""
+    place = tuple(np.round(element.T_lg, SAME_DECIMALS).ravel().tolist())
+    own = None if element.triangles is None else element.triangles.tobytes()
+    return (element.kind, element.filename, element.size, element.scale, own, place)
 
 
 def _large(pieces: Iterable[Piece]) -> tuple[Piece, ...]:
@@ -119,7 +128,8 @@ class Loader:
         """Geometry of one part.
 
         Raises:
-            AssetError: A mesh is absent or unreadable and its link has nothing else.
+            AbsentMesh: A mesh is absent and its link has nothing else.
+            AssetError: A mesh is unreadable and its link has nothing else.
         """
         visuals: list[Piece] = []
         collisions: list[Piece] = []
@@ -137,8 +147,8 @@ class Loader:
                 raise missing[0]
             for error in missing:
                 self.source.repairs.add(f"left out: {error}")
-            seen = {(e.kind, e.filename, e.size) for e in link.visuals}
-            touched = {(e.kind, e.filename, e.size) for e in link.collisions}
+            seen = {_sameness(e) for e in link.visuals}
+            touched = {_sameness(e) for e in link.collisions}
             same = same and (not touched or seen == touched)
         return PartGeometry(
             visuals=tuple(visuals), collisions=tuple(collisions), collides_as_seen=same
@@ -173,7 +183,8 @@ class Loader:
             path = resolve(element.filename, self.source.path, self.mesh_dirs)
             loaded = self._load(path)
         except AssetError as error:
-            missing.append(AssetError(f"{element.where}: {error}"))
+            kind = AbsentMesh if isinstance(error, AbsentMesh) else AssetError
+            missing.append(kind(f"{element.where}: {error}"))
             return []
         self.files[element.filename] = path
         if found_elsewhere(element.filename, self.source.path, path):

@@ -13,6 +13,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from articulate.convert.instances import check_instances
 from articulate.convert.msh import read_msh
 from articulate.convert.repairs import Repairs
 from articulate.convert.texture import MAX_PIXELS
@@ -101,16 +102,20 @@ def _groups(path: Path, repairs: Repairs) -> list[Group]:
     if faces > MAX_FACES:
         raise AssetError(f"mesh {path.name}: {faces} triangles; at most {MAX_FACES} are accepted")
     out: list[Group] = []
+    boxes = np.full((len(meshes), 6), np.inf)  # of those in ``out``, compared all at once
     for name, mesh in meshes:
         plain = _plain(mesh, path.name, repairs)
         if plain is None:
             repairs.add(f"mesh {path.name}: a group without area left out")
             continue
-        if any(_same_faces(plain, other) for _, other, _ in out):
+        box = np.asarray(plain.bounds).ravel()
+        near = np.flatnonzero(np.isclose(box, boxes[: len(out)]).all(axis=1))
+        if any(_same_faces(plain, out[k][1]) for k in near):
             repairs.note(f"mesh {path.name}: the same triangles in another material left out")
             continue  # the back of a sheet
         if unit != 1.0:
             plain.apply_scale(unit)
+        boxes[len(out)] = np.asarray(plain.bounds).ravel()
         out.append((name, plain, _colour(mesh, path.name, repairs)))
     if not out:
         raise AssetError(f"mesh {path.name}: has no area")
@@ -134,6 +139,7 @@ def _collada_unit(path: Path, repairs: Repairs) -> float:
     content = content.replace(b"\0", b"")  # whatever the encoding
     if re.search(rb"<!\s*(DOCTYPE|ENTITY|ELEMENT|ATTLIST)", content, re.IGNORECASE):
         raise AssetError(f"mesh {path.name}: has a DOCTYPE or entities, which are refused")
+    check_instances(path.read_bytes(), path.name)
     axis = re.search(rb"<up_axis>\s*([XY]_UP)", content)
     if axis:
         repairs.note(f"mesh {path.name} says {axis.group(1).decode()}: taken as it is, as in ROS")
@@ -185,7 +191,7 @@ def _plain(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> trimesh.Trimes
 
 def _same_faces(one: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
     """Whether both consist of the same triangles, turned round or not."""
-    if len(one.faces) != len(other.faces) or not np.allclose(one.bounds, other.bounds):
+    if len(one.faces) != len(other.faces):
         return False
     centres = [np.sort(m.triangles_center.round(6), axis=0) for m in (one, other)]
     return bool(np.allclose(centres[0], centres[1], atol=1e-5))

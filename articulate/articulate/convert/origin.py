@@ -21,7 +21,7 @@ def origin_of(urdf: Path, config: ConvertConfig) -> tuple[str, str]:
     """Source and licence: as asked for, as said beside the file, by data set, or ``"unknown"``."""
     source, licence = urdf.name, "unknown"
     if is_normalised(urdf):
-        source, licence = f"PartNet-Mobility {urdf.parent.name}", PARTNET_LICENCE
+        source, licence = f"PartNet-Mobility {urdf.parent.resolve().name}", PARTNET_LICENCE
     try:
         said = json.loads((urdf.parent / ORIGIN_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):

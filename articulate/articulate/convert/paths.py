@@ -9,6 +9,11 @@ from urllib.parse import unquote
 
 from articulate.errors import AssetError
 
+
+class AbsentMesh(AssetError):  # noqa: N818  # a kind of AssetError, which has the word
+    """A mesh that was looked for and is not there; it may come."""
+
+
 PARENTS = 4
 """How many folders above the URDF are tried for ``package://`` names."""
 
@@ -25,7 +30,7 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
         mesh_dirs: Further folders to look in.
 
     Raises:
-        AssetError: Nothing matches; the message lists the folders tried.
+        AbsentMesh: Nothing matches; the message lists the folders tried.
     """
     tried: list[Path] = []
     for candidate in _candidates(reference, urdf, mesh_dirs):
@@ -36,7 +41,7 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
             tried.append(candidate.parent)
     where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
-    raise AssetError(f"mesh {reference!r} not found; looked in {where}{ros}. Put it there")
+    raise AbsentMesh(f"mesh {reference!r} not found; looked in {where}{ros}. Put it there")
 
 
 def found_elsewhere(reference: str, urdf: Path, found: Path) -> bool:

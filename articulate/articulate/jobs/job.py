@@ -17,7 +17,6 @@ import dataclasses
 import fcntl
 import json
 import os
-import socket
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from typing import Any, Literal
 
 from articulate.errors import RunError
 from articulate.files import write_json
+from articulate.jobs.process import is_here, runs, this_process
 
 SCHEMA = "articulate.job"
 SCHEMA_VERSION = 1
@@ -175,7 +175,7 @@ def take_lease(folder: Path) -> bool:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if is_leased(folder):
             return False
-        write_json(folder / LEASE, {"host": socket.gethostname(), "pid": os.getpid()})
+        write_json(folder / LEASE, this_process())
         return True
 
 
@@ -192,7 +192,8 @@ def end_lease(folder: Path) -> None:
 def is_leased(folder: Path) -> bool:
     """Whether some process runs the job in ``folder``.
 
-    On this machine its process is looked for; on another one the age of the lease counts.
+    On this machine its process is looked for; on another one, or from before this one was
+    restarted, the age of the lease counts.
     """
     path = folder / LEASE
     try:
@@ -200,23 +201,7 @@ def is_leased(folder: Path) -> bool:
         holder = json.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):
         return False
-    if holder.get("host") == socket.gethostname():
-        return is_alive(int(holder["pid"]))
-    return age_s < LEASE_S
-
-
-def is_alive(pid: int) -> bool:
-    """Whether a process of this machine runs and is no zombie."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    try:
-        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
-    except OSError:  # no such file system here
-        return True
+    return runs(holder) if is_here(holder) else age_s < LEASE_S
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -38,6 +38,8 @@ RENEW_S = 10.0
 STEP_S = 0.1
 """Time between looks at the command [s]."""
 INTERRUPTED = 130
+SIGNALLED = 128
+"""Statuses above it: a shell, or a command that passes it on, tells of a signal so."""
 PR_SET_PDEATHSIG = 1
 """From ``linux/prctl.h``."""
 LEASED = 75
@@ -120,7 +122,7 @@ def phase_of(job: Job, code: int) -> Phase:
         return "done"
     if code == INTERRUPTED:
         return "waiting"
-    return "lost" if code < 0 else "failed"
+    return "lost" if code < 0 or code > SIGNALLED else "failed"
 
 
 def _last_words(path: Path) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from articulate.convert.inertia import Inertial
 from articulate.convert.presets import MASS_KG, joint_preset
 from articulate.convert.write import numbers, obj_bytes
-from articulate.errors import AssetError
+from articulate.errors import AssetError, UsageError
 from articulate.files import write_bytes, write_text
 from articulate.program.built import Built, BuiltJoint
 from articulate.program.mass import inertial_of, scaled
@@ -77,7 +77,8 @@ def write_built(
 ) -> Path:
     """Write ``<name>.urdf`` with its meshes, the data and the program into ``out``.
 
-    The URDF is written last, so that its presence says that all is there.
+    The URDF is written last, and an earlier one is removed first, so that its presence says that
+    all is there.
 
     Args:
         built: What is to be written.
@@ -91,8 +92,10 @@ def write_built(
         UsageError: The folder cannot be written.
     """
     plans = link_plans(built)
+    path = out / f"{name}.urdf"
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(name)}>"]
-    masses = _masses(built, parts, plans)
+    masses = _masses(built, parts, plans)  # all that may be refused comes before anything written
+    _remove(path)
     for k, link in enumerate(plans.values()):
         lines += _link(link, k, parts, masses.get(link.name), out)
     groups = _groups(plans)
@@ -103,9 +106,17 @@ def write_built(
     write_text(out / "built.json", built.json())
     if source:
         write_text(out / "program.py", source)
-    path = out / f"{name}.urdf"
     write_text(path, "\n".join([*lines, "</robot>"]) + "\n")
     return path
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
 
 
 def _link(link: LinkPlan, k: int, parts: Parts, inertial: Inertial | None, out: Path) -> list[str]:

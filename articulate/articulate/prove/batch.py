@@ -6,7 +6,7 @@ import html
 import signal
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from articulate.errors import UsageError
@@ -53,7 +53,7 @@ def items_in(source: Path) -> tuple[list[Item], bool]:
     Raises:
         UsageError: ``source`` does not exist, or there is nothing in it.
     """
-    if not source.exists():
+    if not is_there(source):
         raise UsageError(
             f"{source}: does not exist; give a URDF, an MJCF file or a folder with objects"
         )
@@ -66,15 +66,39 @@ def items_in(source: Path) -> tuple[list[Item], bool]:
     one = _one_in(source)
     if one is not None:
         return [Item(name=source.resolve().name, file=one)], True
-    found: dict[str, Item] = {}
-    for item in sorted(_walk(source, source, 0), key=lambda item: item.name):
-        name = item.name
-        while name in found:
-            name += "_"
-        found[name] = Item(name=name, file=item.file)
+    found = _named_apart(sorted(_walk(source, source, 0), key=lambda item: item.name))
     if not found:
         raise UsageError(f"{source}: holds no .urdf, .xml or asset folder; give another folder")
-    return list(found.values()), False
+    return found, False
+
+
+def _named_apart(items: Sequence[Item]) -> list[Item]:
+    """``items`` with ``_`` added where two have one name, or one lies in the other's folder.
+
+    ``cab.urdf`` beside a folder ``cab`` of objects would have its result around theirs.
+    """
+    folders = {str(parent) for item in items for parent in PurePosixPath(item.name).parents}
+    found: dict[str, Item] = {}
+    for item in items:
+        name = item.name
+        while name in found or name in folders:
+            name += "_"
+        found[name] = Item(name=name, file=item.file)
+    return list(found.values())
+
+
+def is_there(path: Path) -> bool:
+    """Whether ``path`` leads to something.
+
+    Raises:
+        UsageError: The system cannot tell: a name is too long, or a folder on the way is closed.
+    """
+    try:
+        return path.exists()
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be looked up ({error.strerror}); give another path"
+        ) from None
 
 
 def _one_in(folder: Path) -> Path | None:

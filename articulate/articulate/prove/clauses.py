@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 from articulate.errors import ConfigError, nearest
@@ -28,11 +29,12 @@ CLAUSES: dict[str, Meaning] = {
     ),
     "fk": Meaning(
         means="At 100 random joint states every link lies where yourdfpy and PyBullet put it when "
-        "they read object.urdf: to 1e-6 m and rad.",
+        "they read object.urdf: to 1e-6 m and rad. So does every link, and every handle, where "
+        "asset.json puts it, at five positions of each joint with the others at 0.",
         matters="A planner that reads the URDF and a simulator that reads the MJCF would see two "
-        "different objects.",
+        "different objects, and a hand that asset.json leads would reach past the handle.",
         mend="The link that is named is the first in the tree that strays: compare the origin "
-        "and axis of its joint, and mimic factors, in object.xml and object.urdf.",
+        "and axis of its joint, and mimic factors, in object.xml, object.urdf and asset.json.",
     ),
     "fk_input": Meaning(
         means="At 100 random joint states every moving link lies where yourdfpy or MuJoCo puts it "
@@ -162,8 +164,8 @@ def meanings() -> dict[str, str]:
     return {name: clause.means for name, clause in CLAUSES.items()}
 
 
-def explained(name: str) -> str:
-    """All that is to be said about the clause called ``name``.
+def meaning_of(name: str) -> Meaning:
+    """The clause called ``name`` in words.
 
     Raises:
         ConfigError: There is none.
@@ -171,7 +173,26 @@ def explained(name: str) -> str:
     clause = CLAUSES.get(name)
     if clause is None:
         raise ConfigError(f"--explain {name}: no such clause{nearest(name, CLAUSES)}")
+    return clause
+
+
+def explained(name: str) -> str:
+    """All that is to be said about the clause called ``name``.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    clause = meaning_of(name)
     return (
         f"{name}\n\nWhat it means. {clause.means}\n\nWhy it matters. {clause.matters}\n\n"
         f"How to mend it. {clause.mend}"
     )
+
+
+def explained_content(name: str) -> dict[str, str]:
+    """The same for programs: the name and the texts by what they tell.
+
+    Raises:
+        ConfigError: There is none.
+    """
+    return {"clause": name, **dataclasses.asdict(meaning_of(name))}

@@ -7,7 +7,7 @@ import numpy as np
 from articulate.proof import Clause
 from articulate.prove.authored import surface_of
 from articulate.prove.model import ObjectModel
-from articulate.prove.solids import Solid, solids_of, union_surface, within_any
+from articulate.prove.solids import Solid, solids_of, union_surface, unknown_shape, within_any
 from articulate.prove.surface import is_near, sample, winding_numbers
 from articulate.transforms import Array, Mask
 
@@ -29,6 +29,9 @@ def coverage(model: ObjectModel) -> tuple[Clause, ...]:
 
 
 def _covered(model: ObjectModel, link: str) -> Clause:
+    unknown = unknown_shape(model, link)
+    if unknown:
+        return Clause(name="coverage", outcome="failed", subject=link, message=unknown)
     corners, faces = surface_of(model, link)
     solids = solids_of(model, link)
     if not len(faces) and not solids:

@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 import yourdfpy
 
+from articulate.asset import handle_frame
 from articulate.proof import Clause
 from articulate.prove.model import Model, ObjectModel
 from articulate.silence import unheard
@@ -27,6 +28,8 @@ STATES = 100
 """Random joint states that are compared."""
 ALLOWED = 1e-6
 """Largest difference in position [m] and angle [rad]."""
+NOTED_STATES = 5
+"""Positions of each joint, from closed to open, in which asset.json is compared."""
 BASE = -1
 """PyBullet's index of the root link."""
 
@@ -45,7 +48,7 @@ class InputFrame:
 
 
 def fk(model: ObjectModel) -> tuple[Clause, ...]:
-    """Compare the MJCF with yourdfpy and PyBullet on the URDF beside it."""
+    """Compare the MJCF with yourdfpy and PyBullet on the URDF beside it, and with asset.json."""
     path = model.asset.folder / "object.urdf"
     clauses = []
     for name, make in (("yourdfpy", urdf_judge), ("PyBullet", bullet_judge)):
@@ -57,7 +60,77 @@ def fk(model: ObjectModel) -> tuple[Clause, ...]:
         except Exception as error:  # noqa: BLE001  foreign readers raise anything
             message = f"{name} does not read the canonical URDF: {_line(error)}"
             clauses.append(Clause(name="fk", outcome="failed", message=message))
-    return tuple(clauses)
+    return (*clauses, fk_noted(model))
+
+
+def fk_noted(model: ObjectModel) -> Clause:
+    """Compare the MJCF with links, joints and handles of asset.json, by which hands are led."""
+    worst = 0.0
+    wrong: list[tuple[str, str]] = []
+    for link, what, error in _noted(model):
+        worst = max(worst, error) if np.isfinite(error) else np.inf
+        if not error <= ALLOWED:
+            wrong.append((link, what))
+    message = f"asset.json against MuJoCo: largest difference {worst:.2g} m or rad"
+    if wrong:
+        message += (
+            f"; {len(wrong)} things lie elsewhere in object.xml, the first is {wrong[0][1]}: "
+            "make both files say the same"
+        )
+    return Clause(
+        name="fk",
+        outcome="failed" if wrong else "passed",
+        subject=wrong[0][0] if wrong else "",
+        measured=worst,
+        allowed=ALLOWED,
+        unit="m or rad",
+        message=message,
+    )
+
+
+def _noted(model: ObjectModel) -> Iterator[tuple[str, str, float]]:
+    """Link, words and difference [m or rad] of all that asset.json places.
+
+    All joints but one are at 0 here, those that follow others as well: so asset.json means it.
+    """
+    asset = model.asset
+    sites = {model.model.site(s).name: s for s in range(model.model.nsite)}
+    data = model.data()
+    _only(model, data, {})
+    for link in asset.links:
+        own = model.T_ol(data, link.name)
+        said = pose(link.pos_o, quat_to_matrix(link.quat_o))
+        yield link.name, f"link {link.name} with its joints at 0", _difference(own, said)
+    for handle in asset.handles:
+        if handle.name in sites:
+            own = _site(model, data, sites[handle.name])
+            said = model.T_ol(data, handle.link) @ handle_frame(handle)
+            yield handle.link, f"handle {handle.name}", _difference(own, said)
+    for joint in asset.joints:
+        held = asset.handle_of(joint.name)
+        for q in np.linspace(joint.closed, joint.open, NOTED_STATES):
+            _only(model, data, {joint.name: float(q)})
+            own = model.T_ol(data, joint.link)
+            error = _difference(own, asset.T_ol(joint.name, q))
+            yield joint.link, f"link {joint.link} with joint {joint.name} at {q:.3g}", error
+            if held is not None and held.name in sites:
+                own = _site(model, data, sites[held.name])
+                error = _difference(own, asset.T_oh(joint.name, q))
+                yield joint.link, f"handle {held.name} with joint {joint.name} at {q:.3g}", error
+
+
+def _only(model: ObjectModel, data: Any, q: Mapping[str, float]) -> None:
+    """Put the joints at ``q`` [m or rad] and all others at 0, wherever their leaders are."""
+    for name in model.joints:
+        data.qpos[model.qpos_address(name)] = q.get(name, 0.0)
+    mujoco.mj_kinematics(model.model, data)
+
+
+def _site(model: ObjectModel, data: Any, site: int) -> Array:
+    """Pose (4, 4) of a site in the object frame."""
+    root = model.bodies[model.root]
+    T_wo = pose(data.xpos[root], data.xmat[root].reshape(3, 3))
+    return inverse(T_wo) @ pose(data.site_xpos[site], data.site_xmat[site].reshape(3, 3))
 
 
 def fk_input(model: ObjectModel, source: Path, frame: InputFrame) -> tuple[Clause, ...]:
@@ -214,7 +287,7 @@ def _difference(one: Array, other: Array) -> float:
     """The larger of the distance [m] and the angle [rad] between two poses."""
     distance = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
     chord = float(np.linalg.norm(one[:3, :3] - other[:3, :3])) / np.sqrt(8.0)
-    return max(distance, 2.0 * float(np.arcsin(min(chord, 1.0))))
+    return float(np.maximum(distance, 2.0 * np.arcsin(np.minimum(chord, 1.0))))  # NaN stays NaN
 
 
 def _clause(name: str, model: ObjectModel, names: list[str], error: Array, who: str) -> Clause:

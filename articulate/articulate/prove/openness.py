@@ -13,7 +13,7 @@ from articulate.asset import Handle, handle_frame
 from articulate.proof import Clause
 from articulate.prove.authored import surface_of
 from articulate.prove.model import Data, ObjectModel
-from articulate.prove.solids import Solid, inside_any, solids_of
+from articulate.prove.solids import Solid, inside_any, solids_of, unknown_shape
 from articulate.prove.surface import escapes, is_near, winding_numbers
 from articulate.transforms import Array, Ints, Mask, apply, inverse
 
@@ -58,6 +58,9 @@ def openness(model: ObjectModel) -> tuple[Clause, ...]:
 
 
 def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Clause:
+    unknown = unknown_shape(model, link)
+    if unknown:
+        return Clause(name="openness", outcome="failed", subject=link, message=unknown)
     corners, faces = surface_of(model, link)
     hull = _hull(corners)
     if hull is None:

@@ -6,7 +6,7 @@ import dataclasses
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from articulate.convert.convert import (
 from articulate.convert.counts import counts_of
 from articulate.convert.meshfile import named_by
 from articulate.convert.origin import ORIGIN_FILE
+from articulate.convert.paths import AbsentMesh
 from articulate.convert.repairs import is_note
 from articulate.errors import AssetError, UsageError
 from articulate.files import copy_writable
@@ -55,6 +56,9 @@ TIMINGS = 7
 """So often; the median counts."""
 MEND_S = 90.0
 """Cutting shapes back may take so much time of the processor [s]."""
+
+LEFT_OUT = "left out:"
+"""Begins a repair that tells of a mesh or texture that was absent or could not be read."""
 
 Measured = tuple[tuple[Clause, ...], tuple[JointProof, ...]]
 
@@ -198,41 +202,79 @@ def _checked(
     cache: Path,
 ) -> Path:
     start = time.perf_counter()
-    inputs: list[Path] = []
     try:
         if file.is_dir():
-            folder = cache / "assets" / f"{file.name[:40]}-{store.ticket(file, options)[:20]}"
-            copy_writable(file, folder)
-            origin = None
-            if against is not None:
-                reading = read_input(urdf_in(against), config)
-                inputs = [reading.source.path, *_inputs(reading)]
-                origin = origin_of_reading(reading, config)
-            proof = prove(load_asset(folder), origin)
+            made = _copied(file, config, options, against, cache, start)
         else:
-            reading = read_input(file, config)
-            inputs = _inputs(reading)
-            folder = (
-                cache / "assets" / f"{reading.source.name[:40]}-{input_key(reading, config)[:20]}"
-            )
-            proof = _converted(reading, config, folder)
+            made = _converted(read_input(file, config), config, cache, start)
     except AssetError as error:
-        return refuse(file, str(error), options, cache, seconds=time.perf_counter() - start)
+        # An absent mesh may come to any of many folders, which nobody looks through again.
+        lasting = not isinstance(error, AbsentMesh)
+        seconds = time.perf_counter() - start
+        return refuse(file, str(error), options, cache, seconds=seconds, lasting=lasting)
+    if file.is_dir() or not any(said.startswith(LEFT_OUT) for said in made.proof.repairs):
+        store.keep(file, options, cache, made.inputs, made.folder)
+    return made.folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Result:
+    """What came of an input that could be read."""
+
+    folder: Path
+    """Folder of the cache with asset, proof and page."""
+    proof: Proof
+    inputs: list[Path]
+    """Files that were read besides the source itself."""
+
+
+def _copied(
+    file: Path,
+    config: ConvertConfig,
+    options: Mapping[str, Any],
+    against: Path | None,
+    cache: Path,
+    start: float,
+) -> _Result:
+    """A copy of the asset folder ``file``, proven."""
+    folder = cache / "assets" / f"{file.name[:40]}-{store.ticket(file, options)[:20]}"
+    copy_writable(file, folder)
+    inputs: list[Path] = []
+    origin = None
+    if against is not None:
+        reading = read_input(urdf_in(against), config)
+        inputs = [reading.source.path, *_inputs(reading)]
+        origin = origin_of_reading(reading, config)
+    asset = load_asset(folder)
+    proof = _written(prove(asset, origin), asset, start)
+    return _Result(folder=folder, proof=proof, inputs=inputs)
+
+
+def _converted(reading: Reading, config: ConvertConfig, cache: Path, start: float) -> _Result:
+    """The asset of ``reading``, made if it is not there yet, and proven.
+
+    Its folder is named by content: files at two places may share it, and then one call at a time
+    writes into it.
+    """
+    key = input_key(reading, config)[:20]
+    folder = cache / "assets" / f"{reading.source.name[:40]}-{key}"
+    with alone(cache, f"asset-{key}"):
+        if (folder / "asset.json").is_file():
+            asset = load_asset(folder)
+        else:
+            asset = _made(reading, config, folder)
+        proof = prove(asset, origin_of_reading(reading, config))
+        proof = replace(proof, counts=counts_of(reading.source, asset))
+        proof = _written(proof, asset, start)
+    return _Result(folder=folder, proof=proof, inputs=_inputs(reading))
+
+
+def _written(proof: Proof, asset: Asset, start: float) -> Proof:
+    """``proof`` with its time since ``start``, written beside ``asset`` with its page."""
     proof = replace(proof, seconds=time.perf_counter() - start)
-    write_page(proof, load_asset(folder), folder / PAGE_FILE, meanings=meanings())
-    save_proof(proof, folder)
-    store.keep(file, options, cache, inputs, folder)
-    return folder
-
-
-def _converted(reading: Reading, config: ConvertConfig, folder: Path) -> Proof:
-    """Proof of the asset in ``folder``, which is made from ``reading`` if it is not there."""
-    if (folder / "asset.json").is_file():
-        asset = load_asset(folder)
-    else:
-        asset = _made(reading, config, folder)
-    proof = prove(asset, origin_of_reading(reading, config))
-    return replace(proof, counts=counts_of(reading.source, asset))
+    write_page(proof, asset, asset.folder / PAGE_FILE, meanings=meanings())
+    save_proof(proof, asset.folder)
+    return proof
 
 
 def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:

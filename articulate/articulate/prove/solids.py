@@ -22,10 +22,11 @@ from articulate.transforms import (
     quat_to_matrix,
 )
 
-Kind = Literal["box", "sphere", "capsule", "cylinder", "hull"]
+Kind = Literal["box", "sphere", "ellipsoid", "capsule", "cylinder", "hull"]
 KINDS: dict[int, Kind] = {
     int(mujoco.mjtGeom.mjGEOM_BOX): "box",
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
     int(mujoco.mjtGeom.mjGEOM_MESH): "hull",
@@ -42,6 +43,8 @@ SEAM_M = 0.0005
 """Solids nearer than this to each other hide the faces between them [m]."""
 ROUND = 32
 """Corners of the polygon that stands for a circle where a surface is sampled."""
+NEWTON_STEPS = 30
+"""Steps to the point of an ellipsoid next to another; a handful settles all but needles."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +63,10 @@ class Solid:
     """Half-spaces of a hull in the frame of the link (M, 4), inside where n x + d <= 0."""
 
     def outside_m(self, points: Array) -> Array:
-        """How far ``points`` (N, 3) lie outside [m], at most 0 inside; a lower bound for hulls."""
+        """How far ``points`` (N, 3) lie outside [m], at most 0 inside; a lower bound for hulls.
+
+        Inside an ellipsoid they lie at least so deep.
+        """
         if self.kind == "hull":
             return np.asarray((points @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1))
         local = apply(inverse(self.T_lg), points)
@@ -68,6 +74,8 @@ class Solid:
             return _rounded(np.abs(local) - self.size)
         if self.kind == "sphere":
             return np.asarray(np.linalg.norm(local, axis=1) - self.size[0])
+        if self.kind == "ellipsoid":
+            return _outside_ellipsoid_m(local, self.size)
         if self.kind == "capsule":
             beyond = np.maximum(np.abs(local[:, 2]) - self.size[1], 0.0)
             return np.asarray(np.hypot(np.hypot(local[:, 0], local[:, 1]), beyond) - self.size[0])
@@ -86,12 +94,31 @@ class Solid:
 
 
 def solids_of(model: ObjectModel, link: str) -> tuple[Solid, ...]:
-    """The collision shapes of ``link``, hulls with the corners that the engine keeps."""
+    """The collision shapes of ``link``, hulls with the corners that the engine keeps.
+
+    Those of a type that ``unknown_shape`` tells of are not among them, nor hulls without volume.
+    """
     return tuple(
         solid
         for geom in model.collision_geoms(link).tolist()
         if (solid := _solid(model.model, geom)) is not None
     )
+
+
+def unknown_shape(model: ObjectModel, link: str) -> str:
+    """What is wrong with a collision shape of ``link`` that cannot be measured; "" if nothing."""
+    m = model.model
+    for geom in model.collision_geoms(link).tolist():
+        kind = int(m.geom_type[geom])
+        if kind not in KINDS:
+            name = m.geom(geom).name or f"number {geom}"
+            word = mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()
+            known = ", ".join(k if k != "hull" else "mesh" for k in KINDS.values())
+            return (
+                f"collision shape {name} of {link} is of type {word}, which cannot be measured; "
+                f"use {known}"
+            )
+    return ""
 
 
 def inside_any(solids: tuple[Solid, ...], points: Array) -> Mask:
@@ -146,6 +173,27 @@ def _rounded(over: Array) -> Array:
     return np.asarray(away + np.minimum(over.max(axis=1), 0.0))
 
 
+def _outside_ellipsoid_m(points: Array, radii: Array) -> Array:
+    """Distance of ``points`` (N, 3) to an ellipsoid at the origin; inside at most minus it (N,).
+
+    The next point is ``r^2 y / (t + r^2)`` with the t at which it lies on the surface: the root
+    of a convex falling function, which Newton's method reaches from its left (Eberly, Distance
+    from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid).
+    """
+    radial = np.linalg.norm(points / radii, axis=1)
+    away = (radial - 1.0) * radii.min()  # a ball of so much around a point inside is inside, too
+    outer = np.flatnonzero(radial > 1.0)
+    y = np.abs(points[outer])
+    t = np.maximum((radii * y - radii**2).max(axis=1, initial=0.0), 0.0)
+    for _ in range(NEWTON_STEPS):
+        share = radii * y / (t[:, None] + radii**2)
+        value = (share**2).sum(axis=1) - 1.0
+        slope = 2.0 * (share**2 / (t[:, None] + radii**2)).sum(axis=1)
+        t += np.maximum(value / slope, 0.0)
+    away[outer] = np.linalg.norm(y - radii**2 * y / (t[:, None] + radii**2), axis=1)
+    return np.asarray(away)
+
+
 def _solid(m: Model, geom: int) -> Solid | None:
     kind = KINDS.get(int(m.geom_type[geom]))
     if kind is None:
@@ -188,6 +236,8 @@ def _primitive(kind: Kind, size: Array) -> Array:
     """Triangles (F, 3, 3) of a primitive in its own frame."""
     if kind == "box":
         return np.asarray((CORNERS * size)[BOX])
+    if kind == "ellipsoid":
+        return _primitive("sphere", np.ones(3)) * size
     angle = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)], axis=1) * size[0]
     if kind == "cylinder":

@@ -16,6 +16,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,10 @@ from articulate.prove.record import PROOF_FILE
 
 CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
 """What decides about a verdict, inside the package."""
+JUDGES = ("mujoco", "pybullet")
+"""Packages whose version, or absence, decides about a verdict as well."""
+PACKAGES_VARIABLE = "ROS_PACKAGE_PATH"
+"""Names folders in which meshes are looked for."""
 MOST_NAMES = 5000
 """So many file names beside a source are looked at for files that came or went."""
 HAND_OVERS = 20
@@ -50,6 +55,18 @@ def code_id() -> str:
             if file.is_file() and file.suffix != ".pyc":
                 digest.update(file.name.encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
+
+
+@functools.cache
+def judges() -> tuple[str, ...]:
+    """Names and versions of the simulators that judge, told without importing them."""
+    found = []
+    for name in JUDGES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            found.append(f"{name} absent")
+    return tuple(found)
 
 
 def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
@@ -101,8 +118,10 @@ def keep(
 
 
 def ticket(source: Path, options: Mapping[str, Any]) -> str:
-    """Hash of ``source``, where it lies, the ``options`` and the code."""
-    digest = hashlib.sha256(f"{code_id()}\0{source.resolve()}\0".encode())
+    """Hash of ``source``, where it lies, the ``options``, the code and what it runs with."""
+    packages = os.environ.get(PACKAGES_VARIABLE, "")
+    around = "\0".join((code_id(), *judges(), packages, str(source.resolve())))
+    digest = hashlib.sha256(f"{around}\0".encode(errors="surrogateescape"))
     digest.update(json.dumps(dict(options), sort_keys=True, default=str).encode() + b"\0")
     if source.is_dir():
         for path in sorted(p for p in source.rglob("*") if p.is_file()):
@@ -128,13 +147,20 @@ def _record(source: Path, options: Mapping[str, Any], cache: Path) -> Path:
 
 
 def _listing(source: Path) -> str:
-    """Hash of the names beside and below ``source``: a mesh that was absent may have come."""
+    """Hash of the names beside and below ``source``: a mesh that was absent may have come.
+
+    Names are taken from the top folder on: who asks may write the path to it in another way than
+    who kept the result.
+    """
     digest = hashlib.sha256()
     count = 0
-    for base, folders, files in os.walk(source if source.is_dir() else source.parent):
+    path = source.resolve()
+    top = path if path.is_dir() else path.parent
+    for base, folders, files in os.walk(top):
         folders.sort()
+        inside = os.path.relpath(base, top)
         for name in sorted(files):
-            digest.update(f"{base}/{name}\0".encode(errors="surrogateescape"))
+            digest.update(f"{inside}/{name}\0".encode(errors="surrogateescape"))
         count += len(files)
         if count > MOST_NAMES:
             break
@@ -151,7 +177,7 @@ def hand_over(folder: Path, out: Path) -> None:
     temporary = None
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name[:40]}.", dir=out.parent))
         copy_writable(folder, temporary / "new")
         for k in range(HAND_OVERS):
             try:
@@ -179,8 +205,13 @@ def check_out(out: Path) -> None:
     Raises:
         UsageError: It does.
     """
-    if not out.exists():
-        return
+    try:
+        if not out.exists():
+            return
+    except OSError as error:
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
     ours = (out / "asset.json").is_file() or (out / PROOF_FILE).is_file()
     if not ours and not (out.is_dir() and not any(out.iterdir())):
         raise UsageError(f"{out}: exists and is not an asset; choose another --out")

@@ -101,6 +101,13 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
         (("nowhere.urdf", "--out", "x"), "does not exist"),
         (("nowhere.urdf", "--out", "x", "--jobs", "-1"), "--jobs is -1"),
         (("nowhere.urdf", "--out", "x", "--limit", "0"), "--limit is 0 s"),
+        (("nowhere.urdf", "--out", "x", "--limit", "inf"), "--limit is inf s; it must be at most"),
+        (("nowhere.urdf", "--out", "x", "--limit", "1e7"), "it must be at most 1000000 s"),
+        ((".", "--out", "x" * 300), "cannot be looked up (File name too long)"),
+        ((".", "--out", "x", "--junit", "x" * 300), "cannot be looked up (File name too long)"),
+        (("x" * 300, "--out", "x"), "cannot be looked up (File name too long)"),
+        ((".", "--out", "x", "--against", "x" * 300), "cannot be looked up (File name too long)"),
+        (("--explain", "opennes", "--json"), "did you mean openness?"),
         (("--explain", "opennes"), "did you mean openness?"),
         (("nowhere.urdf", "--ot", "x"), "did you mean --out?"),
     ],
@@ -127,3 +134,12 @@ def test_a_clause_is_explained(call):
         "Why it matters",
         "How to mend it",
     ]
+
+
+def test_a_clause_is_explained_to_programs(call):
+    code, out, _ = call("--explain", "sweep", "--json")
+    content = json.loads(out)
+    assert code == 0
+    assert list(content) == ["clause", "means", "matters", "mend"]
+    assert content["clause"] == "sweep"
+    assert content["means"].startswith("Each joint goes through its whole range")

@@ -275,6 +275,18 @@ def test_the_key_of_an_input_knows_content_and_configuration(tmp_path: Path) -> 
     assert key(path) != first
 
 
+@pytest.mark.parametrize("other", ["big/little.urdf", "little/big.urdf"])
+def test_alike_objects_that_are_called_otherwise_have_keys_of_their_own(
+    tmp_path: Path, other: str
+) -> None:
+    """Their assets say where they come from."""
+    path = write_cabinet(tmp_path)
+    copy = tmp_path / "elsewhere" / other
+    shutil.copytree(path.parent, copy.parent)
+    shutil.copy(path, copy)
+    assert key(copy) != key(path)
+
+
 def test_the_key_of_an_input_knows_the_colours_of_materials(tmp_path: Path) -> None:
     path = write_cabinet(tmp_path)
     knob = path.parent / "meshes" / "knob.obj"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from articulate.convert.config import ConvertConfig
 from articulate.convert.origin import PARTNET_LICENCE, origin_of
 
@@ -31,6 +33,15 @@ def test_an_object_of_the_data_set_carries_its_terms(tmp_path: Path) -> None:
     assert source == f"PartNet-Mobility {tmp_path.name}"
     assert licence == PARTNET_LICENCE
     assert "non-commercial" in licence
+
+
+def test_an_object_of_the_data_set_is_named_by_its_folder_from_within(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    urdf_in(tmp_path, "mobility.urdf")
+    monkeypatch.chdir(tmp_path)
+    source, _ = origin_of(Path("mobility.urdf"), ConvertConfig())
+    assert source == f"PartNet-Mobility {tmp_path.name}"
 
 
 def test_nothing_said_is_unknown_even_from_a_broken_file(tmp_path: Path) -> None:

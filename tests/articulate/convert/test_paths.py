@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from articulate.convert.paths import found_elsewhere, resolve
+from articulate.convert.paths import AbsentMesh, found_elsewhere, resolve
 from articulate.errors import AssetError
 
 
@@ -65,7 +65,7 @@ def test_ros_package_path_is_looked_in(
 
 
 def test_an_absent_mesh_is_refused_in_one_line_that_lists_what_was_tried(urdf: Path) -> None:
-    with pytest.raises(AssetError) as caught:
+    with pytest.raises(AbsentMesh) as caught:
         resolve("package://cabinet/meshes/lid.obj", urdf)
     message = str(caught.value)
     assert "\n" not in message

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -16,6 +17,8 @@ from pathlib import Path
 import pytest
 
 from articulate.errors import RunError
+from articulate.files import write_json
+from articulate.jobs import process
 from articulate.jobs.job import (
     LEASE,
     LOG,
@@ -32,6 +35,7 @@ from articulate.jobs.job import (
 )
 from articulate.jobs.launcher import MOST_LOSSES, Progress, make_launcher, run_jobs
 from articulate.jobs.local import LocalLauncher
+from articulate.jobs.process import this_process
 from articulate.jobs.worker import LEASED, phase_of, run_job
 
 MAKE = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.mkdir(); (p / 'x').write_text('a')"
@@ -170,6 +174,52 @@ def test_a_lease_of_another_machine_is_old_by_its_age(tmp_path):
     assert not is_leased(tmp_path)
 
 
+def test_a_lease_whose_number_another_process_has_now_is_over(tmp_path):
+    """A container that is restarted gives the same small numbers again."""
+    held = {**this_process(), "pid": os.getppid(), "start": process.started(os.getppid())}
+    write_json(tmp_path / LEASE, held)
+    assert is_leased(tmp_path)
+    write_json(tmp_path / LEASE, held | {"start": held["start"] - 1})
+    assert not is_leased(tmp_path)
+    assert take_lease(tmp_path)
+    assert json.loads((tmp_path / LEASE).read_text()) == this_process()
+
+
+def test_a_lease_from_before_the_machine_was_restarted_is_old_by_its_age(tmp_path):
+    """Another machine may have the same name: its process is not looked for here."""
+    write_json(tmp_path / LEASE, this_process() | {"boot": "another"})
+    assert is_leased(tmp_path)
+    os.utime(tmp_path / LEASE, (time.time() - 61,) * 2)
+    assert not is_leased(tmp_path)
+
+
+def test_a_lease_that_tells_the_number_alone_is_believed_while_that_lives(tmp_path):
+    write_json(tmp_path / LEASE, {"host": socket.gethostname(), "pid": os.getppid()})
+    assert is_leased(tmp_path)
+
+
+def test_where_nothing_tells_of_processes_their_numbers_decide(tmp_path, monkeypatch):
+    monkeypatch.setattr(process, "BOOT", tmp_path / "none")
+    monkeypatch.setattr(process, "started", lambda _: None)
+    assert take_lease(tmp_path)
+    assert json.loads((tmp_path / LEASE).read_text())["start"] is None
+    assert is_leased(tmp_path)
+
+
+def test_the_start_of_a_process_is_read_whatever_its_name(tmp_path):
+    program = tmp_path / "a) b (c"
+    program.symlink_to(shutil.which("sleep"))
+    child = subprocess.Popen([program, "60"])
+    try:
+        start = process.started(child.pid)
+        assert start is not None
+        assert start >= process.started(os.getpid())
+    finally:
+        child.kill()
+        child.wait()
+    assert process.started(child.pid) is None
+
+
 def test_another_launcher_adopts_what_one_left(tmp_path):
     job = save_job(job_of(tmp_path / "a", go_on="print('adopted')"))
     job.made.mkdir()
@@ -191,8 +241,22 @@ def test_a_folder_of_another_job_is_refused(tmp_path, error_line):
 
 def test_exit_statuses_have_meanings():
     job = Job(folder=Path("x"), start=("a",), go_on=("a",), accepted=(0, 3))
-    phases = {code: phase_of(job, code) for code in (0, 3, 1, 2, 130, -9)}
-    assert phases == {0: "done", 3: "done", 1: "failed", 2: "failed", 130: "waiting", -9: "lost"}
+    phases = {code: phase_of(job, code) for code in (0, 3, 1, 2, 128, 130)}
+    assert phases == dict.fromkeys((0, 3), "done") | dict.fromkeys((1, 2, 128), "failed") | {
+        130: "waiting"
+    }
+
+
+@pytest.mark.parametrize("code", [-9, -15, 137, 143])
+def test_a_job_that_a_signal_ended_is_lost_told_by_a_shell_too(code):
+    job = Job(folder=Path("x"), start=("a",), go_on=("a",))
+    assert phase_of(job, code) == "lost"
+
+
+def test_a_job_whose_command_tells_of_a_kill_is_taken_up_again(tmp_path):
+    job = job_of(tmp_path / "a", f"{MAKE}; sys.exit(137)", "print('went on')")
+    progress, _ = run_all([job])
+    assert [a.code for a in progress.states["a"].attempts] == [137, 0]
 
 
 def test_an_unknown_launcher_is_told_in_one_line(tmp_path, error_line):

@@ -10,7 +10,7 @@ import yourdfpy
 from tests.articulate.program import scenes
 
 from articulate.convert.presets import LARGE_HINGE, MASS_KG, SLIDE
-from articulate.errors import AssetError
+from articulate.errors import AssetError, UsageError
 from articulate.program.built import Built, BuiltJoint, BuiltPart, ProgramError
 from articulate.program.compile import link_plans, write_built
 from articulate.program.mass import inertial_of
@@ -145,6 +145,29 @@ def test_names_of_parts_cannot_leave_their_attributes_or_folders(tmp_path):
     robot = yourdfpy.URDF.load(str(path), load_meshes=False)
     assert set(robot.link_map) == {name, "door"}
     assert {p.name for p in tmp_path.iterdir()} == {"out"}
+
+
+def test_a_urdf_is_never_beside_meshes_of_another_object(tmp_path, monkeypatch):
+    parts = parts_of(scenes.parts())
+    path = write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
+    seen = []
+
+    def killed(file, content):
+        seen.append(path.exists())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("articulate.program.compile.write_bytes", killed)
+    with pytest.raises(KeyboardInterrupt):
+        write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
+    assert seen == [False]
+    assert not path.exists()
+
+
+def test_a_urdf_that_cannot_be_removed_is_refused_in_one_line(tmp_path):
+    parts = parts_of(scenes.parts())
+    (tmp_path / "cabinet.urdf").mkdir()
+    with pytest.raises(UsageError, match=r"cabinet\.urdf: cannot be written"):
+        write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
 
 
 def test_an_error_of_a_program_writes_nothing(tmp_path):

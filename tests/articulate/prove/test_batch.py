@@ -51,6 +51,17 @@ def test_names_in_a_batch_are_unique(tmp_path):
     assert sorted(i.name for i in items_in(tmp_path)[0]) == ["a", "a_", "b"]
 
 
+def test_a_file_beside_a_folder_of_its_name_has_a_result_of_its_own(tmp_path):
+    touch(tmp_path, "b.urdf", "cab.urdf", "cab/x.urdf", "cab/y.urdf", "cab_/v.urdf", "cab_/w.urdf")
+    names = sorted(i.name for i in items_in(tmp_path)[0])
+    assert names == ["b", "cab/x", "cab/y", "cab_/v", "cab_/w", "cab__"]
+
+
+def test_a_path_with_too_long_a_name_is_refused_in_one_line(tmp_path):
+    with pytest.raises(UsageError, match="cannot be looked up"):
+        items_in(tmp_path / ("x" * 300))
+
+
 def test_nothing_to_check_is_wrong_usage(tmp_path):
     (tmp_path / "empty").mkdir()
     for path in (tmp_path / "empty", tmp_path / "none"):

@@ -26,6 +26,18 @@ def test_a_link_without_collision_shapes_fails(tmp_path):
     assert "cannot be touched" in clause.message
 
 
+@pytest.mark.parametrize("kind", ["ellipsoid", "plane"])
+def test_shapes_beside_boxes_count_or_fail(tmp_path, kind):
+    asset = make_object(tmp_path / "object", body=SEEN)
+    text = asset.mjcf_path.read_text()
+    geom = f'<geom type="{kind}" size="0.3 0.3 0.3" pos="0 0 2"/>'
+    asset.mjcf_path.write_text(text.replace('<body name="body">', f'<body name="body">{geom}'))
+    clause = coverage(load_model(asset))[0]
+    assert clause.outcome == "failed"
+    said = "nothing is seen" if kind == "ellipsoid" else "of type plane, which cannot be measured"
+    assert said in clause.message
+
+
 def test_a_part_that_cannot_be_touched_is_measured_by_its_area(tmp_path):
     plate, wall = (2 * (0.4 * 0.4 + 2 * 0.4 * 0.02)), (2 * (0.4 * 0.4 + 0.02 * 0.4 * 2))
     clause = covered(tmp_path, SEEN[:1])

@@ -1,3 +1,5 @@
+import json
+import re
 import shutil
 
 import numpy as np
@@ -7,7 +9,7 @@ from tests.articulate.convert.cabinets import write_cabinet
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.convert.convert import placement_of, read_input
-from articulate.prove.fk import InputFrame, bullet_judge, fk, fk_input, urdf_judge
+from articulate.prove.fk import InputFrame, bullet_judge, fk, fk_input, fk_noted, urdf_judge
 from articulate.prove.model import load_model
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -53,9 +55,10 @@ def changed(asset, folder, old, new):
 
 def test_both_judges_agree_with_a_converted_cabinet(made):
     clauses = fk(load_model(made[1]))
-    assert [c.outcome for c in clauses] == ["passed", "passed"]
-    assert ["yourdfpy" in c.message or "PyBullet" in c.message for c in clauses] == [True, True]
-    assert [c.measured for c in clauses] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert [c.outcome for c in clauses] == ["passed"] * 3
+    judges = ("yourdfpy", "PyBullet", "asset.json")
+    assert [judge in c.message for judge, c in zip(judges, clauses, strict=True)] == [True] * 3
+    assert [c.measured for c in clauses] == pytest.approx([0.0] * 3, abs=1e-6)
 
 
 def test_the_input_agrees_up_to_scale_and_frame(made):
@@ -85,22 +88,67 @@ def test_a_turned_axis_and_a_moved_pivot_are_found_by_every_judge(made, tmp_path
     source, asset, frame = made
     model = changed(asset, tmp_path / "bad", old, new)
     clauses = (*fk(model), *fk_input(model, source, frame))
-    assert [c.outcome for c in clauses] == ["failed"] * 3
+    assert [c.outcome for c in clauses] == ["failed"] * 4
     assert {c.subject for c in clauses} == {"door"}
     assert all("door_joint" in c.message for c in clauses)
+
+
+def moved(vector, by):
+    return [a + b for a, b in zip(vector, by, strict=True)]
+
+
+NOTED = {
+    "axis": ("joints", 1, "axis_o", lambda v: [-a for a in v]),
+    "pivot": ("joints", 1, "pivot_o", lambda v: moved(v, (0.0, 0.01, 0.0))),
+    "slide": ("joints", 0, "axis_o", lambda v: [-a for a in v]),
+    "place": ("links", 2, "pos_o", lambda v: moved(v, (0.0, 0.0, 1e-4))),
+    "turn": ("links", 2, "quat_o", lambda _: [0.7071067811865476, 0.7071067811865475, 0.0, 0.0]),
+    "no turn": ("links", 2, "quat_o", lambda _: [float("nan"), 0.0, 0.0, 0.0]),
+    "root": ("links", 0, "pos_o", lambda v: moved(v, (0.0, 0.0, 1e-4))),
+    "handle": ("handles", 1, "pos_l", lambda v: moved(v, (0.0, 1e-4, 0.0))),
+    "approach": ("handles", 1, "normal_l", lambda v: [-a for a in v]),
+}
+
+
+@pytest.mark.parametrize("which", NOTED)
+def test_what_asset_json_says_of_places_is_compared(made, tmp_path, which):
+    kind, index, field, change = NOTED[which]
+    shutil.copytree(made[1].folder, tmp_path / "bad")
+    path = tmp_path / "bad" / "asset.json"
+    content = json.loads(path.read_text())
+    part = content[kind][index]
+    part[field] = change(part[field])
+    path.write_text(json.dumps(content))
+    clause = fk_noted(load_model(load_asset(tmp_path / "bad")))
+    assert clause.outcome == "failed"
+    assert clause.subject == part.get("link", part["name"])
+    assert "make both files say the same" in clause.message
+
+
+def test_couplings_and_sites_that_are_not_there_do_not_matter(made, tmp_path):
+    path = tmp_path / "pair.urdf"
+    path.write_text(MIMIC)
+    asset = convert(path, tmp_path / "asset", ConvertConfig(decompose=False))
+    assert fk_noted(load_model(asset)).outcome == "passed"
+    bare = changed(made[1], tmp_path / "bare", "<mujoco", "<mujoco")
+    text = bare.asset.mjcf_path.read_text()
+    bare.asset.mjcf_path.write_text(re.sub(r"<site [^>]*/>", "", text))
+    model = load_model(bare.asset)
+    assert model.model.nsite == 0
+    assert fk_noted(model).outcome == "passed"
 
 
 def test_a_link_that_the_judge_does_not_know_is_found(made, tmp_path):
     model = changed(made[1], tmp_path / "bad", "<mujoco", "<mujoco")
     path = tmp_path / "bad" / "object.urdf"
     path.write_text(path.read_text().replace('"drawer"', '"tray"'))
-    assert {(c.outcome, c.subject) for c in fk(model)} == {("failed", "drawer")}
+    assert {(c.outcome, c.subject) for c in fk(model)[:2]} == {("failed", "drawer")}
 
 
 def test_an_urdf_that_cannot_be_read_fails(made, tmp_path):
     model = changed(made[1], tmp_path / "bad", "<mujoco", "<mujoco")
     (tmp_path / "bad" / "object.urdf").write_text("<robot")
-    assert [c.outcome for c in fk(model)] == ["failed", "failed"]
+    assert [c.outcome for c in fk(model)] == ["failed", "failed", "passed"]
 
 
 def test_mimic_offset_and_an_axis_that_is_no_unit_vector(tmp_path):
@@ -110,7 +158,7 @@ def test_mimic_offset_and_an_axis_that_is_no_unit_vector(tmp_path):
     model = load_model(convert(source, tmp_path / "asset", config))
     assert [f.joint for f in model.followers] == ["turn"]
     clauses = (*fk(model), *fk_input(model, source, frame_of(source, config)))
-    assert [c.outcome for c in clauses] == ["passed"] * 3, [c.message for c in clauses]
+    assert [c.outcome for c in clauses] == ["passed"] * 4, [c.message for c in clauses]
 
 
 def test_yourdfpy_is_asked_for_positions_along_unit_axes(tmp_path):

@@ -64,6 +64,29 @@ def test_a_tray_half_filled_is_half_open(tmp_path):
     assert clause.measured == pytest.approx(0.5, abs=0.04)
 
 
+def with_geom(asset, geom):
+    """The model of ``asset`` with one more geom in its body."""
+    text = asset.mjcf_path.read_text()
+    asset.mjcf_path.write_text(text.replace('<body name="body">', f'<body name="body">{geom}'))
+    return load_model(asset)
+
+
+@pytest.mark.parametrize(
+    ("size", "outcome"), [("0.18 0.18 0.15", "failed"), ("0.05 0.05 0.02", "passed")]
+)
+def test_a_cavity_that_an_ellipsoid_fills_is_not_open(tmp_path, size, outcome):
+    asset = make_object(tmp_path / "object", body=TRAY)
+    model = with_geom(asset, f'<geom type="ellipsoid" size="{size}" pos="0 0 0.02"/>')
+    assert openness(model)[0].outcome == outcome
+
+
+def test_a_shape_that_cannot_be_measured_is_not_left_out(tmp_path):
+    asset = make_object(tmp_path / "object", body=TRAY)
+    clause = openness(with_geom(asset, '<geom name="lid" type="plane" size="1 1 1"/>'))[0]
+    assert (clause.outcome, clause.subject) == ("failed", "body")
+    assert "lid of body is of type plane, which cannot be measured" in clause.message
+
+
 def test_a_solid_block_and_a_thin_plate_have_no_cavity(tmp_path):
     thin = (((0.0, 0.0, 0.0), (0.2, 0.2, 0.004)),)
     for name, boxes in (("block", BLOCK), ("plate", thin)):

@@ -1,13 +1,17 @@
 import dataclasses
 import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+import trimesh
 from tests.articulate.convert.cabinets import write_cabinet
 from tests.articulate.prove.objects import Part, make_object
 
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig
 from articulate.errors import UsageError
+from articulate.proof import Proof
 from articulate.prove import prove as proving
 from articulate.prove.clauses import CLAUSES
 from articulate.prove.prove import check, prove
@@ -145,3 +149,77 @@ def test_a_clause_that_cannot_be_measured_refuses_and_leaves_the_others(tmp_path
 def test_every_clause_is_explained_in_three_parts():
     for clause in CLAUSES.values():
         assert all(len(text) > 30 for text in (clause.means, clause.matters, clause.mend))
+
+
+LEAF = """<robot name="leaf"><link name="body">{box}<visual><geometry>
+<mesh filename="package://far/leaf.obj"/></geometry></visual></link></robot>"""
+BOX = '<visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>'
+
+
+@pytest.fixture
+def unmeasured(monkeypatch):
+    """Objects are converted, and taken as proven."""
+    monkeypatch.setattr(proving, "write_page", lambda *_, **__: None)
+    monkeypatch.setattr(
+        proving,
+        "prove",
+        lambda asset, _: Proof(asset=asset.name, verdict="proven", repairs=asset.repairs),
+    )
+
+
+@pytest.mark.usefixtures("unmeasured")
+@pytest.mark.parametrize("box", ["", BOX], ids=["refused", "left out"])
+@pytest.mark.parametrize("where", ["above", "named by the variable"])
+def test_a_mesh_that_comes_to_another_folder_is_found_the_next_time(
+    tmp_path, monkeypatch, box, where
+):
+    source = tmp_path / "in" / "obj" / "leaf.urdf"
+    source.parent.mkdir(parents=True)
+    source.write_text(LEAF.format(box=box))
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache", allow_missing=True)
+    if where != "above":
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
+    first = check(source, tmp_path / "out", config)
+    assert "not found" in " ".join((*first.reasons, *first.repairs))
+    far = tmp_path / ("far" if where == "above" else "ros/far")
+    far.mkdir(parents=True)
+    trimesh.creation.box((0.3, 0.3, 0.3)).export(far / "leaf.obj")
+    second = check(source, tmp_path / "out", config)
+    assert second.verdict == "proven"
+    assert "not found" not in " ".join(second.repairs)
+
+
+@pytest.mark.usefixtures("unmeasured")
+def test_a_refusal_that_no_file_elsewhere_would_mend_is_kept(tmp_path, monkeypatch):
+    source = tmp_path / "in" / "bad.urdf"
+    source.parent.mkdir()
+    source.write_text("")
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
+    first = check(source, tmp_path / "out", config)
+    monkeypatch.setattr(proving, "checked", None)
+    assert check(source, tmp_path / "out", config) == first
+
+
+@pytest.mark.usefixtures("unmeasured")
+def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, monkeypatch):
+    sources = [tmp_path / name / "obj" / "box.urdf" for name in ("one", "two")]
+    for source in sources:
+        source.parent.mkdir(parents=True)
+        source.write_text(f'<robot name="box"><link name="body">{BOX}</link></robot>')
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
+    both, met = threading.Barrier(2), []
+
+    def meet(asset, _):
+        try:
+            both.wait(timeout=2.0)
+            met.append(asset.folder)
+        except threading.BrokenBarrierError:
+            pass
+        return Proof(asset=asset.name, verdict="proven")
+
+    monkeypatch.setattr(proving, "prove", meet)
+    with ThreadPoolExecutor(2) as pool:
+        outs = list(pool.map(lambda s: check(s, s.parent.parent / "out", config).verdict, sources))
+    assert outs == ["proven", "proven"]
+    assert len(list((tmp_path / "cache" / "assets").iterdir())) == 1
+    assert met == []

@@ -5,11 +5,12 @@ from tests.assets import make_cabinet
 
 from articulate.asset import Asset, Link
 from articulate.prove.model import load_model
-from articulate.prove.solids import inside_any, solids_of, union_surface, within_any
+from articulate.prove.solids import inside_any, solids_of, union_surface, unknown_shape, within_any
 
 GEOMS = {
     "box": '<geom type="box" size="0.1 0.2 0.3" pos="0.5 0 0" euler="0 0 0.5"/>',
     "sphere": '<geom type="sphere" size="0.2"/>',
+    "ellipsoid": '<geom type="ellipsoid" size="0.1 0.2 0.4" pos="0 0.3 0" euler="0.4 0 0"/>',
     "capsule": '<geom type="capsule" size="0.1 0.2"/>',
     "cylinder": '<geom type="cylinder" size="0.1 0.2" euler="1 0 0"/>',
     "mesh": '<geom type="mesh" mesh="ball" pos="0.1 0.2 0.3"/>',
@@ -100,3 +101,28 @@ def test_the_surface_of_a_union_has_no_points_inside_it(tmp_path):
 def test_geoms_that_cannot_touch_are_no_solids(tmp_path):
     seen = GEOMS["sphere"].replace("/>", ' contype="0" conaffinity="0"/>')
     assert solids_of(model_of(tmp_path / "seen", seen), "body") == ()
+
+
+def test_the_distance_to_an_ellipsoid_is_that_to_its_surface(tmp_path):
+    geom = '<geom type="ellipsoid" size="0.1 0.2 0.4"/>'
+    (solid,) = solids_of(model_of(tmp_path / "one", geom), "body")
+    rng = np.random.default_rng(0)
+    radii = np.array([0.1, 0.2, 0.4])
+    on = rng.normal(size=(200, 3))
+    on = radii * on / np.linalg.norm(on, axis=1, keepdims=True)
+    normal = on / radii**2
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    for away in (1e-6, 0.003, 0.5, 20.0):
+        np.testing.assert_allclose(solid.outside_m(on + away * normal), away, rtol=1e-6)
+    deep = solid.outside_m(on - 0.003 * normal)
+    assert (deep < 0.0).all()
+    assert (deep >= -0.003 - 1e-9).all()
+    assert solid.outside_m(np.zeros((1, 3)))[0] == pytest.approx(-0.1)
+    axes = np.array([[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.9], [0.0, 0.0, 0.4]])
+    np.testing.assert_allclose(solid.outside_m(axes), [0.2, 0.1, 0.5, 0.0], atol=1e-9)
+
+
+def test_a_shape_of_a_type_that_is_not_known_is_told_of(tmp_path):
+    assert unknown_shape(model_of(tmp_path / "box", GEOMS["box"]), "body") == ""
+    model = model_of(tmp_path / "plane", '<geom name="floor" type="plane" size="1 1 1"/>')
+    assert unknown_shape(model, "body").startswith("collision shape floor of body is of type plane")

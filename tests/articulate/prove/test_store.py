@@ -1,3 +1,5 @@
+from importlib.metadata import version
+
 import pytest
 
 from articulate.errors import UsageError
@@ -48,6 +50,29 @@ def test_the_code_that_proves_is_part_of_the_key(kept, monkeypatch):
     assert store.find(source, {}, cache) is None
 
 
+def test_how_the_path_is_written_does_not_matter(kept, monkeypatch, tmp_path):
+    source, _, cache, folder = kept
+    monkeypatch.chdir(tmp_path)
+    assert store.find(source.relative_to(tmp_path), {}, cache) == folder
+    (tmp_path / "link").symlink_to(source)
+    assert store.find(tmp_path / "link", {}, cache) == folder
+
+
+def test_where_packages_lie_and_what_judges_are_part_of_the_key(kept, monkeypatch):
+    source = kept[0]
+    first = store.ticket(source, {})
+    monkeypatch.setenv("ROS_PACKAGE_PATH", "/elsewhere")
+    second = store.ticket(source, {})
+    monkeypatch.setattr(store, "judges", lambda: ("mujoco 0.0.1", "pybullet absent"))
+    assert len({first, second, store.ticket(source, {})}) == 3
+
+
+def test_judges_are_told_by_version_or_as_absent(monkeypatch):
+    assert store.judges()[0] == f"mujoco {version('mujoco')}"
+    monkeypatch.setattr(store, "JUDGES", ("no-such-judge",))
+    assert store.judges.__wrapped__() == ("no-such-judge absent",)
+
+
 def test_a_source_that_is_gone_is_not_found(kept):
     source, _, cache, _ = kept
     source.unlink()
@@ -74,3 +99,13 @@ def test_a_very_large_source_is_not_read(tmp_path):
     with path.open("ab") as stream:
         stream.truncate(store.MOST_BYTES + 2)
     assert store.ticket(path, {}) != first
+
+
+def test_an_out_with_too_long_a_name_is_refused_in_one_line(kept, tmp_path):
+    with pytest.raises(UsageError, match="cannot be written"):
+        store.hand_over(kept[3], tmp_path / ("x" * 300))
+
+
+def test_an_out_may_have_the_longest_name_that_the_disk_takes(kept, tmp_path):
+    store.hand_over(kept[3], tmp_path / ("x" * 255))
+    assert (tmp_path / ("x" * 255) / "proof.json").is_file()

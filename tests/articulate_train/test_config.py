@@ -1,0 +1,43 @@
+"""Numbers that no training can be made with are refused before it begins."""
+
+import pytest
+
+from articulate.errors import ConfigError
+from articulate_train.config import PpoConfig, TrainConfig
+
+
+@pytest.mark.parametrize("name", ["n_envs", "n_steps", "n_epochs"])
+@pytest.mark.parametrize("value", [0, -1])
+def test_counts_of_the_algorithm_below_one_are_refused(name, value):
+    with pytest.raises(ConfigError) as caught:
+        PpoConfig(**{name: value})
+    assert str(caught.value) == f"ppo.{name} is {value}; it must be at least 1"
+
+
+def test_a_layer_without_width_is_refused():
+    with pytest.raises(ConfigError, match=r"ppo\.net is 0"):
+        PpoConfig(net=(8, 0))
+    assert PpoConfig(net=()).net == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "least"),
+    [
+        ("jobs", -1, 0),
+        ("checkpoint_updates", 0, 1),
+        ("episodes", 0, 1),
+        ("evaluation_seed", -1, 0),
+    ],
+)
+def test_numbers_below_what_they_count_are_refused(name, value, least):
+    with pytest.raises(ConfigError) as caught:
+        TrainConfig(asset="cabinet.urdf", **{name: value})
+    assert str(caught.value) == f"{name} is {value}; it must be at least {least}"
+    assert getattr(TrainConfig(asset="cabinet.urdf", **{name: least}), name) == least
+
+
+@pytest.mark.parametrize("seeds", [(), (1, 1), (-1,), (0, 2**32)])
+def test_seeds_that_are_none_are_refused(seeds):
+    with pytest.raises(ConfigError, match="they must be distinct, not negative and below"):
+        TrainConfig(asset="cabinet.urdf", seeds=seeds)
+    assert TrainConfig(asset="cabinet.urdf", seeds=(2**32 - 1,)).seeds == (2**32 - 1,)
