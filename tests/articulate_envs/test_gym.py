@@ -113,7 +113,7 @@ def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     env.reset(seed=0, options={"q": aside, "opened": 0.9, "draw": still})
-    ends = []
+    ends: list[tuple[bool, bool]] = []
     while not any(any(e) for e in ends):
         ends.append(env.step(STILL)[2:4])
     env.close()

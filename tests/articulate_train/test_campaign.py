@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from typing import Any
 
 import pytest
 from tests.runs import write_checkpoint
@@ -178,6 +179,7 @@ def test_seeds_of_a_call_that_was_killed_hold_the_run_until_they_end(tiny, tmp_p
     )
     command = [sys.executable, "-c", code, str(tiny.folder)]
     train = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert train.stdout is not None
     orphan = int(train.stdout.readline())
     with pytest.raises(RunError, match=f"process {train.pid}"), alone(tiny.folder):
         pass
@@ -193,7 +195,7 @@ def test_seeds_of_a_call_that_was_killed_hold_the_run_until_they_end(tiny, tmp_p
 
 
 def test_seed_is_told_its_parent_and_keeps_the_lock(tiny, monkeypatch):
-    asked = {}
+    asked: dict[str, Any] = {}
     monkeypatch.setattr(subprocess, "Popen", lambda command, **how: asked.update(how, c=command))
     with alone(tiny.folder) as lock:
         campaign._start(tiny.folder, 3, 2, lock)

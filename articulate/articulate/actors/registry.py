@@ -27,7 +27,7 @@ def make_actor(name: str) -> Actor:
     """
     where = ACTORS.get(name, name)
     module, colon, attribute = where.partition(":")
-    if not colon:
+    if not colon or not all(word.isidentifier() for word in module.split(".")):
         raise ConfigError(
             f"--actor {name}: neither an actor nor module:Class{nearest(name, ACTORS)}"
         )

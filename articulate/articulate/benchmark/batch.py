@@ -1,7 +1,7 @@
 """Many objects, each in a process of its own: what crashes costs one object.
 
 The record of an object is a file that is whole or absent. A run that was stopped goes on where it
-was when it is started again with the same settings.
+was when it is started again with the same settings; what was lost to an error is tried again.
 """
 
 from __future__ import annotations
@@ -9,21 +9,23 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from articulate.actors.vlm.gemini import MODEL_VARIABLE, URL_VARIABLE
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.dataset import Dataset
-from articulate.benchmark.records import Record, lost_object
-from articulate.errors import ArticulateError, UsageError
+from articulate.benchmark.dataset import LIBRARIES, Dataset
+from articulate.benchmark.records import Record, is_final, lost_object
+from articulate.errors import ArticulateError, ConfigError, UsageError
 from articulate.files import write_json
 from articulate.jobs.children import Answer, Children
 
 FOLDER = "objects"
 """Folder of the records, below that of the run."""
-RECORD_VERSION = 1
+RECORD_VERSION = 2
 """Records of another version are made anew."""
 USAGE_EXIT = 2
 
@@ -42,9 +44,13 @@ class Batch:
     """An object that takes longer is lost [s]."""
     fresh: bool = False
     """Run again what was run before."""
+    fingerprint: str = field(init=False)
+    """Hash of everything that decides a record but the object."""
     _children: Children = field(init=False)
 
     def __post_init__(self) -> None:
+        """Say once what the records are made of: files may change while they are made."""
+        self.fingerprint = fingerprint(self.source, self.data, self.config)
         self._children = Children("articulate.benchmark.child", self.limit_s)
 
     def run(self, ids: Sequence[str], jobs: int) -> Iterator[Record]:
@@ -60,7 +66,7 @@ class Batch:
         path = self.path_of(object_id)
         if not self.fresh:
             found = _read(path, self.fingerprint)
-            if found is not None:
+            if found is not None and is_final(found):
                 return found
         reason = self._child(object_id, path)
         made = None if reason else _read(path, self.fingerprint)
@@ -82,11 +88,6 @@ class Batch:
             safe = f"{safe.lstrip('.')}-{hashlib.sha256(object_id.encode()).hexdigest()[:8]}"
         return self.out / FOLDER / f"{safe}.json"
 
-    @property
-    def fingerprint(self) -> str:
-        """Hash of everything that decides a record but the object."""
-        return fingerprint(self.source, self.config)
-
     def _child(self, object_id: str, path: Path) -> str:
         """Why no record was made; empty if one was."""
         request = {
@@ -95,13 +96,33 @@ class Batch:
             "object": object_id,
             "config": dataclasses.asdict(self.config),
             "path": str(path),
+            "fingerprint": self.fingerprint,
         }
         return _outcome(self._children.ask(request), self.limit_s)
 
 
-def fingerprint(source: str, config: BenchmarkConfig) -> str:
-    """Hash of the data set's name and of the settings."""
-    content = {"dataset": Path(source).name, **dataclasses.asdict(config)}
+def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
+    """Hash of the data set, of the settings, and of what else says which model is asked.
+
+    An index counts by its content and by the folder that its paths start from, a folder by where
+    it lies, a library by its name.
+
+    Raises:
+        ConfigError: The index cannot be read.
+    """
+    path = Path(source)
+    try:
+        if source in LIBRARIES:
+            dataset = [source]
+        elif path.is_file():
+            index = hashlib.sha256(path.read_bytes()).hexdigest()
+            dataset = [index, str((data or path.parent).resolve())]
+        else:
+            dataset = [str(path.resolve())]
+    except OSError as error:
+        raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
+    model = [os.environ.get(name, "") for name in (MODEL_VARIABLE, URL_VARIABLE)]
+    content = {"dataset": dataset, "model": model, **dataclasses.asdict(config)}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 

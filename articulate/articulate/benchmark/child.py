@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from articulate.actors.registry import make_actor
-from articulate.benchmark.batch import RECORD_VERSION, USAGE_EXIT, fingerprint
+from articulate.benchmark.batch import RECORD_VERSION, USAGE_EXIT
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.run import run_object
@@ -38,7 +38,7 @@ def main() -> int:
     except UsageError as error:
         sys.stderr.write(f"{error}\n")
         return USAGE_EXIT if isinstance(error, MissingError) else OBJECT_EXIT
-    record["fingerprint"] = fingerprint(request["source"], config)
+    record["fingerprint"] = request["fingerprint"]
     record["version"] = RECORD_VERSION
     write_json(Path(request["path"]), record)
     return 0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from articulate.benchmark.known import KnownJoint, Status
-from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
+from articulate.benchmark.truth import SCORED_KINDS, TrueObject, joints_in_urdf, true_object
 from articulate.convert.read import SourceObject, read_urdf
 from articulate.errors import AssetError, ConfigError, nearest
 from articulate.library.library import Library
@@ -78,9 +79,13 @@ def open_dataset(source: str, data: Path | None = None) -> Dataset:
             raise ConfigError(f"{source}: this library is not in this installation") from None
         return LibraryDataset(source, library)
     path = Path(source)
-    if path.is_file():
+    try:
+        is_file, is_folder = path.is_file(), path.is_dir()
+    except OSError as error:  # a name that is too long
+        raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
+    if is_file:
         return IndexDataset(path, data or path.parent)
-    if path.is_dir():
+    if is_folder:
         return FolderDataset(path)
     raise ConfigError(
         f"{source}: neither an index file, nor a folder, nor a library{nearest(source, LIBRARIES)}"
@@ -96,12 +101,14 @@ class IndexDataset:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             entries = [e for e in content["assets"] if e.get("truth") == TRUTH]
-            self._entries = {str(e["id"]): e for e in entries}
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise ConfigError(
                 f"{path}: not an index of objects ({type(error).__name__}: {error}); "
                 'it holds {"assets": [{"id", "path", "truth", "truth_joints"}, …]}'
             ) from None
+        for entry in entries:
+            _check_entry(path, entry)
+        self._entries: dict[str, dict[str, Any]] = {str(e["id"]): e for e in entries}
         if not self._entries:
             raise ConfigError(
                 f'{path}: no entry says "truth": "{TRUTH}"; there is nothing to score'
@@ -125,7 +132,7 @@ class IndexDataset:
         Some projects scaled the meshes and left joints as they were; the truth is that of meshes
         as they lie in their files, so that is how they are taken.
         """
-        path = self._data / self._entries[object_id]["path"]
+        path = self._data / str(self._entries[object_id]["path"])
         return true_object(
             _unscaled(read_urdf(path)),
             self.known(object_id),
@@ -235,8 +242,30 @@ def _unscaled(source: SourceObject) -> SourceObject:
     return replace(source, links=links)
 
 
+def _check_entry(path: Path, entry: Mapping[str, Any]) -> None:
+    """Refuse an entry that names no object or states no joints, before anything is run."""
+    if not isinstance(entry.get("id"), (str, int)):
+        raise ConfigError(
+            f"{path}: an entry has no id ({str(dict(entry))[:80]}); give each a name of its own"
+        )
+    if not isinstance(entry.get("path"), str):
+        raise ConfigError(
+            f"{path}: entry {entry['id']} has no path; give that of its URDF, from the data folder"
+        )
+    joints = entry.get("truth_joints")
+    if not isinstance(joints, list) or not all(isinstance(joint, dict) for joint in joints):
+        raise ConfigError(
+            f"{path}: entry {entry['id']} has no truth_joints; give a list with one object for "
+            "each joint"
+        )
+
+
 def _known(stated: Mapping[str, Any]) -> KnownJoint:
     try:
+        if stated["type"] not in SCORED_KINDS:
+            raise ValueError(
+                f"its type is {stated['type']!r}{nearest(str(stated['type']), SCORED_KINDS)}"
+            )
         status = str(stated.get("status", ""))
         kept: Status = "plain"
         if status == "frozen":
@@ -248,8 +277,8 @@ def _known(stated: Mapping[str, Any]) -> KnownJoint:
             kind=stated["type"],
             axis_s=_three(stated["axis"]),
             origin_s=_three(stated["origin"]),
-            lower=None if stated["lower"] is None else float(stated["lower"]),
-            upper=None if stated["upper"] is None else float(stated["upper"]),
+            lower=None if stated["lower"] is None else _finite(stated["lower"]),
+            upper=None if stated["upper"] is None else _finite(stated["upper"]),
             status=kept,
         )
     except (KeyError, TypeError, ValueError) as error:
@@ -259,5 +288,12 @@ def _known(stated: Mapping[str, Any]) -> KnownJoint:
 
 
 def _three(values: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
+    x, y, z = (_finite(v) for v in values)
     return x, y, z
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    return number

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from articulate.benchmark.protocols import ANGLE_RAD, LENGTH, Protocol
@@ -32,6 +33,8 @@ class PlacementErrors:
     """Where each part was put (P, 3), before any part stood for another."""
     quat: Array
     """How each was turned (P, 4), wxyz."""
+    chosen: NDArray[np.intp]
+    """Index of the part that stands for each (P,); parts alike may change places."""
 
     @property
     def right(self) -> Array:
@@ -54,7 +57,7 @@ def placement_errors(
 
     Args:
         parts: The true parts, in ``o``, in their places.
-        labels: What each is called.
+        labels: What each is called, as the actor was told.
         placements: ``T_op`` (4, 4) of each part by name, from the part with the middle of its box
             at the origin.
         anchored: Positions in ``o`` can be known, as with a camera; else the largest part's place
@@ -84,14 +87,15 @@ def placement_errors(
         shift=shift,
         said=said,
         quat=quats,
+        chosen=chosen,
     )
 
 
 def _assigned(
     parts: Sequence[PartMesh], labels: Mapping[str, str], centres: Array, said: Array
-) -> Array:
+) -> NDArray[np.intp]:
     """Index of the placed part that stands for each true one (P,)."""
-    far = 1e6
+    far, nothing = 1e6, 1e-6
     size = np.stack([np.ptp(part.bounds, axis=0) for part in parts])
     alike = np.abs(size[:, None] - size[None]).max(axis=-1) <= ALIKE * size.max(axis=-1)[:, None]
     named = np.array([labels.get(part.name, "") for part in parts])
@@ -99,6 +103,7 @@ def _assigned(
     np.fill_diagonal(same, True)
     distance = np.linalg.norm(said[None] - centres[:, None], axis=-1)
     cost = np.where(same, np.minimum(np.nan_to_num(distance, posinf=far), far), 1e3 * far)
+    cost += nothing * (1.0 - np.eye(len(parts)))  # of equals, each part stands for itself
     return np.asarray(linear_sum_assignment(cost)[1])
 
 

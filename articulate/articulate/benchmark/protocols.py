@@ -58,6 +58,7 @@ def score(truth: PredictedJoint, predicted: PredictedJoint | None, box_o: Array)
             failures=dict.fromkeys(PROTOCOLS, "joint_type"),
             literal_origin="joint_type",
         )
+    truth = ordered(truth)
     errors = joint_errors(truth, ordered(predicted), box_o)
     return Scored(
         errors=errors,

@@ -31,6 +31,7 @@ def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reas
         "seconds": None,
         "calls": 0,
         "refusal": reason,
+        "unasked": True,
         "spurious": 0,
         "moved_px": None,
         "placement": None,
@@ -43,6 +44,14 @@ def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reas
         "diagonal": None,
         "cases": [case],
     }
+
+
+def is_final(record: Record) -> bool:
+    """Whether the record says how the actor fares; else the object is worth another try.
+
+    What an error cost, a time limit or a busy server, may come out otherwise the next time.
+    """
+    return not record["error"] and not any(case.get("unasked") for case in record["cases"])
 
 
 def plain(value: Any) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from articulate.actors.protocol import Actor, Failure, PredictedJoint, Prediction
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.endpoints import endpoint_metrics
-from articulate.benchmark.evidence import Case, cases_of
+from articulate.benchmark.evidence import Case, cases_of, plain_label
 from articulate.benchmark.placement import (
     PlacementErrors,
     placement_errors,
@@ -47,21 +47,23 @@ def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Re
 def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
     """One question and its answer."""
     start = time.perf_counter()
+    unasked = False
     try:
         prediction = actor.predict(case.evidence)
         refusal = prediction.refusal
     except MissingError:  # what this machine lacks is no fault of the actor
         raise
-    except UsageError as error:
-        prediction, refusal = Prediction(joints=()), str(error)
+    except (UsageError, OSError) as error:  # a busy server, a file: another time it may answer
+        prediction, refusal, unasked = Prediction(joints=()), str(error), True
     except Exception as error:  # noqa: BLE001  an actor's bug costs it this question, not the run
         prediction, refusal = Prediction(joints=()), f"{type(error).__name__}: {error}"
     seconds = time.perf_counter() - start
     placement = _placement(subject, case, prediction)
     shift = np.zeros(3) if placement is None else placement.shift
-    kept = _in_true_names(prediction.joints, case.names, shift)
+    names = case.names if placement is None else _exchanged(subject, case.names, placement)
+    kept = _in_true_names(prediction.joints, names, shift)
     attempts = [
-        _in_true_names(attempt.joints, case.names, shift) for attempt in prediction.attempts
+        _in_true_names(attempt.joints, names, shift) for attempt in prediction.attempts
     ] or [kept]
     ratings = [None if a.verdict is None else a.verdict.rating for a in prediction.attempts]
     joints = [
@@ -73,6 +75,7 @@ def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
         "seconds": seconds,
         "calls": prediction.calls,
         "refusal": refusal,
+        "unasked": unasked,
         "spurious": len(_on_fixed_parts(subject, kept)),
         "moved_px": case.moved_px,
         "rating": plain(prediction.rating),
@@ -128,8 +131,8 @@ def said_of(truth: TrueJoint, joints: Sequence[PredictedJoint]) -> PredictedJoin
 
 
 def _on_fixed_parts(subject: TrueObject, joints: Sequence[PredictedJoint]) -> list[PredictedJoint]:
-    """Joints said of parts that no true joint moves."""
-    move = {name for joint in subject.joints for name in joint.moves}
+    """Joints said of parts that nothing moves."""
+    move = {name for joint in subject.joints for name in joint.moves} | subject.carried
     return [joint for joint in joints if joint.kind != "fixed" and joint.part not in move]
 
 
@@ -143,13 +146,25 @@ def _in_true_names(
     return out
 
 
+def _exchanged(
+    subject: TrueObject, names: Mapping[str, str], placement: PlacementErrors
+) -> dict[str, str]:
+    """True name of each part, by its neutral one, as the parts were placed.
+
+    What is said of a part that stands for another is said of the other, whose place it has.
+    """
+    parts = subject.parts
+    stands_for = {parts[k].name: true.name for k, true in zip(placement.chosen, parts, strict=True)}
+    return {neutral: stands_for[true] for neutral, true in names.items()}
+
+
 def _placement(subject: TrueObject, case: Case, prediction: Prediction) -> PlacementErrors | None:
     if case.evidence.placed:
         return None
     seen = case.visible_px
     return placement_errors(
         subject.parts,
-        {p.name: subject.labels[p.name] for p in subject.parts},
+        {p.name: plain_label(subject.labels[p.name]) for p in subject.parts},
         {case.names[k]: T for k, T in prediction.placements.items() if k in case.names},
         anchored=case.evidence.camera is not None,
         visible_px=None if seen is None else np.array([float(seen[p.name]) for p in subject.parts]),

@@ -46,7 +46,7 @@ class Item:
     endpoints: Record | None
     diagonal: float
     spurious: int
-    """Joints invented on fixed parts, counted with the first joint of each question."""
+    """Joints invented on fixed parts, counted with the first joint of each question; for groups."""
     critic: str | None
     attempts: tuple[Record, ...]
 
@@ -97,6 +97,8 @@ def summary(records: Sequence[Record], config: BenchmarkConfig, dataset: str) ->
     records = sorted(records, key=lambda r: str(r["object"]))
     items = items_of(records)
     head = [item for item in items if item.row == "seen"]
+    # Of all questions: one about an object that has no joints has no item to count them with.
+    spurious = sum(case["spurious"] for record in records for case in record["cases"])
     rng = np.random.default_rng(config.seed)
     return {
         "schema": SCHEMA,
@@ -111,37 +113,41 @@ def summary(records: Sequence[Record], config: BenchmarkConfig, dataset: str) ->
             if r["error"]
         ],
         "refused": sum(bool(c["refusal"]) for r in records for c in r["cases"]),
-        "protocols": rows_of(head),
+        "protocols": rows_of(head, spurious),
         "rows": {
-            name: rows_of([item for item in items if item.row == name])
-            for name in ("seen", "hardly_seen", "compound")
+            name: rows_of([item for item in items if item.row == name], count)
+            for name, count in (("seen", spurious), ("hardly_seen", 0), ("compound", 0))
         },
         "errors": error_means(head, rng),
         "endpoints": endpoint_means(head, rng),
         "groups": _groups(head),
         "categories": {
-            category: rows_of([item for item in head if item.category == category])
+            category: _group([item for item in head if item.category == category])
             for category in sorted({item.category for item in head})
         },
         "iterations": iterations(head),
         "critic": {p: confusion(head, p) for p in ("paper", "strict")},
-        "spurious": sum(item.spurious for item in items),
+        "spurious": spurious,
         "placement": placement(records),
         "cost": cost(records),
     }
 
 
-def rows_of(items: Sequence[Item]) -> dict[str, Record]:
-    """What each protocol says of some joints."""
-    out: dict[str, Record] = {protocol: _row(items, protocol) for protocol in PROTOCOLS}
+def rows_of(items: Sequence[Item], spurious: int) -> dict[str, Record]:
+    """What each protocol says of some joints, and of as many invented beside them."""
+    out: dict[str, Record] = {p: _row(items, p, spurious) for p in PROTOCOLS}
     good = sum(item.literal_origin == "success" for item in items)
     out["paper_literal_origin"] = {"joint_success": wilson(good, len(items)).share, "n": len(items)}
     return out
 
 
-def _row(items: Sequence[Item], protocol: Protocol) -> Record:
+def _group(items: Sequence[Item]) -> dict[str, Record]:
+    """Rows of some of the joints, and of what was invented in questions that begin with them."""
+    return rows_of(items, sum(item.spurious for item in items))
+
+
+def _row(items: Sequence[Item], protocol: Protocol, spurious: int) -> Record:
     counted = [item for item in items if protocol != "released_code" or item.released]
-    spurious = sum(item.spurious for item in counted)
     extra = spurious if protocol == "strict" else 0
     found = Counter(item.failures[protocol] for item in counted)
     n = len(counted) + extra
@@ -211,7 +217,7 @@ def _groups(items: Sequence[Item]) -> Record:
         "revolute": lambda i: i.kind == "revolute",
         "continuous": lambda i: i.kind == "continuous",
     }
-    return {name: rows_of([i for i in items if test(i)]) for name, test in tests.items()}
+    return {name: _group([i for i in items if test(i)]) for name, test in tests.items()}
 
 
 def iterations(items: Sequence[Item]) -> list[Record]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from articulate.actors.protocol import JointKind, PredictedJoint
 from articulate.benchmark.known import KnownJoint, Status
+from articulate.benchmark.metrics import ordered
 from articulate.convert.collada import loader_of
 from articulate.convert.config import ConvertConfig
 from articulate.convert.mesh import Loader
@@ -21,6 +22,8 @@ from articulate.transforms import Array, apply, pose
 DIAGONAL = 2.0
 """Objects measured in metres are scaled to this diagonal, PartNet-Mobility's, so that thresholds
 mean the same."""
+SCORED_KINDS = frozenset({"revolute", "continuous", "prismatic"})
+"""Joints of a URDF that can be scored."""
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """Rotation that brings a front that faces -x to +x."""
 
@@ -49,6 +52,9 @@ class TrueObject:
     labels: Mapping[str, str]
     """What each part is called, as the source has it."""
     joints: tuple[TrueJoint, ...]
+    carried: frozenset[str] = frozenset()
+    """Parts that a joint moves which is not scored: one that follows another, a planar one, a
+    screw. To say that they move is no invention."""
 
     def part(self, name: str) -> PartMesh:
         """The part of this true name; KeyError if there is none."""
@@ -60,12 +66,21 @@ class TrueObject:
 
 
 def joints_in_urdf(source: SourceObject) -> tuple[KnownJoint, ...]:
-    """The movable joints that the URDF itself has."""
+    """The movable joints that the URDF itself has.
+
+    Raises:
+        AssetError: A joint moves a link that is not there, or the links form no tree.
+    """
     poses = link_poses(source)
     known = []
     for joint in source.joints:
-        if joint.kind not in {"revolute", "continuous", "prismatic"} or joint.mimic is not None:
+        if not _can_be_scored(joint):
             continue
+        if joint.child not in poses:
+            raise AssetError(
+                f"{joint.where}: joint {joint.name!r} moves {joint.child!r}, which is not declared;"
+                " add the <link> or leave the joint out"
+            )
         T_sc = poses[joint.child]
         axis = T_sc[:3, :3] @ unit_axis(joint)
         limited = joint.kind != "continuous" and None not in (joint.lower, joint.upper)
@@ -83,6 +98,10 @@ def joints_in_urdf(source: SourceObject) -> tuple[KnownJoint, ...]:
             )
         )
     return tuple(known)
+
+
+def _can_be_scored(joint: SourceJoint) -> bool:
+    return joint.kind in SCORED_KINDS and joint.mimic is None
 
 
 def link_poses(source: SourceObject) -> dict[str, Array]:
@@ -140,16 +159,22 @@ def true_object(
     scale, T_os = _front_pose(parts_s, in_metres=in_metres)
     parts = tuple(p.with_vertices(apply(T_os, scale * p.vertices)) for p in parts_s)
     seen = {part.name for part in parts}
-    joints = [
-        _true_joint(source, joint, {k.link for k in known}, seen, scale, T_os) for joint in known
-    ]
+    links = {k.link for k in known}
+    joints = [_true_joint(source, joint, links, seen, scale, T_os) for joint in known]
     return TrueObject(
         object_id=object_id,
         category=category,
         parts=parts,
         labels={part.name: labels.get(part.name, part.name) for part in parts},
         joints=tuple(joints),
+        carried=_carried(source.joints, links) & seen,
     )
+
+
+def _carried(joints: Sequence[SourceJoint], known: set[str]) -> frozenset[str]:
+    """All that a joint moves of which the truth says nothing."""
+    movers = [j.child for j in joints if j.kind != "fixed" and j.child not in known]
+    return frozenset(name for link in movers for name in _below(joints, link, set()))
 
 
 def _part_mesh(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> PartMesh | None:
@@ -195,9 +220,11 @@ def _true_joint(
     T_os: Array,
 ) -> TrueJoint:
     moves = [name for name in _below(source.joints, known.link, set()) if name in seen]
-    rigid = [
-        name for name in _below(source.joints, known.link, movable - {known.link}) if name in seen
-    ]
+    # Projects froze joints of an object and hung a moving stand-in on the part: a plain joint that
+    # the truth leaves out does not take a part away from it. One that no truth can state does.
+    apart = {j.child for j in source.joints if j.kind != "fixed" and not _can_be_scored(j)}
+    stop = (movable | apart) - {known.link}
+    rigid = [name for name in _below(source.joints, known.link, stop) if name in seen]
     if not rigid:
         raise AssetError(f"{source.path}: nothing is to be seen of the moving link {known.link}")
     parents = {joint.child: joint.parent for joint in source.joints}
@@ -216,7 +243,10 @@ def _true_joint(
         lower=None if known.lower is None else unit * known.lower,
         upper=None if known.upper is None else unit * known.upper,
     )
-    return TrueJoint(joint=joint, status=known.status, moves=tuple(moves), rigid=tuple(rigid))
+    # Some URDFs have their limits swapped; what is said of a joint is put in order as well.
+    return TrueJoint(
+        joint=ordered(joint), status=known.status, moves=tuple(moves), rigid=tuple(rigid)
+    )
 
 
 def _below(joints: Sequence[SourceJoint], link: str, stop: set[str]) -> list[str]:

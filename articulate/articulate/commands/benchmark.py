@@ -20,6 +20,8 @@ from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
 
 LOST_EXIT = 3
+MOST_LIMIT_S = 1e6
+"""Longest time that may be given [s]."""
 SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 1
 PROMPTS_FOLDER = "prompts"
 PROTOCOLS = ("paper", "released_code", "strict")
@@ -82,6 +84,10 @@ class BenchmarkFlags:
             raise ConfigError(f"--jobs is {self.jobs}; it must be 0 or more")
         if not self.limit > 0.0:
             raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
+        if not self.limit <= MOST_LIMIT_S:
+            raise ConfigError(
+                f"--limit is {self.limit:g} s; it must be at most {MOST_LIMIT_S:.0f} s"
+            )
         if self.first is not None and self.first < 1:
             raise ConfigError(f"--first is {self.first}; it must be 1 or more")
 
@@ -114,10 +120,12 @@ def main(argv: Sequence[str]) -> int:
     flags = parse(BenchmarkFlags, argv, prog="articulate benchmark")
     flags = dataclasses.replace(flags, out=flags.folder)
     if flags.export:
-        console.emit(f"{_export(flags)} questions and the key to them: {flags.out}")
+        exported = {"questions": _export(flags), "folder": str(flags.out)}
+        _emit(flags, exported, "{questions} questions and the key to them: {folder}")
         return 0
     if flags.dry_run:
-        console.emit(f"{_dry_run(flags)} pages, nothing sent: {flags.folder / PROMPTS_FOLDER}")
+        written = {"pages": _dry_run(flags), "folder": str(flags.folder / PROMPTS_FOLDER)}
+        _emit(flags, written, "{pages} pages, nothing sent: {folder}")
         return 0
     named = any(word.partition("=")[0] == "--out" for word in argv)
     again = argv if named else [*argv, "--out", flags.folder]
@@ -126,6 +134,11 @@ def main(argv: Sequence[str]) -> int:
     results = _run(flags, command)
     console.emit_json(results) if flags.json else console.emit(_told(results, flags))
     return LOST_EXIT if results["lost"] else 0
+
+
+def _emit(flags: BenchmarkFlags, content: dict[str, Any], told: str) -> None:
+    """Print what was written, for a reader or as JSON."""
+    console.emit_json(content) if flags.json else console.emit(told.format(**content))
 
 
 def _export(flags: BenchmarkFlags) -> int:
@@ -147,11 +160,15 @@ def _dry_run(flags: BenchmarkFlags) -> int:
 
     dataset, actor = open_dataset(flags.dataset, flags.data), make_actor(flags.actor)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
+    pages = 0
     for k, object_id in enumerate(ids):
-        case = next(iter(cases_of(dataset.load(object_id), flags.config())))
+        case = next(iter(cases_of(dataset.load(object_id), flags.config())), None)
+        if case is None:  # no clip can be shown of an object without joints
+            continue
         page = flags.folder / PROMPTS_FOLDER / f"prompts_{k:04d}.html"
         write_dry_run(actor, case.evidence, page, f"{flags.modality}, {object_id}: {case.name}")
-    return len(ids)
+        pages += 1
+    return pages
 
 
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
@@ -163,7 +180,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     from articulate.benchmark.summary import summary
 
     config = flags.config()
-    others = {folder.name: _results_in(folder) for folder in flags.against}
+    others = {str(folder): _results_in(folder) for folder in flags.against}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     batch = Batch(
@@ -187,12 +204,13 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
 def _results_in(folder: Path) -> dict[str, Any]:
     path = folder / "results.json"
     try:
-        results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        results: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ConfigError(f"--against {folder}: {path.name} cannot be read ({error})") from None
-    if results.get("schema") != SCHEMA or results.get("schema_version") != SCHEMA_VERSION:
+    content: dict[str, Any] = results if isinstance(results, dict) else {}
+    if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
         raise ConfigError(f"--against {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}")
-    return results
+    return content
 
 
 def _chosen(ids: Sequence[str], categories: Sequence[str], flags: BenchmarkFlags) -> list[str]:

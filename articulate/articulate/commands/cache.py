@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,6 +39,8 @@ class CacheFlags:
     def __post_init__(self) -> None:
         if not self.keep_gb >= 0.0:
             raise ConfigError(f"--keep-gb is {self.keep_gb:g}; it must be 0 GB or more")
+        if not math.isfinite(self.keep_gb):
+            raise ConfigError(f"--keep-gb is {self.keep_gb:g}; it must be finite")
 
 
 FLAGS = CacheFlags

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 RESULT_BYTES = 20_000_000
 """About what a result takes."""
+MOST_LIMIT_S = 1e6
+"""Longest time that may be given [s]."""
 FRONT_EYE = (3.0, 1.5, 2.0)
 FRONT_TARGET = (0.0, 0.0, 0.8)
 FRONT_FOVY = 35.0
@@ -101,6 +103,10 @@ class MakeFlags:
             raise ConfigError(f"--iterations is {self.iterations}; it must be 1 or more")
         if not self.limit > 0.0:
             raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
+        if not self.limit <= MOST_LIMIT_S:
+            raise ConfigError(
+                f"--limit is {self.limit:g} s; it must be at most {MOST_LIMIT_S:.0f} s"
+            )
 
 
 FLAGS = MakeFlags
@@ -129,7 +135,7 @@ def main(argv: Sequence[str]) -> int:
     )
     console.say(f"{given.name}: {len(given.meshes)} parts, {question.told}")
     if flags.dry_run:
-        page = out.with_name(f"{out.name}.prompts.html")
+        page = _prompts_page(out)
         asked = dry_run(question, given, camera, order, page)
         if flags.json:
             console.emit_json({"questions": asked, "page": str(page)})
@@ -143,6 +149,12 @@ def main(argv: Sequence[str]) -> int:
     else:
         console.emit(_told(made))
     return 0 if made.verdict == "proven" else MISSED
+
+
+def _prompts_page(out: Path) -> Path:
+    """The page beside the folder ``out``, which may be ``.`` or ``..``."""
+    folder = out if out.name not in {"", ".."} else out.resolve()
+    return folder.parent / f"{folder.name}.prompts.html"
 
 
 def _question(flags: MakeFlags) -> Question:

@@ -95,7 +95,11 @@ def given_parts(path: Path, *, up: Up = "auto", front: Front = "x") -> Given:
         AssetError: There are no parts, or they do not belong together.
     """
     suffix = path.suffix.lower()
-    if not path.exists():
+    try:
+        there = path.exists()
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise AssetError(f"{path}: cannot be read ({error.strerror}); give another path") from None
+    if not there:
         raise AssetError(f"{path}: does not exist; give a folder of meshes, a URDF or a GLB")
     if path.is_file() and suffix not in {".urdf", *SCENES}:
         raise AssetError(f"{path}: neither a folder, nor a .urdf, .glb or .gltf file")
@@ -135,7 +139,11 @@ def library_parts(wanted: str) -> Given:
         UsageError: The folder holds no object.
     """
     folder = Path(wanted)
-    if folder.is_dir():
+    try:
+        is_folder = folder.is_dir()
+    except OSError as error:
+        raise AssetError(f"--library {wanted}: cannot be read ({error.strerror})") from None
+    if is_folder:
         return _partnet(folder)
     library = ProceduralLibrary()
     found = re.fullmatch(r"([^:]+):(\d{1,9})", wanted)

@@ -60,8 +60,9 @@ def video_question(path: Path, text: str = "") -> Question:
     """A film in which a part moves.
 
     Raises:
-        ClipError: It cannot be read, is empty or of one frame, or nothing moves in it.
+        UsageError: It cannot be read, is empty or of one frame, or nothing moves in it.
     """
+    _is_file(path)
     clip = read_clip(path, Reading(longest_side_px=LONGEST_SIDE_PX, most_frames=MOST_FRAMES))
     check_moves(clip.frames, str(path))
     return Question(
@@ -79,7 +80,7 @@ def image_question(path: Path, text: str = "") -> Question:
     Raises:
         UsageError: It cannot be read, or shows nothing.
     """
-    if not path.is_file():
+    if not _is_file(path):
         raise UsageError(f"{path}: no such file; give a picture, e.g. a .png")
     if path.stat().st_size == 0:
         raise UsageError(f"{path}: is empty; give a picture of the object")
@@ -100,6 +101,14 @@ def image_question(path: Path, text: str = "") -> Question:
             "the object"
         )
     return Question(modality="image", told=f"the picture {path.name}", picture=picture, text=text)
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is a file; UsageError if the path is none, as one that is too long."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror}); give another path") from None
 
 
 def text_question(text: str) -> Question:

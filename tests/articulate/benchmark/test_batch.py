@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
-from articulate.benchmark.batch import Batch
+from articulate.benchmark.batch import Batch, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.errors import UsageError
@@ -27,6 +27,22 @@ class Crashes:
         (seen / str(n)).touch()
         if n == 1:
             os.abort()
+        return Prediction(joints=())
+'''
+
+
+BUSY = '''
+import os
+from articulate.actors.protocol import Prediction
+from articulate.errors import UsageError
+
+class Asks:
+    """Its server is busy for a while."""
+    name = "asks"
+
+    def predict(self, evidence):
+        if os.environ.get("BUSY"):
+            raise UsageError("the server answers 429")
         return Prediction(joints=())
 '''
 
@@ -79,6 +95,48 @@ def test_a_run_goes_on_where_it_was_unless_the_settings_changed(tmp_path):
     assert again["cases"][0]["joints"] == first["cases"][0]["joints"]
     other = batch(tmp_path / "other", ("a",), config=replace(run.config, seed=1))
     assert other.fingerprint != run.fingerprint
+
+
+def test_what_a_busy_server_cost_is_asked_again(tmp_path, monkeypatch):
+    (tmp_path / "busy.py").write_text(BUSY)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("BUSY", "1")
+    run = batch(tmp_path, ("a",), config=BenchmarkConfig(actor="busy:Asks", modality="text"))
+    assert "429" in run.one("a")["cases"][0]["refusal"]
+    monkeypatch.delenv("BUSY")
+    assert run.one("a")["cases"][0]["refusal"] == ""
+
+
+def test_what_was_lost_to_an_error_is_run_again(tmp_path):
+    run = batch(tmp_path, ("a",), limit_s=0.1)
+    assert run.one("a")["error"]
+    patient = Batch(
+        dataset=run.dataset,
+        source=run.source,
+        data=None,
+        config=run.config,
+        out=run.out,
+        limit_s=120.0,
+    )
+    assert patient.one("a")["error"] == ""
+
+
+def test_index_data_and_model_decide_what_is_made_anew(tmp_path, monkeypatch):
+    monkeypatch.delenv("ARTICULATE_MODEL", raising=False)
+    config = BenchmarkConfig(actor="prior")
+    path = write_index(tmp_path)
+    source = str(path)
+    first = fingerprint(source, None, config)
+    assert fingerprint(source, tmp_path, config) == first
+    monkeypatch.chdir(tmp_path)
+    assert fingerprint(path.name, None, config) == first
+    other = fingerprint(source, tmp_path / "elsewhere", config)
+    monkeypatch.setenv("ARTICULATE_MODEL", "another")
+    asked = fingerprint(source, None, config)
+    monkeypatch.delenv("ARTICULATE_MODEL")
+    path.write_text(path.read_text().replace("0.5", "0.6"))
+    assert len({first, other, asked, fingerprint(source, None, config)}) == 4
+    assert fingerprint(str(tmp_path), None, config) != fingerprint("procedural", None, config)
 
 
 def test_an_object_that_cannot_be_read_is_lost_with_its_joints(tmp_path):

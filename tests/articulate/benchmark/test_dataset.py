@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import trimesh
@@ -12,7 +14,7 @@ from articulate.benchmark.dataset import (
     open_dataset,
     semantic_names,
 )
-from articulate.errors import AssetError
+from articulate.errors import AssetError, ConfigError
 
 
 def test_an_index_offers_the_objects_whose_truth_holds(tmp_path):
@@ -94,6 +96,31 @@ def test_an_index_without_truth_is_refused(tmp_path, error_line):
 def test_a_folder_without_urdf_is_refused(tmp_path, error_line):
     (tmp_path / "bare").mkdir()
     error_line('open_dataset("bare")', lambda: open_dataset(str(tmp_path / "bare")))
+
+
+@pytest.mark.parametrize("key", ["id", "path", "truth_joints"])
+def test_an_entry_that_lacks_something_is_refused_when_the_index_is_read(tmp_path, key, error_line):
+    path = write_index(tmp_path)
+    content = json.loads(path.read_text())
+    del content["assets"][0][key]
+    path.write_text(json.dumps(content))
+    error_line(f'open_dataset("assets.json"), {key} missing', lambda: open_dataset(str(path)))
+
+
+@pytest.mark.parametrize(
+    ("told", "meant"),
+    [('"prismatic"', '"hinge"'), ('"upper": 0.5', '"upper": NaN'), ("[-1, 0, 0]", "[NaN, 0, 0]")],
+)
+def test_a_true_joint_that_is_none_costs_one_object(tmp_path, told, meant):
+    path = write_index(tmp_path)
+    path.write_text(path.read_text().replace(told, meant))
+    with pytest.raises(AssetError, match="a true joint of the index"):
+        IndexDataset(path, tmp_path).known("cupboard_77")
+
+
+def test_a_name_that_is_too_long_is_refused():
+    with pytest.raises(ConfigError, match="too long"):
+        open_dataset("x" * 300)
 
 
 def test_a_true_joint_that_cannot_be_read_is_told(tmp_path, error_line):

@@ -109,6 +109,13 @@ def test_a_door_that_opens_the_other_way_is_perfect_as_published_and_wrong_in_st
     assert failures(hinge(), inward) == ("success", "success", "joint_limit")
 
 
+def test_a_truth_whose_limits_are_swapped_is_met_by_who_says_the_same():
+    for truth in (hinge(lower=1.5, upper=0.0), slide(lower=0.3, upper=0.0)):
+        assert failures(truth, truth) == ("success", "success", "success")
+        right = replace(truth, lower=truth.upper, upper=truth.lower)
+        assert failures(truth, right) == ("success", "success", "success")
+
+
 def test_the_same_motion_about_the_reversed_axis_is_right():
     reversed_axis = hinge(axis=(0, 0, -1), lower=-HALF_PI, upper=0.0)
     assert paper_limit(hinge(), reversed_axis) == pytest.approx((0.0, 0.0))

@@ -65,6 +65,28 @@ def test_invented_joints_are_failures_in_strict_alone(right):
     assert results["protocols"]["paper"]["joint_success"] == 1.0
 
 
+def test_joints_invented_on_an_object_without_joints_count(right):
+    still = copied(right) | {"object": "still"}
+    still["cases"] = [still["cases"][0] | {"joints": [], "spurious": 2}]
+    results = summary([right, still], CONFIG, "small")
+    assert results["spurious"] == 2
+    for row in (results["protocols"]["strict"], results["rows"]["seen"]["strict"]):
+        assert (row["n"], row["spurious"]) == (5, 2)
+        assert row["joint_success"] == pytest.approx(0.6)
+    assert results["protocols"]["paper"]["n"] == 3
+    alone = summary([still], CONFIG, "small")["protocols"]["strict"]
+    assert (alone["n"], alone["joint_success"]) == (2, 0.0)
+
+
+def test_joints_invented_beside_a_compound_one_count_in_the_headline(right):
+    record = copied(right)
+    record["cases"][0]["joints"][0]["status"] = "compound"
+    record["cases"][0]["spurious"] = 1
+    results = summary([record], CONFIG, "small")
+    assert results["protocols"]["strict"]["n"] == 3
+    assert results["rows"]["compound"]["strict"]["n"] == 1
+
+
 def test_failures_are_counted_in_the_published_order(right):
     record = copied(right)
     for k, failure in enumerate(("joint_limit", "joint_axis", "joint_axis")):

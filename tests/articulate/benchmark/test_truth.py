@@ -5,6 +5,7 @@ import pytest
 from tests.articulate.benchmark.objects import cupboard, write_index
 
 from articulate.benchmark.dataset import FolderDataset, LibraryDataset
+from articulate.benchmark.known import KnownJoint
 from articulate.benchmark.truth import joints_in_urdf, link_poses, true_object
 from articulate.convert.read import read_urdf
 from articulate.errors import AssetError
@@ -70,6 +71,61 @@ def test_the_joints_of_a_urdf_are_in_the_frame_of_its_root(tmp_path):
     assert known["link_3"].kind == "continuous"
     assert known["link_3"].origin_s == pytest.approx((-0.55, 0.6, 0.8))
     assert set(known) == {"link_1", "link_2", "link_3"}
+
+
+LINK = '<link name="{0}"><visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+JOINT = (
+    '<joint name="to_{1}" type="{2}"><parent link="{0}"/><child link="{1}"/>'
+    '<axis xyz="0 0 1"/>{3}</joint>'
+)
+
+
+def write_urdf(folder, links, joints):
+    """A URDF of cubes; joints are (parent, child, type, what else stands in them)."""
+    path = folder / "cubes.urdf"
+    body = [*(LINK.format(name) for name in links), *(JOINT.format(*joint) for joint in joints)]
+    path.write_text(f'<robot name="r">{"".join(body)}</robot>')
+    return path
+
+
+def test_swapped_limits_are_put_in_order(tmp_path):
+    swapped = '<limit lower="1.5" upper="0"/>'
+    write_urdf(tmp_path, "ab", [("a", "b", "revolute", swapped)])
+    joint = FolderDataset(tmp_path).load("cubes").joints[0].joint
+    assert (joint.lower, joint.upper) == (0.0, 1.5)
+
+
+def test_what_moves_by_a_joint_that_is_not_scored_is_neither_fixed_nor_part_of_another(tmp_path):
+    limit = '<limit lower="0" upper="1"/>'
+    joints = [
+        ("a", "b", "revolute", limit),
+        ("a", "c", "revolute", f'{limit}<mimic joint="to_b"/>'),
+        ("c", "d", "fixed", ""),
+        ("b", "e", "planar", ""),
+        ("b", "f", "fixed", ""),
+    ]
+    write_urdf(tmp_path, "abcdef", joints)
+    subject = FolderDataset(tmp_path).load("cubes")
+    (joint,) = subject.joints
+    assert subject.carried == {"c", "d", "e"}
+    assert set(joint.rigid) == {"b", "f"}
+    assert set(joint.moves) == {"b", "e", "f"}
+
+
+def test_a_moving_stand_in_for_a_frozen_joint_belongs_to_its_part(tmp_path):
+    joints = [("a", "b", "fixed", ""), ("b", "knob", "continuous", "")]
+    source = read_urdf(write_urdf(tmp_path, ("a", "b", "knob"), joints))
+    frozen = KnownJoint(
+        link="b", kind="continuous", axis_s=(0, 0, 1), origin_s=(0, 0, 0), lower=None, upper=None
+    )
+    subject = true_object(source, [frozen], object_id="", category="", labels={}, in_metres=False)
+    assert subject.joints[0].rigid == ("b", "knob")
+
+
+def test_a_joint_that_moves_what_is_not_declared_is_refused(tmp_path, error_line):
+    write_urdf(tmp_path, "a", [("a", "ghost", "continuous", "")])
+    dataset = FolderDataset(tmp_path)
+    error_line("FolderDataset(joint of an undeclared link).known()", lambda: dataset.known("cubes"))
 
 
 def test_a_moving_link_without_geometry_is_refused(tmp_path, error_line):

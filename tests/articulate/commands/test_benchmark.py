@@ -84,6 +84,45 @@ def test_other_runs_stand_beside_this_one_in_the_report(done, error_line):
     error_line("articulate benchmark assets.json --against nowhere", lambda: main(argv))
 
 
+def test_runs_whose_folders_are_called_alike_stand_beside_each_other(done):
+    _, index, out = done
+    folders = [out.parent / "first" / "run", out.parent / "second" / "run"]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        (folder / "results.json").write_bytes((out / "results.json").read_bytes())
+    argv = [str(index), "--modality", "text", "--out", str(out), "--against"]
+    main([*argv, *map(str, folders)])
+    page = (out / "report.html").read_text()
+    assert all(f">{folder}</td>" in page for folder in folders)
+
+
+def test_results_that_are_none_are_refused(done, tmp_path):
+    _, index, out = done
+    (tmp_path / "results.json").write_text("[]")
+    argv = [str(index), "--out", str(out), "--against", str(tmp_path)]
+    with pytest.raises(ConfigError, match="is not of"):
+        main(argv)
+
+
+def test_what_is_written_without_a_run_is_told_as_json(tmp_path, capsys):
+    index = write_index(tmp_path, ("a",))
+    out = tmp_path / "out"
+    assert main([str(index), "--modality", "text", "--export", "--json", "--out", str(out)]) == 0
+    assert json.loads(capsys.readouterr().out) == {"questions": 1, "folder": str(out)}
+
+
+def test_a_dry_run_skips_objects_about_which_there_is_no_question(tmp_path, capsys):
+    still = tmp_path / "still.urdf"
+    still.write_text(
+        '<robot name="r"><link name="a"><visual><geometry><box size="1 1 1"/></geometry></visual>'
+        "</link></robot>"
+    )
+    argv = [str(tmp_path), "--actor", "vlm", "--dry-run", "--json", "--out", str(tmp_path / "out")]
+    assert main([*argv, "--width-px", "32", "--height-px", "32"]) == 0
+    pages = str(tmp_path / "out" / "prompts")
+    assert json.loads(capsys.readouterr().out) == {"pages": 0, "folder": pages}
+
+
 def test_the_command_knows_protocols_and_schema_by_the_names_of_the_benchmark():
     """They are written out in the command so that --help need not read meshes."""
     assert (SCHEMA, SCHEMA_VERSION) == (summary.SCHEMA, summary.SCHEMA_VERSION)
@@ -103,6 +142,8 @@ def test_only_what_is_named_is_run(done):
         ["--only", "Cabinet"],
         ["--jobs", "-1"],
         ["--limit", "0"],
+        ["--limit", "inf"],
+        ["--limit", "1e7"],
         ["--first", "0"],
         ["--modality", "video", "--task", "placement"],
     ],

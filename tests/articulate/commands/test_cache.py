@@ -1,9 +1,11 @@
 import json
+import math
 import time
 
 import pytest
 
 from articulate.commands import main
+from articulate.commands.cache import CacheFlags
 
 
 @pytest.fixture
@@ -39,6 +41,10 @@ def test_cleaning_keeps_as_much_as_is_asked_for(cache, capsys):
     assert main(["cache", "clean"]) == 0
     assert "0 left (0 B)" in capsys.readouterr().out
     assert not any(path.is_file() for path in (cache / "assets").iterdir())
+
+
+def test_a_size_that_is_not_finite_is_refused(error_line):
+    error_line("cache clean --keep-gb inf", lambda: CacheFlags(action="clean", keep_gb=math.inf))
 
 
 def test_an_empty_cache_is_listed_and_nothing_is_made(tmp_path, capsys, monkeypatch):

@@ -176,6 +176,7 @@ def test_only_the_joint_that_is_asked_for_moves(tmp_path):
         ["--text", "a box", "--parts", "parts", "--actor", "geometric-video"],
         ["--text", "a box", "--parts", "parts", "--iterations", "0"],
         ["--text", "a box", "--parts", "parts", "--limit", "0"],
+        ["--text", "a box", "--parts", "parts", "--limit", "inf"],
         ["--text", "a box", "--parts", "parts", "--camera.fovy", "0"],
         ["--text", "a box", "--parts", "parts", "--camera.file", "no.json"],
         ["--text", "a box", "--parts", "parts", "--out", "parts"],
@@ -203,6 +204,18 @@ def test_the_command_is_found_by_its_name_and_ends_with_2(capsys):
     assert told.out == ""
     assert told.err.startswith("missing: --parts or --library")
     assert told.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("out", [".", "..", "../here"])
+def test_a_dry_run_writes_its_page_beside_the_folder_whatever_that_is_called(
+    tmp_path, monkeypatch, out
+):
+    (tmp_path / "up" / "here").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "up" / "here")
+    words = ["--text", "a cabinet", "--library", "cabinet:3", "--actor", "vlm", "--dry-run", "-q"]
+    assert main([*words, "--out", out]) == 0
+    (page,) = tmp_path.rglob("*.prompts.html")
+    assert page == tmp_path / {"..": "up.prompts.html"}.get(out, "up/here.prompts.html")
 
 
 def test_every_flag_has_a_word_of_help(capsys):

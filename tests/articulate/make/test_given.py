@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from articulate.errors import AssetError
 from articulate.library import ProceduralLibrary
 from articulate.make.given import given_parts, library_parts
 
@@ -160,6 +162,12 @@ def test_what_is_no_parts_is_refused(tmp_path, error_line):
     error_line("given_parts(empty folder)", lambda: given_parts(tmp_path / "empty"))
     (tmp_path / "bad.glb").write_text("glTF")
     error_line("given_parts(bad.glb)", lambda: given_parts(tmp_path / "bad.glb"))
+
+
+def test_a_name_that_is_too_long_is_refused():
+    for read in (lambda: given_parts(Path("x" * 300)), lambda: library_parts("x" * 300)):
+        with pytest.raises(AssetError, match="too long"):
+            read()
 
 
 def test_a_library_without_candidates_is_refused(tmp_path, error_line):

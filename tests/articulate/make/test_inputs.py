@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from articulate.errors import UsageError
 from articulate.make.inputs import View, camera_in, image_question, text_question, video_question
 from articulate.render.camera import front_camera
 from articulate.render.clip import Clip, write_clip
@@ -51,6 +53,12 @@ def test_pictures_without_an_object_are_refused(tmp_path, error_line):
     (tmp_path / "letter.png").write_text("Dear Sir")
     for name in ("white.png", "empty.png", "letter.png", "no.png"):
         error_line(f"image_question({name})", lambda n=name: image_question(tmp_path / n))
+
+
+def test_a_name_that_is_too_long_is_refused():
+    for read in (image_question, video_question):
+        with pytest.raises(UsageError):
+            read(Path("x" * 300))
 
 
 def test_text_says_something(error_line):
