@@ -114,16 +114,22 @@ def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> A
     return np.asarray(config.step_rad * terms.sum(axis=1).max(axis=0))
 
 
-def check_follow(config: FollowConfig, arm: Arm) -> None:
+def check_follow(config: FollowConfig, arm: Arm, episode_s: float = 10.0) -> None:
     """Refuse a follower that some sequence of targets could take beyond the arm's limits.
+
+    Args:
+        config: The follower.
+        arm: Its tables.
+        episode_s: Targets change for so long at most [s]: a slow follower adds up many of them.
 
     Raises:
         ConfigError: Its worst case is above the arm's speed, acceleration or jerk.
     """
     tables = (arm.dq_max, arm.ddq_max, arm.dddq_max)
     units = ("rad/s", "rad/s^2", "rad/s^3")
-    for worst, table, unit in zip(worst_case(config), tables, units, strict=True):
-        if worst > float(np.min(table)):
+    asked = worst_case(config, phases=100, ticks=math.ceil(episode_s * config.rate_hz))
+    for worst, table, unit in zip(asked, tables, units, strict=True):
+        if not worst <= float(np.min(table)):
             raise ConfigError(
                 f"follow: targets could ask for {worst:.4g} {unit} and the arm allows "
                 f"{float(np.min(table)):.4g}; lower follow.step_rad or follow.omega_rad_s"

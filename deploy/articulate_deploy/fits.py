@@ -14,7 +14,7 @@ import numpy as np
 from articulate.arm import arm_named
 from articulate.config import to_plain
 from articulate.errors import BundleError, ConfigError, nearest
-from articulate.follow import worst_case
+from articulate.follow import check_follow
 from articulate.manifest import Manifest, limit_table_sha256
 from articulate.observe import ACTION, OBSERVATION
 from articulate.task import TASK_RULES
@@ -165,14 +165,7 @@ def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
 
 def _check_follower(manifest: Manifest, where: str) -> None:
     """No targets of an episode can ask more of the arm than its tables allow."""
-    follow, robot = manifest.control.follow, manifest.robot
-    ticks = math.ceil(manifest.task.episode_s * follow.rate_hz)
-    tables = {"dq_max": "rad/s", "ddq_max": "rad/s^2", "dddq_max": "rad/s^3"}
-    asked = worst_case(follow, phases=100, ticks=ticks)
-    for worst, (table, unit) in zip(asked, tables.items(), strict=True):
-        allowed = min(getattr(robot, table))
-        if not worst <= allowed:
-            raise BundleError(
-                f"{where}: control.follow could ask for {worst:.4g} {unit}, and the "
-                f"{robot.name} allows {allowed:.4g}; export it again"
-            )
+    try:
+        check_follow(manifest.control.follow, manifest.robot, manifest.task.episode_s)
+    except ConfigError as error:
+        raise BundleError(f"{where}: control.{error}") from None
