@@ -55,7 +55,8 @@ def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, P
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("proof.*"))
     try:
-        asset, names = load_asset(copy), ()
+        asset = load_asset(copy)
+        names: Names = ()
         if kind != UNTOUCHED:
             parser = etree.XMLParser(resolve_entities=False, no_network=True)
             tree = etree.parse(str(copy / "object.xml"), parser)

@@ -82,7 +82,15 @@ HELD_TICKS = 10
 
 
 @njit(nogil=True, error_model="numpy", boundscheck=False)
-def replay(first, last, mj_step, pointers, where, controls, pushes):
+def replay(
+    first: int,
+    last: int,
+    mj_step: Any,
+    pointers: Any,
+    where: Any,
+    controls: Array,
+    pushes: Array,
+) -> None:
     """``mj_step`` of environments ``first`` to ``last`` - 1 with controls (N, T, substeps, nu)."""
     nu = controls.shape[3]
     for i in range(first, last):
@@ -402,7 +410,7 @@ class Scaled:
     def rate(self) -> float:
         """Rate [env-steps/s] of staggered episodes; some of them begin anew at every tick."""
         self.episodes.reset(stagger=True)
-        return self.actions.shape[0] * self.n / timed(self.episodes, self.actions)
+        return float(self.actions.shape[0] * self.n / timed(self.episodes, self.actions))
 
     def reset_ms(self) -> float:
         """Time of a reset when all environments are reset at once [ms]."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from articulate.vision.watch import watch
 WITHIN_DEG = 30.0
 
 
-def judged(entry, folder):
+def judged(entry: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Whether kind and axis are right, and what was said."""
     clip = read_clip(folder / entry["file"], Reading(longest_side_px=480, most_frames=72))
     try:
@@ -45,9 +46,9 @@ def judged(entry, folder):
     }
 
 
-def main():
+def main() -> None:
     """Print one line for each clip, and the shares."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("index", type=Path)
     parser.add_argument("--set", default="", help="core, extra or tracks; all if not given")
     args = parser.parse_args()

@@ -241,7 +241,8 @@ def _in_the_way(d: Damaged, joint: Joint, half: float) -> np.ndarray | None:
     def depth(place: np.ndarray, share: float) -> float:
         m.geom_pos[plug] = place
         model.set_joints(data, {joint.name: joint.closed + share * joint.span})
-        return -min(mujoco.mj_geomDistance(m, data, plug, int(g), 1.0, None) for g in geoms)
+        away = [mujoco.mj_geomDistance(m, data, plug, int(g), 1.0, None) for g in geoms]
+        return -float(min(away))
 
     for geom in sorted(geoms.tolist(), key=lambda g: -float(m.geom_rbound[g])):
         model.set_joints(data, {joint.name: joint.closed + 0.5 * joint.span})
@@ -249,7 +250,7 @@ def _in_the_way(d: Damaged, joint: Joint, half: float) -> np.ndarray | None:
         T_ow = inverse(pose(data.xpos[body], data.xmat[body].reshape(3, 3)))
         place = T_ow[:3, :3] @ data.geom_xpos[geom] + T_ow[:3, 3]
         if depth(place, 0.0) <= 0.0 and depth(place, 0.5) >= MET_M:
-            return place
+            return np.asarray(place)
     return None
 
 

@@ -216,19 +216,19 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
     def _setup_observables(self) -> dict[str, Observable]:
         observables = super()._setup_observables()
 
-        @sensor(modality="object")
+        @sensor(modality="object")  # type: ignore[untyped-decorator]
         def handle_pos(_: object) -> Array:
             return self._handle_pos()
 
-        @sensor(modality="object")
+        @sensor(modality="object")  # type: ignore[untyped-decorator]
         def handle_to_eef_pos(_: object) -> Array:
             return self._handle_pos() - self._hand_pos()
 
-        @sensor(modality="object")
+        @sensor(modality="object")  # type: ignore[untyped-decorator]
         def joint_pos(_: object) -> Array:
             return np.array([self.sim.data.qpos[self.joint_qpos_addr]])
 
-        @sensor(modality="object")
+        @sensor(modality="object")  # type: ignore[untyped-decorator]
         def joint_vel(_: object) -> Array:
             return np.array([self.sim.data.qvel[self.joint_qvel_addr]])
 

@@ -13,7 +13,9 @@ import dataclasses
 import json
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,10 +26,11 @@ from articulate.benchmark.evidence import cases_of
 from articulate.benchmark.run import run_case
 from articulate.errors import UsageError
 
+Record = dict[str, Any]
 LEAST_PX = 5.0
 
 
-def records(args):
+def records(args: argparse.Namespace) -> Iterator[Record]:
     """One record for each joint drawn."""
     dataset = open_dataset(str(args.index), args.data)
     config = BenchmarkConfig(
@@ -69,7 +72,7 @@ def records(args):
         yield record
 
 
-def _say(n, record):
+def _say(n: int, record: Record) -> None:
     joint = record["joints"][0]
     said = joint["predicted"] or {}
     said = {key: said.get(key) for key in ("kind", "axis_o", "pivot_o", "lower", "upper")}
@@ -86,7 +89,7 @@ def _say(n, record):
         print(f"    truth {truth}\n    said  {said}", file=sys.stderr, flush=True)
 
 
-def summary(found):
+def summary(found: list[Record]) -> Record:
     """Shares and medians over the records."""
     joints = [record["joints"][0] for record in found]
     errors = [joint["errors"] for joint in joints if joint["errors"] is not None]
@@ -116,14 +119,14 @@ def summary(found):
     }
 
 
-def _counts(joints, protocol):
+def _counts(joints: list[Record], protocol: str) -> dict[str, int]:
     names = [joint["failures"][protocol] for joint in joints]
     return {name: names.count(name) for name in sorted(set(names))}
 
 
-def main():
+def main() -> None:
     """Print the summary; with --json the records too."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--index", type=Path, required=True, help="assets.json")
     parser.add_argument("--data", type=Path, required=True, help="folder that its paths start from")
     parser.add_argument("--count", type=int, default=25)

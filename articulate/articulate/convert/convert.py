@@ -34,11 +34,11 @@ from articulate.convert.read_mjcf_files import is_mjcf
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape
 from articulate.convert.size import category_of, is_normalised, scale_of
-from articulate.convert.swap import is_asset, take_place
 from articulate.convert.tree import Part, build_parts, poses_at
 from articulate.convert.write import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
+from articulate.swap import is_asset, take_place
 from articulate.transforms import Array, inverse, matrix_to_quat
 
 VERSION = "18"

@@ -7,7 +7,6 @@ which folder of the cache the result lies. The result counts only while all of t
 
 from __future__ import annotations
 
-import errno
 import functools
 import hashlib
 import json
@@ -24,6 +23,7 @@ from articulate.cache import cache_folder, touch
 from articulate.errors import UsageError
 from articulate.files import copy_writable, sha256, write_json
 from articulate.prove.record import PROOF_FILE
+from articulate.swap import is_asset, take_place
 
 CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
 """What decides about a verdict, inside the package."""
@@ -33,8 +33,6 @@ PACKAGES_VARIABLE = "ROS_PACKAGE_PATH"
 """Names folders in which meshes are looked for."""
 MOST_NAMES = 5000
 """So many file names beside a source are looked at for files that came or went."""
-HAND_OVERS = 20
-"""So often a place is tried that others write to as well."""
 MOST_BYTES = 64_000_000
 """Larger source files are not read here."""
 
@@ -179,17 +177,7 @@ def hand_over(folder: Path, out: Path) -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name[:40]}.", dir=out.parent))
         copy_writable(folder, temporary / "new")
-        for k in range(HAND_OVERS):
-            try:
-                if out.exists():
-                    out.rename(temporary / f"old_{k}")
-                (temporary / "new").rename(out)
-                break
-            except OSError as error:
-                # Another call hands over to the same place at this moment: one after the other.
-                beaten = error.errno in {errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST}
-                if not beaten or k + 1 == HAND_OVERS:
-                    raise
+        take_place(temporary / "new", out, temporary, ours=_is_result)
     except OSError as error:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
@@ -197,6 +185,11 @@ def hand_over(folder: Path, out: Path) -> None:
     finally:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _is_result(folder: Path) -> bool:
+    """Whether an asset or a proof lies in ``folder``."""
+    return is_asset(folder) or (folder / PROOF_FILE).is_file()
 
 
 def check_out(out: Path) -> None:
@@ -212,6 +205,5 @@ def check_out(out: Path) -> None:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
         ) from None
-    ours = (out / "asset.json").is_file() or (out / PROOF_FILE).is_file()
-    if not ours and not (out.is_dir() and not any(out.iterdir())):
+    if not _is_result(out) and not (out.is_dir() and not any(out.iterdir())):
         raise UsageError(f"{out}: exists and is not an asset; choose another --out")

@@ -1,8 +1,9 @@
-"""A folder that takes the place of an asset, whole."""
+"""A folder that takes the place of an earlier one, whole."""
 
 from __future__ import annotations
 
 import errno
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,15 +18,16 @@ def is_asset(folder: Path) -> bool:
     return (folder / "asset.json").is_file()
 
 
-def take_place(new: Path, out: Path, aside: Path) -> None:
-    """Rename ``new`` to ``out``; an asset that lies there is set aside, nothing else is touched.
+def take_place(new: Path, out: Path, aside: Path, ours: Callable[[Path], bool] = is_asset) -> None:
+    """Rename ``new`` to ``out``; what is ours there is set aside, nothing else is touched.
 
     Nothing is deleted here: who is killed in between leaves whole folders alone.
 
     Args:
         new: Folder on the same disk.
-        out: Where it is to lie: an asset, an empty folder, or nothing.
+        out: Where it is to lie: a folder of ours, an empty one, or nothing.
         aside: Folder on the same disk that takes what lay there.
+        ours: Tells whether a folder is an earlier one, which may be set aside.
 
     Raises:
         OSError: Something else lies there, or the disk does not let it be moved.
@@ -33,7 +35,7 @@ def take_place(new: Path, out: Path, aside: Path) -> None:
     earlier = None
     for k in range(TRIES):
         try:
-            if is_asset(out):
+            if ours(out):
                 earlier = out.rename(aside / f"old_{k}")
             new.rename(out)
         except OSError as error:

@@ -15,8 +15,8 @@ from articulate.asset import load_asset
 from articulate.convert import convert
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import build_asset, read_input, urdf_in, write_asset
-from articulate.convert.swap import TRIES, take_place
 from articulate.errors import AssetError, UsageError
+from articulate.swap import TRIES, take_place
 
 LONG = "x" * 300
 
