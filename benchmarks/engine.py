@@ -119,7 +119,7 @@ class Recorded:
         """Controls (N, T, substeps, nu) and pushes (N, T, 3)."""
         at, hand, dt = scene.at, scene.arm.hand, scene.physics.timestep_s
         A, B = discrete(scene.follow.omega_rad_s, dt)
-        step, widest = hand.finger_speed_m_s * dt, hand.max_width_m / 2.0
+        step = hand.finger_speed_m_s * dt
         n, ticks = len(self.finger[0]), len(self.finger)
         out = np.zeros((n, ticks, scene.substeps, scene.nominal.nu))
         for t in range(ticks):
@@ -127,7 +127,7 @@ class Recorded:
             way = np.where(self.closing[t] > 0.0, -step, step)
             for s in range(scene.substeps):
                 state = follow(state, self.target[t], A, B)
-                finger = np.clip(finger + way, 0.0, widest)
+                finger = np.clip(finger + way, *hand.finger_m)
                 out[:, t, s, at.arm_ctrl : at.arm_ctrl + 7] = state[:, :, 0]
                 out[:, t, s, at.finger_ctrl] = finger
                 out[:, t, s, at.finger_ctrl + 1] = -finger

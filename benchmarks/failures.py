@@ -4,7 +4,9 @@ python benchmarks/failures.py runs/cabinet --seed 0 --episodes 200
 
 One line an episode. The moment is the first tick beyond the task's limit of force, else that of
 the largest force; the handle's place in the hand is that of three ticks before: across the
-fingers, ahead of the tool and along the bar [mm].
+fingers, ahead of the tool and along the bar [mm]. Then follow the tick at which the part was first
+at its target, and the one at which a hand that held the handle closed on nothing: most episodes
+that end open but moving, or a little short of the target, have slipped long after they were there.
 """
 
 from __future__ import annotations
@@ -20,14 +22,19 @@ import torch
 
 from articulate.judgement import REASONS
 from articulate.kinematics import tool_pose
+from articulate.transforms import Array, Mask
 from articulate_envs.episodes import Episodes, Tick
-from articulate_envs.rewards import RewardConfig
+from articulate_envs.rewards import HELD_SHARE, RewardConfig, grasp_of
 from articulate_envs.threads import ThreadEngine
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run
 
 BEFORE = 3
 """The handle's place is told so many ticks before the moment."""
+HELD_TICKS = 4
+"""So long a handle lies between fingers before it counts as held."""
+HELD_OPEN_M = 0.01
+"""Fingers farther apart than the handle's thickness and this do not hold it yet [m]."""
 DRAWN = ("hand_latency_s", "stiffness", "damping", "delay_ticks", "friction", "joint_friction")
 """Drawn parameters that are told."""
 
@@ -53,7 +60,32 @@ class Failure:
     """Fraction open at the moment."""
     opened_end: float
     """Fraction open at the end."""
+    reached: int | None
+    """First tick at which the part is at its target or beyond."""
+    slipped: int | None
+    """First tick at which a closed hand that held the handle has nothing between its fingers."""
     drawn: dict[str, float]
+
+
+def first(mask: Mask) -> int | None:
+    """First tick at which ``mask`` (T,) holds."""
+    return int(np.argmax(mask)) if mask.any() else None
+
+
+def slip(width: Array, closed: Mask, thick: float) -> int | None:
+    """First tick at which a closed hand has lost what it held.
+
+    Args:
+        width: Openings between the fingers (T,) [m].
+        closed: Whether the hand was told to close (T,).
+        thick: What it holds [m].
+    """
+    least, held = HELD_SHARE * thick, 0
+    for t, (wide, told) in enumerate(zip(width.tolist(), closed.tolist(), strict=True)):
+        if held >= HELD_TICKS and told and wide < least:
+            return t
+        held = held + 1 if told and least <= wide <= thick + HELD_OPEN_M else 0
+    return None
 
 
 def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[Failure], int]:
@@ -87,6 +119,8 @@ def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[F
     engine.close()
     assert tick is not None
     assert tick.ended is not None
+    thick = grasp_of(scene.asset.handle_of(scene.task.joint)).thick_m * drawn["scale"]
+    widths, closed, at = np.array(width), np.array(closing), np.array(opened) >= scene.task.target
     out = []
     for i in np.flatnonzero(tick.ended.code != 0).tolist():
         forces = np.array([f[i] for f in force])
@@ -106,10 +140,16 @@ def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[F
                 told_to_close=bool(closing[t][i]),
                 opened=round(float(opened[t][i]), 3),
                 opened_end=round(float(opened[-1][i]), 3),
+                reached=first(at[:, i]),
+                slipped=slip(widths[:, i], closed[:, i], float(thick[i])),
                 drawn={name: round(float(drawn[name][i]), 3) for name in DRAWN},
             )
         )
     return out, scene.ticks
+
+
+def _tick(tick: int | None) -> str:
+    return "  -" if tick is None else f"{tick:3d}"
 
 
 def line(failure: Failure) -> str:
@@ -120,6 +160,7 @@ def line(failure: Failure) -> str:
         f"{f.across_mm:+5.0f} across {f.ahead_mm:+5.0f} ahead {f.along_mm:+5.0f} along mm  "
         f"fingers {f.width_mm:3.0f} mm {'closing' if f.told_to_close else 'open   '}  "
         f"open {f.opened:.2f}, at the end {f.opened_end:.2f}  "
+        f"reached {_tick(f.reached)} slipped {_tick(f.slipped)}  "
         + " ".join(f"{name} {value:g}" for name, value in f.drawn.items())
     )
 

@@ -28,8 +28,11 @@ class Hand:
     """Opening between the fingers when open [m]."""
     finger_speed_m_s: float = 0.1
     """Speed of one finger when told to open or close [m/s]; the URDF's limit is 0.2."""
-    force_n: float = 40.0
-    """Force of one finger when closed on something [N]."""
+    force_n: float = 60.0
+    """Force of one finger when closed on something [N], however thick it is; as much as frankapy
+    asks of this hand at most."""
+    stiffness_n_m: float = 2000.0
+    """How fast that force grows with the way by which the finger's command is ahead [N/m]."""
     tcp_z_m: float = 0.0994
     """Middle of the finger pads above the hand's frame, along the approach axis [m]."""
     on_threshold: float = 0.25
@@ -38,6 +41,14 @@ class Hand:
     """Share of the old value in the smoothed command, per tick of 50 ms."""
     dwell_s: float = 1.0
     """Shortest time between two commands sent to the hand [s]."""
+
+    @property
+    def finger_m(self) -> tuple[float, float]:
+        """Ends of a finger's command, closing and open [m].
+
+        Closing goes on beyond where fingers meet: the whole force is there on whatever is held.
+        """
+        return -self.force_n / self.stiffness_n_m, self.max_width_m / 2.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -97,7 +97,8 @@ def discrete(omega_rad_s: float, dt: float) -> tuple[Array, Array]:
 
 def follow(state: Array, target: Array, A: Array, B: Array) -> Array:
     """The follower's state (N, 7, 3) one step later, towards targets (N, 7) [rad]."""
-    return np.asarray(np.einsum("ij,nkj->nki", A, state) + target[..., None] * B)
+    x, v, a = (state[..., k, None] for k in range(3))
+    return np.asarray(A[:, 0] * x + A[:, 1] * v + A[:, 2] * a + B * target[..., None])
 
 
 def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> Array:
@@ -211,6 +212,20 @@ def hand_start(n: int) -> HandState:
     """N open hands that were told nothing yet."""
     minus = -np.ones(n)
     return HandState(np.zeros(n), minus, np.full(n, 10.0), np.zeros(n), minus.copy())
+
+
+def finger_command(command: Array, width: Array, closing: Array | float) -> Array:
+    """Commands of a finger (N,) [m] from which a tick goes on.
+
+    A closed hand's command is ahead of its fingers by what presses them together. One that opens
+    goes on from where they are, as the real hand does, and not from there.
+
+    Args:
+        command: Commands at the end of the tick before (N,) [m].
+        width: Measured openings between the fingers (N,) [m].
+        closing: Above 0 where the hand closes (N,).
+    """
+    return np.where(np.asarray(closing) > 0.0, command, np.maximum(command, width / 2.0))
 
 
 def hand_tick(

@@ -23,6 +23,8 @@ MAX_RATE_HZ = 200.0
 """Fastest tick [Hz]; ours are of 20 Hz."""
 MAX_STEPS = 1000
 """Most physics steps in a tick."""
+MOST_ATOL = 1e-2
+"""Largest difference of an action that golden pairs may allow."""
 MAX_SIZES = 1000
 """Most sizes of the object."""
 Bound = tuple[str, bool, str]
@@ -154,10 +156,15 @@ def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
         0.0 <= start.hand_width_m <= wide,
         f"is {start.hand_width_m}; it must be in [0, {wide}]",
     )
+    for name in ("max_width_m", "finger_speed_m_s", "force_n", "stiffness_n_m"):
+        value = getattr(robot.hand, name)
+        yield f"robot.hand.{name}", value > 0.0, f"is {value}; it must be above 0"
     for table in ("stiffness", "damping"):
         positive = all(value > 0.0 for value in getattr(robot, table))
         yield f"robot.{table}", positive, "holds a gain that is not above 0"
     yield "scene.scale", scene.scale > 0.0, f"is {scene.scale}; it must be above 0"
+    atol = manifest.golden.atol
+    yield "golden.atol", 0.0 < atol <= MOST_ATOL, f"is {atol}; it must be in (0, {MOST_ATOL}]"
     seed, sizes = manifest.draws.seed, manifest.draw.scales
     yield "draws.seed", seed >= 0, f"is {seed}; it must be 0 or more"
     yield "draw.scales", sizes <= MAX_SIZES, f"is {sizes}; it must be at most {MAX_SIZES}"

@@ -11,11 +11,17 @@ import numpy as np
 
 from articulate.draw import COLUMNS, MAX_DELAY_TICKS, PUSH_S, Draw
 from articulate.errors import AssetError
-from articulate.follow import HandState, follow_start, hand_start, hand_tick, next_target
+from articulate.follow import (
+    HandState,
+    finger_command,
+    follow_start,
+    hand_start,
+    hand_tick,
+)
 from articulate.judgement import WIDTH
-from articulate.kinematics import tool_pose
 from articulate.placing import way_of
 from articulate.transforms import Array, Ints, matrix_to_quat
+from articulate_envs.compiled_motion import chain_of, see
 from articulate_envs.engine import Start, State
 from articulate_envs.native import copy_model
 from articulate_envs.scene import Scene
@@ -49,9 +55,9 @@ class Buffers(NamedTuple):
 class BufferedEngine(ABC):
     """N environments, each with a model and a state of its own; see :class:`Engine`.
 
-    A subclass says in :meth:`_advance` how a tick is run: targets moved as :meth:`_aim` does, the
-    substeps, and the tool's poses written as :meth:`_see` does. Snapshots of one fit another: they
-    hold the same arrays.
+    A subclass says in :meth:`_advance` how a tick is run: targets moved by
+    :func:`articulate_envs.compiled_motion.aim`, the substeps, and the tool's poses written as
+    :meth:`_see` does. Snapshots of one fit another: they hold the same arrays.
     """
 
     def __init__(self, scene: Scene, n_envs: int) -> None:
@@ -69,6 +75,7 @@ class BufferedEngine(ABC):
         self._hand = hand_start(n_envs)
         self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
         self._motion = np.zeros((n_envs, 7))
+        self._chain = chain_of(scene.arm, scene.follow)
         self._tool, self._led = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(2))
         self._draw = np.zeros((n_envs, len(COLUMNS)))
         self._T_wo = np.tile(np.eye(4), (n_envs, 1, 1))
@@ -81,16 +88,11 @@ class BufferedEngine(ABC):
     def _advance(self) -> None:
         """Run a tick in all environments, on what is in the buffers."""
 
-    def _aim(self) -> None:
-        """Move the targets by the motions that act now."""
-        b, scene = self._buffers, self.scene
-        b.target[:] = next_target(b.target, self._motion, b.q, scene.follow, scene.arm)
-
     def _see(self, rows: Ints) -> None:
         """Write the tool's poses at the joints and at the targets of environments ``rows``."""
-        b, arm = self._buffers, self.scene.arm
-        self._tool[rows] = tool_pose(arm, b.q[rows])
-        self._led[rows] = tool_pose(arm, b.target[rows])
+        # By the function that a tick uses: what is resumed goes on to the bit.
+        b = self._buffers
+        see(rows, b.q, b.target, self._chain, self._tool, self._led)
 
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
@@ -178,6 +180,7 @@ class BufferedEngine(ABC):
         latency = self._draw[:, COLUMNS.index("hand_latency_s")]
         self._hand = hand_tick(self._hand, action[:, 7], latency, scene.arm.hand, tick_s)
         b.closing[:] = self._hand.closing
+        b.finger[:] = finger_command(b.finger, b.rest[:, 0], b.closing)
         self._push()
         self._advance()
         self._tick += 1

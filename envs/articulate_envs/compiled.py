@@ -76,6 +76,7 @@ class Constants(NamedTuple):
     gain: float
     short_gain: float
     finger_step: float
+    finger_closed: float
     finger_open: float
 
 
@@ -176,7 +177,7 @@ def _follow(i, ctrl, where, constants, buffers):  # type: ignore[no-untyped-def]
             buffers.follow[i, k, r] = A[r, 0] * x + A[r, 1] * v + A[r, 2] * a + B[r] * u
         ctrl[where.arm_ctrl + k] = buffers.follow[i, k, 0]
     step = -constants.finger_step if buffers.closing[i] > 0.0 else constants.finger_step
-    wide = min(max(buffers.finger[i] + step, 0.0), constants.finger_open)
+    wide = min(max(buffers.finger[i] + step, constants.finger_closed), constants.finger_open)
     buffers.finger[i] = wide
     ctrl[where.finger_ctrl] = wide
     ctrl[where.finger_ctrl + 1] = -wide

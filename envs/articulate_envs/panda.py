@@ -151,9 +151,10 @@ def _set_fingers(spec: mujoco.MjSpec, arm: Arm) -> None:
         joint.armature, joint.frictionloss = 0.2, 0.5
         joint.damping = np.array([20.0, 0.0, 0.0])
         joint.range = [0.0, half] if sign > 0 else [-half, 0.0]
+        joint.solref_limit, joint.solimp_limit = [0.01, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
         actuator = spec.add_actuator(name=joint.name, target=joint.name)
         actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        actuator.set_to_position(kp=2000.0, kv=40.0)
+        actuator.set_to_position(kp=arm.hand.stiffness_n_m, kv=40.0)
         actuator.forcelimited = 1
         actuator.forcerange = [-arm.hand.force_n, arm.hand.force_n]
     couple = spec.add_equality(name="fingers", name1="finger_joint2", name2="finger_joint1")

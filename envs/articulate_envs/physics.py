@@ -16,7 +16,7 @@ class PhysicsConfig:
     """Length of a physics step [s]; a tick must hold a whole number of them."""
     cone: Literal["elliptic", "pyramidal"] = "elliptic"
     """Friction cone."""
-    impratio: float = 10.0
+    impratio: float = 100.0
     """Ratio of frictional to normal impedance; above 1 against slip of held parts."""
     iterations: int = 30
     """Largest number of solver iterations."""

@@ -10,7 +10,6 @@ from articulate.follow import discrete
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import BufferedEngine
 from articulate_envs.compiled import Aiming, Constants, Pointers, Where, advance
-from articulate_envs.compiled_motion import chain_of, see
 from articulate_envs.native import step_address
 from articulate_envs.scene import Scene
 
@@ -29,7 +28,6 @@ class ThreadEngine(BufferedEngine):
         self._where = _where(scene)
         self._constants = _constants(scene)
         self._aiming = Aiming(self._motion, self._tool, self._led)
-        self._chain = chain_of(scene.arm, scene.follow)
 
     def _addresses(self) -> Pointers:
         def of(arrays: list[Array]) -> Ints:
@@ -68,11 +66,6 @@ class ThreadEngine(BufferedEngine):
         ]
         for job in jobs:
             job.result()
-
-    def _see(self, rows: Ints) -> None:
-        # By the function that a tick uses: what is resumed goes on to the bit.
-        b = self._buffers
-        see(rows, b.q, b.target, self._chain, self._tool, self._led)
 
     def close(self) -> None:
         """End the threads."""
@@ -115,5 +108,6 @@ def _constants(scene: Scene) -> Constants:
         gain=1.0 - float(np.exp(-dt / limits.filter_s)),
         short_gain=1.0 - float(np.exp(-dt / limits.short_filter_s)),
         finger_step=arm.hand.finger_speed_m_s * dt,
-        finger_open=arm.hand.max_width_m / 2.0,
+        finger_closed=arm.hand.finger_m[0],
+        finger_open=arm.hand.finger_m[1],
     )

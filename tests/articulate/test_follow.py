@@ -13,6 +13,7 @@ from articulate.follow import (
     FollowConfig,
     check_follow,
     discrete,
+    finger_command,
     follow,
     follow_start,
     hand_start,
@@ -194,6 +195,26 @@ def run_hand(commands, *, latency_s=0.0, hand=HAND, tick_s=TICK_S):
         state = hand_tick(state, np.array([command]), np.array([latency_s]), hand, tick_s)
         out.append(state)
     return out
+
+
+@pytest.mark.parametrize(
+    ("command", "width", "closing", "on"),
+    [
+        (-0.03, 0.041, 1.0, -0.03),  # pressed together on something
+        (-0.03, 0.041, -1.0, 0.0205),  # and let go: at once
+        (0.03, 0.05, -1.0, 0.03),  # opening already, and ahead of the fingers
+        (0.01, 0.05, 1.0, 0.01),
+    ],
+)
+def test_a_hand_opens_from_where_its_fingers_are(command, width, closing, on):
+    found = finger_command(np.array([command]), np.array([width]), np.array([closing]))
+    assert_allclose(found, [on])
+
+
+def test_a_closed_hand_presses_with_its_force_on_the_thinnest_thing():
+    closed, wide = HAND.finger_m
+    assert -HAND.stiffness_n_m * closed == pytest.approx(HAND.force_n)
+    assert wide == pytest.approx(HAND.max_width_m / 2)
 
 
 def column(states, name):

@@ -141,6 +141,19 @@ def test_fingers_move_together_to_what_they_are_told(loose):
         assert left == pytest.approx(-right, abs=1e-3)
 
 
+@pytest.mark.parametrize("width", [0.0, 0.02, 0.041])
+def test_closed_fingers_press_with_their_whole_force_whatever_they_hold(loose, width):
+    """The fingers are held apart; a servo to the closed place alone would press with 0 to 41 N."""
+    data = at(loose, HOME)
+    finger = loose.joint("finger_joint1").qposadr[0]
+    act = loose.actuator("finger_joint1").id
+    closed, _ = PANDA.hand.finger_m
+    data.qpos[finger : finger + 2] = width / 2, -width / 2
+    data.ctrl[act : act + 2] = closed, -closed
+    mujoco.mj_forward(loose, data)
+    assert np.abs(data.actuator_force[act : act + 2]) == pytest.approx(PANDA.hand.force_n)
+
+
 def test_arm_never_meets_itself(loose):
     rng = np.random.default_rng(2)
     data = mujoco.MjData(loose)

@@ -177,6 +177,9 @@ class Reference:
             scene.arm.hand,
             scene.follow.tick_s,
         )
+        if self.hand.closing[0] < 0.0:  # it opens from where it is, not from where it pressed
+            width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
+            self.finger = np.maximum(self.finger, width / 2)
         self._push()
         for _ in range(scene.substeps):
             self._substep()
@@ -194,7 +197,7 @@ class Reference:
         dt = scene.physics.timestep_s
         self.filter = follow(self.filter, self.target, *self.step_matrices)
         way = -self.hand.closing * hand.finger_speed_m_s * dt
-        self.finger = np.clip(self.finger + way, 0.0, hand.max_width_m / 2)
+        self.finger = np.clip(self.finger + way, -0.03, 0.04)
         data.ctrl[at.arm_ctrl : at.arm_ctrl + 7] = self.filter[0, :, 0]
         data.ctrl[at.finger_ctrl : at.finger_ctrl + 2] = self.finger[0], -self.finger[0]
         mujoco.mj_step(self.model, data)

@@ -74,7 +74,11 @@ def test_where_the_launcher_is_missing_nothing_is_written(folder, tmp_path, monk
 
 def test_reports_of_seeds_become_one(tmp_path):
     one, two = content_of("x", failures=2), content_of("y", failures=10)
+    one["info"] |= {"seconds": 100.0, "steps_per_s": 2000.0}
+    two["info"] |= {"seconds": 300.0, "steps_per_s": 1000.0}
     both = merged("cabinet", [one, two])
+    assert both["info"]["seconds"] == pytest.approx(400.0)
+    assert both["info"]["steps_per_s"] == pytest.approx(1250.0)
     row = compare([both]).rows[0]
     assert (row.name, row.seeds, row.success.episodes) == ("cabinet", 4, 160)
     assert row.success.value == pytest.approx(0.85)

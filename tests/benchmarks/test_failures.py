@@ -4,6 +4,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.assets import make_cabinet
 from tests.runs import make_run
@@ -19,6 +20,21 @@ def failures():
     sys.modules["failures"] = module
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.mark.parametrize(
+    ("width_mm", "closed", "when"),
+    [
+        ([80, 60, 41, 41, 41, 41, 41, 10], 1, 7),
+        ([80, 60, 41, 41, 41, 41, 41, 41], 1, None),
+        ([80, 60, 41, 10, 0, 0, 0, 0], 1, None),  # never held
+        ([41, 41, 41, 41, 41, 60, 80, 80], 0, None),  # let go
+        ([41, 41, 41, 41, 41, 33, 26, 24], 1, 7),  # 0.6 of 41 mm are 24.6
+    ],
+)
+def test_a_hold_is_lost_when_the_fingers_come_together(failures, width_mm, closed, when):
+    width = 1e-3 * np.array(width_mm, dtype=float)
+    assert failures.slip(width, np.full(8, bool(closed)), 0.041) == when
 
 
 def test_every_episode_of_a_policy_that_learned_nothing_is_listed(failures, tmp_path):

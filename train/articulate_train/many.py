@@ -193,6 +193,14 @@ def grouped(cells: Sequence[Cell]) -> list[dict[str, Any]]:
     return [merged(name, reports) for name, reports in groups.items()]
 
 
+def _pace(reports: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Seconds of all the runs together, and ticks of experience in one of them."""
+    infos = [report["info"] for report in reports]
+    seconds = sum(float(info["seconds"]) for info in infos)
+    ticks = sum(float(info["seconds"]) * float(info["steps_per_s"]) for info in infos)
+    return {"seconds": seconds, "steps_per_s": ticks / seconds if seconds else 0.0}
+
+
 def merged(name: str, reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """One report of runs that differ in their seed alone."""
     nominal = [r["nominal_success_rate"] for r in reports if r["nominal_success_rate"] is not None]
@@ -202,7 +210,7 @@ def merged(name: str, reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             reasons[reason] = reasons.get(reason, 0) + count
     return {
         **reports[0],
-        "info": {**reports[0]["info"], "name": name},
+        "info": {**reports[0]["info"], "name": name, **_pace(reports)},
         "seeds": [seed for report in reports for seed in report["seeds"]],
         "curves": [curve for report in reports for curve in report["curves"]],
         "worst_seed_success_rate": min(r["worst_seed_success_rate"] for r in reports),

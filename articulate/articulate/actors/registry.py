@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 
 from articulate.actors.protocol import Actor
 from articulate.errors import ConfigError, MissingError, nearest
@@ -32,7 +33,7 @@ def make_actor(name: str) -> Actor:
             f"--actor {name}: neither an actor nor module:Class{nearest(name, ACTORS)}"
         )
     try:
-        made: Actor = getattr(importlib.import_module(module), attribute)()
+        kind = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
         missing = error.name or ""
         if module == missing or module.startswith(f"{missing}."):
@@ -43,4 +44,12 @@ def make_actor(name: str) -> Actor:
         ) from None
     except AttributeError:
         raise ConfigError(f"--actor {name}: {module} has no {attribute}") from None
+    try:
+        inspect.signature(kind).bind()
+    except (TypeError, ValueError):
+        raise ConfigError(
+            f"--actor {name}: {attribute} is not called without arguments; give a class or a "
+            "function that is"
+        ) from None
+    made: Actor = kind()
     return made

@@ -57,9 +57,13 @@ def read_clip(path: Path, reading: Reading | None = None) -> Clip:
         ClipError: It cannot be read, is empty, or has one frame only.
     """
     reading = reading or Reading()
-    if not path.is_file():
+    try:
+        size = path.stat().st_size if path.is_file() else None
+    except OSError as error:
+        raise ClipError(f"{path}: cannot be read ({error.strerror}); give a film") from None
+    if size is None:
         raise ClipError(f"{path}: no such file; give a film, e.g. an .mp4")
-    if path.stat().st_size == 0:
+    if size == 0:
         raise ClipError(f"{path}: is empty; give a film of two frames or more")
     _check_kind(path)
     try:

@@ -13,7 +13,7 @@ import numpy as np
 
 from articulate.draw import PUSH_S, Draw, nominal_draw
 from articulate.errors import ConfigError, nearest
-from articulate.follow import ROUNDING_S, discrete, follow, follow_start
+from articulate.follow import ROUNDING_S, discrete, finger_command, follow, follow_start
 from articulate.observe import Estimate
 from articulate.placing import handle_in_world, object_pose
 from articulate.transforms import Array
@@ -198,6 +198,8 @@ class SimulatedRobot(StandIn, ABC):
         wide = robot.hand.max_width_m
         width = wide if not action[HAND_KEY] < wide / 2.0 else 0.0
         self._tell_hand(1.0 if width == 0.0 else -1.0)
+        held = np.array([self._read()[2]])
+        self._finger = float(finger_command(np.array([self._finger]), held, self._closing)[0])
         self._push(self._push_now())
         finger_step = robot.hand.finger_speed_m_s * self.step_s
         together = round(self._manifest.scene.timestep_s / self.step_s)
@@ -205,7 +207,7 @@ class SimulatedRobot(StandIn, ABC):
         for _ in range(round(config.tick_s / self.step_s)):
             self._follower = follow(self._follower, self._target[None], self._A, self._B)
             move = -self._closing * finger_step
-            self._finger = min(max(self._finger + move, 0.0), wide / 2.0)
+            self._finger = float(np.clip(self._finger + move, *robot.hand.finger_m))
             steps.append(self._step(self._follower[0, :, 0], self._finger))
             if len(steps) == together:
                 self._samples.append(joined(steps))

@@ -81,6 +81,13 @@ def test_an_actor_that_does_not_exist_is_refused(name, error_line):
     error_line(f'make_actor("{name}")', lambda: make_actor(name))
 
 
+def test_an_actor_that_wants_to_be_told_something_is_refused(tmp_path, monkeypatch, error_line):
+    text = "class Actor:\n    def __init__(self, key): ...\n"
+    (tmp_path / "wants_more.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    error_line("make_actor(an actor with arguments)", lambda: make_actor("wants_more:Actor"))
+
+
 def test_an_actor_whose_package_is_missing_says_which(tmp_path, monkeypatch):
     (tmp_path / "needs_more.py").write_text("import package_that_is_not_there\n")
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -40,6 +40,11 @@ def test_a_missing_film_is_refused(tmp_path):
         read_clip(tmp_path / "none.mp4")
 
 
+def test_a_name_that_no_disk_takes_is_refused(tmp_path):
+    with pytest.raises(ClipError, match="too long"):
+        read_clip(tmp_path / ("x" * 300 + ".mp4"))
+
+
 def test_an_empty_file_is_refused(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"")
     with pytest.raises(ClipError, match="is empty"):
