@@ -143,7 +143,7 @@ def candidates(budgets: list[int]) -> list[Candidate]:
         *(setting(f"tolerance {t:g}", tolerance=t) for t in (1e-4, 1e-6, 1e-10)),
         setting("pyramidal", cone="pyramidal"),
         setting("pyramidal, impratio 1", cone="pyramidal", impratio=1.0),
-        *(setting(f"impratio {r:g}", impratio=r) for r in (1.0, 100.0)),
+        *(setting(f"impratio {r:g}", impratio=r) for r in (1.0, 10.0, 1000.0)),
         Candidate(name="noslip 3", option={"noslip_iterations": 3}),
         Candidate(name="one contact a pair", disabled=int(bits.mjDSBL_MULTICCD)),
         Candidate(name="libccd", disabled=int(bits.mjDSBL_NATIVECCD)),

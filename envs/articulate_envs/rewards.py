@@ -53,7 +53,8 @@ class RewardConfig:
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
     every path; this is what bends it: across first, then ahead, so that no finger comes down on
-    the handle."""
+    the handle. What fingers may already have between them costs it from half way there on, until
+    both can touch it: one that closes on a knob from one side pushes it out of the hand."""
     aside_share: float = 0.45
     """Half as wide is that way at the handle, as a share of the room between the fingers."""
     aside_from_m: float = 0.07
@@ -122,6 +123,8 @@ PAD_M = 0.008
 HELD_SHARE = 0.6
 """Fingers at the handle that are at least this share of its thickness apart have it between them,
 or are still open; closer ones have closed on nothing."""
+TOUCH_M = 0.008
+"""Fingers farther apart than a handle's thickness and this do not both touch it [m]."""
 MOST_ALONG_M = 0.05
 """Largest distance from a handle's middle that counts as its middle [m]."""
 
@@ -161,7 +164,14 @@ def grip_offset(T_wt: Array, T_wh: Array, along_m: float) -> Array:
     return np.asarray(offset)
 
 
-def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: Grasp) -> Array:
+def aside(
+    config: RewardConfig,
+    T_wt: Array,
+    T_wh: Array,
+    width: Array,
+    grasp: Grasp,
+    progress: float = 1.0,
+) -> Array:
     """By how much tools have left the way that leads to handles (N,) [m]; see ``aside``.
 
     Args:
@@ -170,6 +180,7 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
         T_wh: Poses of the handles (N, 4, 4).
         width: Distance between the fingers as they are (N,) [m].
         grasp: What the handle asks of a hand.
+        progress: Share of the way that the weights have made to their last values, in [0, 1].
     """
     offset_w = np.einsum("nij,nj->ni", T_wh[:, :3, :3], grip_offset(T_wt, T_wh, grasp.along_m))
     across, ahead = -np.einsum("nij,ni->jn", T_wt[:, :3, 1:3], offset_w)
@@ -177,7 +188,8 @@ def aside(config: RewardConfig, T_wt: Array, T_wh: Array, width: Array, grasp: G
     allowed = config.aside_share * room + np.maximum(ahead - config.aside_from_m, 0.0)
     held = _not_empty(width, grasp) & (ahead <= PAD_M)
     held &= np.abs(across) <= grasp.thick_m / 2.0
-    beside = np.where(held, 0.0, np.maximum(np.abs(across) - allowed, 0.0))
+    untouched = np.where(width <= grasp.thick_m + TOUCH_M, 0.0, max(2.0 * progress - 1.0, 0.0))
+    beside = np.where(held, untouched, 1.0) * np.maximum(np.abs(across) - allowed, 0.0)
     return np.asarray(beside + np.maximum(-ahead - config.beyond_m, 0.0))
 
 
@@ -287,13 +299,14 @@ def reward_terms(
     left = np.where(done, 1.0 + progress * (config.spoiled - 1.0), 1.0)
     early = config.early + progress * (config.early_last - config.early)
     dear = config.force + progress * (config.force_last - config.force)
+    left_way = aside(config, T_wt, after.T_wh, after.hand_width, grasp, progress)
     terms = (
         config.approach * nearer,
         config.reach * 0.5 * (near + at),
         config.align * near * aligned,
         config.grip * close * told * _not_empty(after.hand_width, grasp),
         early * away * told,
-        config.aside * progress * aside(config, T_wt, after.T_wh, after.hand_width, grasp),
+        config.aside * progress * left_way,
         config.open * left * way,
         config.progress * left * change,
         config.rest * left * still * _beyond(config, task, after.opened),

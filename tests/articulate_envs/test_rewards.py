@@ -167,6 +167,17 @@ def test_what_is_between_closed_fingers_costs_nothing(width, across, ahead, free
     assert (terms(after, thick_m=0.03, progress=1.0)["aside"] == 0.0) == free
 
 
+@pytest.mark.parametrize(("share", "part"), [(0.25, 0.0), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)])
+def test_what_one_finger_touches_costs_from_half_way_on(share, part):
+    """Fingers 20 mm wider than the handle leave it 4.5 mm to either side."""
+    config = dataclasses.replace(CONFIG, aside=-50.0)
+    after = dataclasses.replace(state(offset=[0.0, 0.012, 0.0]), hand_width=np.full(1, 0.05))
+    cost = terms(after, config=config, thick_m=0.03, progress=share * config.until)["aside"]
+    assert cost == pytest.approx(-50.0 * share * part * (0.012 - 0.45 * 0.01), abs=1e-9)
+    held = dataclasses.replace(after, hand_width=np.full(1, 0.037))
+    assert terms(held, config=config, thick_m=0.03, progress=share)["aside"] == 0.0
+
+
 def test_the_way_is_the_narrower_the_less_the_hand_is_open():
     config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035)
     after = state(offset=[0.0, 0.03, 0.0])
