@@ -1,4 +1,4 @@
-"""One environment in plain Python: the reference that the batched engine is held against.
+"""One environment stepped from Python: the reference that the batched engine is held against.
 
 It steps the physics and judges by the functions that a robot runs. Targets move by the compiled
 function that the batch uses, so that both give the physics the same numbers, to the bit: where
