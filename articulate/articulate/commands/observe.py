@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
+from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -53,6 +54,12 @@ def main(argv: Sequence[str]) -> int:
     console.say(f"{flags.clip}: following points over {len(clip.frames)} frames")
     seen = watch(clip, str(flags.clip))
     console.emit_json(seen.as_json()) if flags.json else console.emit(_told(seen))
+    if seen.doubtful:
+        console.say(
+            f"{flags.clip}: doubtful: what was measured lies next to the border between sliding "
+            "and turning; a film from another side tells them apart"
+        )
+        return MISSED
     return 0
 
 

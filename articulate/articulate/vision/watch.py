@@ -41,6 +41,8 @@ WIDENS = 0.48
 which on it turns. This and ``FLEEING`` were chosen on 17 filmed clips, by looking at them."""
 FURTHEST = 4.0
 """Such rates beyond this are cut."""
+DOUBTFUL = 0.1
+"""Less confidence is doubt: what was measured lies within a tenth of the border between kinds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +62,11 @@ class Observation:
     figures: Mapping[str, float]
     """What was measured."""
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the other kind is nearly as likely."""
+        return self.confidence < DOUBTFUL
+
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
         return {
@@ -68,6 +75,7 @@ class Observation:
             "path_px": [list(point) for point in self.path_px],
             "box_px": list(self.box_px),
             "confidence": self.confidence,
+            "doubtful": self.doubtful,
             "figures": dict(self.figures),
         }
 

@@ -1,5 +1,7 @@
 """Kind and axis of what moves, from pictures whose motion is known."""
 
+import json
+
 import cv2
 import numpy as np
 import pytest
@@ -70,3 +72,16 @@ def test_the_command_prints_what_was_seen(tmp_path, capsys):
     )
     assert main([str(path)]) == 0
     assert capsys.readouterr().out.startswith("prismatic: a part slides along (1.00, ")
+
+
+def test_a_kind_next_to_the_border_is_doubtful_and_exits_3(tmp_path, capsys, monkeypatch):
+    path = write_clip(
+        tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
+    )
+    assert main([str(path), "--json"]) == 0
+    widening = json.loads(capsys.readouterr().out)["figures"]["widening"]
+    monkeypatch.setattr("articulate.vision.watch.WIDENS", widening * 1.02 + 1e-6)
+    assert main([str(path), "--json"]) == 3
+    told = capsys.readouterr()
+    assert json.loads(told.out)["doubtful"] is True
+    assert "doubtful" in told.err
