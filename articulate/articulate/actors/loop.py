@@ -6,7 +6,7 @@ What is kept is what the critic rated best, and of equals the earlier. The truth
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -47,6 +47,8 @@ class Loop:
     """None: the first proposal is the answer."""
     max_turns: int = MAX_TURNS
     """Most proposals."""
+    prepare: Callable[[Evidence], tuple[Evidence, tuple[TraceStep, ...]]] | None = None
+    """What is done with the evidence before the first proposal, and what is told of it."""
 
     @property
     def name(self) -> str:
@@ -57,6 +59,9 @@ class Loop:
         """The proposal that the critic rated best."""
         attempts: list[Attempt] = []
         trace: list[TraceStep] = []
+        if self.prepare is not None:
+            evidence, steps = self.prepare(evidence)
+            trace += steps
         kept: Prediction | None = None
         calls = 0
         for turn in range(max(1, self.max_turns if self.critic else 1)):

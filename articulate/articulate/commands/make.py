@@ -52,7 +52,7 @@ class MakeFlags:
     """
 
     video: Path | None = None
-    """Clip in which a part moves, before a camera that stands still."""
+    """Clip in which a part moves."""
     image: Path | None = None
     """Picture of the object."""
     text: str | None = None

@@ -125,7 +125,7 @@ def layers_of(
     rest = everything.only(sorted(set(np.unique(everything.part_ids)) - set(moving_ids)))
     seen = draw(rest, shot)
     solid = seen.face_ids >= 0
-    model = _background(shot, solid, change)
+    model = plain_behind(shot, solid, change)
     if solid.any():
         colours = face_colours(seen.points_c, rest.faces, rest.albedo, light)
         model[solid] = colours[seen.face_ids[solid]]
@@ -143,7 +143,7 @@ def layers_of(
     )
 
 
-def _background(shot: Shot, solid: NDArray[np.bool_], change: NDArray[np.bool_]) -> Floats:
+def plain_behind(shot: Shot, solid: NDArray[np.bool_], change: NDArray[np.bool_]) -> Floats:
     """Colour (H, W, 3) of what lies behind the object, spread to where it is hidden."""
     middle = np.median(shot.frames, axis=0)
     near_solid = cv2.dilate(solid.astype(np.uint8), np.ones((5, 5))).astype(np.bool_)

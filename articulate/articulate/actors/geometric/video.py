@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from articulate.actors.geometric.calibrate import calibrated
 from articulate.actors.geometric.critic import VideoCritic
 from articulate.actors.geometric.fit import Scene, Wish, find_motion, roundest, scene_of
 from articulate.actors.geometric.pictures import compared
@@ -22,15 +23,20 @@ UNSEEN = 0.1
 """Confidence where nothing shows in the clip."""
 
 
-def video_actor(*, max_turns: int = MAX_TURNS, critic: bool = True) -> Loop:
+def video_actor(*, max_turns: int = MAX_TURNS, critic: bool = True, calibrate: bool = True) -> Loop:
     """The geometric actor for clips, with its critic.
 
     Args:
         max_turns: Most proposals.
         critic: Whether proposals are judged; without, the first is the answer.
+        calibrate: Whether the camera is sought near the one that was told; without, that one is
+            taken for the true one, and for one that stands still.
     """
     return Loop(
-        proposer=VideoProposer(), critic=VideoCritic() if critic else None, max_turns=max_turns
+        proposer=VideoProposer(),
+        critic=VideoCritic() if critic else None,
+        max_turns=max_turns,
+        prepare=calibrated if calibrate else None,
     )
 
 
