@@ -49,6 +49,9 @@ class Loop:
     """Most proposals."""
     prepare: Callable[[Evidence], tuple[Evidence, tuple[TraceStep, ...]]] | None = None
     """What is done with the evidence before the first proposal, and what is told of it."""
+    rest: Callable[[Evidence, Prediction], Evidence | None] | None = None
+    """What is left of the evidence once a prediction is believed, in which more joints are sought;
+    None if nothing is."""
 
     @property
     def name(self) -> str:
@@ -56,12 +59,33 @@ class Loop:
         return self.proposer.name
 
     def predict(self, evidence: Evidence) -> Prediction:
+        """The proposal that the critic rated best, and joints that move besides.
+
+        Of these the critic must be content with each; the verdict is that of the first.
+        """
+        steps: tuple[TraceStep, ...] = ()
+        if self.prepare is not None:
+            evidence, steps = self.prepare(evidence)
+        kept = self._best(evidence)
+        kept = replace(kept, trace=(*steps, *kept.trace))
+        while self.rest is not None and self.critic is not None and not kept.refusal:
+            left = self.rest(evidence, kept)
+            if left is None:
+                break
+            evidence, more = left, self._best(left)
+            known = {joint.part for joint in kept.joints}
+            new = tuple(joint for joint in more.joints if joint.part not in known)
+            trace, calls = (*kept.trace, *more.trace), kept.calls + more.calls
+            kept = replace(kept, trace=trace, calls=calls)
+            if more.refusal or not new or _rating(more) <= GOOD_ENOUGH:
+                break
+            kept = replace(kept, joints=(*kept.joints, *new))
+        return kept
+
+    def _best(self, evidence: Evidence) -> Prediction:
         """The proposal that the critic rated best."""
         attempts: list[Attempt] = []
         trace: list[TraceStep] = []
-        if self.prepare is not None:
-            evidence, steps = self.prepare(evidence)
-            trace += steps
         kept: Prediction | None = None
         calls = 0
         for turn in range(max(1, self.max_turns if self.critic else 1)):

@@ -127,3 +127,38 @@ def test_calls_of_all_turns_and_both_sides_are_added_up():
     titles = [step.title.split(":")[0] for step in found.trace]
     assert titles[0::2] == ["the critic asks"] * 3
     assert titles[1::2] == ["turn 1", "turn 2", "turn 3"]
+
+
+@dataclass
+class InTurn:
+    """Proposes what the text of the evidence names."""
+
+    name: str = "in turn"
+
+    def propose(self, evidence, attempts):
+        return Prediction(joints=(joint(evidence.text),), calls=1)
+
+
+def sought_besides(ratings):
+    def rest(evidence, kept):
+        names = ["a", "b", "c"]
+        if evidence.text == names[-1]:
+            return None
+        return Evidence(modality="video", parts=(), text=names[names.index(evidence.text) + 1])
+
+    loop = Loop(proposer=InTurn(), critic=Rated(ratings), max_turns=1, rest=rest)
+    return loop.predict(Evidence(modality="video", parts=(), text="a"))
+
+
+def test_joints_besides_are_kept_while_the_critic_is_content():
+    found = sought_besides({"a": 8.0, "b": 6.0, "c": 9.0})
+    assert [j.part for j in found.joints] == ["a", "b", "c"]
+    assert found.rating == 8.0
+    assert found.calls == 3
+
+
+def test_a_joint_besides_that_the_critic_doubts_ends_it():
+    found = sought_besides({"a": 8.0, "b": 5.0, "c": 9.0})
+    assert [j.part for j in found.joints] == ["a"]
+    assert found.calls == 2
+    assert found.trace

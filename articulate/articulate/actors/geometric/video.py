@@ -12,6 +12,7 @@ from articulate.actors.geometric.calibrate import calibrated
 from articulate.actors.geometric.critic import VideoCritic
 from articulate.actors.geometric.fit import Scene, Wish, find_motion, roundest, scene_of
 from articulate.actors.geometric.pictures import compared
+from articulate.actors.geometric.rest import rest_of
 from articulate.actors.geometric.search import Fit
 from articulate.actors.loop import MAX_TURNS, Loop
 from articulate.actors.protocol import Attempt, Evidence, PredictedJoint, Prediction, TraceStep
@@ -37,6 +38,7 @@ def video_actor(*, max_turns: int = MAX_TURNS, critic: bool = True, calibrate: b
         critic=VideoCritic() if critic else None,
         max_turns=max_turns,
         prepare=calibrated if calibrate else None,
+        rest=rest_of,
     )
 
 
