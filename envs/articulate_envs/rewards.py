@@ -45,7 +45,10 @@ class RewardConfig:
     grip_m: float = 0.018
     """Distance at which that has fallen to 1/e [m]."""
     early: float = -0.25
-    """For a hand that is told to close, or is closed, away from the handle, at the beginning."""
+    """For a hand that is told to close, or is closed, away from the handle, at the beginning; for
+    one that has closed on nothing wherever it is, as it has to open again. The command counts from
+    -1 on, not from 0: nothing else would move a policy away from the middle, where the noise of
+    training opens and closes the hand and the mean action that is deployed does neither."""
     early_last: float = -0.75
     """The same at the end of training; linear between (dear at first, closing is given up before
     it has been learnt what it is good for)."""
@@ -285,11 +288,13 @@ def reward_terms(
     still = at_target(task, after.opened, after.speed)
     close = np.exp(-((distance / config.grip_m) ** 2))
     told = (
-        0.25 * np.maximum(action[:, 7], 0.0)
-        + 0.25 * np.maximum(after.hand.smooth, 0.0)
+        0.125 * (1.0 + np.clip(action[:, 7], -1.0, 1.0))
+        + 0.125 * (1.0 + after.hand.smooth)
         + 0.5 * (after.hand.closing > 0.0)
     )
+    empty = ~_not_empty(after.hand_width, grasp)
     away = 1.0 - np.exp(-((distance / (2.2 * config.grip_m)) ** 2))
+    away = np.where(empty & (after.hand.closing > 0.0), 1.0, away)
     length = 1.0 if task.kind == "slide" else 0.2
     part_speed = np.abs(after.speed) * length
     force = np.linalg.norm(after.samples[:, 0:3], axis=1)
@@ -304,7 +309,7 @@ def reward_terms(
         config.approach * nearer,
         config.reach * 0.5 * (near + at),
         config.align * near * aligned,
-        config.grip * close * told * _not_empty(after.hand_width, grasp),
+        config.grip * close * told * ~empty,
         early * away * told,
         config.aside * progress * left_way,
         config.open * left * way,

@@ -36,7 +36,7 @@ class StartConfig:
     empty_share: float = 0.3
     """Of those before the handle, the share with a hand that has closed on nothing, which learns
     to open again."""
-    empty_m: float = 0.03
+    empty_m: float = 0.016
     """How far before the handle such a hand is at least [m]."""
     closing_share: float = 0.4
     """Of those before the handle, the share that is at it with an open hand that has just been

@@ -75,8 +75,8 @@ def terms(
     return dict(zip(TERMS, values[0], strict=True))
 
 
-def test_far_away_and_idle_nothing_is_gained_or_lost():
-    assert_allclose(list(terms(AWAY).values()), 0.0, atol=1e-3)
+def test_far_away_with_the_hand_told_to_stay_open_nothing_is_gained_or_lost():
+    assert_allclose(list(terms(AWAY, action=-SHUT).values()), 0.0, atol=1e-3)
 
 
 def handle(along_m):
@@ -251,6 +251,16 @@ def test_hand_that_has_closed_on_nothing_at_the_handle_earns_no_grip(width, thic
     assert_allclose(paid, share * CONFIG.grip, atol=1e-12)
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.015, FAR_M])
+def test_hand_that_has_closed_on_nothing_costs_the_same_wherever_it_is(offset):
+    shut = state(offset=[0, 0, offset], smooth=1.0, closing=1.0)
+    empty = dataclasses.replace(shut, hand_width=np.array([0.0]))
+    assert terms(empty, action=SHUT, thick_m=0.02)["early"] == pytest.approx(CONFIG.early)
+    opening = dataclasses.replace(empty, hand=dataclasses.replace(empty.hand, closing=-np.ones(1)))
+    assert terms(opening, action=SHUT, thick_m=0.02)["early"] > 0.9 * CONFIG.early
+    assert terms(opening, action=-SHUT, thick_m=0.02)["early"] > 0.5 * CONFIG.early
+
+
 def test_end_of_an_episode_pays_for_successes_alone():
     paid = at_end(CONFIG, np.array([True, False]))
     assert_allclose(paid[:, :-1], 0.0)
@@ -269,9 +279,10 @@ def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():
     ("action", "smooth", "closing", "share"),
     [
         (1.0, -1.0, -1.0, 0.25),
-        (0.4, -1.0, -1.0, 0.1),
+        (0.4, -1.0, -1.0, 0.175),
+        (-0.4, -1.0, -1.0, 0.075),
         (-1.0, 1.0, -1.0, 0.25),
-        (1.0, 0.5, -1.0, 0.375),
+        (1.0, 0.5, -1.0, 0.4375),
         (-1.0, -1.0, 1.0, 0.5),
         (1.0, 1.0, 1.0, 1.0),
     ],
