@@ -37,6 +37,8 @@ ROUND_TRAY = 0.08
 SURE: dict[str, float] = {"unknown": 0.2, "pane": 0.5, "fold": 0.6}
 """How sure the actor is by role, where it is not the usual."""
 USUALLY = 0.8
+GUESSED = 0.3
+"""How sure it is of a role by the meaning of a name, at most."""
 BLOCKED, DOUBTED = 0.5, 0.2
 """A slide on whose freest way more than this share of the part runs into others, and how sure the
 actor is of it. Hinges of real data run into their neighbours too often to be doubted for that."""
@@ -91,7 +93,7 @@ def role_in(shape: Shape, scene: Named) -> Role:
 
 def joint_of(shape: Shape, scene: Named, role: Role) -> PredictedJoint:
     """The joint of a part in its role."""
-    sure = SURE.get(role, USUALLY)
+    sure = min(SURE.get(role, USUALLY), GUESSED if shape.guessed else 1.0)
     if role in {"still", "unknown"}:
         return _said(shape, scene, "fixed", None, 1.0)
     if role in {"drawer", "press", "lift", "slot", "pane"}:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from articulate.actors.geometric.candidates import axes_of, sample
 from articulate.actors.geometric.surface import Surface
+from articulate.actors.named.meaning import meant_role
 from articulate.actors.named.words import BODIES, Role, role_of, things_in, words_of
 from articulate.actors.protocol import Evidence
 from articulate.render.parts import PartMesh, joint_bounds
@@ -38,6 +39,8 @@ class Shape:
     mesh: PartMesh
     label: str
     role: Role
+    guessed: bool = False
+    """Whether the role is by the meaning of a name that is in no list."""
 
     @property
     def name(self) -> str:
@@ -219,7 +222,9 @@ def named_scene(evidence: Evidence) -> Named:
     shapes = {}
     for mesh in evidence.parts:
         label = evidence.labels.get(mesh.name, "")
-        shapes[mesh.name] = Shape(mesh, label, role_of(label, things))
+        role = role_of(label, things)
+        meant = meant_role(label) if role == "unknown" else role
+        shapes[mesh.name] = Shape(mesh, label, meant, guessed=meant != role)
     body = max(shapes.values(), key=_bodily)
     low, high = joint_bounds(evidence.parts)
     diagonal = max(float(np.linalg.norm(high - low)), 1e-9)
