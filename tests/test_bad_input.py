@@ -279,6 +279,7 @@ def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_
     write_checkpoint(tmp_path / "run" / "seed_0", 0)
     refused("export run --out bundle.zip --seed 4")
     refused("evaluate run --episodes 0")
+    refused("evaluate run --ranges 0")
     for flags in ("", "run --require-success 90", "run --episodes", "run --episode 5", "run old"):
         refused(f"evaluate {flags}".strip())
     for flags in ("", "run --seed first", "run --out run", "run --oot b.zip", "run --out empty/"):

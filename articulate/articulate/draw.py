@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ FACTORS = (
     "scale",
 )  # fmt: skip
 """Ranges that multiply a nominal value."""
+LOG_UNIFORM = ("joint_damping", "joint_friction", "armature")
+"""Those that are drawn evenly over the logarithm."""
 MAX_DELAY_TICKS = 5
 """Longest delay that engines and estimators keep [ticks]."""
 
@@ -77,6 +80,36 @@ class DrawConfig:
                 raise ConfigError(
                     f"draw.{f.name} is {value}; it must lie within 0 to {MAX_DELAY_TICKS} ticks"
                 )
+
+    def widened(self, factor: float) -> DrawConfig:
+        """Every range ``factor`` times as wide.
+
+        Factors are widened about 1, those drawn over the logarithm there; what begins at 0 still
+        does; other ranges are widened about their middle and do not fall below 0; whole ticks are
+        rounded up from a half on.
+
+        Raises:
+            ConfigError: A range would hold what cannot be, such as a negative friction.
+        """
+        if not (np.isfinite(factor) and factor > 0.0):
+            raise ConfigError(f"ranges are to be {factor:g} times as wide; it must be above 0")
+        wide: dict[str, Any] = {"scales": 1 + round((self.scales - 1) * factor)}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name in LOG_UNIFORM:
+                wide[f.name] = tuple(bound**factor for bound in value)
+            elif f.name in FACTORS:
+                wide[f.name] = tuple(1.0 + factor * (bound - 1.0) for bound in value)
+            elif f.name.endswith("delay_ticks"):
+                wide[f.name] = (value[0], value[0] + int(factor * (value[1] - value[0]) + 0.5))
+            elif isinstance(value, tuple) and value[0] == 0.0:
+                wide[f.name] = (0.0, factor * value[1])
+            elif isinstance(value, tuple):
+                middle, half = (value[0] + value[1]) / 2.0, (value[1] - value[0]) / 2.0
+                wide[f.name] = (max(0.0, middle - factor * half), middle + factor * half)
+            elif f.name != "scales":
+                wide[f.name] = factor * value
+        return replace(self, **wide)
 
     @property
     def scale_values(self) -> tuple[float, ...]:

@@ -2,9 +2,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.draw import COLUMNS, NO_DRAW, DrawConfig, draw, nominal_draw
+from articulate.errors import ConfigError
 
 CONFIG = DrawConfig()
 MANY = draw(CONFIG, np.random.default_rng(0), 4000)
@@ -108,3 +111,45 @@ def test_factors_of_zero_and_delays_that_nobody_keeps_are_refused(error_line):
     error_line(
         "DrawConfig(estimate_delay_ticks=(-1, 2))", lambda: DrawConfig(estimate_delay_ticks=(-1, 2))
     )
+
+
+def test_ranges_are_widened_about_their_nominal_values():
+    wide = CONFIG.widened(1.5)
+    assert_allclose(wide.friction, (0.25, 1.75))
+    assert_allclose(wide.joint_damping, (0.33**1.5, 3.0**1.5))
+    assert_allclose(wide.scale, (0.85, 1.15))
+    assert np.diff(wide.scale_values)[0] == pytest.approx(np.diff(CONFIG.scale_values)[0])
+    assert wide.delay_ticks == (0, 3)
+    assert_allclose(wide.hand_latency_s, (0.0, 0.65 + 1.5 * 0.55))
+    assert_allclose(wide.push_n, (0.0, 7.5))
+    assert wide.position_m == pytest.approx(1.5 * CONFIG.position_m)
+    assert wide.part_noise == pytest.approx(1.5 * CONFIG.part_noise)
+
+
+@given(st.floats(0.3, 1.6))
+def test_each_widened_range_holds_the_narrower_one(factor):
+    narrow, wide = CONFIG.widened(factor), CONFIG.widened(1.2 * factor)
+    for name in (f.name for f in dataclasses.fields(DrawConfig)):
+        small, large = getattr(narrow, name), getattr(wide, name)
+        if isinstance(small, tuple):
+            assert large[0] <= small[0] + 1e-12
+            assert small[1] <= large[1] + 1e-12
+        else:
+            assert small <= large
+
+
+def test_what_is_as_wide_as_it_was_is_the_same_and_what_is_not_drawn_stays_so():
+    for name in (f.name for f in dataclasses.fields(DrawConfig)):
+        assert_allclose(getattr(CONFIG.widened(1.0), name), getattr(CONFIG, name), rtol=1e-12)
+    for name in (f.name for f in dataclasses.fields(DrawConfig)):
+        if name != "scales":
+            assert_allclose(getattr(NO_DRAW.widened(2.0), name), getattr(NO_DRAW, name))
+
+
+@pytest.mark.parametrize(
+    ("factor", "what"),
+    [(0.0, "above 0"), (float("nan"), "above 0"), (2.1, "friction"), (-1.0, "above 0")],
+)
+def test_ranges_that_cannot_be_are_refused(factor, what):
+    with pytest.raises(ConfigError, match=what):
+        CONFIG.widened(factor)

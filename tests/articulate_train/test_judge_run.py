@@ -3,6 +3,7 @@ import json
 import subprocess
 
 import pytest
+import yaml
 from tests.runs import write_checkpoint
 
 from articulate.errors import MissingError, RunError
@@ -53,6 +54,19 @@ def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, fil
     assert films == ["failure.mp4"]
 
 
+def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, films):
+    judge_run(trained, episodes=2)
+    before = (trained.folder / "report.json").read_bytes()
+    done = judge_run(trained, episodes=3, ranges=1.5)
+    assert (trained.folder / "report.json").read_bytes() == before
+    assert done.json_path.parent == trained.folder / "ranges_1.5"
+    info = done.report.info
+    assert info.command.endswith(f"\nevaluate {trained.folder.name} --episodes 3 --ranges 1.5")
+    wide = trained.config.draw.widened(1.5)
+    assert yaml.safe_load(info.config)["draw"]["push_n"] == list(wide.push_n)
+    assert [seed.success.episodes for seed in done.report.seeds] == [3]
+
+
 @pytest.mark.parametrize(
     ("files", "seconds"),
     [
@@ -71,7 +85,7 @@ def test_training_took_what_its_calls_took_and_not_the_sum_over_seeds(tiny, file
         (run.seed_folder(seed) / PROGRESS).write_text(row + "\n")
     for name, content in files.items():
         (run.folder / name).write_text(json.dumps(content))
-    info = judging._info(run)
+    info = judging._info(run, run.config)
     assert info.seconds == seconds
     assert info.steps_per_s == pytest.approx(2 * 192 / seconds)
 

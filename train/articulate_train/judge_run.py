@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from articulate_envs.scene import Scene
 from articulate_train.campaign import processors, read_progress
 from articulate_train.clock import trained_s
 from articulate_train.command import train_command
+from articulate_train.config import TrainConfig
 from articulate_train.evaluate import Rollout, evaluate_seed, timelines
 from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
@@ -51,17 +52,30 @@ class Evaluated:
         return "\n".join([*lines, f"report: {self.html_path}"])
 
 
-def judge_run(run: Run, *, episodes: int, say: Callable[[str], None] = lambda _: None) -> Evaluated:
+def judge_run(
+    run: Run,
+    *,
+    episodes: int,
+    ranges: float = 1.0,
+    say: Callable[[str], None] = lambda _: None,
+) -> Evaluated:
     """Evaluate the last checkpoints of all seeds and write ``report.json`` and ``report.html``.
 
     Args:
         run: What is evaluated.
         episodes: Drawn episodes for each seed.
+        ranges: So many times as wide is every range of the randomisation. Other than 1, the report
+            lies in a folder of its own in the run, which :func:`ranges_folder` names.
         say: Told what is done next.
 
     Raises:
         RunError: A seed has no checkpoint.
+        ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
     """
+    trained, folder = run, ranges_folder(run, ranges)
+    if ranges != 1.0:
+        wide = replace(run.config, draw=run.config.draw.widened(ranges))
+        run = replace(run, config=wide)
     results, rollouts = [], []
     for seed in run.config.seeds:
         load_policy(run.seed_folder(seed))  # what is missing is told before the work
@@ -71,17 +85,23 @@ def judge_run(run: Run, *, episodes: int, say: Callable[[str], None] = lambda _:
         results.append(result)
         rollouts.append(rollout)
     say("filming an episode of each kind, and writing the report")
-    lines, videos, poster = _pictures(run, rollouts)
+    lines, videos, poster = _pictures(run, rollouts, folder)
+    also = "" if ranges == 1.0 else f"--episodes {episodes} --ranges {ranges:g}"
     report = make_report(
-        _info(run),
+        _info(trained, run.config, f"\nevaluate {run.folder.name} {also}" if also else ""),
         results,
         [_curve(run, s) for s in run.config.seeds],
         lines,
         videos,
         np.random.default_rng(run.config.evaluation_seed),
     )
-    json_path, html_path = write_report(report, run.folder, poster=poster)
+    json_path, html_path = write_report(report, folder, poster=poster)
     return Evaluated(report, json_path, html_path)
+
+
+def ranges_folder(run: Run, ranges: float) -> Path:
+    """Where the report of a run lies whose randomisation is ``ranges`` times as wide."""
+    return run.folder if ranges == 1.0 else run.folder / f"ranges_{ranges:g}"
 
 
 def target_text(task: Task) -> str:
@@ -93,7 +113,8 @@ def target_text(task: Task) -> str:
     return f"{most}{way:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
 
 
-def _info(run: Run) -> RunInfo:
+def _info(run: Run, judged: TrainConfig, also: str = "") -> RunInfo:
+    """What is told of ``run``, whose episodes are drawn as ``judged`` says."""
     rows = [read_progress(run.seed_folder(s)) for s in run.config.seeds]
     seconds = trained_s(run.folder, [r[-1]["seconds"] for r in rows if r])
     steps = sum(r[-1]["steps"] for r in rows if r)
@@ -108,8 +129,8 @@ def _info(run: Run) -> RunInfo:
         steps=config.steps,
         seconds=seconds,
         steps_per_s=steps / max(seconds, 1e-9),
-        command=train_command(config, run.task.joint),
-        config=to_yaml(config),
+        command=train_command(config, run.task.joint) + also,
+        config=to_yaml(judged),
         versions=versions(),
         licence=run.asset.licence,
         source=run.asset.source,
@@ -150,7 +171,9 @@ def _curve(run: Run, seed: int) -> Curve:
     )
 
 
-def _pictures(run: Run, rollouts: list[Rollout]) -> tuple[list[Timeline], list[str], bytes | None]:
+def _pictures(
+    run: Run, rollouts: list[Rollout], folder: Path
+) -> tuple[list[Timeline], list[str], bytes | None]:
     """Timelines and clips of the first success and failure over all seeds, and a picture."""
     lines: dict[str, tuple[Timeline, int, Rollout]] = {}
     for rollout in rollouts:
@@ -161,7 +184,7 @@ def _pictures(run: Run, rollouts: list[Rollout]) -> tuple[list[Timeline], list[s
     scene = run.scene((1.0,))
     try:
         for name, (_, k, rollout) in lines.items():
-            videos.append(_film(run, scene, rollout, k, name))
+            videos.append(_film(folder, scene, rollout, k, name))
         if lines:
             _, k, rollout = next(iter(lines.values()))
             poster = picture(
@@ -175,14 +198,14 @@ def _pictures(run: Run, rollouts: list[Rollout]) -> tuple[list[Timeline], list[s
     return [line for line, _, _ in lines.values()], videos, poster
 
 
-def _film(run: Run, scene: Scene, rollout: Rollout, k: int, name: str) -> str:
+def _film(folder: Path, scene: Scene, rollout: Rollout, k: int, name: str) -> str:
     path = Path("videos") / f"{name}.mp4"
     write_film(
-        run.folder / path,
+        folder / path,
         scene,
         rollout.traces.qpos[:, k],
         scale=float(rollout.draws["scale"][k]),
         T_wo=rollout.poses[k],
-        tick_s=run.config.follow.tick_s,
+        tick_s=scene.follow.tick_s,
     )
     return path.as_posix()

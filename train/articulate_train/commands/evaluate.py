@@ -29,6 +29,9 @@ class EvaluateFlags:
     """Folder of the run; of several, to compare them."""
     episodes: int | None = None
     """Episodes for each seed; by default what the run's configuration says."""
+    ranges: float = 1.0
+    """So many times as wide is every range of the randomisation; other than 1, the report lies in
+    the folder ranges_<x> of the run."""
     out: Path | None = None
     """Folder for the comparison of several runs; by default runs/comparison-<time>."""
     keep_reports: bool = False
@@ -41,9 +44,13 @@ class EvaluateFlags:
     def __post_init__(self) -> None:
         if self.episodes is not None and self.episodes < 1:
             raise ConfigError(f"--episodes is {self.episodes}; it must be at least 1")
+        if not 0.0 < self.ranges < float("inf"):
+            raise ConfigError(f"--ranges is {self.ranges:g}; it must be above 0")
         check_share(self.require_success)
         if len(self.run) == 1 and (self.out is not None or self.keep_reports):
             raise ConfigError("--out and --keep-reports are for several runs; one is given")
+        if len(self.run) > 1 and self.ranges != 1.0:
+            raise ConfigError("--ranges is for one run; several are given")
 
 
 FLAGS = EvaluateFlags
@@ -58,7 +65,7 @@ def main(argv: Sequence[str]) -> int:
     if len(runs) > 1:
         return _compared(runs, flags)
     episodes = flags.episodes or runs[0].config.episodes
-    return show(runs[0], episodes, flags.require_success, as_json=flags.json)
+    return show(runs[0], episodes, flags.require_success, as_json=flags.json, ranges=flags.ranges)
 
 
 def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
@@ -82,10 +89,10 @@ def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
     return missed(worst, flags.require_success)
 
 
-def show(run: Run, episodes: int, required: float, *, as_json: bool) -> int:
+def show(run: Run, episodes: int, required: float, *, as_json: bool, ranges: float = 1.0) -> int:
     """Evaluate ``run``, print the report, and say whether it reached ``required``."""
     from articulate_train.judge_run import judge_run  # torch and MuJoCo
 
-    done = judge_run(run, episodes=episodes, say=console.say)
+    done = judge_run(run, episodes=episodes, ranges=ranges, say=console.say)
     console.emit_json(done.report.content()) if as_json else console.emit(done.text())
     return missed(done.report.success_rate, required)
