@@ -29,6 +29,13 @@ def both():
     return replace(evidence, clip=clip.frames, times_s=clip.times_s)
 
 
+def span(joint):
+    """How far a joint goes [m or rad]."""
+    assert joint.lower is not None
+    assert joint.upper is not None
+    return joint.upper - joint.lower
+
+
 def test_nothing_is_left_once_the_joint_that_moves_is_known():
     evidence = evidence_of(DRAWER, N_FRAMES)
     assert rest_of(evidence, Prediction(joints=(DRAWER,))) is None
@@ -38,6 +45,8 @@ def test_nothing_is_left_once_the_joint_that_moves_is_known():
 
 def test_what_else_moves_is_left_and_what_is_known_stands_still(both):
     left = rest_of(both, Prediction(joints=(DRAWER,)))
+    assert left is not None
+    assert left.clip is not None
     changes = np.ptp(left.clip.astype(int), axis=0).max(axis=-1) > 20
     assert changes.sum() > 500
     assert rest_of(left, Prediction(joints=(DOOR,))) is None
@@ -49,7 +58,7 @@ def test_a_drawer_and_a_door_that_move_in_one_clip_are_both_found(both):
     assert set(kinds) == {"drawer", "door"}
     assert kinds["drawer"].kind == "prismatic"
     assert abs(kinds["drawer"].axis_o[0]) > 0.99
-    assert kinds["drawer"].upper - kinds["drawer"].lower == pytest.approx(0.4, abs=0.05)
+    assert span(kinds["drawer"]) == pytest.approx(0.4, abs=0.05)
     assert kinds["door"].kind == "revolute"
     assert abs(kinds["door"].axis_o[2]) > 0.98
-    assert kinds["door"].upper - kinds["door"].lower == pytest.approx(1.2, abs=0.15)
+    assert span(kinds["door"]) == pytest.approx(1.2, abs=0.15)
