@@ -49,8 +49,8 @@ LEAST_OFF = 6.0
 FINER = 0.35
 """Steps of a level, as a share of those of the level before."""
 GAIN = 0.08
-"""A camera elsewhere must explain what does not move better by this share; with the true one a
-search gains 1 or 2 %."""
+"""A camera elsewhere must explain what does not move better by this share: a search that begins at
+the true one gains a little by fitting what the model of the object lacks."""
 UNSURE = 0.12
 """So far from where the object is thought to be seen, as a share of its size, there may be object
 instead of background."""
@@ -78,9 +78,13 @@ class Still:
     middle_o: Array
     """Middle of the object (3,) [m]."""
 
+    def shot_from(self, x: Array) -> Shot:
+        """The same frame, as if taken by a camera ``x`` away."""
+        return replace(self.shot, T_co=moved(self.shot.T_co, self.middle_o, x))
+
     def residuals(self, x: Array, light: Array) -> Floats:
         """What the picture differs from that of a camera ``x`` away, (N, 3) of pixels compared."""
-        shot = replace(self.shot, T_co=moved(self.shot.T_co, self.middle_o, x))
+        shot = self.shot_from(x)
         seen = draw(self.surface, shot)
         solid = seen.face_ids >= 0
         model = self.behind.copy()
@@ -130,19 +134,19 @@ def refined_camera(
     if (inside & still.mask).sum() < FEWEST_PX:
         return camera, 0.0
     rng = np.random.default_rng(seed)
-    light = _light(still)
+    light = _light(still, np.zeros(6))
     drawn = FIRST_STEP * rng.uniform(-1.5, 1.5, (TRIES, 6))
     costs = [still.cost(x, light) for x in drawn]
     starts = [np.zeros(6), *drawn[np.argsort(costs)[:KEPT]]]
-    found = [_lowest(still, x, FIRST_STEP, ROUNDS) for x in starts]
+    found = [_lowest(still, x, FIRST_STEP) for x in starts]
     x = min(found, key=lambda item: item[1])[0]
     step = FIRST_STEP
     for most_px in LEVELS_PX[1:]:
         step = FINER * step
         nearby = camera.at(inverse(moved(camera.T_cw, still.middle_o, x)))
         still = _still(clip, camera, parts, most_px, seen_by=nearby)
-        x, _ = _lowest(still, x, step, ROUNDS)
-    told = still.cost(np.zeros(6), _light(still))
+        x, _ = _lowest(still, x, step)
+    told = still.cost(np.zeros(6), _light(still, np.zeros(6)))
     here = still.cost(x, _light(still, x))
     gain = 1.0 - here / max(told, 1e-9)
     if gain < GAIN:
@@ -150,14 +154,11 @@ def refined_camera(
     return camera.at(inverse(moved(camera.T_cw, still.middle_o, x))), gain
 
 
-def _light(still: Still, x: Array | None = None) -> Array:
-    shot = still.shot
-    if x is not None:
-        shot = replace(shot, T_co=moved(shot.T_co, still.middle_o, x))
-    return fit_light(shot, still.surface, ~still.mask)
+def _light(still: Still, x: Array) -> Array:
+    return fit_light(still.shot_from(x), still.surface, ~still.mask)
 
 
-def _lowest(still: Still, x: Array, step: Array, rounds: int) -> tuple[Array, float]:
+def _lowest(still: Still, x: Array, step: Array) -> tuple[Array, float]:
     """The camera of least cost about ``x``.
 
     Gauss and Newton's steps with weights for absolute differences, damped as by Levenberg and
@@ -167,7 +168,7 @@ def _lowest(still: Still, x: Array, step: Array, rounds: int) -> tuple[Array, fl
     light = _light(still, x)
     off = still.residuals(x, light)
     cost, damping = _cost(off), 0.1
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         slopes = _slopes(still, x, SLOPE * step, light) / SLOPE
         size = np.abs(off).sum(axis=-1)
         weight = np.repeat((size < CAP) / np.maximum(size, LEAST_OFF), 3)
