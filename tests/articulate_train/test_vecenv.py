@@ -14,6 +14,7 @@ from articulate_envs.episodes import Episodes
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig, home_start
 from articulate_envs.threads import ThreadEngine
+from articulate_train.fine import FineConfig
 from articulate_train.vecenv import EpisodesVecEnv
 
 N = 4
@@ -28,7 +29,7 @@ def env(drawer):
         starts=StartConfig(bank=16),
         seed=0,
     )
-    made = EpisodesVecEnv(runs)
+    made = EpisodesVecEnv(runs, FineConfig())
     yield made
     made.close()
 

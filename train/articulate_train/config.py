@@ -14,6 +14,7 @@ from articulate.task import TASK_RULES
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig
+from articulate_train.fine import FineConfig
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
@@ -118,6 +119,8 @@ class TrainConfig:
     """Decides the draws of the evaluation; they are none of training's."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Algorithm."""
+    fine: FineConfig = field(default_factory=FineConfig)
+    """Finer motions near the handle."""
     draw: DrawConfig = field(default_factory=DrawConfig)
     """Randomisation."""
     reward: RewardConfig = field(default_factory=RewardConfig)

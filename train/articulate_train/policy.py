@@ -18,6 +18,7 @@ from articulate.errors import RunError
 from articulate.files import sha256
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
+from articulate_train.fine import MOTIONS, FineConfig
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
@@ -31,9 +32,12 @@ class Policy(nn.Module):
     mean: Tensor
     scale: Tensor
 
-    def __init__(self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...]) -> None:
+    def __init__(
+        self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...], fine: FineConfig
+    ) -> None:
         """With the running mean and variance of observations and the widths of hidden layers."""
         super().__init__()
+        self.fine = fine
         self.register_buffer("mean", mean.float())
         self.register_buffer("scale", torch.rsqrt(variance.double() + 1e-8).float())
         widths = (mean.numel(), *hidden)
@@ -44,9 +48,11 @@ class Policy(nn.Module):
         self.head = nn.Linear(widths[-1], ACTION.size)
 
     def forward(self, observation: Tensor) -> Tensor:
-        """The mean action, clipped."""
+        """The mean action, clipped, its motions finer near the handle."""
         seen = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
-        return torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
+        said = torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
+        motions = said[:, :MOTIONS] * self.fine.shares(observation)
+        return torch.cat([motions, said[:, MOTIONS:]], dim=1)
 
     def act(self, observation: Array) -> Array:
         """Actions (N, 8) for observations (N, size) as arrays."""
@@ -123,6 +129,7 @@ def policy_of(checkpoint: dict[str, Any]) -> Policy:
         mean[: OBSERVATION.size],  # the rest is the value function's
         checkpoint["normalise"]["var"][: OBSERVATION.size],
         tuple(int(v) for v in checkpoint["net"]),
+        FineConfig(**checkpoint["fine"]),
     )
     state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}
     state |= {f"head.{p}": weights[f"action_net.{p}"] for p in _PARTS}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ class Learner:
             starts=config.starts,
             seed=np.random.SeedSequence([seed, TRAINING]),
         )
-        self.envs = EpisodesVecEnv(self.episodes)
+        self.envs = EpisodesVecEnv(self.episodes, config.fine)
         self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
         self.model = make_ppo(self.normalise, ppo, seed)
 
@@ -103,6 +104,7 @@ class Learner:
             "policy": model.policy.state_dict(),
             "optimizer": model.policy.optimizer.state_dict(),
             "net": list(self.config.ppo.net),
+            "fine": asdict(self.config.fine),
             "normalise": _running(norm.obs_rms),
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
@@ -134,7 +136,7 @@ class Learner:
         snapshot = {k: v.numpy() for k, v in content["episodes"].items()}
         self.episodes.restore(snapshot | {"generator": plain["generator"]})
         finished = content.get("finished", {})  # older checkpoints have it not
-        self.envs.restore({k: v.numpy() for k, v in finished.items()})
+        self.envs.restore(content["last_raw"].numpy(), {k: v.numpy() for k, v in finished.items()})
         model.policy.load_state_dict(content["policy"])
         model.policy.optimizer.load_state_dict(content["optimizer"])
         for rms, key in ((seen, "normalise"), (norm.ret_rms, "returns_rms")):

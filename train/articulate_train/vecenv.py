@@ -16,6 +16,7 @@ from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
+from articulate_train.fine import MOTIONS, FineConfig
 
 Singles = NDArray[np.float32]
 FINISHED = ("code", "opened", "from_home", "terms")
@@ -38,15 +39,18 @@ class EpisodesVecEnv(VecEnv):
     Observations are those of the policy followed by those of the value function alone
     (:data:`articulate_envs.critic.PRIVILEGED`). Episodes have a fixed length and the observation
     holds the time left, so that their end is a termination; being cut off while the part rests at
-    the target is a truncation.
+    the target is a truncation. Actions are what a policy says; what the arm is asked for is finer
+    near the handle (:mod:`articulate_train.fine`).
     """
 
-    def __init__(self, episodes: Episodes) -> None:
+    def __init__(self, episodes: Episodes, fine: FineConfig) -> None:
         """Wrap ``episodes``, which this then owns."""
         self.episodes = episodes
+        self._fine = fine
         self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
         self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
+        self._seen: Singles = np.zeros((episodes.engine.n_envs, OBSERVATION.size), np.float32)
         self._stagger = True
         super().__init__(
             episodes.engine.n_envs,
@@ -64,11 +68,15 @@ class EpisodesVecEnv(VecEnv):
 
     def _with_privileged(self, observation: Array) -> Singles:
         both = (observation, self.episodes.privileged())
-        return np.concatenate(both, axis=1).astype(np.float32)
+        whole: Singles = np.concatenate(both, axis=1).astype(np.float32)
+        self._seen = whole[:, : OBSERVATION.size]
+        return whole
 
     def step_async(self, actions: Array) -> None:
-        """Keep the actions (N, 8)."""
-        self._action = actions
+        """Keep the actions (N, 8), made finer by the last observation."""
+        said = np.clip(actions, -1.0, 1.0)
+        motions = said[:, :MOTIONS] * self._fine.shares(self._seen)
+        self._action = np.concatenate([motions, said[:, MOTIONS:]], axis=1)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
         """Run one tick."""
@@ -99,8 +107,9 @@ class EpisodesVecEnv(VecEnv):
             return {}
         return {n: np.concatenate([getattr(one, n) for one in self.finished]) for n in FINISHED}
 
-    def restore(self, pending: dict[str, Any]) -> None:
-        """Begin with what :meth:`pending` gave."""
+    def restore(self, seen: Singles, pending: dict[str, Any]) -> None:
+        """Go on from the last observations ``seen`` and from what :meth:`pending` gave."""
+        self._seen = seen[:, : OBSERVATION.size].copy()
         self.finished[:] = [Finished(**pending)] if pending else []
 
     def close(self) -> None:

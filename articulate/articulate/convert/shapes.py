@@ -13,6 +13,8 @@ from scipy.spatial import ConvexHull
 from articulate.transforms import Array, Ints, Mask, apply, inverse, normalised
 
 SAMPLES = 240
+EXACT_M = 1e-9
+"""Planes are rounded to this [m]."""
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 
 
@@ -167,16 +169,34 @@ class Shape:
 
     def covers(self, points: Array, distance_m: float) -> Mask:
         """Whether ``points`` (N, 3) lie inside or at most ``distance_m`` away (N,)."""
+        return np.asarray(self.distances(points, distance_m) <= distance_m)
+
+    def distances(self, points: Array, most_m: float) -> Array:
+        """How far points (N, 3) lie outside (N,) [m], negative inside.
+
+        Beyond ``most_m`` they are lower bounds that are beyond it themselves.
+        """
         away = self.outside(points)
-        near = np.asarray(away <= distance_m)
-        doubtful = np.flatnonzero(near & (away > 0.0))  # near planes, maybe not near the shape
-        if self.kind != "box" and len(doubtful):
-            triangles = self.faces.triangles
-            asked = np.repeat(points[doubtful], len(triangles), axis=0)
-            every = np.tile(triangles, (len(doubtful), 1, 1))
-            gap = np.linalg.norm(trimesh.triangles.closest_point(every, asked) - asked, axis=1)
-            near[doubtful] = gap.reshape(len(doubtful), -1).min(axis=1) <= distance_m
-        return near
+        if self.kind == "box":
+            return away
+        left = np.flatnonzero((away > 0.0) & (away <= most_m))  # near planes, maybe not near it
+        if not len(left):
+            return away
+        equations = self.faces.equations
+        heights = points[left] @ equations[:, :3].T + equations[:, 3]
+        highest = heights.max(axis=1, keepdims=True)
+        feet = points[left] - highest * equations[heights.argmax(axis=1), :3]
+        beside = (feet @ equations[:, :3].T + equations[:, 3]).max(axis=1) > EXACT_M
+        left = left[beside]  # above a face its plane tells the distance
+        # The nearest point of a convex shape lies on a face whose front is seen from outside.
+        row, face = np.nonzero((heights > 0.0)[beside] | (heights == highest)[beside])
+        asked = points[left[row]]
+        nearest = trimesh.triangles.closest_point(self.faces.triangles[face], asked)
+        gap = np.linalg.norm(nearest - asked, axis=1)
+        found = np.full(len(left), np.inf)
+        np.minimum.at(found, row, gap)
+        away[left] = found
+        return away
 
     @cached_property
     def bounds(self) -> Array:

@@ -195,8 +195,9 @@ class Part:
         level = np.zeros(len(self._points), dtype=np.int8)
         if not len(chosen):
             return level
-        for distance_m in (BARE * self.near_m, self.near_m):
-            level[chosen] += shape.covers(self._points[chosen], distance_m)
+        bare_m = BARE * self.near_m
+        away = shape.distances(self._points[chosen], max(bare_m, self.near_m))
+        level[chosen] = (away <= bare_m).astype(np.int8) + (away <= self.near_m)
         return level
 
     def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:

@@ -10,7 +10,7 @@ opens a way through a wall, and none leaves slices so thin that they pass one un
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -215,8 +215,11 @@ class Bench:
             for meeting in fault.way.meetings
             if (meeting.one, meeting.other) in fault.authored and self._is_deep(meeting)
         }
-        if deep and fault.alone and self._shorten(fault, deep, model):
-            return True
+        if deep and fault.alone:
+            if self._shorten(fault, deep, model):
+                return True
+            if self._shorten(fault, deep, model, deep=True):  # what is left of it may be cut
+                return True
         if self._cut(fault):
             return True
         met = set(fault.authored)
@@ -227,9 +230,15 @@ class Bench:
         near = max(self.parts[name].near_m for name in (meeting.one, meeting.other))
         return meeting.excess_m > near
 
-    def _shorten(self, fault: Fault, pairs: set[tuple[str, str]], model: ObjectModel) -> bool:
-        """End the way of a joint where any of ``pairs`` of links meets; False if little is left."""
-        return self._end(fault.joint, reach(Sweeper(model=model), fault, pairs), pairs)
+    def _shorten(
+        self, fault: Fault, pairs: set[tuple[str, str]], model: ObjectModel, *, deep: bool = False
+    ) -> bool:
+        """End the way of a joint where any of ``pairs`` of links meets; False if little is left.
+
+        Where ``deep``, it ends only where they meet deeper than a cut can mend.
+        """
+        meets = self._is_deep if deep else _is_met
+        return self._end(fault.joint, reach(Sweeper(model=model), fault, pairs, meets), pairs)
 
     def _end(
         self, name: str, ends: tuple[float, float], pairs: Collection[tuple[str, str]]
@@ -501,12 +510,29 @@ def weight_on(model: ObjectModel, joint: Joint) -> float:
     return most
 
 
-def reach(sweeper: Sweeper, fault: Fault, pairs: set[tuple[str, str]]) -> tuple[float, float]:
-    """How far the joint of a fault goes from closed before ``pairs`` of links meet [m or rad]."""
+def _is_met(meeting: Meeting) -> bool:
+    """Whether two parts meet deeper than the proof allows."""
+    return meeting.excess_m > LIMIT_M
+
+
+def reach(
+    sweeper: Sweeper,
+    fault: Fault,
+    pairs: set[tuple[str, str]],
+    counts: Callable[[Meeting], bool] = _is_met,
+) -> tuple[float, float]:
+    """How far the joint of a fault goes from closed before ``pairs`` of links meet [m or rad].
+
+    Args:
+        sweeper: The object.
+        fault: Its joint, and where the other ones stand.
+        pairs: Names of links.
+        counts: Whether a meeting of theirs ends the way.
+    """
 
     def meets(q: float) -> bool:
         met = sweeper.meetings(fault.joint, {**fault.others, fault.joint: q})
-        return any((m.one, m.other) in pairs and m.excess_m > LIMIT_M for m in met)
+        return any((m.one, m.other) in pairs and counts(m) for m in met)
 
     closed = sweeper.model.closed[fault.joint]
     ends = [closed]

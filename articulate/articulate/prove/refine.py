@@ -25,9 +25,12 @@ from articulate.transforms import Array
 
 PASSES = 4
 """Shapes are made so often at most."""
-PASS_S = 25.0
+SURE_PASSES = 3
+"""So often they are made in any case: the second finer pass halves what shapes may stray by once
+more, and opens what the first one hardly changed."""
+PASS_S = 75.0
 """A finer pass may take so much time of the processor for each link that it makes finer [s] ..."""
-MOST_S = 100.0
+MOST_S = 200.0
 """... and all of them this much; what is not done by then stays as it was."""
 
 
@@ -157,6 +160,6 @@ def is_worth_it(history: Sequence[float], left: int) -> bool:
             most what the last one did.
         left: Passes that are left.
     """
-    if left == 0 or len(history) < 2:
+    if left == 0 or len(history) < SURE_PASSES:
         return left > 0
     return history[-1] <= left * (history[-2] - history[-1])

@@ -25,23 +25,25 @@ from articulate.prove.refine import (
 )
 
 
-def test_the_first_finer_pass_is_always_worth_it_and_none_after_the_last():
+def test_two_finer_passes_are_always_worth_it_and_none_after_the_last():
     assert is_worth_it([0.3], 3)
+    assert is_worth_it([0.3, 0.35], 2)
     assert not is_worth_it([0.3], 0)
     assert not is_worth_it([0.3, 0.01], 0)
 
 
 def test_a_pass_that_gained_little_is_the_last():
-    assert is_worth_it([0.30, 0.15], 1)
-    assert not is_worth_it([0.30, 0.20], 1)
-    assert is_worth_it([0.30, 0.19], 2)
-    assert not is_worth_it([0.30, 0.30], 3)
-    assert not is_worth_it([0.30, 0.35], 3)
+    assert is_worth_it([0.40, 0.30, 0.15], 1)
+    assert not is_worth_it([0.40, 0.30, 0.20], 1)
+    assert is_worth_it([0.40, 0.30, 0.19], 2)
+    assert not is_worth_it([0.40, 0.30, 0.30], 3)
+    assert not is_worth_it([0.40, 0.30, 0.35], 3)
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.integers(0, 4))
 def test_what_is_worth_it_with_few_passes_left_is_so_with_more(before, now, left):
-    assert not is_worth_it([before, now], left) or is_worth_it([before, now], left + 1)
+    history = [1.0, before, now]
+    assert not is_worth_it(history, left) or is_worth_it(history, left + 1)
 
 
 def test_a_link_lacks_what_its_worst_clause_does():
@@ -84,8 +86,8 @@ def failing(monkeypatch, measured):
     [
         ([0.96], [0]),
         ([0.80, 0.96], [0, 1]),
-        ([0.80, 0.81], [0, 1]),  # and that one is kept
-        ([0.80, 0.79], [0, 1, 0]),  # the usual shapes are better
+        ([0.80, 0.81, 0.82], [0, 1, 2]),  # and that one is kept
+        ([0.80, 0.79, 0.78], [0, 1, 2, 0]),  # the usual shapes are better
         ([0.80, 0.90, 0.93, 0.94], [0, 1, 2, 3]),
     ],
 )

@@ -1,0 +1,85 @@
+"""Motions near the handle: closed forms, and the same in training, network and bundle."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from articulate.errors import ConfigError
+from articulate.observe import ACTION, OBSERVATION
+from articulate_train.fine import HANDLE_UNIT_M, MOTIONS, FineConfig
+from articulate_train.policy import Policy
+
+FINE = FineConfig(share=0.4, near_m=0.03, far_m=0.10, held_s=(1.0, 1.5))
+
+
+def seen(distance_m, *, wish=-1.0, since_s=2.0):
+    """One observation (1, size) with the handle ahead of the tool."""
+    fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
+    fields["handle_pos"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
+    fields["hand_command"] = np.array([[wish, wish, since_s / 2.0]])
+    return OBSERVATION.pack(fields)
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "share"),
+    [(0.0, 0.4), (0.03, 0.4), (0.065, 0.7), (0.10, 1.0), (0.5, 1.0)],
+)
+def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
+    assert_allclose(FINE.shares(seen(distance_m)), [[share]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wish", "since_s", "share"),
+    [(1.0, 0.0, 0.4), (1.0, 1.0, 0.4), (1.0, 1.25, 0.7), (1.0, 1.5, 1.0), (-1.0, 2.0, 0.4)],
+)
+def test_motions_are_whole_again_once_the_hand_has_had_time_to_close(wish, since_s, share):
+    assert_allclose(FINE.shares(seen(0.01, wish=wish, since_s=since_s)), [[share]], atol=1e-12)
+
+
+@given(
+    distance_m=st.floats(0.0, 2.0),
+    wish=st.sampled_from([-1.0, 1.0]),
+    since_s=st.floats(0.0, 2.0),
+    share=st.floats(0.05, 1.0),
+)
+def test_shares_lie_between_the_least_and_one(distance_m, wish, since_s, share):
+    got = FineConfig(share=share).shares(seen(distance_m, wish=wish, since_s=since_s))[0, 0]
+    assert share - 1e-12 <= got <= 1.0
+
+
+def test_arrays_and_tensors_give_the_same():
+    rng = np.random.default_rng(0)
+    rows = rng.uniform(-1.0, 1.0, (64, OBSERVATION.size)).astype(np.float32)
+    assert_allclose(FINE.shares(torch.as_tensor(rows)).numpy(), FINE.shares(rows), rtol=1e-6)
+
+
+def test_policy_scales_motions_and_leaves_the_hands_command():
+    policy = Policy(torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size), (4,), FINE)
+    with torch.no_grad():
+        policy.head.weight.zero_()
+        policy.head.bias.copy_(torch.linspace(-2.0, 0.5, ACTION.size))
+    said = np.clip(np.linspace(-2.0, 0.5, ACTION.size), -1.0, 1.0)
+    far, near = policy.act(np.concatenate([seen(0.5), seen(0.02)]))
+    assert_allclose(far, said, rtol=1e-6)
+    assert_allclose(near[:MOTIONS], 0.4 * said[:MOTIONS], rtol=1e-6)
+    assert_allclose(near[MOTIONS:], said[MOTIONS:], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"share": 0.0},
+        {"share": 1.5},
+        {"near_m": 0.2},
+        {"near_m": -0.1},
+        {"held_s": (1.5, 1.0)},
+        {"held_s": (1.0, 3.0)},
+        {"share": float("nan")},
+    ],
+)
+def test_values_out_of_range_are_refused(values):
+    with pytest.raises(ConfigError, match="fine"):
+        FineConfig(**values)
