@@ -38,6 +38,7 @@ from articulate_envs.starts import StartConfig
 from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.commands.export import ExportFlags
 from articulate_train.commands.train import TrainFlags
+from articulate_train.fine import FineConfig
 from articulate_train.report import Report
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -203,8 +204,9 @@ def test_every_block_names_its_language(page):
     ("head", "cls", "index"),
     [
         ("setting", FollowConfig, 0),
-        ("setting", DrawConfig, 1),
-        ("setting", StartConfig, 2),
+        ("setting", FineConfig, 1),
+        ("setting", DrawConfig, 2),
+        ("setting", StartConfig, 3),
         ("weight", RewardConfig, 0),
         ("limit", Limits, 0),
     ],

@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tests.scenes import DRAWS
 
@@ -14,7 +14,7 @@ from articulate_envs.episodes import Episodes
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.starts import StartConfig, home_start
 from articulate_envs.threads import ThreadEngine
-from articulate_train.fine import FineConfig
+from articulate_train.fine import MOTIONS, FineConfig
 from articulate_train.vecenv import EpisodesVecEnv
 
 N = 4
@@ -115,3 +115,19 @@ def test_attributes_and_methods_are_reached_through_it(env):
     assert env.seed(1) == [None] * N
     env.reset()
     assert set(env.env_method("snapshot")[0]) == set(env.episodes.snapshot())
+
+
+def test_motions_are_finer_near_the_handle_and_the_hands_command_is_not(env, monkeypatch):
+    env.reset()
+    near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open hand
+    env.restore(near, {})
+    asked, step = [], env.episodes.step
+
+    def stepped(action):
+        asked.append(action)
+        return step(action)
+
+    monkeypatch.setattr(env.episodes, "step", stepped)
+    env.step(np.full((N, ACTION.size), 2.0, dtype=np.float32))
+    assert_allclose(asked[0][:, :MOTIONS], FineConfig().share, rtol=1e-6)
+    assert_allclose(asked[0][:, MOTIONS:], 1.0)

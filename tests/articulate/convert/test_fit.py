@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from articulate.convert.fit import (
@@ -121,3 +121,21 @@ def test_beyond_a_sharp_edge_a_hull_covers_only_what_is_really_near():
     np.testing.assert_array_equal(wedge.covers(points, 0.02), [False, True, True, True])
     away = trimesh.proximity.closest_point(wedge.mesh, points)[1]
     np.testing.assert_array_equal(wedge.covers(points, 0.012), (away <= 0.012) | [0, 0, 1, 0])
+
+
+@given(st.integers(0, 10_000), st.integers(4, 30))
+def test_distances_to_a_hull_are_those_to_its_nearest_triangle(seed, corners):
+    rng = np.random.default_rng(seed)
+    shape = hull(rng.normal(size=(corners, 3)) * (0.3, 0.1, 0.02), "p")
+    assume(shape is not None)
+    points = rng.normal(size=(50, 3)) * (0.4, 0.2, 0.1)
+    triangles = shape.faces.triangles
+    every = np.repeat(points, len(triangles), axis=0)
+    nearest = trimesh.triangles.closest_point(np.tile(triangles, (len(points), 1, 1)), every)
+    away = np.linalg.norm(nearest - every, axis=1).reshape(len(points), -1).min(axis=1)
+    outside = shape.outside(points) > 0.0
+    told = shape.distances(points, 0.05)
+    near = outside & (away <= 0.05)
+    np.testing.assert_allclose(told[near], away[near], atol=1e-8)
+    assert np.all(told[outside & (away > 0.05)] > 0.05)
+    assert np.all(told[~outside] <= 0.0)

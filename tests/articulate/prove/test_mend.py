@@ -10,14 +10,15 @@ import pytest
 from tests.articulate.convert.boxes import BODY_BOX, LIMIT, written
 from tests.articulate.prove.objects import Part, make_object
 
-from articulate.convert import ConvertConfig
+from articulate.convert import ConvertConfig, convert
 from articulate.convert.presets import SLIDE
 from articulate.errors import AssetError
 from articulate.proof import Proof
-from articulate.prove.mend import weight_on
+from articulate.prove.mend import reach, weight_on
 from articulate.prove.model import load_model
 from articulate.prove.prove import check, proven_asset
-from articulate.prove.sweeper import LIMIT_M
+from articulate.prove.sweep import sweep
+from articulate.prove.sweeper import LIMIT_M, Sweeper
 
 PLATE = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.01))
 
@@ -107,6 +108,25 @@ def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
     assert "collision shapes cut back where parts pass each other" in sentences(proof)
     coverage = [c for c in proof.clauses if c.name == "coverage"]
     assert all(c.outcome == "passed" for c in coverage)
+
+
+def test_a_way_ends_where_a_cut_mends_no_more_and_shapes_are_cut_before(tmp_path):
+    (old, sill), (_, wall) = SILL, plug(0.2)
+    both = (old, sill + wall.removeprefix(old))
+    source = written(tmp_path / "in", both)
+    model = load_model(convert(source, tmp_path / "asset"))
+    (fault,) = sweep(model).faults
+    pairs = {(met.one, met.other) for met in fault.way.meetings}
+    sweeper = Sweeper(model=model)
+    grazed = reach(sweeper, fault, pairs)[1]
+    barred = reach(sweeper, fault, pairs, lambda met: met.excess_m > 0.01)[1]
+    assert grazed < 0.03  # the sill
+    assert barred == pytest.approx(0.21, abs=5e-4)  # the plug, and 10 mm into it
+    proof = checked(source, tmp_path)
+    assert proof.verdict == "repaired", proof.reasons
+    assert 0.2 < proof.joints[0].span < 0.215
+    assert "way of joint slide shortened to 0 to 0.21" in sentences(proof)
+    assert "collision shapes cut back where parts pass each other" in sentences(proof)
 
 
 def walled(wall: float) -> tuple[str, str]:
