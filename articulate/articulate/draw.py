@@ -109,7 +109,10 @@ class DrawConfig:
                 wide[f.name] = (max(0.0, middle - factor * half), middle + factor * half)
             elif f.name != "scales":
                 wide[f.name] = factor * value
-        return replace(self, **wide)
+        try:
+            return replace(self, **wide)
+        except ConfigError as error:
+            raise ConfigError(f"ranges {factor:g} times as wide: {error}") from None
 
     @property
     def scale_values(self) -> tuple[float, ...]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from articulate.actors.named.meaning import meanings_installed
 from articulate.actors.vlm.gemini import MODEL_VARIABLE, URL_VARIABLE
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import LIBRARIES, Dataset
@@ -102,7 +103,7 @@ class Batch:
 
 
 def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
-    """Hash of the data set, of the settings, and of what else says which model is asked.
+    """Hash of the data set, of the settings, of which model is asked, and whether meanings are.
 
     An index counts by its content and by the folder that its paths start from, a folder by where
     it lies, a library by its name.
@@ -122,7 +123,8 @@ def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
     except OSError as error:
         raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
     model = [os.environ.get(name, "") for name in (MODEL_VARIABLE, URL_VARIABLE)]
-    content = {"dataset": dataset, "model": model, **dataclasses.asdict(config)}
+    asked = {"dataset": dataset, "model": model, "meanings": meanings_installed()}
+    content = asked | dataclasses.asdict(config)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
+from articulate.benchmark import batch as batch_module
 from articulate.benchmark.batch import Batch, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
@@ -136,7 +137,11 @@ def test_index_data_and_model_decide_what_is_made_anew(tmp_path, monkeypatch):
     monkeypatch.delenv("ARTICULATE_MODEL")
     path.write_text(path.read_text().replace("0.5", "0.6"))
     assert len({first, other, asked, fingerprint(source, None, config)}) == 4
-    assert fingerprint(str(tmp_path), None, config) != fingerprint("procedural", None, config)
+    library = fingerprint("procedural", None, config)
+    assert fingerprint(str(tmp_path), None, config) != library
+    was = batch_module.meanings_installed()
+    monkeypatch.setattr(batch_module, "meanings_installed", lambda: not was)
+    assert fingerprint("procedural", None, config) != library
 
 
 def test_an_object_that_cannot_be_read_is_lost_with_its_joints(tmp_path):

