@@ -35,6 +35,10 @@ OBSERVATION = Layout(
         Field(name="hand_width", size=1, unit="0.05 m", frame="-", source="robot"),
         Field(name="hand_speed", size=1, unit="0.1 m/s", frame="-", source="robot"),
         Field(name="hand_command", size=3, unit="1", frame="-", source="plant"),
+        Field(
+            name="motions_due", size=7, unit="move_m, turn_rad, step_rad", frame="tool",
+            source="plant",
+        ),
         Field(name="last_action", size=8, unit="1", frame="-", source="policy", low=-1, high=1),
         Field(name="time_left", size=1, unit="1", frame="-", source="clock", low=0, high=1),
     )
@@ -44,6 +48,9 @@ OBSERVATION = Layout(
 ``handle_near`` is ``handle_pos`` again, finer and only near the handle: of what an episode spans,
 and a policy's input is normalised by, the centimetre that decides a grasp is too small a part.
 ``part_near`` is ``part_open`` again, finer and only near the task's target, for the same reason.
+``motions_due`` is the sum of the motions that were said but not used yet, as they come late:
+without it a policy cannot tell where its own words will lead the hand. A robot's side knows it by
+counting commands.
 """
 
 ACTION = Layout(
@@ -83,6 +90,7 @@ def observation(
     hand: HandState,
     estimate: Estimate,
     last_action: Array,
+    motions_due: Array,
     time_left: Array,
     goal: float,
     T_wt: Array | None = None,
@@ -101,6 +109,7 @@ def observation(
         hand: What the hand was told.
         estimate: The object.
         last_action: The policy's last action (N, 8).
+        motions_due: Sum of the motions that were said but have not been used yet (N, 7).
         time_left: Share of the episode that is left (N,).
         goal: Fraction open of the task's target.
         T_wt: Poses of the tool at ``q`` (N, 4, 4), where they are known already.
@@ -129,6 +138,7 @@ def observation(
             "hand_width": 20.0 * hand_width,
             "hand_speed": 10.0 * hand_speed,
             "hand_command": np.stack([hand.smooth, hand.wish, since], axis=1),
+            "motions_due": motions_due,
             "last_action": last_action,
             "time_left": time_left,
         }

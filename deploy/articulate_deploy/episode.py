@@ -176,6 +176,7 @@ def _observation(
         hand=plant.hand,
         estimate=estimate,
         last_action=last[None],
+        motions_due=plant.motions_due[None],
         time_left=np.array([time_left]),
         goal=manifest.task.target,
     )

@@ -30,6 +30,11 @@ class Plant:
         """What the hand was told."""
         self._late = [np.zeros(7)] * delay_ticks
 
+    @property
+    def motions_due(self) -> Array:
+        """Sum of the motions that were said but have not been used yet (7,)."""
+        return np.sum(self._late, axis=0) if self._late else np.zeros(7)
+
     def tick(self, action: Array, q: Array) -> tuple[Array, float]:
         """Targets (7,) [rad] and opening of the hand [m] for an action (8,), at angles (7,)."""
         self._late.append(action[:7])

@@ -214,7 +214,14 @@ class BufferedEngine(ABC):
             opened=opened,
             speed=b.rest[:, 2] * np.sign(self._span),
             samples=b.samples.copy(),
+            motions_due=self._motions_due(),
         )
+
+    def _motions_due(self) -> Array:
+        """Sum over the motions of the last ticks that are younger than their delay (N, 7)."""
+        ages = np.arange(KEPT_ACTIONS)[:, None]
+        young = ages < self._draw[:, COLUMNS.index("delay_ticks")]
+        return np.asarray(np.einsum("kn,knj->nj", young.astype(np.float64), self._actions))
 
     def snapshot(self) -> dict[str, Array]:
         """All that resuming bit-identically needs; only arrays."""

@@ -39,6 +39,8 @@ class State:
     """Speed of the part, positive opening (N,) [m/s or rad/s]."""
     samples: Array
     """Rows of the judgement (N, WIDTH)."""
+    motions_due: Array
+    """Sum of the motions that were said but have not been used yet, as they come late (N, 7)."""
 
 
 @dataclass(frozen=True)

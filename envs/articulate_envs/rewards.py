@@ -63,7 +63,7 @@ class RewardConfig:
     aside_from_m: float = 0.07
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
     beyond_m: float = 0.003
-    """So far beyond the handle the hand may be [m]: tips have 10 mm there, where there is as much
+    """So far beyond the handle the hand may be [m]: tips have 5 mm there, where there is as much
     room, and a hand that may use them up presses on what stands behind."""
     open: float = 0.6
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes

@@ -23,6 +23,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         "hand": hand_start(1),
         "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
         "last_action": np.zeros((1, 8)),
+        "motions_due": np.zeros((1, 7)),
         "time_left": np.ones(1),
         "goal": 0.8,
     } | values
@@ -78,6 +79,7 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
         ("hand_width", {"hand_width": np.array([0.04])}, 0.8),
         ("hand_speed", {"hand_speed": np.array([-0.1])}, -1.0),
         ("last_action", {"last_action": np.full((1, 8), -0.2)}, -0.2),
+        ("motions_due", {"motions_due": np.full((1, 7), 1.5)}, 1.5),
         ("time_left", {"time_left": np.array([0.25])}, 0.25),
         (
             "part_open",

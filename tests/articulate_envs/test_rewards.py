@@ -56,6 +56,7 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=
         opened=opened * one,
         speed=speed * one,
         samples=rows,
+        motions_due=np.zeros((1, 7)),
     )
 
 

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
 from articulate.asset import handle_frame
-from articulate.draw import COLUMNS, PUSH_S, draw, nominal_draw
+from articulate.draw import COLUMNS, PUSH_S, Draw, draw, nominal_draw
 from articulate.follow import discrete, follow, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import COLUMN, REASONS, WIDTH, judge_sample
 from articulate.task import Limits
@@ -385,6 +385,22 @@ def test_actions_act_after_the_drawn_delay(drawer):
     home = np.asarray(drawer.place.start_q)
     late = np.array([[home, *seen[:-1, 0]], [home, home, *seen[:-2, 0]]])
     assert_allclose(seen[:, 1:].swapaxes(0, 1), late, atol=1e-12)
+
+
+def test_motions_due_are_those_said_and_not_used_yet(drawer):
+    drawn = nominal_draw(3)
+    drawn.values[:, ROW["delay_ticks"]] = [0, 1, 2]
+    engine = ThreadEngine(drawer, 3)
+    engine.reset(np.arange(3), home_start(drawer, drawn))
+    assert_array_equal(engine.state().motions_due, 0.0)
+    said = np.random.default_rng(1).uniform(-1.0, 1.0, (4, 3, 8))
+    for tick, action in enumerate(said):
+        due = engine.step(action).motions_due
+        for i in range(3):
+            late = said[max(0, tick + 1 - i) : tick + 1, i, :7]
+            assert_allclose(due[i], late.sum(axis=0), atol=1e-12)
+    engine.reset(np.array([2]), home_start(drawer, Draw(drawn.values[2:])))
+    assert_array_equal(engine.state().motions_due[2], 0.0)
 
 
 def test_hands_move_after_the_drawn_latency(drawer):

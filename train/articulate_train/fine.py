@@ -23,15 +23,15 @@ HANDLE_UNIT_M = 0.2
 class FineConfig:
     """How much finer a hand that holds nothing moves near the handle."""
 
-    share: float = 0.4
+    share: float = 0.6
     """Share of a motion that is left there; 1 changes nothing."""
     near_m: float = 0.03
     """Distance of the handle up to which all of it counts [m]."""
     far_m: float = 0.10
     """Distance from which nothing of it counts [m]."""
-    held_s: tuple[float, float] = (1.0, 1.5)
-    """Times after closing was told between which motions become whole again [s]: the latency of
-    the hand and its way lie before."""
+    held_s: tuple[float, float] = (0.5, 1.0)
+    """Times after closing was told between which motions become whole again [s]: most
+    hands have closed by then."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:

@@ -32,7 +32,7 @@ DEEPEST_M = 0.010
 """Farthest behind the front of what is held that the middle of the pads goes [m]."""
 TIP_M = 0.0128
 """How far the fingers go beyond the middle of the pads in all, by franka's finger.stl [m]."""
-CLEAR_M = 0.010
+CLEAR_M = 0.005
 """So much room the tips keep to what stands behind the handle, where there is as much [m]."""
 LEAST_BITE_M = 0.010
 """They go at least so far behind the front of what is held, or as far as there is room [m]."""
