@@ -43,7 +43,10 @@ class RewardConfig:
     """For a hand that is told to close, and for one that is closed, at the handle; not for one
     that has closed on nothing, which has to open again."""
     grip_m: float = 0.018
-    """Distance at which that has fallen to 1/e [m]."""
+    """Distance at which that has fallen to 1/e, at the beginning of training [m]."""
+    grip_last_m: float = 0.010
+    """The same at its end; linear between. What is held off its middle slips out while it is
+    pulled, and a narrow place is found only from near it."""
     early: float = -0.25
     """For a hand that is told to close, or is closed, away from the handle, at the beginning; for
     one that has closed on nothing wherever it is, as it has to open again. The command counts from
@@ -286,7 +289,8 @@ def reward_terms(
     way = _paid(config, task, after.opened)
     change = way - _paid(config, task, before.opened)
     still = at_target(task, after.opened, after.speed)
-    close = np.exp(-((distance / config.grip_m) ** 2))
+    grip_m = config.grip_m + progress * (config.grip_last_m - config.grip_m)
+    close = np.exp(-((distance / grip_m) ** 2))
     told = (
         0.125 * (1.0 + np.clip(action[:, 7], -1.0, 1.0))
         + 0.125 * (1.0 + after.hand.smooth)
