@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
-from articulate.benchmark import batch as batch_module
+from articulate.actors.named.meaning import meanings_installed
 from articulate.benchmark.batch import Batch, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
@@ -139,8 +139,8 @@ def test_index_data_and_model_decide_what_is_made_anew(tmp_path, monkeypatch):
     assert len({first, other, asked, fingerprint(source, None, config)}) == 4
     library = fingerprint("procedural", None, config)
     assert fingerprint(str(tmp_path), None, config) != library
-    was = batch_module.meanings_installed()
-    monkeypatch.setattr(batch_module, "meanings_installed", lambda: not was)
+    was = meanings_installed()
+    monkeypatch.setattr("articulate.benchmark.batch.meanings_installed", lambda: not was)
     assert fingerprint("procedural", None, config) != library
 
 
