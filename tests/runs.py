@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from articulate.task import make_task
 from articulate_envs.place import find_place
 from articulate_envs.starts import StartConfig
 from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.fine import FineConfig
 from articulate_train.policy import CHECKPOINT
 from articulate_train.run import Run, open_run, write_scene
 
@@ -97,5 +98,10 @@ def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -
     }
     mean, var = drawn(OBSERVATION.size).double(), torch.ones(OBSERVATION.size).double() * 0.5
     folder.mkdir()
-    content = {"policy": weights, "net": list(net), "normalise": {"mean": mean, "var": var}}
+    content = {
+        "policy": weights,
+        "net": list(net),
+        "fine": asdict(FineConfig()),
+        "normalise": {"mean": mean, "var": var},
+    }
     torch.save(content, folder / CHECKPOINT)

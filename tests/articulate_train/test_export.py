@@ -25,6 +25,7 @@ from articulate_train.export import (
     to_onnx,
     write_bundle,
 )
+from articulate_train.fine import MOTIONS, FineConfig
 from articulate_train.policy import checkpoint_sha256, load_policy, read_checkpoint
 from articulate_train.run import open_run
 
@@ -57,7 +58,7 @@ def test_the_network_that_is_exported_is_the_one_that_was_trained(policy, model,
     assert_allclose(act(model, seen), policy.act(seen), rtol=0, atol=1e-5)
 
 
-def test_normalisation_and_clipping_are_inside(policy, model):
+def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
     far = np.full((1, OBSERVATION.size), 1e6)
     assert np.abs(act(model, far)).max() <= 1.0
     assert_allclose(
@@ -66,7 +67,9 @@ def test_normalisation_and_clipping_are_inside(policy, model):
     with torch.no_grad():
         linear = policy.head(policy.body(torch.zeros(1, OBSERVATION.size)))
     mean = policy.mean.numpy()[None]
-    assert_allclose(act(model, mean), torch.clamp(linear, -1, 1).numpy(), rtol=0, atol=1e-5)
+    said = torch.clamp(linear, -1, 1).numpy()
+    said[:, :MOTIONS] *= FineConfig().shares(mean)
+    assert_allclose(act(model, mean), said, rtol=0, atol=1e-5)
 
 
 def test_the_file_is_plain_onnx_without_traces_of_the_machine(model):

@@ -35,7 +35,7 @@ def test_what_is_no_checkpoint_is_said(folder, content):
     refused(folder, "cannot be read")
 
 
-@pytest.mark.parametrize("key", ["policy", "net", "normalise"])
+@pytest.mark.parametrize("key", ["policy", "net", "fine", "normalise"])
 def test_a_checkpoint_that_lacks_something_is_of_another_version(folder, key):
     content = read_checkpoint(folder)
     del content[key]
