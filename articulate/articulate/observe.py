@@ -49,8 +49,8 @@ OBSERVATION = Layout(
 and a policy's input is normalised by, the centimetre that decides a grasp is too small a part.
 ``part_near`` is ``part_open`` again, finer and only near the task's target, for the same reason.
 ``motions_due`` is the sum of the motions that were said but not used yet, as they come late:
-without it a policy cannot tell where its own words will lead the hand. A robot's side knows it by
-counting commands.
+without it a policy cannot tell where its own words will lead the hand. What keeps them waiting
+counts them; a link that is slow without saying so is not seen in it.
 """
 
 ACTION = Layout(
@@ -63,6 +63,8 @@ ACTION = Layout(
 )
 """What a policy says: how the tool and the elbow move, and a number whose sign closes the hand."""
 
+HANDLE_UNIT_M = 0.2
+"""Unit of ``handle_pos`` [m]."""
 SINCE_S = 2.0
 """Time after a hand's command that is told apart [s]: its latency and its dwell lie within."""
 
@@ -129,7 +131,7 @@ def observation(
             "joint_vel": dq,
             "target_lead": 10.0 * (target - q),
             "tool_lead": lead * np.repeat([20.0, 5.0], 3),
-            "handle_pos": 5.0 * T_th[:, :3, 3],
+            "handle_pos": T_th[:, :3, 3] / HANDLE_UNIT_M,
             "handle_near": 50.0 * T_th[:, :3, 3],
             "handle_axes": axes,
             "part_open": estimate.opened,

@@ -31,7 +31,7 @@ UNREADABLE = (
     MemoryError,
     OSError,
     OverflowError,
-    RuntimeError,  # and NotImplementedError, which is one
+    RuntimeError,  # of encrypted files and of unknown compression, too
     ValueError,  # and UnicodeDecodeError
 )
 """What :mod:`zipfile` says of archives that are none, or damaged."""

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from articulate.errors import ConfigError
-from articulate.observe import ACTION, OBSERVATION
-from articulate_train.fine import HANDLE_UNIT_M, MOTIONS, FineConfig
+from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION
+from articulate_train.fine import MOTIONS, FineConfig
 from articulate_train.policy import Policy
 
 FINE = FineConfig(share=0.4, near_m=0.03, far_m=0.10, held_s=(1.0, 1.5))

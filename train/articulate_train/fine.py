@@ -13,10 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from articulate.errors import ConfigError
-from articulate.observe import ACTION, OBSERVATION, SINCE_S
-
-HANDLE_UNIT_M = 0.2
-"""Unit of ``handle_pos`` [m]."""
+from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION, SINCE_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +27,8 @@ class FineConfig:
     far_m: float = 0.10
     """Distance from which nothing of it counts [m]."""
     held_s: tuple[float, float] = (0.5, 1.0)
-    """Times after closing was told between which motions become whole again [s]: most
-    hands have closed by then."""
+    """Times after closing was told between which motions become whole again [s]: most hands
+    have closed by then."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:

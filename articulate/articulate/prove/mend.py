@@ -215,11 +215,15 @@ class Bench:
             for meeting in fault.way.meetings
             if (meeting.one, meeting.other) in fault.authored and self._is_deep(meeting)
         }
-        if deep and fault.alone:
-            if self._shorten(fault, deep, model):
-                return True
-            if self._shorten(fault, deep, model, deep=True):  # what is left of it may be cut
-                return True
+        if (
+            deep
+            and fault.alone
+            and (
+                self._shorten(fault, deep, model)
+                or self._shorten(fault, deep, model, deep=True)  # what is left of it may be cut
+            )
+        ):
+            return True
         if self._cut(fault):
             return True
         met = set(fault.authored)
