@@ -63,6 +63,15 @@ class MissingError(UsageError):
     """An optional package is not installed, or the key of a service is not set."""
 
 
+class KilledError(ArticulateError):
+    """A process of ours was ended from outside: no bug, and worth another try."""
+
+    def __init__(self, message: str, number: int) -> None:
+        super().__init__(message)
+        self.exit_code = 128 + number
+        """What a shell tells of a process that signal ``number`` has ended."""
+
+
 class DivergedError(ArticulateError):
     """Training produced values that are not finite."""
 

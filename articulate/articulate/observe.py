@@ -23,6 +23,11 @@ OBSERVATION = Layout(
             name="handle_near", size=3, unit="0.02 m", frame="tool", source="estimator",
             low=-1.5, high=1.5,
         ),
+        Field(name="handle_aimed", size=3, unit="0.2 m", frame="target", source="estimator"),
+        Field(
+            name="handle_aimed_near", size=3, unit="0.02 m", frame="target", source="estimator",
+            low=-1.5, high=1.5,
+        ),
         Field(name="handle_axes", size=6, unit="1", frame="tool", source="estimator"),
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
         Field(
@@ -47,6 +52,10 @@ OBSERVATION = Layout(
 
 ``handle_near`` is ``handle_pos`` again, finer and only near the handle: of what an episode spans,
 and a policy's input is normalised by, the centimetre that decides a grasp is too small a part.
+``handle_aimed`` is where the handle will be in the hand once all that was said has been done: from
+the tool's target, and less the motions that are due. The arm is soft and the link late, so that
+the hand is up to half a second behind; one who steers by where it *is* comes too far (the
+predictor of O. J. M. Smith, 1957, without its model of the plant, as targets are known).
 ``part_near`` is ``part_open`` again, finer and only near the task's target, for the same reason.
 ``motions_due`` is the sum of the motions that were said but not used yet, as they come late:
 without it a policy cannot tell where its own words will lead the hand. What keeps them waiting
@@ -64,7 +73,7 @@ ACTION = Layout(
 """What a policy says: how the tool and the elbow move, and a number whose sign closes the hand."""
 
 HANDLE_UNIT_M = 0.2
-"""Unit of ``handle_pos`` [m]."""
+"""Unit of ``handle_pos`` and ``handle_aimed`` [m]."""
 SINCE_S = 2.0
 """Time after a hand's command that is told apart [s]: its latency and its dwell lie within."""
 
@@ -93,6 +102,7 @@ def observation(
     estimate: Estimate,
     last_action: Array,
     motions_due: Array,
+    move_m: float,
     time_left: Array,
     goal: float,
     T_wt: Array | None = None,
@@ -112,6 +122,7 @@ def observation(
         estimate: The object.
         last_action: The policy's last action (N, 8).
         motions_due: Sum of the motions that were said but have not been used yet (N, 7).
+        move_m: How far the tool goes along an axis for each 1 of them [m].
         time_left: Share of the episode that is left (N,).
         goal: Fraction open of the task's target.
         T_wt: Poses of the tool at ``q`` (N, 4, 4), where they are known already.
@@ -123,6 +134,7 @@ def observation(
         T_wt_target = tool_pose(arm, target)
     T_th = relative(T_wt, estimate.T_wh)
     lead = small_twist(relative(T_wt, T_wt_target))
+    aimed = relative(T_wt_target, estimate.T_wh)[:, :3, 3] - move_m * motions_due[:, :3]
     axes = np.concatenate([T_th[:, :3, 2], T_th[:, :3, 0]], axis=1)
     since = np.minimum(hand.since_s, SINCE_S) / SINCE_S
     return OBSERVATION.pack(
@@ -133,6 +145,8 @@ def observation(
             "tool_lead": lead * np.repeat([20.0, 5.0], 3),
             "handle_pos": T_th[:, :3, 3] / HANDLE_UNIT_M,
             "handle_near": 50.0 * T_th[:, :3, 3],
+            "handle_aimed": aimed / HANDLE_UNIT_M,
+            "handle_aimed_near": 50.0 * aimed,
             "handle_axes": axes,
             "part_open": estimate.opened,
             "part_near": 20.0 * (estimate.opened - goal),

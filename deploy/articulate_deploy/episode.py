@@ -177,6 +177,7 @@ def _observation(
         estimate=estimate,
         last_action=last[None],
         motions_due=plant.motions_due[None],
+        move_m=manifest.control.follow.move_m,
         time_left=np.array([time_left]),
         goal=manifest.task.target,
     )

@@ -195,6 +195,7 @@ class Episodes:
             estimate=self._estimator.estimate(self._drawn, self._rng),
             last_action=self._last,
             motions_due=state.motions_due,
+            move_m=scene.follow.move_m,
             time_left=1.0 - self._tick / scene.ticks,
             goal=scene.task.target,
             T_wt=state.T_wt,

@@ -24,6 +24,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
         "last_action": np.zeros((1, 8)),
         "motions_due": np.zeros((1, 7)),
+        "move_m": 0.008,
         "time_left": np.ones(1),
         "goal": 0.8,
     } | values
@@ -49,6 +50,26 @@ def test_handle_ten_centimetres_before_the_hand_is_half_a_unit_along_z():
 def test_near_field_is_fine_and_ends_three_centimetres_from_the_handle(ahead_m, seen):
     T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.0, 0.0, ahead_m]))
     assert_allclose(field(observe(T_wh=T_wh), "handle_near"), [0, 0, seen], atol=1e-12)
+
+
+def test_handle_is_aimed_at_from_the_target_and_less_what_is_due():
+    """Ten centimetres ahead, of which the target has made one and two late motions take 16 mm."""
+    T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.0, 0.0, 0.1]))
+    twist = np.array([[0, 0, 0.01, 0, 0, 0]])
+    target = HOME + resolve_motion(tool_jacobian_t(PANDA, HOME), twist)
+    due = np.array([[0.0, 0.0, 2.0, 0.5, 0.0, 0.0, 1.0]])
+    seen = observe(T_wh=T_wh, target=target, motions_due=due)
+    assert_allclose(field(seen, "handle_aimed"), [0, 0, 0.074 / 0.2], atol=5e-3)
+    assert_allclose(field(seen, "handle_pos"), [0, 0, 0.5], atol=1e-12)
+    seen = observe(T_wh=tool_pose(PANDA, HOME) @ pose(np.array([0.01, 0.0, 0.0])), motions_due=due)
+    assert_allclose(field(seen, "handle_aimed_near"), [0.5, 0, -0.8], atol=1e-12)
+
+
+def test_handle_aimed_at_from_a_target_that_is_reached_is_where_it_is():
+    T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.02, -0.01, 0.3]))
+    seen = observe(T_wh=T_wh)
+    assert_allclose(field(seen, "handle_aimed"), field(seen, "handle_pos"), atol=1e-12)
+    assert_allclose(field(seen, "handle_aimed_near"), field(seen, "handle_near"), atol=1e-12)
 
 
 @given(angle=st.floats(-1, 1), seed=st.integers(0, 1000))

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from tests.runs import write_checkpoint
 
+from articulate.commands import run_command
 from articulate.errors import ArticulateError, DivergedError, RunError, UsageError
 from articulate.files import write_json
 from articulate_train import campaign
@@ -123,7 +124,6 @@ def test_seed_that_is_refused_is_bad_input_with_its_last_line_and_its_log(tiny, 
     [
         (1, "Traceback\nKeyError: 'x'\n", "crashed with exit 1: KeyError: 'x'"),
         (1, "", "crashed with exit 1"),
-        (-9, "", "was ended by SIGKILL"),
         (-11, "half a line", "was ended by SIGSEGV: half a line"),
         (-99, "", "was ended by signal 99"),
     ],
@@ -134,6 +134,17 @@ def test_seed_that_crashes_or_is_killed_is_no_bad_input(tiny, fake, code, log, w
         train_seeds(tiny, lambda _: None)
     assert not isinstance(caught.value, UsageError)
     assert str(caught.value) == f"seed 0 {what}; its log is {tiny.folder / 'seed_0.log'}"
+
+
+@pytest.mark.parametrize(("code", "name"), [(-9, "SIGKILL"), (-15, "SIGTERM")])
+def test_seed_that_is_killed_from_outside_says_how_to_go_on(tiny, fake, code, name, capsys):
+    """With the exit status of a shell, by which a launcher tells a loss from a failure."""
+    fake(code=code)
+    assert run_command(lambda _: train_seeds(tiny, lambda _: None) or 0, []) == 128 - code
+    assert capsys.readouterr().err == (
+        f"seed 0 was ended by {name}; was there enough memory? "
+        f"`train --resume --out {tiny.folder}` goes on; its log is {tiny.folder / 'seed_0.log'}\n"
+    )
 
 
 def test_seconds_of_all_calls_add_up(tiny, fake):

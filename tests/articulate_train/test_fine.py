@@ -18,7 +18,7 @@ FINE = FineConfig(share=0.4, near_m=0.03, far_m=0.10, held_s=(1.0, 1.5))
 def seen(distance_m, *, wish=-1.0, since_s=2.0):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
-    fields["handle_pos"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
+    fields["handle_aimed"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
     fields["hand_command"] = np.array([[wish, wish, since_s / 2.0]])
     return OBSERVATION.pack(fields)
 

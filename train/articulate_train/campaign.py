@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from articulate.errors import ArticulateError, DivergedError, RunError
+from articulate.errors import ArticulateError, DivergedError, KilledError, RunError
 from articulate_train.clock import Clock
 from articulate_train.lock import alone
 from articulate_train.run import SUMMARY, Run, write_summary
@@ -21,6 +21,9 @@ from articulate_train.seed import BAD_INPUT, DIVERGED, DONE, INTERRUPTED, PROGRE
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to 1 for each seed: more threads fight with the physics (they spin)."""
+
+FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
+"""Signals that say nothing against a seed: the system ran out of memory, or someone sent them."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,8 @@ def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
     Raises:
         DivergedError: A seed produced values that are not finite.
         RunError: A seed was refused what it is to train with, or another process trains the run.
-        ArticulateError: A seed's process crashed, or was killed.
+        KilledError: A seed's process was ended from outside.
+        ArticulateError: A seed's process crashed.
     """
     if not _waiting(run) and (run.folder / SUMMARY).exists():
         return True
@@ -170,6 +174,12 @@ def _ended_well(run: Run, seed: int, process: subprocess.Popen[bytes]) -> bool:
         raise DivergedError(f"seed {seed} diverged: {said}; its last states lie in {states}")
     if code == BAD_INPUT:
         raise RunError(f"seed {seed} failed: {said or 'it said nothing'}; its log is {log}")
+    if -code in FROM_OUTSIDE:
+        raise KilledError(
+            f"seed {seed} was ended by {signal_name(-code)}; was there enough memory? "
+            f"`train --resume --out {run.folder}` goes on; its log is {log}",
+            -code,
+        )
     how = f"was ended by {signal_name(-code)}" if code < 0 else f"crashed with exit {code}"
     raise ArticulateError(f"seed {seed} {how}{said and f': {said}'}; its log is {log}")
 

@@ -3,8 +3,8 @@
 A policy says eight numbers of [-1, 1] whose unit is what the arm may do in one tick. Far from the
 object that is right; in the last centimetres, where 5 mm decide a grasp and the link may be two
 ticks late, the same number should ask for less. So what a policy says is scaled by where the hand
-is seen to be, in training and in the network that is exported alike: no engine and no robot knows
-of it.
+will be when it has done what was said before (``handle_aimed``), in training and in the network
+that is exported alike: no engine and no robot knows of it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class FineConfig:
         return 1.0 - (1.0 - self.share) * near * (1.0 - held)
 
 
-_HANDLE = OBSERVATION.slice("handle_pos")
+_HANDLE = OBSERVATION.slice("handle_aimed")
 _COMMAND = OBSERVATION.slice("hand_command").start
 _WISH, _SINCE = slice(_COMMAND + 1, _COMMAND + 2), slice(_COMMAND + 2, _COMMAND + 3)
 MOTIONS = ACTION.slice("hand").start

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from articulate.commands import console
 from articulate.commands.interrupt import INTERRUPT_EXIT, two_strokes
-from articulate.errors import UsageError, nearest
+from articulate.errors import KilledError, UsageError, nearest
 
 GROUP = "articulate.commands"
 DISTRIBUTION = "articulate-robots"
@@ -61,13 +61,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run_command(command: Main, argv: Sequence[str]) -> int:
     """Exit code of ``command(argv)``; every error becomes one line on stderr.
 
-    Bad input and a full disk give 2, an interrupt 130, and a bug 1, with its trace in a file.
+    Bad input and a full disk give 2, an interrupt 130, a process of ours that was killed 128 and
+    the number of the signal, and a bug 1, with its trace in a file.
     """
     with console.session(), two_strokes():
         try:
             return command(argv)
         except UsageError as error:
             return _complain(str(error), USAGE_EXIT)
+        except KilledError as error:
+            return _complain(str(error), error.exit_code)
         except KeyboardInterrupt:
             hint = console.interrupt_hint()
             return _complain(f"interrupted{hint and f'; {hint}'}", INTERRUPT_EXIT)
