@@ -325,7 +325,7 @@ def refuse(
     write_page(proof, None, folder / PAGE_FILE, meanings=meanings())
     save_proof(proof, folder)
     if lasting:
-        store.keep(file, options, cache, (), folder)
+        store.keep(file, options, cache, (), folder, dated=True)
     return folder
 
 

@@ -78,7 +78,10 @@ def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
     try:
         record = json.loads(_record(source, options, cache).read_text(encoding="utf-8"))
         folder = cache / str(record["folder"])
-        if record["listing"] != _listing(source) or not (folder / PROOF_FILE).is_file():
+        if (
+            record["listing"] != _listing(source, dated=record["dated"])
+            or not (folder / PROOF_FILE).is_file()
+        ):
             return None
         if any(sha256(Path(path)) != known for path, known in record["inputs"].items()):
             return None
@@ -90,7 +93,13 @@ def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
 
 
 def keep(
-    source: Path, options: Mapping[str, Any], cache: Path, inputs: Iterable[Path], folder: Path
+    source: Path,
+    options: Mapping[str, Any],
+    cache: Path,
+    inputs: Iterable[Path],
+    folder: Path,
+    *,
+    dated: bool = False,
 ) -> None:
     """Note that the result of ``source`` lies in ``folder`` of the cache.
 
@@ -100,6 +109,8 @@ def keep(
         cache: Cache folder.
         inputs: Further files that were read.
         folder: Folder below ``cache``.
+        dated: The files beside and below ``source`` have to keep their dates, too: nobody knows
+            which of them was read when reading ended in an error.
     """
     known = {}
     for path in sorted(set(inputs)):
@@ -108,7 +119,8 @@ def keep(
     content = {
         "source": str(source.resolve()),
         "inputs": known,
-        "listing": _listing(source),
+        "dated": dated,
+        "listing": _listing(source, dated=dated),
         "folder": folder.relative_to(cache).as_posix(),
     }
     touch(folder)
@@ -133,19 +145,27 @@ def _content(source: Path) -> bytes:
     """Bytes of a file; what is too large to be an object is told by its size and date."""
     try:
         state = source.stat()
-        if state.st_size > MOST_BYTES:
-            return f"{state.st_size} {state.st_mtime_ns}".encode()
-        return source.read_bytes()
+        return source.read_bytes() if state.st_size <= MOST_BYTES else _size_and_date(source)
     except OSError as error:
         return f"unreadable: {error.errno}".encode()
+
+
+def _size_and_date(path: Path) -> bytes:
+    try:
+        state = path.stat()
+    except OSError as error:
+        return f"unreadable: {error.errno}".encode()
+    return f"{state.st_size} {state.st_mtime_ns}".encode()
 
 
 def _record(source: Path, options: Mapping[str, Any], cache: Path) -> Path:
     return cache / "checks" / f"{ticket(source, options)[:32]}.json"
 
 
-def _listing(source: Path) -> str:
+def _listing(source: Path, *, dated: bool) -> str:
     """Hash of the names beside and below ``source``: a mesh that was absent may have come.
+
+    With sizes and dates if ``dated``: one that was damaged may have been mended.
 
     Names are taken from the top folder on: who asks may write the path to it in another way than
     who kept the result.
@@ -159,6 +179,8 @@ def _listing(source: Path) -> str:
         inside = os.path.relpath(base, top)
         for name in sorted(files):
             digest.update(f"{inside}/{name}\0".encode(errors="surrogateescape"))
+            if dated:
+                digest.update(_size_and_date(Path(base, name)))
         count += len(files)
         if count > MOST_NAMES:
             break

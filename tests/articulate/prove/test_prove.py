@@ -201,6 +201,20 @@ def test_a_refusal_that_no_file_elsewhere_would_mend_is_kept(tmp_path, monkeypat
 
 
 @pytest.mark.usefixtures("unmeasured")
+def test_a_damaged_mesh_that_is_mended_under_its_name_is_read_again(tmp_path):
+    source = tmp_path / "in" / "leaf.urdf"
+    source.parent.mkdir()
+    source.write_text(LEAF.format(box=""))
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
+    mesh = source.parent / "far" / "leaf.obj"
+    mesh.parent.mkdir()
+    mesh.write_text("v 0 0\nf 1 2 3\n")
+    assert check(source, tmp_path / "out", config).verdict == "refused"
+    trimesh.creation.box((0.3, 0.3, 0.3)).export(mesh)
+    assert check(source, tmp_path / "out", config).verdict == "proven"
+
+
+@pytest.mark.usefixtures("unmeasured")
 def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, monkeypatch):
     sources = [tmp_path / name / "obj" / "box.urdf" for name in ("one", "two")]
     for source in sources:
