@@ -64,6 +64,10 @@ class Mended:
     bodies: tuple[Body, ...]
     repairs: tuple[str, ...]
     """What was changed, one sentence each; none if nothing was."""
+    model: ObjectModel
+    """It compiled, with what it shows."""
+    cut: frozenset[str] = frozenset()
+    """Links of which shapes were cut back."""
     stuck: frozenset[str] = frozenset()
     """Links that still go into each other on some way."""
 
@@ -98,7 +102,7 @@ def mend(
             break
         model = bench.model(shown=True)
     met = {name for f in faults for m in f.way.meetings for name in (m.one, m.other)}
-    return replace(bench.done(), stuck=frozenset(met))
+    return replace(bench.done(model), stuck=frozenset(met))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -471,8 +475,8 @@ class Bench:
         spec = mujoco.MjSpec.from_string(text, assets=files)
         return ObjectModel(self.asset, spec.compile())
 
-    def done(self) -> Mended:
-        """The object with all that was changed."""
+    def done(self, model: ObjectModel) -> Mended:
+        """The object with all that was changed; ``model`` is it compiled."""
         repairs = [*self._eased, *self._shortened.values()]
         links = []
         for link in self.asset.links:
@@ -490,6 +494,8 @@ class Bench:
             asset=replace(self.asset, links=tuple(links)),
             bodies=tuple(part.done() for part in self.parts.values()),
             repairs=tuple(repairs),
+            model=model,
+            cut=frozenset(name for name, part in self.parts.items() if part.cuts),
         )
 
 

@@ -39,13 +39,13 @@ from articulate.prove.fk import fk, fk_input
 from articulate.prove.force import force
 from articulate.prove.inertia import inertia
 from articulate.prove.limits import limits
-from articulate.prove.mend import mend
+from articulate.prove.mend import Mended, mend
 from articulate.prove.model import ObjectModel, load_model
 from articulate.prove.openness import openness
 from articulate.prove.origin import Origin, origin_of_reading
 from articulate.prove.page import write_page
 from articulate.prove.record import PAGE_FILE, load_proof, save_proof
-from articulate.prove.refine import Refiner
+from articulate.prove.refine import Refined, Refiner, failed_shapes
 from articulate.prove.settle import settle
 from articulate.prove.shown import shown
 from articulate.prove.sweep import sweep
@@ -277,6 +277,20 @@ def _written(proof: Proof, asset: Asset, start: float) -> Proof:
     return proof
 
 
+def wrong_after(made: Refined, mended: Mended) -> frozenset[str]:
+    """Links of ``made`` that the repairs left in each other's way, or that cuts have spoiled.
+
+    The inside of a coarse shape that is cut open stands where nothing is seen: a clause on shapes
+    fails then that passed before. Shapes that are finer to begin with have less to be cut.
+    """
+    if not mended.cut or made.model is None:
+        return mended.stuck
+    failed = mended.cut & {clause.subject for clause in failed_shapes(mended.model)}
+    if failed:
+        failed -= {clause.subject for clause in failed_shapes(made.model)}
+    return mended.stuck | failed
+
+
 def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     """The asset of ``reading`` in ``folder``.
 
@@ -285,18 +299,17 @@ def _made(reading: Reading, config: ConvertConfig, folder: Path) -> Asset:
     """
     refiner = Refiner(reading=reading, config=config, name=folder.name)
     made = refiner.best()
-    asset, mimics, model = made.asset, made.mimics, made.model
-    if model is None or not asset.joints:
-        return write_asset(asset, made.bodies, mimics, folder)
-    budget = Budget(MEND_S)
-    mended = mend(asset, made.bodies, mimics, model, budget)
-    finer = refiner.finer(mended.stuck) if mended.stuck else None
+    if made.model is None or not made.asset.joints:
+        return write_asset(made.asset, made.bodies, made.mimics, folder)
+    mended = mend(made.asset, made.bodies, made.mimics, made.model, Budget(MEND_S))
+    wrong = wrong_after(made, mended)
+    finer = refiner.finer(wrong) if wrong else None
     if finer is not None and finer.model is not None:
-        again = mend(finer.asset, finer.bodies, mimics, finer.model, budget)
-        if not again.stuck:
-            asset, mended = finer.asset, again
-    sentences = (*asset.repairs, *mended.repairs)
-    return write_asset(replace(mended.asset, repairs=sentences), mended.bodies, mimics, folder)
+        again = mend(finer.asset, finer.bodies, made.mimics, finer.model, Budget(MEND_S))
+        if not wrong_after(finer, again):
+            made, mended = finer, again
+    sentences = (*made.asset.repairs, *mended.repairs)
+    return write_asset(replace(mended.asset, repairs=sentences), mended.bodies, made.mimics, folder)
 
 
 def refuse(

@@ -83,7 +83,7 @@ class Refiner:
         for left in reversed(range(PASSES)):
             if now.model is None:
                 return now
-            failed = _failed(now.model)
+            failed = failed_shapes(now.model)
             short = shortfalls(failed)
             for link in set(short) | set(times):
                 if len(history.get(link, ())) == times.get(link, 0):  # made anew, or failed anew
@@ -111,7 +111,7 @@ class Refiner:
         before = dict(self._times)
         self._times |= {link: before.get(link, 0) + 1 for link in links}
         now = self._finer(len(links))
-        if now.model is not None and not _failed(now.model):
+        if now.model is not None and not failed_shapes(now.model):
             return now
         self._times = before
         return None
@@ -138,7 +138,7 @@ class Refiner:
         return Refined(asset=asset, bodies=bodies, mimics=mimics, model=model)
 
 
-def _failed(model: ObjectModel) -> list[Clause]:
+def failed_shapes(model: ObjectModel) -> list[Clause]:
     """The clauses on shapes that fail."""
     return [c for c in (*openness(model), *coverage(model)) if c.outcome == "failed"]
 

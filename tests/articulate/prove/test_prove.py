@@ -11,11 +11,13 @@ from tests.articulate.prove.objects import Part, make_object
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig
 from articulate.errors import UsageError
-from articulate.proof import Proof
+from articulate.proof import Clause, Proof
 from articulate.prove import prove as proving
 from articulate.prove.clauses import CLAUSES
-from articulate.prove.prove import check, prove
+from articulate.prove.mend import Mended
+from articulate.prove.prove import check, prove, wrong_after
 from articulate.prove.record import load_proof
+from articulate.prove.refine import Refined
 
 CONFIG = ConvertConfig(decompose=False, licence="MIT")
 
@@ -237,3 +239,51 @@ def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, mon
     assert outs == ["proven", "proven"]
     assert len(list((tmp_path / "cache" / "assets").iterdir())) == 1
     assert met == []
+
+
+def _mended(made, *, cut=(), stuck=()):
+    return Mended(
+        asset=made.asset,
+        bodies=(),
+        repairs=(),
+        model=f"{made.model}, mended",
+        cut=frozenset(cut),
+        stuck=frozenset(stuck),
+    )
+
+
+@pytest.mark.parametrize(
+    ("cut", "stuck", "failed", "wrong"),
+    [
+        ((), (), {}, set()),
+        ((), ("lid",), {"it, mended": ["box"]}, {"lid"}),
+        (("lid",), (), {}, set()),
+        (("lid",), (), {"it, mended": ["lid"]}, {"lid"}),
+        (("lid",), (), {"it, mended": ["lid"], "it": ["lid"]}, set()),
+        (("lid",), (), {"it, mended": ["box"]}, set()),
+        (("lid", "box"), ("pot",), {"it, mended": ["lid", "box"], "it": ["box"]}, {"lid", "pot"}),
+    ],
+)
+def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
+    monkeypatch, cut, stuck, failed, wrong
+):
+    def failing(model):
+        return [
+            Clause(name="coverage", outcome="failed", subject=link, message="")
+            for link in failed.get(model, ())
+        ]
+
+    monkeypatch.setattr(proving, "failed_shapes", failing)
+    made = Refined(asset=None, bodies=[], mimics=[], model="it")
+    assert wrong_after(made, _mended(made, cut=cut, stuck=stuck)) == wrong
+
+
+@pytest.mark.dataset
+@pytest.mark.slow
+def test_a_lid_that_cuts_would_spoil_is_made_finer_first(data_folder, tmp_path):
+    """Two shapes stand for it; cut back, they bare what is not seen, and finer ones do not."""
+    config = dataclasses.replace(ConvertConfig(), cache_dir=tmp_path / "cache")
+    proof = check(
+        data_folder / "assets" / "partnet" / "8867" / "mobility.urdf", tmp_path / "out", config
+    )
+    assert proof.verdict == "repaired"
