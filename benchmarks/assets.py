@@ -25,6 +25,7 @@ import numpy as np
 
 from articulate.asset import load_asset
 from articulate.prove.batch import Batch, Checked, Item
+from articulate.prove.clauses import CLAUSES
 from articulate.prove.model import load_model
 from articulate.prove.triangles import triangles_of
 
@@ -141,13 +142,17 @@ def cached_seconds(done: Batch, items: Sequence[Item]) -> float:
     return statistics.median(times)
 
 
+def clause_of(reason: str) -> str:
+    """The clause that ``reason`` begins with; ``unreadable`` if none was judged."""
+    first = reason.split(" ")[0].split(":")[0]
+    return first if first in CLAUSES else "unreadable"
+
+
 def summed(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Counts of verdicts, clauses that refused, and times."""
     verdicts = Counter(r["verdict"] for r in rows)
     clauses = Counter(
-        clause
-        for r in rows
-        for clause in {reason.split(" ")[0].split(":")[0] for reason in r["reasons"]}
+        clause for r in rows for clause in {clause_of(reason) for reason in r["reasons"]}
     )
     seconds = sorted(r["seconds"] for r in rows)
     good = len(rows) - verdicts["refused"]
