@@ -74,6 +74,10 @@ ACTION = Layout(
 
 HANDLE_UNIT_M = 0.2
 """Unit of ``handle_pos`` and ``handle_aimed`` [m]."""
+WIDTH_UNIT_M = 0.05
+"""Unit of ``hand_width`` [m]."""
+SPEED_UNIT_M_S = 0.1
+"""Unit of ``hand_speed`` [m/s]."""
 SINCE_S = 2.0
 """Time after a hand's command that is told apart [s]: its latency and its dwell lie within."""
 
@@ -151,8 +155,8 @@ def observation(
             "part_open": estimate.opened,
             "part_near": 20.0 * (estimate.opened - goal),
             "part_speed": 10.0 * estimate.speed,
-            "hand_width": 20.0 * hand_width,
-            "hand_speed": 10.0 * hand_speed,
+            "hand_width": hand_width / WIDTH_UNIT_M,
+            "hand_speed": hand_speed / SPEED_UNIT_M_S,
             "hand_command": np.stack([hand.smooth, hand.wish, since], axis=1),
             "motions_due": motions_due,
             "last_action": last_action,

@@ -18,7 +18,6 @@ from articulate.judgement import (
 )
 from articulate.manifest import Manifest
 from articulate.observe import Estimate, observation
-from articulate.track import Tracker
 from articulate.transforms import Array
 from articulate_deploy.estimators.estimator import Estimator
 from articulate_deploy.plant import Plant
@@ -106,12 +105,11 @@ def run_episode(
     plant = Plant(manifest, q, delay_ticks=delay_ticks)
     robot.take_samples()
     estimator.reset()
-    tracker = Tracker(1, task.span, task.kind, tick_s)
     judgement, torque = judgement_start(1), np.zeros(7)
     last, clipped, tick = np.zeros(manifest.action.size), 0, 0
     before: dict[str, float] | None = None
     for tick in range(ticks):
-        seen, estimate = robot.get_observation(), tracker.update(estimator.estimate())
+        seen, estimate = robot.get_observation(), estimator.estimate()
         before = seen if before is None else before
         observed = _observation(manifest, (before, seen), plant, estimate, last, 1.0 - tick / ticks)
         before = seen

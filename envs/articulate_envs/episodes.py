@@ -18,7 +18,6 @@ from articulate.judgement import (
     verdict,
 )
 from articulate.observe import ACTION, observation
-from articulate.track import Tracker
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
@@ -97,7 +96,6 @@ class Episodes:
         scene, n = engine.scene, engine.n_envs
         self._rng = np.random.default_rng(seed)
         self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
-        self._tracker = Tracker(n, scene.task.span, scene.task.kind, scene.follow.tick_s)
         self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
         self._judgement = judgement_start(n)
@@ -182,13 +180,10 @@ class Episodes:
         self._terms[rows] = 0.0
         state = self.engine.state()
         self._estimator.reset(rows, state.T_wh[rows], state.opened[rows])
-        self._tracker.reset(rows)
         return state
 
-    def _observe(self, rows: Ints | None = None) -> Array:
-        """Observations (N, size) of a tick that is new to environments ``rows``, None: to all."""
+    def _observe(self) -> Array:
         state, scene = self.state, self.engine.scene
-        seen = self._estimator.estimate(self._drawn, self._rng)
         return observation(
             scene.arm,
             q=state.q,
@@ -197,7 +192,7 @@ class Episodes:
             hand_width=state.hand_width,
             hand_speed=(state.hand_width - self._width) / scene.follow.tick_s,
             hand=state.hand,
-            estimate=self._tracker.update(seen, rows),
+            estimate=self._estimator.estimate(self._drawn, self._rng),
             last_action=self._last,
             motions_due=state.motions_due,
             move_m=scene.follow.move_m,
@@ -250,7 +245,7 @@ class Episodes:
                 self._width = self._width.copy()
                 self._width[ended.rows] = self._state.hand_width[ended.rows]
                 seen = seen.copy()
-                seen[ended.rows] = self._observe(ended.rows)[ended.rows]
+                seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
 
     def _may_cut(self) -> Mask:
@@ -284,7 +279,7 @@ class Episodes:
     def snapshot(self) -> dict[str, Any]:
         """All that resuming bit-identically needs: arrays, and the generator's state."""
         out: dict[str, Any] = {f"engine_{k}": v for k, v in self.engine.snapshot().items()}
-        out |= self._estimator.snapshot() | self._tracker.snapshot()
+        out |= self._estimator.snapshot()
         j = self._judgement
         return out | {
             "judgement_samples": j.samples.copy(),
@@ -308,7 +303,6 @@ class Episodes:
             {k[len(prefix) :]: v for k, v in snapshot.items() if k.startswith(prefix)}
         )
         self._estimator.restore(snapshot)
-        self._tracker.restore(snapshot)
         self._judgement = Judgement(
             snapshot["judgement_samples"].copy(),
             snapshot["judgement_rest_s"].copy(),

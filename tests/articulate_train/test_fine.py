@@ -8,18 +8,21 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from articulate.errors import ConfigError
-from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION
+from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION, SPEED_UNIT_M_S, WIDTH_UNIT_M
 from articulate_train.fine import MOTIONS, FineConfig
 from articulate_train.policy import Policy
 
-FINE = FineConfig(share=0.4, near_m=0.03, far_m=0.10, held_s=(1.0, 1.5))
+FINE = FineConfig(share=0.4, closing=0.2, near_m=0.03, far_m=0.10)
+OPEN_M = 0.08
 
 
-def seen(distance_m, *, wish=-1.0, since_s=2.0):
+def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
     fields["handle_aimed"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
-    fields["hand_command"] = np.array([[wish, wish, since_s / 2.0]])
+    fields["hand_command"] = np.array([[wish, wish, 1.0]])
+    fields["hand_width"] = np.array([[width_m / WIDTH_UNIT_M]])
+    fields["hand_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
     return OBSERVATION.pack(fields)
 
 
@@ -32,22 +35,43 @@ def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
 
 
 @pytest.mark.parametrize(
-    ("wish", "since_s", "share"),
-    [(1.0, 0.0, 0.4), (1.0, 1.0, 0.4), (1.0, 1.25, 0.7), (1.0, 1.5, 1.0), (-1.0, 2.0, 0.4)],
+    ("width_m", "speed_m_s", "share"),
+    [
+        (0.08, 0.0, 0.2),  # told, and nothing has moved yet
+        (0.06, -0.2, 0.2),  # closing
+        (0.04, 0.0, 1.0),  # closed on something
+        (0.0, 0.0, 1.0),  # closed on nothing
+        (0.04, 0.025, 0.6),  # coming to rest
+        (0.075, 0.0, 0.6),
+    ],
 )
-def test_motions_are_whole_again_once_the_hand_has_had_time_to_close(wish, since_s, share):
-    assert_allclose(FINE.shares(seen(0.01, wish=wish, since_s=since_s)), [[share]], atol=1e-12)
+def test_motions_are_finest_from_telling_the_hand_to_close_until_it_has(width_m, speed_m_s, share):
+    got = FINE.shares(seen(0.01, wish=1.0, width_m=width_m, speed_m_s=speed_m_s))
+    assert_allclose(got, [[share]], atol=1e-12)
+
+
+def test_fingers_that_open_are_those_of_an_open_hand():
+    got = FINE.shares(seen(0.01, wish=-1.0, width_m=0.04, speed_m_s=0.2))
+    assert_allclose(got, [[0.4]], atol=1e-12)
+
+
+@pytest.mark.parametrize("wish", [-1.0, 1.0])
+def test_far_from_the_handle_nothing_is_finer(wish):
+    assert_allclose(FINE.shares(seen(0.2, wish=wish)), [[1.0]], atol=1e-12)
 
 
 @given(
     distance_m=st.floats(0.0, 2.0),
     wish=st.sampled_from([-1.0, 1.0]),
-    since_s=st.floats(0.0, 2.0),
+    width_m=st.floats(0.0, 0.08),
+    speed_m_s=st.floats(-0.3, 0.3),
     share=st.floats(0.05, 1.0),
+    closing=st.floats(0.05, 1.0),
 )
-def test_shares_lie_between_the_least_and_one(distance_m, wish, since_s, share):
-    got = FineConfig(share=share).shares(seen(distance_m, wish=wish, since_s=since_s))[0, 0]
-    assert share - 1e-12 <= got <= 1.0
+def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m_s, share, closing):
+    row = seen(distance_m, wish=wish, width_m=width_m, speed_m_s=speed_m_s)
+    got = FineConfig(share=share, closing=closing).shares(row)[0, 0]
+    assert min(share, closing) - 1e-12 <= got <= 1.0
 
 
 def test_arrays_and_tensors_give_the_same():
@@ -75,8 +99,10 @@ def test_policy_scales_motions_and_leaves_the_hands_command():
         {"share": 1.5},
         {"near_m": 0.2},
         {"near_m": -0.1},
-        {"held_s": (1.5, 1.0)},
-        {"held_s": (1.0, 3.0)},
+        {"closing": 0.0},
+        {"closing": 1.01},
+        {"shut_m": (0.08, 0.07)},
+        {"rest_m_s": 0.0},
         {"share": float("nan")},
     ],
 )
