@@ -2,6 +2,7 @@ import dataclasses
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any, cast
 
 import pytest
 import trimesh
@@ -241,12 +242,12 @@ def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, mon
     assert met == []
 
 
-def _mended(made, *, cut=(), stuck=()):
+def _mended(made: Refined, *, cut: tuple[str, ...] = (), stuck: tuple[str, ...] = ()) -> Mended:
     return Mended(
         asset=made.asset,
         bodies=(),
         repairs=(),
-        model=f"{made.model}, mended",
+        model=cast(Any, f"{made.model}, mended"),
         cut=frozenset(cut),
         stuck=frozenset(stuck),
     )
@@ -274,7 +275,7 @@ def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
         ]
 
     monkeypatch.setattr(proving, "failed_shapes", failing)
-    made = Refined(asset=None, bodies=[], mimics=[], model="it")
+    made = Refined(asset=cast(Any, None), bodies=[], mimics=[], model=cast(Any, "it"))
     assert wrong_after(made, _mended(made, cut=cut, stuck=stuck)) == wrong
 
 
