@@ -11,6 +11,7 @@
     │   ├── BundleError     a bundle that was changed or cannot be read
     │   ├── EngineError     an environment asked for what it does not do
     │   └── MissingError    an optional package, or a key, that is not there
+    ├── KilledError         a process of ours that was ended from outside, exit 128 + signal
     └── DivergedError       training produced values that are not finite
 
 Four more stand where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,

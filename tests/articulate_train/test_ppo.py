@@ -9,6 +9,7 @@ from articulate.errors import ConfigError, DivergedError
 from articulate.observe import OBSERVATION
 from articulate_envs.critic import PRIVILEGED
 from articulate_train.config import PpoConfig
+from articulate_train.fine import MOTIONS
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner
 
@@ -129,11 +130,13 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     one.save(tmp_path)
     raw = one.normalise.old_obs
     policy = policy_of(read_checkpoint(tmp_path))
+    seen_raw = raw[:, : OBSERVATION.size]
     seen = torch.from_numpy(one.normalise.normalize_obs(raw.astype(np.float64)).astype(np.float32))
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
     expected = np.clip(mean.numpy(), -1, 1)
-    np.testing.assert_allclose(policy.act(raw[:, : OBSERVATION.size]), expected, atol=1e-5)
+    expected[:, :MOTIONS] *= policy.fine.shares(seen_raw)
+    np.testing.assert_allclose(policy.act(seen_raw), expected, atol=1e-5)
 
 
 def test_policy_does_not_see_what_only_the_value_function_may(learner):
