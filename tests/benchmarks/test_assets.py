@@ -65,3 +65,15 @@ def test_an_object_of_boxes_costs_what_boxes_cost(
     monkeypatch.setattr(assets, "STEPS", 50)
     drawer = Part(name="drawer", kind="slide", axis=(-1.0, 0.0, 0.0), boxes=TRAY)
     assert 0.1 < assets.step_ratio(make_object(tmp_path / "a", drawer).folder) < 10.0
+
+
+@pytest.mark.parametrize(
+    ("reason", "clause"),
+    [
+        ("openness of link_1: 79.2% of the cavity is free", "openness"),
+        ("sweep_authored of door: it goes 9 mm deeper into the wall", "sweep_authored"),
+        ("/tmp/kettle.xml: a scene with 8 free bodies, not one object", "unreadable"),
+    ],
+)
+def test_reasons_are_counted_by_their_clause(assets: ModuleType, reason: str, clause: str) -> None:
+    assert assets.clause_of(reason) == clause
