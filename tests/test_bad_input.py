@@ -280,6 +280,9 @@ def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_
     refused("export run --out bundle.zip --seed 4")
     refused("evaluate run --episodes 0")
     refused("evaluate run --ranges 0")
+    refused("evaluate run --asset nothing.urdf")
+    refused("evaluate run --joint drawer_1")
+    refused("evaluate run run --asset nothing.urdf")
     for flags in ("", "run --require-success 90", "run --episodes", "run --episode 5", "run old"):
         refused(f"evaluate {flags}".strip())
     for flags in ("", "run --seed first", "run --out run", "run --oot b.zip", "run --out empty/"):

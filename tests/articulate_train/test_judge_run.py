@@ -6,12 +6,14 @@ import pytest
 import yaml
 from tests.runs import write_checkpoint
 
-from articulate.errors import MissingError, RunError
+from articulate.errors import MissingError, RunError, UsageError
+from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate.task import Task
 from articulate_envs.rewards import TERMS
 from articulate_train import judge_run as judging
 from articulate_train.judge_run import commit, judge_run, target_text
 from articulate_train.policy import checkpoint_sha256
+from articulate_train.run import on_object
 from articulate_train.seed import PROGRESS
 
 
@@ -67,6 +69,28 @@ def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, fi
     assert [seed.success.episodes for seed in done.report.seeds] == [3]
 
 
+def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_path):
+    other = embedded_cabinet(tmp_path / "other")
+    on = on_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
+    assert (on.folder, on.arm) == (trained.folder, trained.arm)
+    done = judge_run(trained, episodes=2, on=on)
+    assert done.json_path.parent == trained.folder / f"on_{on.asset.name}"
+    assert not (trained.folder / "report.json").exists()
+    info = done.report.info
+    assert (info.asset, info.joint) == (on.asset.name, "drawer_1_slide")
+    assert info.target_text == target_text(on.task) != target_text(trained.task)
+    train, again = info.command.split("\n")
+    assert f"--joint {trained.task.joint}" in train
+    assert again == (
+        f"evaluate {trained.folder.name} --episodes 2 --asset {other} --joint drawer_1_slide"
+    )
+
+
+def test_another_object_without_that_joint_is_refused(trained, tmp_path):
+    with pytest.raises(UsageError, match="no joint 'nothing'"):
+        on_object(trained, str(embedded_cabinet(tmp_path / "other")), "nothing", tmp_path / "cache")
+
+
 @pytest.mark.parametrize(
     ("files", "seconds"),
     [
@@ -85,7 +109,7 @@ def test_training_took_what_its_calls_took_and_not_the_sum_over_seeds(tiny, file
         (run.seed_folder(seed) / PROGRESS).write_text(row + "\n")
     for name, content in files.items():
         (run.folder / name).write_text(json.dumps(content))
-    info = judging._info(run, run.config)
+    info = judging._info(run, run)
     assert info.seconds == seconds
     assert info.steps_per_s == pytest.approx(2 * 192 / seconds)
 

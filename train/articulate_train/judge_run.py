@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shlex
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,7 +21,6 @@ from articulate_envs.scene import Scene
 from articulate_train.campaign import processors, read_progress
 from articulate_train.clock import trained_s
 from articulate_train.command import train_command
-from articulate_train.config import TrainConfig
 from articulate_train.evaluate import Rollout, evaluate_seed, timelines
 from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
@@ -57,6 +57,7 @@ def judge_run(
     *,
     episodes: int,
     ranges: float = 1.0,
+    on: Run | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Evaluated:
     """Evaluate the last checkpoints of all seeds and write ``report.json`` and ``report.html``.
@@ -64,15 +65,20 @@ def judge_run(
     Args:
         run: What is evaluated.
         episodes: Drawn episodes for each seed.
-        ranges: So many times as wide is every range of the randomisation. Other than 1, the report
-            lies in a folder of its own in the run, which :func:`ranges_folder` names.
+        ranges: So many times as wide is every range of the randomisation.
+        on: The same run on another object, of :func:`articulate_train.run.on_object`; by default
+            its own.
         say: Told what is done next.
+
+    Where ranges or object are others than those of training, the report lies in a folder of its own
+    in the run, which :func:`report_folder` names.
 
     Raises:
         RunError: A seed has no checkpoint.
         ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
     """
-    trained, folder = run, ranges_folder(run, ranges)
+    trained, folder = run, report_folder(run, ranges, on)
+    run = on or run
     if ranges != 1.0:
         wide = replace(run.config, draw=run.config.draw.widened(ranges))
         run = replace(run, config=wide)
@@ -86,9 +92,9 @@ def judge_run(
         rollouts.append(rollout)
     say("filming an episode of each kind, and writing the report")
     lines, videos, poster = _pictures(run, rollouts, folder)
-    also = "" if ranges == 1.0 else f"--episodes {episodes} --ranges {ranges:g}"
+    also = _also(episodes, ranges, on)
     report = make_report(
-        _info(trained, run.config, f"\nevaluate {run.folder.name} {also}" if also else ""),
+        _info(trained, run, f"\nevaluate {run.folder.name} {also}" if also else ""),
         results,
         [_curve(run, s) for s in run.config.seeds],
         lines,
@@ -99,9 +105,21 @@ def judge_run(
     return Evaluated(report, json_path, html_path)
 
 
-def ranges_folder(run: Run, ranges: float) -> Path:
-    """Where the report of a run lies whose randomisation is ``ranges`` times as wide."""
-    return run.folder if ranges == 1.0 else run.folder / f"ranges_{ranges:g}"
+def report_folder(run: Run, ranges: float = 1.0, on: Run | None = None) -> Path:
+    """Where the report of a run lies that is judged with wider ranges, or on another object."""
+    parts = [f"on_{on.asset.name}"] if on is not None else []
+    parts += [f"ranges_{ranges:g}"] if ranges != 1.0 else []
+    return run.folder / "_".join(parts) if parts else run.folder
+
+
+def _also(episodes: int, ranges: float, on: Run | None) -> str:
+    """Flags of the ``evaluate`` that repeats a report which ``train`` does not make; else empty."""
+    flags: list[object] = []
+    if on is not None:
+        flags += ["--asset", on.config.asset, "--joint", on.task.joint]
+    if ranges != 1.0:
+        flags += ["--ranges", f"{ranges:g}"]
+    return shlex.join(map(str, ["--episodes", episodes, *flags])) if flags else ""
 
 
 def target_text(task: Task) -> str:
@@ -113,29 +131,29 @@ def target_text(task: Task) -> str:
     return f"{most}{way:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
 
 
-def _info(run: Run, judged: TrainConfig, also: str = "") -> RunInfo:
-    """What is told of ``run``, whose episodes are drawn as ``judged`` says."""
+def _info(run: Run, judged: Run, also: str = "") -> RunInfo:
+    """What is told of ``run``, whose policies are judged on the object and draws of ``judged``."""
     rows = [read_progress(run.seed_folder(s)) for s in run.config.seeds]
     seconds = trained_s(run.folder, [r[-1]["seconds"] for r in rows if r])
     steps = sum(r[-1]["steps"] for r in rows if r)
     config = run.config
     return RunInfo(
         name=run.folder.name,
-        asset=run.asset.name,
-        task=run.task.name,
-        joint=run.task.joint,
-        target_text=target_text(run.task),
-        target=run.task.target,
+        asset=judged.asset.name,
+        task=judged.task.name,
+        joint=judged.task.joint,
+        target_text=target_text(judged.task),
+        target=judged.task.target,
         steps=config.steps,
         seconds=seconds,
         steps_per_s=steps / max(seconds, 1e-9),
         command=train_command(config, run.task.joint) + also,
-        config=to_yaml(judged),
+        config=to_yaml(judged.config),
         versions=versions(),
-        licence=run.asset.licence,
-        source=run.asset.source,
+        licence=judged.asset.licence,
+        source=judged.asset.source,
         commit=commit(),
-        limits=run.task.limits,
+        limits=judged.task.limits,
     )
 
 

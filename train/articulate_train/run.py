@@ -122,6 +122,37 @@ def create_run(
     return open_run(folder)
 
 
+def on_object(
+    run: Run,
+    asset: str,
+    joint: str | None,
+    cache: Path,
+    say: Callable[[str], None] = lambda _: None,
+) -> Run:
+    """``run`` with another object before the same arm, to judge there what was trained here.
+
+    Args:
+        run: Whose policies, configuration and folder are taken.
+        asset: Object, as ``train --asset`` takes it; its size, category and closed ends are found
+            from it alone.
+        joint: Joint of it; None: the one that ``train`` would take.
+        cache: Cache folder.
+        say: Told what is done next.
+
+    Raises:
+        UsageError: The object cannot be read or reached, or has no such joint.
+    """
+    config = dataclasses.replace(
+        run.config, asset=asset, joint=joint, size=None, category=None, closed="auto"
+    )
+    with using(cache):
+        say(f"{asset}: converting and proving it, or taking it from the cache")
+        other = prepare_asset(config, cache)
+        say(f"{other.name}: looking for a place from which the arm reaches what it is to move")
+        task, place = choose_joint(config, other)
+    return dataclasses.replace(run, config=config, asset=other, task=task, place=place)
+
+
 def _write_run(folder: Path, config: TrainConfig, asset: Asset, task: Task, place: Place) -> None:
     temporary = None
     try:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from articulate.cache import cache_folder
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
@@ -32,6 +33,11 @@ class EvaluateFlags:
     ranges: float = 1.0
     """So many times as wide is every range of the randomisation; other than 1, the report lies in
     the folder ranges_<x> of the run."""
+    asset: str | None = None
+    """Another object than that of the training, on which policies are judged; the report then lies
+    in the folder on_<object> of the run."""
+    joint: str | None = None
+    """Joint of --asset; by default the one that train would take."""
     out: Path | None = None
     """Folder for the comparison of several runs; by default runs/comparison-<time>."""
     keep_reports: bool = False
@@ -49,8 +55,11 @@ class EvaluateFlags:
         check_share(self.require_success)
         if len(self.run) == 1 and (self.out is not None or self.keep_reports):
             raise ConfigError("--out and --keep-reports are for several runs; one is given")
-        if len(self.run) > 1 and self.ranges != 1.0:
-            raise ConfigError("--ranges is for one run; several are given")
+        for flag, given in (("ranges", self.ranges != 1.0), ("asset", self.asset is not None)):
+            if len(self.run) > 1 and given:
+                raise ConfigError(f"--{flag} is for one run; several are given")
+        if self.joint is not None and self.asset is None:
+            raise ConfigError("--joint is for --asset, which is not given")
 
 
 FLAGS = EvaluateFlags
@@ -59,13 +68,18 @@ FLAGS = EvaluateFlags
 def main(argv: Sequence[str]) -> int:
     """Evaluate and print; 3 if the success rate is below what was required."""
     flags = parse(EvaluateFlags, argv, prog="evaluate")
-    from articulate_train.run import open_run  # torch and MuJoCo; --help does without them
+    from articulate_train.run import on_object, open_run  # torch, MuJoCo; --help does without them
 
     runs = [open_run(folder) for folder in flags.run]
     if len(runs) > 1:
         return _compared(runs, flags)
-    episodes = flags.episodes or runs[0].config.episodes
-    return show(runs[0], episodes, flags.require_success, as_json=flags.json, ranges=flags.ranges)
+    run, on = runs[0], None
+    if flags.asset is not None:
+        on = on_object(run, flags.asset, flags.joint, cache_folder(), console.say_waiting)
+    episodes = flags.episodes or run.config.episodes
+    return show(
+        run, episodes, flags.require_success, as_json=flags.json, ranges=flags.ranges, on=on
+    )
 
 
 def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
@@ -89,10 +103,18 @@ def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
     return missed(worst, flags.require_success)
 
 
-def show(run: Run, episodes: int, required: float, *, as_json: bool, ranges: float = 1.0) -> int:
+def show(
+    run: Run,
+    episodes: int,
+    required: float,
+    *,
+    as_json: bool,
+    ranges: float = 1.0,
+    on: Run | None = None,
+) -> int:
     """Evaluate ``run``, print the report, and say whether it reached ``required``."""
     from articulate_train.judge_run import judge_run  # torch and MuJoCo
 
-    done = judge_run(run, episodes=episodes, ranges=ranges, say=console.say)
+    done = judge_run(run, episodes=episodes, ranges=ranges, on=on, say=console.say)
     console.emit_json(done.report.content()) if as_json else console.emit(done.text())
     return missed(done.report.success_rate, required)
