@@ -1,0 +1,64 @@
+"""The way from a clip to a policy that is judged goes on where it was stopped."""
+
+import argparse
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+
+from articulate.errors import UsageError
+
+
+@pytest.fixture
+def whole_way(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    return importlib.import_module("whole_way")
+
+
+@pytest.fixture
+def calls(whole_way, monkeypatch):
+    made = []
+
+    def articulate(*words):
+        made.append([str(word) for word in words])
+        return json.dumps({"success_rate": 0.5})
+
+    monkeypatch.setattr(whole_way, "articulate", articulate)
+    return made
+
+
+@pytest.fixture
+def flags():
+    return argparse.Namespace(steps=100, seeds=[0, 2], episodes=7)
+
+
+def test_a_run_is_begun_gone_on_with_and_left_when_it_is_done(whole_way, calls, flags, tmp_path):
+    run = tmp_path / "run"
+    whole_way.trained(tmp_path / "a.urdf", run, flags, "--task", "open_door")
+    assert calls[-1] == [
+        *("train", "--asset", str(tmp_path / "a.urdf"), "--out", str(run), "--no-evaluate"),
+        *("--steps", "100", "--seeds", "0", "2", "--task", "open_door"),
+    ]
+    run.mkdir()
+    whole_way.trained(tmp_path / "a.urdf", run, flags)
+    assert calls[-1] == ["train", "--resume", "--out", str(run), "--no-evaluate"]
+    (run / "summary.json").write_text("{}")
+    whole_way.trained(tmp_path / "a.urdf", run, flags)
+    assert len(calls) == 2
+
+
+def test_policies_are_judged_on_the_true_object(whole_way, calls, flags, tmp_path):
+    report = whole_way.judged(tmp_path / "run", tmp_path / "a.urdf", "joint_0", flags)
+    assert report["success_rate"] == 0.5
+    assert calls == [
+        [
+            *("evaluate", str(tmp_path / "run"), "--asset", str(tmp_path / "a.urdf")),
+            *("--joint", "joint_0", "--episodes", "7", "--json"),
+        ]
+    ]
+
+
+def test_a_command_that_fails_ends_the_way(whole_way):
+    with pytest.raises(UsageError, match="articulate mak: exit 2"):
+        whole_way.articulate("mak")
