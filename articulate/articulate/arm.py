@@ -26,8 +26,10 @@ class Hand:
 
     max_width_m: float = 0.08
     """Opening between the fingers when open [m]."""
-    finger_speed_m_s: float = 0.1
-    """Speed of one finger when told to open or close [m/s]; the URDF's limit is 0.2."""
+    finger_speed_m_s: float = 0.05
+    """Speed of one finger when told to open or close [m/s], as DROID drives this hand; the URDF's
+    limit is 0.2. What a finger pushes aside by closing on it off its middle pushes back the less,
+    the slower it is."""
     force_n: float = 60.0
     """Force of one finger when closed on something [N], however thick it is; as much as frankapy
     asks of this hand at most."""

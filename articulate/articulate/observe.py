@@ -74,6 +74,8 @@ ACTION = Layout(
 
 HANDLE_UNIT_M = 0.2
 """Unit of ``handle_pos`` and ``handle_aimed`` [m]."""
+NEAR_UNIT_M = 0.02
+"""Unit of ``handle_near`` and ``handle_aimed_near`` [m]."""
 WIDTH_UNIT_M = 0.05
 """Unit of ``hand_width`` [m]."""
 SPEED_UNIT_M_S = 0.1
@@ -148,9 +150,9 @@ def observation(
             "target_lead": 10.0 * (target - q),
             "tool_lead": lead * np.repeat([20.0, 5.0], 3),
             "handle_pos": T_th[:, :3, 3] / HANDLE_UNIT_M,
-            "handle_near": 50.0 * T_th[:, :3, 3],
+            "handle_near": T_th[:, :3, 3] / NEAR_UNIT_M,
             "handle_aimed": aimed / HANDLE_UNIT_M,
-            "handle_aimed_near": 50.0 * aimed,
+            "handle_aimed_near": aimed / NEAR_UNIT_M,
             "handle_axes": axes,
             "part_open": estimate.opened,
             "part_near": 20.0 * (estimate.opened - goal),

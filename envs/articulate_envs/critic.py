@@ -13,6 +13,7 @@ from articulate.draw import COLUMNS, Draw
 from articulate.judgement import COLUMN, Judgement
 from articulate.kinematics import relative
 from articulate.layout import Field, Layout
+from articulate.observe import HANDLE_UNIT_M, NEAR_UNIT_M
 from articulate.task import Task
 from articulate.transforms import Array
 from articulate_envs.engine import State
@@ -51,8 +52,8 @@ def privileged(task: Task, state: State, judgement: Judgement, drawn: Draw) -> A
     handle = relative(state.T_wt, state.T_wh)[:, :3, 3]
     return PRIVILEGED.pack(
         {
-            "handle_pos_true": 5.0 * handle,
-            "handle_near_true": 50.0 * handle,
+            "handle_pos_true": handle / HANDLE_UNIT_M,
+            "handle_near_true": handle / NEAR_UNIT_M,
             "part_open_true": state.opened,
             "part_near_true": 20.0 * (state.opened - task.target),
             "hand_closing": state.hand.closing,

@@ -96,15 +96,17 @@ def test_a_target_that_is_no_number_leaves_the_joint_where_it_is(robot, bundle):
 
 
 def test_the_hand_closes_after_its_latency_at_its_speed(robot, bundle):
-    """A latency of 0.3 s, then 0.1 m/s a finger: shut 0.4 s later, less what the fingers lag."""
-    q = np.asarray(bundle.manifest.start.q)
+    """A latency of 0.3 s, then both fingers at the hand's speed, less what they lag."""
+    q, hand = np.asarray(bundle.manifest.start.q), bundle.manifest.robot.hand
+    shut_s = hand.max_width_m / 2.0 / hand.finger_speed_m_s
     widths = []
-    for _ in range(20):
+    for _ in range(6 + round(shut_s / 0.05) + 6):
         robot.send_action(action_of(q, 0.0))
         widths.append(robot.get_observation()[HAND_KEY])
     assert_allclose(widths[5], 0.08, rtol=0, atol=1e-3)
-    assert 0.03 < widths[9] < 0.055
-    assert abs(widths[19]) < 2e-3
+    half = widths[6 + round(shut_s / 0.1) - 1]
+    assert 0.04 - 0.01 < half < 0.04 + 0.015
+    assert abs(widths[-1]) < 2e-3
 
 
 def test_unknown_keys_of_an_action_are_refused(robot, bundle, error_line):

@@ -1,5 +1,7 @@
 """Motions near the handle: closed forms, and the same in training, network and bundle."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -93,6 +95,16 @@ def test_policy_scales_motions_and_leaves_the_hands_command():
 
 
 @pytest.mark.parametrize(
+    ("progress", "closing"), [(0.0, 0.3), (0.4, 0.3), (0.5, 0.2), (0.6, 0.1), (1.0, 0.1)]
+)
+def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(progress, closing):
+    fine = FineConfig(share=0.4, closing=0.1, closing_first=0.3, closing_between=(0.4, 0.6))
+    at = fine.at(progress)
+    assert_allclose(at.closing, closing, rtol=1e-12)
+    assert dataclasses.replace(at, closing=fine.closing) == fine
+
+
+@pytest.mark.parametrize(
     "values",
     [
         {"share": 0.0},
@@ -101,6 +113,9 @@ def test_policy_scales_motions_and_leaves_the_hands_command():
         {"near_m": -0.1},
         {"closing": 0.0},
         {"closing": 1.01},
+        {"closing_first": 0.0},
+        {"closing_between": (0.8, 0.5)},
+        {"closing_between": (0.5, 1.1)},
         {"shut_m": (0.08, 0.07)},
         {"rest_m_s": 0.0},
         {"share": float("nan")},

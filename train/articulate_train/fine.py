@@ -11,7 +11,7 @@ it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from articulate.errors import ConfigError
@@ -24,8 +24,13 @@ class FineConfig:
 
     share: float = 0.6
     """Share of a motion that is left there to an open hand; 1 changes nothing."""
-    closing: float = 0.25
+    closing: float = 0.05
     """Share that is left there from when closing is told until the fingers have closed."""
+    closing_first: float = 0.25
+    """The same at the beginning of training: where a hand is all but still while it closes, it is
+    not learnt how to come to stand well."""
+    closing_between: tuple[float, float] = (0.5, 0.8)
+    """Shares of the training between which it falls from the first to the last, linear."""
     near_m: float = 0.03
     """Distance of the handle up to which all of it counts [m]."""
     far_m: float = 0.10
@@ -34,10 +39,10 @@ class FineConfig:
     """Openings between which fingers come to count as closed, if they rest [m]: a hand opens to
     0.08 m, and holds what is at most 0.07 m thick."""
     rest_m_s: float = 0.05
-    """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.2."""
+    """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
 
     def __post_init__(self) -> None:
-        for name in ("share", "closing"):
+        for name in ("share", "closing", "closing_first"):
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
                 raise ConfigError(f"fine.{name} is {value}; it must be above 0 and at most 1")
@@ -48,8 +53,20 @@ class FineConfig:
         begin, end = self.shut_m
         if not 0.0 <= begin < end:
             raise ConfigError(f"fine.shut_m is {begin} {end}; it must be two growing openings")
+        begin, end = self.closing_between
+        if not 0.0 <= begin < end <= 1.0:
+            raise ConfigError(
+                f"fine.closing_between is {begin} {end}; it must be two growing shares in [0, 1]"
+            )
         if not self.rest_m_s > 0.0:
             raise ConfigError(f"fine.rest_m_s is {self.rest_m_s}; it must be above 0")
+
+    def at(self, progress: float) -> FineConfig:
+        """What counts when ``progress`` in [0, 1] of the training is done."""
+        begin, end = self.closing_between
+        done = min(max((progress - begin) / (end - begin), 0.0), 1.0)
+        closing = self.closing_first + done * (self.closing - self.closing_first)
+        return replace(self, closing=closing)
 
     def shares(self, observation: Any) -> Any:
         """Shares (N, 1) of the motions that are left at observations (N, size), raw.

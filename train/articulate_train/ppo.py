@@ -62,6 +62,7 @@ class Learner:
         total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
         while model.num_timesteps < total:
             self.episodes.progress = model.num_timesteps / total
+            self.envs.fine = self.config.fine.at(self.episodes.progress)
             with torch.no_grad():
                 bound = self.config.ppo.log_std_bound(self.episodes.progress)
                 model.policy.log_std.clamp_(max=bound)
@@ -104,7 +105,7 @@ class Learner:
             "policy": model.policy.state_dict(),
             "optimizer": model.policy.optimizer.state_dict(),
             "net": list(self.config.ppo.net),
-            "fine": asdict(self.config.fine),
+            "fine": asdict(self.config.fine.at(model.num_timesteps / self.config.steps)),
             "normalise": _running(norm.obs_rms),
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),

@@ -46,7 +46,8 @@ class EpisodesVecEnv(VecEnv):
     def __init__(self, episodes: Episodes, fine: FineConfig) -> None:
         """Wrap ``episodes``, which this then owns."""
         self.episodes = episodes
-        self._fine = fine
+        self.fine = fine
+        """How much finer motions are; training moves it."""
         self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
         self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
@@ -75,7 +76,7 @@ class EpisodesVecEnv(VecEnv):
     def step_async(self, actions: Array) -> None:
         """Keep the actions (N, 8), made finer by the last observation."""
         said = np.clip(actions, -1.0, 1.0)
-        motions = said[:, :MOTIONS] * self._fine.shares(self._seen)
+        motions = said[:, :MOTIONS] * self.fine.shares(self._seen)
         self._action = np.concatenate([motions, said[:, MOTIONS:]], axis=1)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
