@@ -26,6 +26,7 @@ from articulate.benchmark.evidence import cases_of
 from articulate.benchmark.export import write_evidence
 from articulate.cache import cache_folder
 from articulate.errors import UsageError
+from articulate.make.story import URDF_FILE
 from articulate_envs.choose import choose_joint
 from articulate_train.config import TrainConfig
 from articulate_train.run import open_run, prepare_asset
@@ -90,20 +91,14 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     if not (clip / "camera.json").exists():
         write_clip(flags.index, flags.data, object_id, link, clip)
     if not (made / "made.json").exists():
-        seen = (
-            "--actor",
-            ACTOR,
-            "--video",
-            clip / "clip.mp4",
-            "--camera.file",
-            clip / "camera.json",
-        )
-        articulate("make", *seen, "--library", asset.parent, "--out", made)
+        seen = ("--video", clip / "clip.mp4", "--camera.file", clip / "camera.json")
+        who = ("--actor", ACTOR, "--library", asset.parent)
+        articulate("make", *seen, *who, "--out", made)
     content = json.loads((made / "made.json").read_text(encoding="utf-8"))
     if content["urdf"] is None:
         return {"object": object_id, "task": task, "joint": joint, "made": content, "ratio": 0.0}
     asked = ("--task", task)
-    trained(made / "object.urdf", folder / "run_made", flags, *asked)
+    trained(made / URDF_FILE, folder / "run_made", flags, *asked)
     truth = flags.truth.get(object_id, folder / "run_true")
     trained(asset, truth, flags, *asked, "--joint", joint)
     on_made = judged(folder / "run_made", asset, joint, flags)

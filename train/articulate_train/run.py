@@ -113,13 +113,20 @@ def create_run(
     """
     _check_free(folder)
     with using(cache):
-        say(f"{config.asset}: converting and proving it, or taking it from the cache")
-        asset = prepare_asset(config, cache)
-        say(f"{asset.name}: looking for a place from which the arm reaches what it is to move")
-        task, place = choose_joint(config, asset)
+        asset, task, place = _placed(config, cache, say)
         require_space(folder, run_bytes(config, asset), "a run")
         _write_run(folder, config, asset, task, place)
     return open_run(folder)
+
+
+def _placed(
+    config: TrainConfig, cache: Path, say: Callable[[str], None]
+) -> tuple[Asset, Task, Place]:
+    """The object of ``config``, what is asked of it, and where it stands."""
+    say(f"{config.asset}: converting and proving it, or taking it from the cache")
+    asset = prepare_asset(config, cache)
+    say(f"{asset.name}: looking for a place from which the arm reaches what it is to move")
+    return (asset, *choose_joint(config, asset))
 
 
 def on_object(
@@ -146,10 +153,7 @@ def on_object(
         run.config, asset=asset, joint=joint, size=None, category=None, closed="auto"
     )
     with using(cache):
-        say(f"{asset}: converting and proving it, or taking it from the cache")
-        other = prepare_asset(config, cache)
-        say(f"{other.name}: looking for a place from which the arm reaches what it is to move")
-        task, place = choose_joint(config, other)
+        other, task, place = _placed(config, cache, say)
     return dataclasses.replace(run, config=config, asset=other, task=task, place=place)
 
 
