@@ -1,20 +1,22 @@
 """What other converters make of the same objects, judged by the same proof.
 
 python benchmarks/rivals.py --checked /tmp/checked --data ../shared/data --tools /tmp/tools \
-    --count 40 --json
+    --out /tmp/rivals --count 40 --json
 
 ``--tools`` holds an environment for each tool (``python3.11 -m venv /tmp/tools/simcheck`` and
 ``pip install`` in it: urdf2mjcf 0.2.39, urdf-to-mjcf 0.1.1, simcheck 0.2.0). Each tool gets a copy
 of the object's folder. What it makes is scaled to metres, put where our asset stands and proven
 with our asset's joints and handles, without comparing it with the input; free joints at the root
 are taken away, and neither what is seen nor limits and inertia in our own files count. All but
-this is left as the tool wrote it.
+this is left as the tool wrote it. Each tool and object runs in a process of its own; its row is
+noted in ``--out``, and a second run goes on from there.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import random
 import shutil
 import subprocess
@@ -36,7 +38,7 @@ from articulate.asset import Asset, load_asset, save_asset
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import read_input
 from articulate.errors import AssetError
-from articulate.proof import Proof
+from articulate.proof import Clause, Proof
 from articulate.prove.fk import InputFrame
 from articulate.prove.origin import origin_of_reading
 from articulate.prove.prove import prove
@@ -45,10 +47,13 @@ from assets import items_of
 
 LIMIT_S = 120.0
 """A tool that takes longer on one object is stopped [s]."""
+PROOF_LIMIT_S = 600.0
+"""Time for the tool and the proof of one object together [s]; what takes longer is not good."""
 SEED = 1
 """Of the order in which objects are taken."""
 NOT_COUNTED = frozenset({"limits", "coverage", "inertia"})
-"""Clauses that compare with our own files or with what is seen do not count for anyone here."""
+"""Clauses that compare with our own files or with what is seen do not count for anyone here, but
+for a part that shows something and has no collision shape at all."""
 FLAGS = (
     '<mujoco><compiler discardvisual="false" fusestatic="false" strippath="false" '
     'balanceinertia="true" boundmass="0.001" boundinertia="1e-6" inertiafromgeom="auto"/></mujoco>'
@@ -217,7 +222,7 @@ def row_of(
 ) -> dict[str, Any]:
     """What is kept of one object and tool."""
     clauses = [c for c in proof.clauses if c.outcome == "failed"] if proof else []
-    clauses = [c for c in clauses if c.name not in NOT_COUNTED]
+    clauses = [c for c in clauses if c.name not in NOT_COUNTED or _bare(c)]
     failed = sorted({c.name for c in clauses})
     if clauses and not reason:
         reason = f"{clauses[0].name}: {clauses[0].message}"[:200]
@@ -232,6 +237,11 @@ def row_of(
         "openness_min": openness_min(proof) if proof else None,
         "seconds": round(took_s, 2),
     }
+
+
+def _bare(clause: Clause) -> bool:
+    """Whether a clause says that a part has nothing that collides."""
+    return clause.name == "coverage" and clause.measured == 0.0
 
 
 def judged(tool: str, name: str, source: Path, ours: Path, tools: Path) -> dict[str, Any]:
@@ -276,6 +286,50 @@ def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True)
+class Job:
+    """One tool on one object."""
+
+    tool: str
+    name: str
+    source: Path
+    checked: Path
+    tools: Path
+    note: Path
+    """Where its row goes."""
+
+    def run(self) -> None:
+        """Make, prove and note the row; in a process of its own."""
+        folder = self.checked / self.name
+        if self.tool == "ours":
+            row = ours(self.name, folder)
+        else:
+            row = judged(self.tool, self.name, self.source, folder, self.tools)
+        self._write(row)
+
+    def row(self) -> dict[str, Any]:
+        """The row, from an earlier run or made now; a crash and a limit are rows too."""
+        if not self.note.is_file():
+            process = multiprocessing.get_context("forkserver").Process(target=self.run)
+            start = time.perf_counter()
+            process.start()
+            process.join(PROOF_LIMIT_S)
+            if process.is_alive():
+                process.kill()
+                process.join()
+            if not self.note.is_file():
+                took = time.perf_counter() - start
+                reason = f"exit {process.exitcode} after {took:.0f} s, no proof"
+                self._write(row_of(self.name, Made(None), None, reason, took))
+        row: dict[str, Any] = json.loads(self.note.read_text(encoding="utf-8"))
+        return row
+
+    def _write(self, row: dict[str, Any]) -> None:
+        part = self.note.with_suffix(".part")
+        part.write_text(json.dumps(row), encoding="utf-8")
+        part.replace(self.note)
+
+
 def main() -> int:
     """Run the tools on a sample of the objects and print the sums."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -284,6 +338,7 @@ def main() -> int:
     )
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--tools", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the rows")
     parser.add_argument("--only", nargs="*", default=tuple(TOOLS), choices=tuple(TOOLS))
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--jobs", type=int, default=2)
@@ -300,18 +355,21 @@ def main() -> int:
     joints = sum(len(load_asset(flags.checked / n).joints) for n in names)
     rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
 
-    def one(job: tuple[str, str]) -> None:
-        tool, name = job
-        folder = flags.checked / name
-        if tool == "ours":
-            row = ours(name, folder)
-        else:
-            row = judged(tool, name, sources[name], folder, flags.tools)
-        rows[tool].append(row)
-        print(f"{tool:18s} {name} {row['good']} {row['reason'][:140]}", file=sys.stderr, flush=True)
+    def one(job: Job) -> None:
+        row = job.row()
+        rows[job.tool].append(row)
+        text = f"{job.tool:18s} {job.name} {row['good']} {row['reason'][:140]}"
+        print(text, file=sys.stderr, flush=True)
 
+    todo = [
+        Job(tool, n, sources[n], flags.checked, flags.tools, flags.out / tool / f"{n}.json")
+        for n in names
+        for tool in ("ours", *flags.only)
+    ]
+    for job in todo:
+        job.note.parent.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(flags.jobs) as pool:
-        list(pool.map(one, [(tool, n) for n in names for tool in ("ours", *flags.only)]))
+        list(pool.map(one, todo))
     result = {
         "ids": names,
         "tools": {tool: summed(found, joints) for tool, found in rows.items()},

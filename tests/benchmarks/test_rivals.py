@@ -1,0 +1,110 @@
+"""What another converter made is judged by the same proof, once, and a crash is a row."""
+
+import importlib
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+from tests.articulate.convert.cabinets import write_cabinet
+
+from articulate.convert import ConvertConfig, convert
+
+CONFIG = ConvertConfig(decompose=False)
+
+
+@pytest.fixture(scope="module")
+def rivals():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+        yield importlib.import_module("rivals")
+        for name in ("rivals", "assets"):
+            sys.modules.pop(name, None)
+
+
+def plain(urdf: Path, *, solid: bool) -> Path:
+    """The same cabinet as MuJoCo's own reader takes it: no package paths, all meshes OBJ.
+
+    With ``solid`` what is seen collides, as in most data sets.
+    """
+    text = urdf.read_text().replace("package://little/", "")
+    for mesh in (urdf.parent / "meshes").iterdir():
+        if mesh.suffix in (".ply", ".stl", ".dae", ".glb"):
+            trimesh.load(mesh, force="mesh").export(mesh.with_suffix(".obj"))
+            text = text.replace(mesh.name, f"{mesh.stem}.obj")
+    if solid:
+        shown = re.compile(r"<visual[^>]*>(.*?)</visual>")
+        text = shown.sub(r"\g<0><collision>\1</collision>", text)
+    urdf.write_text(text)
+    return urdf
+
+
+def jobs_on(rivals, folder: Path, source: Path):
+    convert(source, folder / "checked/cabinet", CONFIG)
+
+    def make(tool: str):
+        note = folder / f"{tool}.json"
+        return rivals.Job(tool, "cabinet", source, folder / "checked", folder / "tools", note)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def job(rivals, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rivals")
+    return jobs_on(rivals, folder, plain(write_cabinet(folder / "source"), solid=True))
+
+
+def test_our_own_conversion_is_judged_without_its_input(job):
+    own = job("ours")
+    own.run()
+    row = json.loads(own.note.read_text())
+    assert row["good"], row["reason"]
+    assert row["opened"] > 0
+
+
+def test_convex_hulls_of_a_hollow_cabinet_are_found_sealed(job):
+    """MuJoCo reads a mesh as its hull; it loads with compiler flags, and its drawers are full."""
+    plain = job("mujoco with flags")
+    plain.run()
+    row = json.loads(plain.note.read_text())
+    assert row["loads"], row["reason"]
+    assert not row["good"], row["failed"]
+    assert "openness" in row["failed"], row["reason"]
+    assert row["openness_min"] < 0.5
+
+
+def test_parts_that_collide_with_nothing_are_not_good(rivals, tmp_path):
+    """Nothing stands in the way of a drawer without collision shapes, and nothing can pull it."""
+    bare = jobs_on(rivals, tmp_path, plain(write_cabinet(tmp_path / "source"), solid=False))
+    bare("mujoco with flags").run()
+    row = json.loads((tmp_path / "mujoco with flags.json").read_text())
+    assert row["loads"], row["reason"]
+    assert row["failed"] == ["coverage"]
+
+
+def test_a_tool_that_is_not_there_is_a_row_with_the_reason(rivals, job):
+    absent = job("mujoco")
+    made = rivals._run([sys.executable, "-c", "raise SystemExit('no such thing')"], absent.note)
+    assert made.path is None
+    assert made.reason == "exit 1: no such thing"
+
+
+def test_a_row_that_is_noted_is_not_made_again(job):
+    noted = job("noted")
+    noted.note.write_text('{"id": "cabinet"}')
+    assert noted.row() == {"id": "cabinet"}
+
+
+def test_a_crash_is_a_row(rivals, job, monkeypatch):
+    crashing = job("crashing")
+    context = rivals.multiprocessing.get_context("fork")
+    monkeypatch.setattr(rivals.multiprocessing, "get_context", lambda _: context)
+    monkeypatch.setitem(rivals.TOOLS, "crashing", lambda *_: os._exit(9))
+    row = crashing.row()
+    assert not row["good"], row["failed"]
+    assert row["reason"].startswith("exit 9")
+    assert json.loads(crashing.note.read_text()) == row
