@@ -28,6 +28,9 @@ HELD_M = 0.008
 """Least length along the handle of what is held [m]."""
 BITE_M = (0.012, 0.006)
 """Least depth of a finger tip behind the front of what is held: wanted, then accepted [m]."""
+DEEP_M = 0.007
+"""At least so far behind the front of what is held the middle of the pads goes, however thin that
+is [m]: what slips while it is pulled slips out by the tips, and pads reach 8 mm to either side."""
 DEEPEST_M = 0.010
 """Farthest behind the front of what is held that the middle of the pads goes [m]."""
 TIP_M = 0.0128
@@ -311,7 +314,7 @@ def held_depth(thick_m: float, free_m: float = math.inf) -> float:
         thick_m: Depth of what is held along the approach [m].
         free_m: Room for finger tips behind its front [m].
     """
-    wanted = min(max(thick_m / 2.0, BITE_M[1] / 2.0), DEEPEST_M)
+    wanted = min(max(thick_m / 2.0, DEEP_M), DEEPEST_M)
     return min(wanted, max(free_m - CLEAR_M, min(LEAST_BITE_M, free_m)) - TIP_M)
 
 

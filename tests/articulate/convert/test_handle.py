@@ -9,6 +9,7 @@ import trimesh
 from articulate.convert.handle import (
     BITE_M,
     CLEAR_M,
+    DEEP_M,
     DEEPEST_M,
     LEAST_BITE_M,
     TIP_M,
@@ -51,13 +52,16 @@ def test_bar_with_room_behind_it_is_held_as_deep_as_it_would_be_alone():
     surface, owner = front_with(trimesh.creation.box((0.012, 0.16, 0.012)), out_m=0.05)
     grasp = best_grasp(surface, owner, opening=X, far_from=None)
     assert grasp is not None
-    assert float(grasp.pos_o @ X) == pytest.approx(0.05 - 0.006, abs=1e-6)
+    assert float(grasp.pos_o @ X) == pytest.approx(0.05 - DEEP_M, abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("thick_m", "free_m", "depth_m"),
     [
-        (0.012, math.inf, 0.006),
+        (0.018, math.inf, 0.009),
+        (0.012, math.inf, DEEP_M),
+        (0.002, math.inf, DEEP_M),
+        (0.002, 0.02, 0.02 - CLEAR_M - TIP_M),
         (0.05, math.inf, DEEPEST_M),
         (0.05, DEEPEST_M + TIP_M + CLEAR_M, DEEPEST_M),
         (0.05, 0.02, 0.02 - CLEAR_M - TIP_M),
@@ -65,7 +69,7 @@ def test_bar_with_room_behind_it_is_held_as_deep_as_it_would_be_alone():
         (0.05, BITE_M[1], BITE_M[1] - TIP_M),
     ],
 )
-def test_depth_is_half_of_what_is_held_or_what_room_allows(thick_m, free_m, depth_m):
+def test_pads_go_half_through_a_least_way_or_as_far_as_room_allows(thick_m, free_m, depth_m):
     assert held_depth(thick_m, free_m) == pytest.approx(depth_m)
 
 
