@@ -105,8 +105,8 @@ class Batch:
 def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
     """Hash of the data set, of the settings, of which model is asked, and whether meanings are.
 
-    An index counts by its content and by the folder that its paths start from, a folder by where
-    it lies, a library by its name.
+    An index counts by its content and by the folder that its paths start from; a folder by where
+    it lies and by the names, sizes and times of its files; a library by its name.
 
     Raises:
         ConfigError: The index cannot be read.
@@ -119,13 +119,19 @@ def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
             index = hashlib.sha256(path.read_bytes()).hexdigest()
             dataset = [index, str((data or path.parent).resolve())]
         else:
-            dataset = [str(path.resolve())]
+            dataset = [str(path.resolve()), *_stamps(path)]
     except OSError as error:
         raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
     model = [os.environ.get(name, "") for name in (MODEL_VARIABLE, URL_VARIABLE)]
     asked = {"dataset": dataset, "model": model, "meanings": meanings_installed()}
     content = asked | dataclasses.asdict(config)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _stamps(folder: Path) -> list[str]:
+    """Name, size and time of change of each file below ``folder``."""
+    found = ((path, path.stat()) for path in sorted(folder.rglob("*")) if path.is_file())
+    return [f"{path.relative_to(folder)} {st.st_size} {st.st_mtime_ns}" for path, st in found]
 
 
 def _read(path: Path, wanted: str) -> Record | None:

@@ -139,6 +139,9 @@ def test_index_data_and_model_decide_what_is_made_anew(tmp_path, monkeypatch):
     assert len({first, other, asked, fingerprint(source, None, config)}) == 4
     library = fingerprint("procedural", None, config)
     assert fingerprint(str(tmp_path), None, config) != library
+    folder = fingerprint(str(tmp_path), None, config)
+    (tmp_path / "part.obj").write_text("v 0 0 0\n")
+    assert fingerprint(str(tmp_path), None, config) != folder
     was = meanings_installed()
     monkeypatch.setattr("articulate.benchmark.batch.meanings_installed", lambda: not was)
     assert fingerprint("procedural", None, config) != library
