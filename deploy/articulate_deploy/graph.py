@@ -12,8 +12,6 @@ from articulate.errors import BundleError
 
 DEFAULT_DOMAINS = ("", "ai.onnx")
 """Domains of ONNX's own operators."""
-MAX_DEPTH = 16
-"""Deepest nesting of graphs that is read."""
 MAX_KEY = 0xFFFFFFFF
 """Largest key of a field: its number and its wire type."""
 
@@ -27,18 +25,19 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def check_graph(content: bytes, where: str) -> None:
-    """Refuse a model that reaches outside of itself.
+    """Refuse a model that reaches outside of itself or may run without end.
 
     Raises:
-        BundleError: It is not ONNX, keeps tensors in other files, or uses operators that are
-            not ONNX's own.
+        BundleError: It is not ONNX, keeps tensors in other files, uses operators that are not
+            ONNX's own, or has a node that runs a graph of its own (Loop, If, Scan), which may
+            never end.
     """
     try:
         graphs = 0
         for number, value in _messages(content):
             if number == _MODEL_GRAPH:
                 graphs += 1
-                _check_graph(value, where, 0)
+                _check_graph(value, where)
             elif number == _MODEL_OPSET:
                 _check_domain(_text(value, _OPSET_DOMAIN), where)
             elif number in (_MODEL_FUNCTIONS, _MODEL_TRAINING):
@@ -49,19 +48,17 @@ def check_graph(content: bytes, where: str) -> None:
         raise BundleError(f"{where}: not an ONNX model")
 
 
-def _check_graph(graph: bytes, where: str, depth: int) -> None:
-    if depth > MAX_DEPTH:
-        raise BundleError(f"{where}: graphs are nested more than {MAX_DEPTH} deep")
+def _check_graph(graph: bytes, where: str) -> None:
     for number, value in _messages(graph):
         if number == _GRAPH_NODE:
-            _check_node(value, where, depth)
+            _check_node(value, where)
         elif number == _GRAPH_TENSOR:
             _check_tensor(value, where)
         elif number == _GRAPH_SPARSE:
             raise BundleError(f"{where}: has sparse tensors, which are not read")
 
 
-def _check_node(node: bytes, where: str, depth: int) -> None:
+def _check_node(node: bytes, where: str) -> None:
     _check_domain(_text(node, _NODE_DOMAIN), where)
     for number, attribute in _messages(node):
         if number != _NODE_ATTRIBUTE:
@@ -70,7 +67,7 @@ def _check_node(node: bytes, where: str, depth: int) -> None:
             if kind in _ATTRIBUTE_TENSORS:
                 _check_tensor(value, where)
             elif kind in _ATTRIBUTE_GRAPHS:
-                _check_graph(value, where, depth + 1)
+                raise BundleError(f"{where}: has loops or branches; only plain graphs are run")
             elif kind in _ATTRIBUTE_SPARSE:
                 raise BundleError(f"{where}: has sparse tensors, which are not read")
 
