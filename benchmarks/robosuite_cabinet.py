@@ -12,7 +12,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree as ET  # noqa: TID251 - it only writes here, reads nothing
+from xml.etree import ElementTree as ET
 
 import gymnasium
 import mujoco

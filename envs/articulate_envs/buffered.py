@@ -6,7 +6,6 @@ import copy
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
 from articulate.draw import COLUMNS, MAX_DELAY_TICKS, PUSH_S, Draw
@@ -20,6 +19,7 @@ from articulate.follow import (
 )
 from articulate.judgement import WIDTH
 from articulate.placing import way_of
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.compiled_motion import chain_of, see
 from articulate_envs.engine import Start, State

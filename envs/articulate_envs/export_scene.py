@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import mujoco
 import numpy as np
 
 from articulate.errors import AssetError
 from articulate.files import write_text
+from articulate.simulator import mujoco
 from articulate.transforms import Array, quat_to_matrix
 
 SCENE_FILE = "scene.xml"

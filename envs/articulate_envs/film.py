@@ -7,13 +7,13 @@ from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 
-import mujoco
 import numpy as np
 from PIL import Image
 
 from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
 from articulate.render.encode import write_clip
 from articulate.render.view import View, camera_axes, fitted_view
+from articulate.simulator import mujoco
 from articulate.transforms import Array, matrix_to_quat
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, Scene, scene_spec

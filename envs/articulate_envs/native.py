@@ -6,9 +6,8 @@ import ctypes
 from functools import cache
 from pathlib import Path
 
-import mujoco
-
 from articulate.errors import MissingError
+from articulate.simulator import mujoco
 
 
 @cache

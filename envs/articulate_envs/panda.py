@@ -6,13 +6,13 @@ import importlib.util
 from functools import lru_cache
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import trimesh
 
 from articulate.arm import Arm
 from articulate.errors import MissingError
 from articulate.kinematics import FLANGE_Z_M, HAND_TURN_RAD
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 HAND_BODY = "right_hand"

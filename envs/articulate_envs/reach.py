@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from articulate.errors import ReachError
 from articulate.kinematics import solve_ik
 from articulate.placing import handle_in_world
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_envs.panda import BASE_BODY, HAND_BODY
 from articulate_envs.place import MIN_DRAWN_SHARE, way_ends

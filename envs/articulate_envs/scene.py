@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from articulate.arm import Arm
@@ -13,6 +12,7 @@ from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_
 from articulate.draw import Draw
 from articulate.follow import FollowConfig, check_follow
 from articulate.placing import Place, object_pose, tilted
+from articulate.simulator import mujoco
 from articulate.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec

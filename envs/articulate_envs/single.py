@@ -8,11 +8,11 @@ fingers press on a handle, a difference of 1e-14 can become one of 4e-3 within a
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from articulate.follow import discrete, follow
 from articulate.judgement import judge_sample
+from articulate.simulator import mujoco
 from articulate_envs.buffered import DIVERGED, BufferedEngine
 from articulate_envs.compiled_motion import aim, room_of
 from articulate_envs.scene import Scene, wrench_of

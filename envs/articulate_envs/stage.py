@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_envs.scene import PREFIX
 

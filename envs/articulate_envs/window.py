@@ -8,9 +8,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-import mujoco
-
 from articulate.errors import MissingError
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_envs.film import drawn_model, set_positions
 from articulate_envs.scene import Scene
@@ -80,7 +79,7 @@ def _open(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     try:
         # They bring OpenGL, which pictures alone and machines without a screen do without.
         import glfw
-        import mujoco.viewer
+        import mujoco.viewer  # noqa: TID251
 
         if not glfw.init():
             raise MissingError(_NO_WINDOW.format("the display does not answer"))

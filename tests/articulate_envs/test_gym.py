@@ -1,5 +1,5 @@
 import copy
-import pickle  # noqa: TID251 - what we wrote ourselves a moment ago
+import pickle
 import sys
 
 import gymnasium

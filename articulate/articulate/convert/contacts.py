@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset
 from articulate.convert.write import Body, Mimic, mjcf
 from articulate.errors import AssetError
+from articulate.simulator import mujoco
 
 TOUCH_M = 0.001
 """Bodies nearer than this at rest count as touching."""

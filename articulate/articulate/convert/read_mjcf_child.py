@@ -17,8 +17,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
+
+from articulate.simulator import mujoco
 
 MAX_MEMORY = 4_000_000_000
 """Largest address space [bytes]."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from articulate.prove.model import Data, ObjectModel
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, normalised
 
 NUDGE_M = 1e-5 * np.array([0.618, -0.414, 0.732])

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import yourdfpy
 
@@ -22,6 +21,7 @@ from articulate.asset import handle_frame
 from articulate.proof import Clause
 from articulate.prove.model import Model, ObjectModel
 from articulate.silence import unheard
+from articulate.simulator import mujoco
 from articulate.transforms import Array, inverse, normalised, pose, quat_to_matrix
 
 STATES = 100

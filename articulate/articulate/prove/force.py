@@ -13,13 +13,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Joint
 from articulate.proof import Clause, JointProof
 from articulate.prove.model import Data, Model, ObjectModel
 from articulate.prove.settle import has_diverged
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 FORCE_N = 30.0

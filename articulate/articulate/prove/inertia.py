@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Link
@@ -14,6 +13,7 @@ from articulate.prove.authored import surface_of
 from articulate.prove.limits import robot_in
 from articulate.prove.model import Model, ObjectModel
 from articulate.prove.solids import solids_of
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 SLACK = 1e-6

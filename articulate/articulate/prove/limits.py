@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import yourdfpy
 
 from articulate.asset import Joint
 from articulate.proof import Clause
 from articulate.prove.model import ObjectModel
+from articulate.simulator import mujoco
 
 ALLOWED = 1e-6
 """Largest difference between limits that say the same [m or rad]."""

@@ -14,7 +14,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Joint
@@ -26,6 +25,7 @@ from articulate.prove.force import FORCE_N, Pull, pull_of
 from articulate.prove.model import ObjectModel
 from articulate.prove.sweep import DRAW_STATES, Fault, sweep
 from articulate.prove.sweeper import LIMIT_M, MAX_STATES, Meeting, Sweeper
+from articulate.simulator import mujoco
 from articulate.transforms import Array, inverse
 
 ROUNDS = 6

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset
 from articulate.errors import AssetError, nearest
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, inverse, pose
 
 # MuJoCo ships neither annotations nor stubs.

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 
-import mujoco
 import numpy as np
 from PIL import Image
 
@@ -17,6 +16,7 @@ from articulate.prove.triangles import PALETTE
 from articulate.prove.views import AZIMUTH_OFF_FRONT_DEG, ELEVATION_DEG, front_azimuth_deg
 from articulate.render.canvas import Canvas, Pixels
 from articulate.render.view import View, fitted_view
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 SIZE = (640, 520)

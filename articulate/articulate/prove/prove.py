@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset, load_asset
@@ -49,6 +48,7 @@ from articulate.prove.refine import Refined, Refiner, failed_shapes
 from articulate.prove.settle import settle
 from articulate.prove.shown import shown
 from articulate.prove.sweep import sweep
+from articulate.simulator import mujoco
 
 TIMED_STEPS = 100
 """Physics steps that are timed together."""

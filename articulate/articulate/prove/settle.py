@@ -6,12 +6,12 @@ import copy
 import math
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Joint
 from articulate.proof import Clause
 from articulate.prove.model import Data, Model, ObjectModel
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Mask
 
 SETTLE_S = 10.0

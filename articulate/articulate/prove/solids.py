@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from articulate.prove.model import Model, ObjectModel
 from articulate.prove.surface import is_near, sample
+from articulate.simulator import mujoco
 from articulate.transforms import (
     Array,
     Ints,

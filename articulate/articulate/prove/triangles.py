@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import mujoco
 import numpy as np
 import trimesh
 
 from articulate.prove.model import Data, ObjectModel
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, apply, inverse, pose
 
 Layer = Literal["visual", "collision"]

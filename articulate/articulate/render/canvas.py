@@ -17,11 +17,11 @@ import weakref
 from collections.abc import Sequence
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from articulate.errors import MissingError
+from articulate.simulator import mujoco
 
 Pixels = NDArray[np.uint8]
 DRIVER = "MUJOCO_GL"

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from articulate.errors import MissingError
 from articulate.files import whole_file
 from articulate.render.canvas import GEOM_GROUPS
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 APPLICATION = "articulate"
@@ -135,7 +135,7 @@ def show(play: Play) -> None:
         raise MissingError(
             "--viewer: there is no display here (DISPLAY is not set); leave it out to get a clip"
         )
-    import mujoco.viewer  # GLFW; wanted for this alone
+    import mujoco.viewer  # noqa: TID251  # GLFW; wanted for this alone
 
     data = mujoco.MjData(play.model)
     with mujoco.viewer.launch_passive(play.model, data) as window:

@@ -10,12 +10,12 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from articulate.contact import contact_wrench
 from articulate.errors import BundleError
 from articulate.manifest import Manifest
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from articulate.judgement import FIELDS
@@ -13,6 +12,7 @@ from articulate.render.canvas import Canvas, Pixels
 from articulate.render.encode import write_clip
 from articulate.render.play import Play
 from articulate.render.view import View, fitted_view
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.deploy import plan_of
