@@ -38,7 +38,7 @@ from articulate.asset import Asset, load_asset, save_asset
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import read_input
 from articulate.errors import AssetError
-from articulate.proof import Clause, Proof
+from articulate.proof import Proof
 from articulate.prove.fk import InputFrame
 from articulate.prove.origin import origin_of_reading
 from articulate.prove.prove import prove
@@ -52,8 +52,9 @@ PROOF_LIMIT_S = 600.0
 SEED = 1
 """Of the order in which objects are taken."""
 NOT_COUNTED = frozenset({"limits", "coverage", "inertia"})
-"""Clauses that compare with our own files or with what is seen do not count for anyone here, but
-for a part that shows something and has no collision shape at all."""
+"""Clauses that compare with our own files or with what is seen do not count for anyone here."""
+BARE = "no collision shapes"
+"""Stands for a part that nothing can touch: nothing would be in its way, and no hand could pull."""
 FLAGS = (
     '<mujoco><compiler discardvisual="false" fusestatic="false" strippath="false" '
     'balanceinertia="true" boundmass="0.001" boundinertia="1e-6" inertiafromgeom="auto"/></mujoco>'
@@ -218,14 +219,21 @@ def openness_min(proof: Proof) -> float | None:
 
 
 def row_of(
-    name: str, made: Made, proof: Proof | None, reason: str, took_s: float
+    name: str,
+    made: Made,
+    proof: Proof | None,
+    reason: str,
+    took_s: float,
+    bare: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """What is kept of one object and tool."""
     clauses = [c for c in proof.clauses if c.outcome == "failed"] if proof else []
-    clauses = [c for c in clauses if c.name not in NOT_COUNTED or _bare(c)]
-    failed = sorted({c.name for c in clauses})
+    clauses = [c for c in clauses if c.name not in NOT_COUNTED]
+    failed = sorted({c.name for c in clauses} | ({BARE} if bare else set()))
     if clauses and not reason:
         reason = f"{clauses[0].name}: {clauses[0].message}"[:200]
+    if bare and not reason:
+        reason = f"{', '.join(bare)}: {BARE}"[:200]
     return {
         "id": name,
         "made": made.path is not None,
@@ -239,9 +247,13 @@ def row_of(
     }
 
 
-def _bare(clause: Clause) -> bool:
-    """Whether a clause says that a part has nothing that collides."""
-    return clause.name == "coverage" and clause.measured == 0.0
+def bare_parts(asset: Asset) -> tuple[str, ...]:
+    """Links that move and have nothing that collides, with all that is fixed to them."""
+    model = mujoco.MjModel.from_xml_path(str(asset.folder / "object.xml"))
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    solid = {int(model.body_weldid[body]) for body in model.geom_bodyid[touches]}
+    links = [joint.link for joint in asset.joints]
+    return tuple(n for n in links if int(model.body_weldid[model.body(n).id]) not in solid)
 
 
 def judged(tool: str, name: str, source: Path, ours: Path, tools: Path) -> dict[str, Any]:
@@ -260,7 +272,9 @@ def judged(tool: str, name: str, source: Path, ours: Path, tools: Path) -> dict[
             asset = adopted(made.path, load_asset(ours), frame, Path(temporary) / "asset")
         except AssetError as error:
             return row_of(name, made, None, str(error), took)
-        return row_of(name, made, prove(asset), "", took)
+        proof = prove(asset)
+        loads = all(c.name != "loads" or c.outcome != "failed" for c in proof.clauses)
+        return row_of(name, made, proof, "", took, bare_parts(asset) if loads else ())
 
 
 def ours(name: str, folder: Path) -> dict[str, Any]:

@@ -83,7 +83,8 @@ def test_parts_that_collide_with_nothing_are_not_good(rivals, tmp_path):
     bare("mujoco with flags").run()
     row = json.loads((tmp_path / "mujoco with flags.json").read_text())
     assert row["loads"], row["reason"]
-    assert row["failed"] == ["coverage"]
+    assert row["failed"] == [rivals.BARE]
+    assert row["reason"] == "drawer, door: no collision shapes"
 
 
 def test_a_tool_that_is_not_there_is_a_row_with_the_reason(rivals, job):
