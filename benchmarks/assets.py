@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from articulate.asset import load_asset
@@ -28,6 +27,7 @@ from articulate.prove.batch import Batch, Checked, Item
 from articulate.prove.clauses import CLAUSES
 from articulate.prove.model import load_model
 from articulate.prove.triangles import triangles_of
+from articulate.simulator import mujoco
 
 STEPS = 2000
 """Physics steps timed together, by the time of the processor: other work does not count."""

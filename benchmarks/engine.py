@@ -56,7 +56,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import mujoco
 import numpy as np
 import torch
 from numba import carray, njit  # type: ignore[attr-defined]  # numba says no __all__
@@ -65,6 +64,7 @@ from stable_baselines3.common.vec_env import SubprocVecEnv
 from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
 
 from articulate.follow import discrete, follow
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_envs.compiled import _call, _doubles
 from articulate_envs.episodes import Episodes

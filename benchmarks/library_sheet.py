@@ -12,7 +12,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
@@ -22,6 +21,7 @@ from articulate.library.procedural.truth import bounds
 from articulate.library.procedural.urdf import Part
 from articulate.render.canvas import Canvas
 from articulate.render.view import fitted_view
+from articulate.simulator import mujoco
 
 CELL = (164, 164)
 """Width and height of one picture [px]; each is drawn three times as large."""

@@ -45,7 +45,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import mujoco
 import numpy as np
 from gains import motion_to
 
@@ -60,6 +59,7 @@ from articulate.judgement import REASONS, judge_tick, judgement_start, verdict
 from articulate.kinematics import solve_ik, tool_pose
 from articulate.placing import Place, handle_in_world
 from articulate.prove.prove import proven_asset
+from articulate.simulator import mujoco
 from articulate.task import Task
 from articulate.transforms import Array, Ints, axis_angle_to_matrix, pose
 from articulate_envs.choose import choose_joint

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import trimesh
 from lxml import etree
@@ -20,6 +19,7 @@ from lxml import etree
 from articulate.asset import Asset, Joint
 from articulate.prove.model import ObjectModel
 from articulate.prove.surface import is_near, sample
+from articulate.simulator import mujoco
 from articulate.transforms import inverse, pose
 
 TURN_RAD = np.radians(5.0)

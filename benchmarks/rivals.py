@@ -30,7 +30,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 from lxml import etree
 
@@ -38,10 +37,12 @@ from articulate.asset import Asset, load_asset, save_asset
 from articulate.convert.config import ConvertConfig
 from articulate.convert.convert import read_input
 from articulate.errors import AssetError
+from articulate.files import write_json
 from articulate.proof import Proof
 from articulate.prove.fk import InputFrame
 from articulate.prove.origin import origin_of_reading
 from articulate.prove.prove import prove
+from articulate.simulator import mujoco
 from articulate.transforms import matrix_to_quat
 from assets import items_of
 
@@ -256,8 +257,10 @@ def bare_parts(asset: Asset) -> tuple[str, ...]:
     return tuple(n for n in links if int(model.body_weldid[model.body(n).id]) not in solid)
 
 
-def judged(tool: str, name: str, source: Path, ours: Path, tools: Path) -> dict[str, Any]:
-    """Run one tool on one object and prove what it made."""
+def judged(
+    tool: str, name: str, source: Path, ours: Path, tools: Path, wrote: Path
+) -> dict[str, Any]:
+    """Run one tool on one object and prove what it made; ``wrote`` is there once it made a file."""
     with tempfile.TemporaryDirectory(prefix="rivals-") as temporary:
         copy = Path(temporary) / "input" / source.parent.name
         shutil.copytree(source.parent, copy)
@@ -266,6 +269,7 @@ def judged(tool: str, name: str, source: Path, ours: Path, tools: Path) -> dict[
         took = time.perf_counter() - start
         if made.path is None:
             return row_of(name, made, None, made.reason, took)
+        wrote.touch()
         config = ConvertConfig()
         frame = origin_of_reading(read_input(source, config), config).frame
         try:
@@ -318,8 +322,13 @@ class Job:
         if self.tool == "ours":
             row = ours(self.name, folder)
         else:
-            row = judged(self.tool, self.name, self.source, folder, self.tools)
-        self._write(row)
+            row = judged(self.tool, self.name, self.source, folder, self.tools, self.wrote)
+        write_json(self.note, row)
+
+    @property
+    def wrote(self) -> Path:
+        """Stands beside the row as soon as the tool has made a file, proven or not."""
+        return self.note.with_suffix(".wrote")
 
     def row(self) -> dict[str, Any]:
         """The row, from an earlier run or made now; a crash and a limit are rows too."""
@@ -334,14 +343,10 @@ class Job:
             if not self.note.is_file():
                 took = time.perf_counter() - start
                 reason = f"exit {process.exitcode} after {took:.0f} s, no proof"
-                self._write(row_of(self.name, Made(None), None, reason, took))
+                made = Made(self.wrote if self.wrote.is_file() else None)
+                write_json(self.note, row_of(self.name, made, None, reason, took))
         row: dict[str, Any] = json.loads(self.note.read_text(encoding="utf-8"))
         return row
-
-    def _write(self, row: dict[str, Any]) -> None:
-        part = self.note.with_suffix(".part")
-        part.write_text(json.dumps(row), encoding="utf-8")
-        part.replace(self.note)
 
 
 def main() -> int:

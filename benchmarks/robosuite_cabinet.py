@@ -12,10 +12,9 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree as ET
+from xml.etree import ElementTree as ET  # noqa: TID251  # robosuite's own trees; nothing is read
 
 import gymnasium
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from robosuite.controllers import load_part_controller_config
@@ -32,6 +31,7 @@ from robosuite.utils.observables import Observable, sensor
 from articulate.arm import PANDA
 from articulate.asset import Asset
 from articulate.errors import AssetError
+from articulate.simulator import mujoco
 
 Array = NDArray[np.float64]
 Vector = NDArray[np.float32]

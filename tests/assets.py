@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset, Handle, Joint, Link, save_asset
+from articulate.simulator import mujoco
 
 WIDTH_M, DEPTH_M, HEIGHT_M, WALL_M = 0.45, 0.42, 0.60, 0.016
 """Outer size of both objects (y, x, z) and thickness of their walls [m]."""

@@ -1,9 +1,9 @@
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from articulate.errors import AssetError
+from articulate.simulator import mujoco
 from articulate_envs.export_scene import differences, export_scene, scene_files
 
 

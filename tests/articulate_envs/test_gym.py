@@ -1,5 +1,5 @@
 import copy
-import pickle
+import pickle  # noqa: TID251  # what Gymnasium itself does with an environment
 import sys
 
 import gymnasium

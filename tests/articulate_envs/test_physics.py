@@ -1,6 +1,6 @@
-import mujoco
 import pytest
 
+from articulate.simulator import mujoco
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.scene import apply_physics
 

@@ -1,6 +1,5 @@
 import copy
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,6 +7,7 @@ from tests.scenes import DRAWS, rows_of
 
 from articulate.arm import PANDA
 from articulate.kinematics import solve_ik
+from articulate.simulator import mujoco
 from articulate.transforms import pose
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, wrench_of

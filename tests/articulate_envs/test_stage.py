@@ -1,8 +1,8 @@
-import mujoco
 import numpy as np
 import pytest
 
 from articulate.placing import object_pose
+from articulate.simulator import mujoco
 from articulate_envs.scene import PREFIX, scene_spec
 from articulate_envs.stage import PART_RGBA, set_stage
 

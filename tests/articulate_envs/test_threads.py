@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -16,6 +15,7 @@ from articulate.asset import handle_frame
 from articulate.draw import COLUMNS, PUSH_S, Draw, draw, nominal_draw
 from articulate.follow import discrete, follow, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import COLUMN, REASONS, WIDTH, judge_sample
+from articulate.simulator import mujoco
 from articulate.task import Limits
 from articulate.transforms import pose
 from articulate_envs.scene import wrench_of

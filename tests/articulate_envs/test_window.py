@@ -2,10 +2,10 @@ import sys
 import time
 import types
 
-import mujoco
 import numpy as np
 import pytest
 
+from articulate.simulator import mujoco
 from articulate_envs.window import Window, has_display
 
 

@@ -6,9 +6,10 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
-import mujoco
 import pytest
 from tests.articulate.prove.objects import Part, make_object
+
+from articulate.simulator import mujoco
 
 TRAY = tuple(
     ((x, y, 0.0), (0.1 if y else 0.01, 0.01 if y else 0.1, 0.05))

@@ -6,13 +6,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from tests.assets import make_cabinet
 from tests.runs import make_run
 
 from articulate.draw import NO_DRAW
+from articulate.simulator import mujoco
 from articulate_envs.starts import home_start
 
 

@@ -100,12 +100,17 @@ def test_a_row_that_is_noted_is_not_made_again(job):
     assert noted.row() == {"id": "cabinet"}
 
 
-def test_a_crash_is_a_row(rivals, job, monkeypatch):
-    crashing = job("crashing")
+@pytest.mark.parametrize("wrote", [False, True])
+def test_a_crash_is_a_row(rivals, job, monkeypatch, wrote):
+    """It keeps whether the tool had written something before its proof ended."""
+    crashing = job(f"crashing {wrote}")
     context = rivals.multiprocessing.get_context("fork")
     monkeypatch.setattr(rivals.multiprocessing, "get_context", lambda _: context)
-    monkeypatch.setitem(rivals.TOOLS, "crashing", lambda *_: os._exit(9))
+    tool = rivals.unmodified if wrote else lambda *_: os._exit(9)
+    monkeypatch.setitem(rivals.TOOLS, crashing.tool, tool)
+    monkeypatch.setattr(rivals, "adopted", lambda *_: os._exit(9))
     row = crashing.row()
+    assert row["made"] is wrote, row["reason"]
     assert not row["good"], row["failed"]
     assert row["reason"].startswith("exit 9")
     assert json.loads(crashing.note.read_text()) == row

@@ -4,11 +4,11 @@ import importlib.util
 import sys
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
 from articulate.library.procedural.cabinet import embedded_cabinet
+from articulate.simulator import mujoco
 
 pytest.importorskip("robosuite", reason="robosuite is not installed; scripts/install does that")
 

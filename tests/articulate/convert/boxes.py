@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
-
 from articulate.asset import Asset
 from articulate.convert import ConvertConfig, convert
+from articulate.simulator import mujoco
 
 TWO = """<?xml version="1.0"?>
 <robot name="two">

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from articulate.asset import Asset
 from articulate.convert.read import SourceJoint, SourceObject
 from articulate.convert.read_mjcf import read_mjcf
+from articulate.simulator import mujoco
 from articulate.transforms import Array, pose
 
 DRAWER = """<mujoco model="little">

@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -19,6 +18,7 @@ from articulate.convert.convert import input_key, read_input
 from articulate.convert.meshfile import named_by
 from articulate.convert.read import read_urdf
 from articulate.errors import AssetError, UsageError
+from articulate.simulator import mujoco
 from articulate.transforms import inverse
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from tests.articulate.convert.boxes import loaded, said
@@ -14,6 +13,7 @@ from articulate.convert.followers import followed, with_followers
 from articulate.convert.joints import Travel
 from articulate.convert.read import SourceJoint
 from articulate.convert.repairs import Repairs
+from articulate.simulator import mujoco
 
 LEAVES = """<robot name="leaves">
   <link name="body"><visual><origin xyz="0 0 .5"/><geometry><box size=".4 .4 .2"/></geometry>

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from benchmarks.mutants import BYTE_KINDS, ENCODINGS, MESHES, MOST, TREE_KINDS, Mutant, write_mutant
@@ -20,6 +19,7 @@ from hypothesis import strategies as st
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.errors import ArticulateError
+from articulate.simulator import mujoco
 
 TIME_S = 60
 """Longest time of one conversion [s]."""

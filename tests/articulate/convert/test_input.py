@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -19,6 +18,7 @@ from articulate.convert import ConvertConfig, convert
 from articulate.convert.paths import AbsentMesh
 from articulate.convert.presets import MASS_KG, SLIDE
 from articulate.errors import AssetError
+from articulate.simulator import mujoco
 
 HINGE = ('type="prismatic"', 'type="revolute"')
 REST = '<limit lower="0" upper="0.3"/>\n  </joint>'

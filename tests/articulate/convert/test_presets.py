@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from tests.articulate.convert.cabinets import CABINET, write_cabinet
@@ -19,6 +18,7 @@ from articulate.convert.presets import (
     joint_preset,
 )
 from articulate.convert.size import LONGEST_SIDE_M
+from articulate.simulator import mujoco
 
 BODY_INERTIAL = (
     '<inertial><origin xyz="0.2 0.01 0.3"/><mass value="17.5"/>'

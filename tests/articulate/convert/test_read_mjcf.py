@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -27,6 +26,7 @@ from articulate.convert.mesh import Loader
 from articulate.convert.read_mjcf import read_mjcf
 from articulate.convert.tree import build_parts, poses_at
 from articulate.errors import AssetError
+from articulate.simulator import mujoco
 from articulate.transforms import apply, pose
 
 pytestmark = pytest.mark.usefixtures("quick")

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -21,6 +20,7 @@ from articulate.library.procedural.cabinet import (
 )
 from articulate.library.procedural.cabinet_parts import GAP_M, cabinet_parts
 from articulate.library.procedural.meshes import mass_properties
+from articulate.simulator import mujoco
 
 SEEDS = range(12)
 

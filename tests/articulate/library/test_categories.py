@@ -2,7 +2,6 @@
 
 import re
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -17,6 +16,7 @@ from articulate.library.procedural.categories import CATEGORIES, write_object
 from articulate.library.procedural.meshes import mass_properties
 from articulate.library.procedural.truth import bounds, joints_of, origins
 from articulate.prove.prove import check
+from articulate.simulator import mujoco
 from articulate.transforms import axis_angle_to_matrix, pose
 
 QUICK = ("box_with_lid", "bucket", "kitchen_pot")

@@ -2,13 +2,13 @@
 
 import io
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
 
 from articulate.library.procedural.meshes import mass_properties, number, obj_text, smooth_normals
 from articulate.library.procedural.solids import Box, Ring, Rod, cone, prism, tube, volume
+from articulate.simulator import mujoco
 from articulate.transforms import rpy_to_matrix
 
 

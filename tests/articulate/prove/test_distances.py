@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from tests.articulate.prove.objects import Box, Part, make_object
 
 from articulate.prove.distances import Shapes
 from articulate.prove.model import ObjectModel, load_model
+from articulate.simulator import mujoco
 
 CUBE = ((0.0, 0.0, 0.0), (0.05, 0.05, 0.05))
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from tests.articulate.convert.boxes import AXIS, LIMIT, loaded, made
+
+from articulate.simulator import mujoco
 
 FRICTION_N = 20.0
 

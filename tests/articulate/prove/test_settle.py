@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from tests.articulate.prove.objects import Part, make_object
@@ -15,6 +14,7 @@ from articulate.asset import Asset
 from articulate.proof import Clause
 from articulate.prove.model import ObjectModel, load_model
 from articulate.prove.settle import settle, simulate, until_still, with_energy
+from articulate.simulator import mujoco
 
 G = 9.81
 BALL = (((0.0, 0.0, 0.0), (0.02, 0.02, 0.02)),)

@@ -6,7 +6,6 @@ import base64
 import json
 import re
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -20,6 +19,7 @@ from articulate.prove.page import ProofPage
 from articulate.prove.triangles import surfaces_of, triangles_of
 from articulate.prove.viewer import slider_range, viewer_content, viewer_html
 from articulate.prove.views import front_azimuth_deg
+from articulate.simulator import mujoco
 
 BALL = """<mujoco><asset><mesh name="ball" builtin="sphere" params="4"/></asset>
 <worldbody><body name="body"><geom type="mesh" mesh="ball" contype="0" conaffinity="0"/></body>

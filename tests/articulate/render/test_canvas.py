@@ -4,12 +4,12 @@ import subprocess
 import sys
 from types import ModuleType
 
-import mujoco
 import numpy as np
 import pytest
 
 from articulate.errors import MissingError
 from articulate.render.canvas import DRIVER, Canvas
+from articulate.simulator import mujoco
 
 BALL = """
 <mujoco><visual><global offwidth="64" offheight="48"/></visual><worldbody>

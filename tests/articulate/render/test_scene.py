@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
@@ -9,6 +8,7 @@ from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.canvas import open_context
 from articulate.render.parts import PartMesh, plain_part
 from articulate.render.scene import PartScene, segmentation_colours, segmentation_picture
+from articulate.simulator import mujoco
 from articulate.transforms import axis_angle_to_matrix, pose
 
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])

@@ -1,10 +1,10 @@
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from articulate.render.view import MARGIN, View, camera_axes, fitted_view
+from articulate.simulator import mujoco
 
 FOV_DEG, ASPECT = 34.0, 4.0 / 3.0
 EIGHT = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
