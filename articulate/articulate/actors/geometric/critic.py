@@ -27,16 +27,19 @@ from articulate.actors.geometric.fit import (
 )
 from articulate.actors.geometric.layers import Layers, draw
 from articulate.actors.geometric.pictures import rows_of
-from articulate.actors.geometric.refine import Freedom, model_picture, position_unit, refine
+from articulate.actors.geometric.refine import Freedom, model_picture, refine
 from articulate.actors.geometric.search import (
-    NOT_SMALL_PX,
-    STEP_COST,
+    FINE,
     Fit,
     coarse_fit,
+    even_path,
+    free_path,
+    on_one_scale,
     path_again,
+    position_unit,
     with_gain,
 )
-from articulate.actors.geometric.sweep import Floats, best_path
+from articulate.actors.geometric.sweep import Floats
 from articulate.actors.protocol import Evidence, Failure, PredictedJoint, Prediction, Verdict
 from articulate.transforms import Array, Ints, apply, inverse, normalised
 from articulate.vision.tracks import PointTracks, follow_points
@@ -165,11 +168,12 @@ def _placed(joint: PredictedJoint, parts: tuple[int, ...], look: Look) -> Fit:
         q = np.linspace(float(joint.lower or 0.0), float(joint.upper or 0.0), POSITIONS)
     layers = look.layers(parts)
     costs = np.ascontiguousarray(layers.costs(motion.T_o(q)).T)
-    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX) * 0.05
-    path = best_path(costs, step_cost, POSITIONS // 2, endless)
-    cost = float(costs[np.arange(len(costs)), path % len(q)].sum())
-    found = path * (2.0 * np.pi / POSITIONS) if endless else q[path]
-    return with_gain(Fit(motion, np.asarray(found, dtype=np.float64), cost, parts), layers)
+    tries = (
+        free_path(costs, layers, FINE, POSITIONS // 2, circular=endless),
+        even_path(costs, layers, circular=endless),
+    )
+    placed = [Fit(motion, q[0] + path * (q[1] - q[0]), cost, parts) for path, cost in tries]
+    return max((with_gain(fit, layers) for fit in placed), key=lambda fit: fit.gain)
 
 
 def _heard(
@@ -253,6 +257,8 @@ def _failure(
     floor = 0.002 * fit.cost
     wide = _wider(fit, layers, joint, scene)
     rivals = _rivals(scene, look, wide)
+    fit, wide, *others = on_one_scale([fit, wide, *rivals.values()])
+    rivals = dict(zip(rivals, others, strict=True))
     gains = {"as_predicted": fit.gain, "wider_limits": wide.gain}
     gains |= {name: rival.gain for name, rival in rivals.items()}
     pivot = max(wide.gain, gains.get("other_pivot", 0.0))
@@ -293,7 +299,7 @@ def _rivals(scene: Scene, look: Look, fit: Fit) -> dict[str, Fit]:
 def _polished(fit: Fit, indices: Ints, layers: Layers) -> Fit:
     """``fit``, found in the frames ``indices``, refined in the shot of ``layers``."""
     start = replace(fit, q=np.interp(layers.shot.indices, indices, fit.q))
-    start = path_again(start, layers, 2.0 * position_unit(start, layers))
+    start = path_again(start, layers, 2.0 * position_unit(start.motion, layers))
     return with_gain(refine(start, layers, Freedom(axis=False), rounds=5), layers)
 
 
@@ -321,7 +327,7 @@ def _wider(fit: Fit, layers: Layers, joint: PredictedJoint, scene: Scene) -> Fit
     if joint.lower is None or joint.upper is None:
         return fit
     free = coarse_fit(fit.motion, layers, fit.parts, REACH * scene.size_m)
-    again = path_again(free, layers, 1.5 * position_unit(free, layers))
+    again = path_again(free, layers, 1.5 * position_unit(free.motion, layers))
     again = with_gain(again, layers)
     return again if again.gain > fit.gain else fit
 

@@ -10,12 +10,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
+from articulate.actors.geometric.candidates import Motion, axes_of, motions_of, plane_of
 from articulate.actors.geometric.layers import CAP, Layers, draw, layers_of
 from articulate.actors.geometric.light import fit_light, solve_light, still_samples
-from articulate.actors.geometric.refine import Freedom, position_unit, refine
+from articulate.actors.geometric.refine import Freedom, refine
 from articulate.actors.geometric.round import round_axis
-from articulate.actors.geometric.search import Fit, coarse_fit, path_again, turned_path, with_gain
+from articulate.actors.geometric.search import (
+    Fit,
+    coarse_fit,
+    coarse_fits,
+    on_one_scale,
+    path_again,
+    position_unit,
+    turned_path,
+    with_gain,
+)
 from articulate.actors.geometric.shot import LARGEST_ENLARGEMENT, Shot, change_map, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
 from articulate.actors.geometric.sweep import SAME_DEPTH, all_views
@@ -37,6 +46,10 @@ SEEDS = 3
 """Suspects of which it is asked what moves along."""
 LIGHT_ROUNDS = 2
 """Times that the light is learned from what moves before candidates are compared."""
+NUDGED, NUDGE_ROUNDS = 3, 3
+"""Candidates whose axis is moved, and how often."""
+NUDGES = [(a, b) for a in (-2.0, -1.0, 0.0, 1.0, 2.0) for b in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+"""By so much, across the axis, in pixels."""
 KEPT = 8
 """Candidates that are refined coarsely."""
 FINAL = 3
@@ -48,6 +61,8 @@ SHOWS_WELL, AS_GOOD_ROUND = 0.06, 0.5
 that gains the second share of what the best motion gains."""
 SHOWS = 0.006
 """Share of the largest cost of a part's pixels below which its motion hardly shows."""
+ENDLESS_RAD = 2.0 * np.pi + 0.5
+"""What an endless turn is said to make in a clip in which nothing shows."""
 SNAP = 0.01
 """Share of the gain that an axis along one of the object's directions may cost."""
 HINGE_GAIN = 0.04
@@ -191,7 +206,7 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
         return None
     coarse = replace(coarse, light=better_light(coarse, fits[0], coarse.shot))
     layers = coarse.layers(moving)
-    fits = [_tightened(fit, layers) for fit in fits]
+    fits = on_one_scale([_tightened(fit, layers) for fit in fits])
     fits.sort(key=lambda fit: -fit.gain)
     fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
     fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
@@ -210,11 +225,12 @@ def _everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
     look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
     layers = look.layers(fit.parts)
     start = replace(fit, q=np.interp(look.shot.indices, fine.shot.indices, fit.q))
-    tries = [path_again(start, layers, 1.5 * position_unit(start, layers))]
+    tries = [start, path_again(start, layers, 1.5 * position_unit(start.motion, layers))]
     if fit.motion.kind == "turn":
         tries.append(turned_path(start, layers))
     fixed = Freedom(axis=False, pivot=False)
-    best = min((refine(one, layers, fixed, rounds=3) for one in tries), key=lambda fit: fit.cost)
+    refined = [refine(one, layers, fixed, rounds=3) for one in tries]
+    best = min(refined, key=lambda fit: fit.price)
     return with_gain(best, layers)
 
 
@@ -231,7 +247,7 @@ def _round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
     if motion is None:
         return fit
     if share <= SHOWS:
-        return replace(fit, motion=motion, q=np.linspace(0.0, 2.0 * np.pi, len(fit.q)), gain=0.0)
+        return replace(fit, motion=motion, q=np.linspace(0.0, ENDLESS_RAD, len(fit.q)), gain=0.0)
     if fit.motion.kind == "slide":
         return fit
     start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, fit.parts)
@@ -241,7 +257,7 @@ def _round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
 
 def _tightened(fit: Fit, layers: Layers) -> Fit:
     """``fit`` with its path sought again and its pivot refined."""
-    again = path_again(fit, layers, 2.0 * position_unit(fit, layers))
+    again = path_again(fit, layers, 2.0 * position_unit(fit.motion, layers))
     return with_gain(refine(again, layers, Freedom(axis=False), rounds=5), layers)
 
 
@@ -261,7 +277,7 @@ def roundest(scene: Scene) -> Fit | None:
     if not found:
         return None
     _, part, motion = min(found, key=lambda item: item[0])
-    return Fit(motion, np.linspace(0.0, 2.0 * np.pi, len(scene.clip)), 0.0, (part,))
+    return Fit(motion, np.linspace(0.0, ENDLESS_RAD, len(scene.clip)), 0.0, (part,))
 
 
 def rank_parts(look: Look) -> list[int]:
@@ -322,20 +338,47 @@ def _candidates(
     motions = motions_of(surface, rest, axes_of(look.surface.only(moving[:1])))
     if wish.near is not None:
         motions.append(wish.near)
-    fits = sorted(
-        (coarse_fit(motion, layers, moving, reach_m) for motion in motions),
-        key=lambda fit: -fit.gain,
-    )
+    pairs = [coarse_fits(motion, layers, moving, reach_m) for motion in motions]
+    fits = on_one_scale([fit for pair in pairs for fit in pair])
+    turns = [fit for fit in sorted(fits, key=lambda fit: -fit.gain) if fit.motion.kind == "turn"]
+    wanted = [fit for fit in turns if wish.allows(fit)][:NUDGED]
+    near = [_nudged(fit, layers, reach_m) for fit in wanted]
+    fits = on_one_scale([*fits, *near])
+    fits.sort(key=lambda fit: -fit.gain)
     return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
 
 
+def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:
+    """The best even turn about an axis beside that of ``fit``.
+
+    A thin part hardly meets its picture anywhere if the axis is off by its thickness.
+    """
+    best: Fit | None = None
+    motion = fit.motion
+    step = layers.shot.pixel_m(layers.moving.points_o.mean(axis=0))
+    for _ in range(NUDGE_ROUNDS):
+        across = plane_of(motion.axis_o)
+        spots = [motion.pivot_o + step * (a * across[0] + b * across[1]) for a, b in NUDGES]
+        tried = [
+            coarse_fits(replace(motion, pivot_o=spot), layers, fit.parts, reach_m)[1]
+            for spot in spots
+        ]
+        found = min(tried, key=lambda one: one.price)
+        if best is not None and found.price >= best.price:
+            break
+        best, motion = found, found.motion
+    assert best is not None
+    return best
+
+
 def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
-    """The first ``n``, and the first of each kind."""
+    """The first ``n``, the first of each kind, and the first even ones, half as many."""
     kept = list(fits[:n])
     for kind in ("slide", "turn"):
         if all(fit.motion.kind != kind for fit in kept):
             kept += [fit for fit in fits if fit.motion.kind == kind][:1]
-    return kept
+    missing = (n + 1) // 2 - sum(fit.even for fit in kept)
+    return kept + [fit for fit in fits[n:] if fit.even and fit not in kept][: max(0, missing)]
 
 
 def better_light(look: Look, fit: Fit, shot: Shot) -> Array:
@@ -360,18 +403,19 @@ def better_light(look: Look, fit: Fit, shot: Shot) -> Array:
 def _finished(fit: Fit, layers: Layers, before: Shot, shot: Shot) -> Fit:
     """``fit`` refined in a finer shot, its axis snapped back where that costs nothing."""
     start = replace(fit, q=np.interp(shot.indices, before.indices, fit.q))
-    start = path_again(start, layers, 1.5 * position_unit(start, layers))
+    start = path_again(start, layers, 1.5 * position_unit(start.motion, layers))
     bound = refine(start, layers, Freedom(axis=False))
-    again = path_again(bound, layers, 1.5 * position_unit(bound, layers))
-    if again.cost < bound.cost:
+    again = path_again(bound, layers, 1.5 * position_unit(bound.motion, layers))
+    if again.price < bound.price:
         bound = refine(again, layers, Freedom(axis=False), rounds=4)
     free = refine(bound, layers, Freedom())
-    bound, free = with_gain(bound, layers), with_gain(free, layers)
+    bound, free = on_one_scale([with_gain(bound, layers), with_gain(free, layers)])
     return bound if bound.gain >= (1.0 - SNAP) * free.gain else free
 
 
 def _chosen(fits: Sequence[Fit]) -> Fit:
     """The one that gains most, slides being preferred."""
+    fits = on_one_scale(fits)
     best = max(fits, key=lambda fit: fit.gain)
     slides = [fit for fit in fits if fit.motion.kind == "slide"]
     if slides and best.motion.kind == "turn":

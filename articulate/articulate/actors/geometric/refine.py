@@ -7,15 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.actors.geometric.candidates import Motion, plane_of
-from articulate.actors.geometric.layers import Layers
-from articulate.actors.geometric.search import Fit
+from articulate.actors.geometric.layers import CAP, Layers
+from articulate.actors.geometric.search import (
+    MOST_BEND,
+    NUDGE_PX,
+    Fit,
+    bending,
+    position_unit,
+    unevenness,
+)
 from articulate.actors.geometric.sweep import Floats, draw_over
 from articulate.transforms import Array, axis_angle_to_matrix, normalised
 
 SOFT = 24.0
 """Differences of a colour above this count less and less."""
-NUDGE_PX = 0.8
-"""Motion in the picture over which derivatives are taken."""
 CONVERGED = 2e-4
 """Relative fall of the cost below which refining ends."""
 
@@ -33,7 +38,7 @@ class Freedom:
 
 
 def refine(fit: Fit, layers: Layers, freedom: Freedom, *, rounds: int = 8) -> Fit:
-    """A fit that costs no more, near ``fit``.
+    """A fit near ``fit`` whose price is no higher.
 
     Args:
         fit: Where to begin; its positions are those of the frames of ``layers``.
@@ -42,21 +47,28 @@ def refine(fit: Fit, layers: Layers, freedom: Freedom, *, rounds: int = 8) -> Fi
         rounds: Most steps.
     """
     best = replace(fit, cost=float(layers.path_cost(fit.motion.T_o(fit.q)).sum()))
-    damping = 1e-2
+    best, damping = replace(best, bends=unevenness(best, layers)), 1e-2
+    most = MOST_BEND * CAP * layers.own_px
     for _ in range(rounds):
         hessian, gradient, scales = _normal_equations(best, layers, freedom)
-        before = best.cost
+        n, unit = freedom.size(best.motion), scales[-1]
+        bend = bending(best.motion, layers)
+        bend = bend[(bend @ best.q) ** 2 < most]
+        hessian[n:, n:] += unit**2 * bend.T @ bend
+        gradient[n:] -= unit * bend.T @ (bend @ best.q)
+        before = best.price
         for _ in range(4):
             lifted = hessian + damping * np.diag(np.diag(hessian) + 1e-9 * np.trace(hessian))
             step = np.linalg.solve(lifted + 1e-6 * np.eye(len(hessian)), gradient)
             step = np.clip(step, -6.0, 6.0) * scales
             trial = _stepped(best, step, freedom)
             cost = float(layers.path_cost(trial.motion.T_o(trial.q)).sum())
-            if cost < best.cost:
-                best, damping = replace(trial, cost=cost), max(damping * 0.3, 1e-4)
+            trial = replace(trial, cost=cost, bends=unevenness(trial, layers))
+            if trial.price < best.price:
+                best, damping = trial, max(damping * 0.3, 1e-4)
                 break
             damping *= 5.0
-        if before - best.cost <= CONVERGED * abs(before):
+        if before - best.price <= CONVERGED * abs(before):
             break
     return best
 
@@ -80,11 +92,6 @@ def shifted(motion: Motion, change: Array, freedom: Freedom) -> Motion:
     if freedom.pivot and motion.kind == "turn":
         pivot = pivot + change[k] * across[0] + change[k + 1] * across[1]
     return replace(motion, axis_o=axis, pivot_o=pivot)
-
-
-def position_unit(fit: Fit, layers: Layers) -> float:
-    """Change of position that moves the part by about a pixel [m or rad]."""
-    return float(_units(fit, layers, Freedom(axis=False, pivot=False))[-1])
 
 
 def _stepped(fit: Fit, step: Array, freedom: Freedom) -> Fit:
@@ -151,20 +158,15 @@ def model_picture(T_o: Array, layers: Layers) -> Floats:
 def _units(fit: Fit, layers: Layers, freedom: Freedom) -> Array:
     """How much of each parameter moves the part by about a pixel (D,)."""
     points = layers.moving.points_o
-    middle = points.mean(axis=0)
-    pixel_m = NUDGE_PX * layers.shot.pixel_m(middle)
-    arm = points - fit.motion.pivot_o
-    across = arm - np.outer(arm @ fit.motion.axis_o, fit.motion.axis_o)
-    radius = float(np.percentile(np.linalg.norm(across, axis=1), 90)) + 1e-9
-    length = float(np.percentile(np.linalg.norm(arm, axis=1), 90)) + 1e-9
+    pixel_m = NUDGE_PX * layers.shot.pixel_m(points.mean(axis=0))
     if fit.motion.kind == "slide":
-        travel = max(float(np.abs(fit.q).max()), 2.0 * pixel_m)
-        own, tilt = pixel_m, pixel_m / travel
+        reach = max(float(np.abs(fit.q).max()), 2.0 * pixel_m)
     else:
-        own, tilt = pixel_m / radius, pixel_m / length
+        arm = np.linalg.norm(points - fit.motion.pivot_o, axis=1)
+        reach = float(np.percentile(arm, 90)) + 1e-9
     units = []
     if freedom.axis:
-        units += [min(tilt, 0.2)] * 2
+        units += [min(pixel_m / reach, 0.2)] * 2
     if freedom.pivot and fit.motion.kind == "turn":
         units += [pixel_m] * 2
-    return np.array([*units, *([own] * len(fit.q))])
+    return np.array([*units, *([position_unit(fit.motion, layers)] * len(fit.q))])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from articulate.actors.geometric.candidates import Motion
 from articulate.actors.geometric.layers import CAP, Layers
-from articulate.actors.geometric.sweep import best_path
+from articulate.actors.geometric.sweep import best_line, best_path
 from articulate.transforms import Array
 
 TURN_STEPS = 48
@@ -18,10 +19,18 @@ FINE_TURN_STEPS = 120
 SLIDE_STEP_PX = 1.6
 """Motion in the picture between two positions of a slide."""
 MOST_SLIDE_STEPS = 61
-STEP_COST = 0.6 * CAP
-"""Cost of moving by one position between two frames, for a part that is not small."""
-NOT_SMALL_PX = 800
-"""Pixels of a part that is not small."""
+CHANGE_COST = 1e-3
+"""Cost of a step, in positions from frame to frame, that differs by one from the step before, as a
+share of the largest cost of all pixels of what moves."""
+FINE = 0.3
+"""Share of it where positions are fine, and changes by one mean little."""
+BEND, MOST_BEND = 5e-4, 2e-2
+"""The same of a position that lies a pixel beside the middle of its neighbours, squared: what shows
+little follows the motion before and after. And the most that one costs: motions begin and end."""
+NUDGE_PX = 0.8
+"""Motion in the picture that is one unit of a position."""
+MOST_TURN = 1.2
+"""Turns of a whole circle and this share of it are looked for as one even motion."""
 STILL_POSES = 13
 """Poses in which a part is thought to rest through the whole shot, for comparison."""
 MOST_POSITIONS = 160
@@ -42,8 +51,58 @@ class Fit:
     parts: tuple[int, ...]
     """What moves."""
     gain: float = 0.0
-    """How much less it costs than the best pose in which nothing would move. What the model of
-    the object gets wrong costs both alike."""
+    """How much less it costs, bends included, than the best pose in which nothing would move. What
+    the model of the object gets wrong costs both alike."""
+    bends: float = 0.0
+    """What the bends of its path cost."""
+    even: bool = False
+    """Whether it was found as an even motion through the whole shot."""
+
+    @property
+    def price(self) -> float:
+        """What it costs altogether."""
+        return self.cost + self.bends
+
+
+def on_one_scale(fits: Sequence[Fit]) -> list[Fit]:
+    """``fits`` of the same parts in the same shot, gains counted from the same pose at rest."""
+    rest = min((fit.price + fit.gain for fit in fits), default=0.0)
+    return [replace(fit, gain=rest - fit.price) for fit in fits]
+
+
+def free_path(
+    costs: Array, layers: Layers, share: float, largest: int, *, circular: bool
+) -> tuple[Array, float]:
+    """The cheapest path through ``costs`` (T, Q), in columns (T,), and the sum of what it passes.
+
+    Args:
+        costs: Cost of each position in each frame of ``layers``.
+        layers: The shot.
+        share: Of the cost of a changed step.
+        largest: Most columns from frame to frame.
+        circular: The last column is next to the first.
+    """
+    change = share * CHANGE_COST * CAP * layers.own_px
+    path = best_path(costs, change, largest, circular)
+    passed = costs[np.arange(len(costs)), path % costs.shape[1]]
+    return np.asarray(path, dtype=np.float64), float(passed.sum())
+
+
+def even_path(costs: Array, layers: Layers, *, circular: bool) -> tuple[Array, float]:
+    """The same of the cheapest even motion, which is not caught where poses look alike.
+
+    Args:
+        costs: Cost of each position in each frame of ``layers``.
+        layers: The shot.
+        circular: The last column is next to the first.
+    """
+    n_frames, n_columns = costs.shape
+    times = layers.shot.indices - layers.shot.indices[0]
+    times = times / max(float(times[-1]), 1.0)
+    most = int(MOST_TURN * n_columns) if circular else n_columns - 1
+    path = best_line(costs, times, most, circular)
+    passed = costs[np.arange(n_frames), np.rint(path).astype(int) % n_columns]
+    return np.asarray(path), float(passed.sum())
 
 
 def positions(motion: Motion, layers: Layers, reach_m: float) -> Array:
@@ -65,22 +124,33 @@ def positions(motion: Motion, layers: Layers, reach_m: float) -> Array:
 
 def coarse_fit(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float) -> Fit:
     """The cheapest path of ``motion`` through the shot."""
+    return min(coarse_fits(motion, layers, parts, reach_m), key=lambda fit: fit.price)
+
+
+def coarse_fits(
+    motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float
+) -> tuple[Fit, Fit]:
+    """The cheapest path of ``motion`` through the shot, and the cheapest even one."""
     q = positions(motion, layers, reach_m)
     costs = np.ascontiguousarray(layers.costs(motion.T_o(q)).T)
     turning = motion.kind == "turn"
-    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX)
-    path = best_path(costs, step_cost, LARGEST_STEP, turning)
-    cost = float(costs[np.arange(len(costs)), path % len(q)].sum())
-    found = path * (2.0 * np.pi / TURN_STEPS) if turning else q[path]
-    gain = float(costs.sum(axis=0).min()) - cost
-    return Fit(motion, np.asarray(found, dtype=np.float64), cost, parts, gain)
+    free = free_path(costs, layers, 1.0, LARGEST_STEP, circular=turning)
+    even = even_path(costs, layers, circular=turning)
+    rest = float(costs.sum(axis=0).min())
+    found = []
+    for path, cost in (free, even):
+        fit = Fit(motion, q[0] + path * (q[1] - q[0]), cost, parts, even=path is even[0])
+        bends = unevenness(fit, layers)
+        found.append(replace(fit, bends=bends, gain=rest - cost - bends))
+    return found[0], found[1]
 
 
 def path_again(fit: Fit, layers: Layers, step: float) -> Fit:
     """``fit`` with the cheapest path through positions a ``step`` apart, around its own.
 
     Args:
-        fit: Where from; its positions are those of the frames of ``layers``.
+        fit: Where from; its positions are those of the frames of ``layers``. If it is even, so is
+            the path.
         layers: The shot.
         step: Between neighbouring positions [m or rad].
     """
@@ -89,25 +159,63 @@ def path_again(fit: Fit, layers: Layers, step: float) -> Fit:
     step = max(step, (high - low + 2.0 * margin) / MOST_POSITIONS)
     q = np.arange(low - margin, high + margin + 0.5 * step, step)
     costs = np.ascontiguousarray(layers.costs(fit.motion.T_o(q)).T)
-    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX) * 0.1
-    largest = max(8, len(q) // 2)
-    path = best_path(costs, step_cost, largest, False)
-    cost = float(costs[np.arange(len(costs)), path].sum())
-    return replace(fit, q=q[path], cost=cost)
+    if fit.even:
+        path, cost = even_path(costs, layers, circular=False)
+    else:
+        path, cost = free_path(costs, layers, FINE, max(8, len(q) // 2), circular=False)
+    return _walked(replace(fit, q=q[0] + path * step, cost=cost), layers)
 
 
 def turned_path(fit: Fit, layers: Layers) -> Fit:
     """The cheapest path of a turn through all of the circle, in fine steps."""
     q = np.arange(FINE_TURN_STEPS, dtype=np.float64) * (2.0 * np.pi / FINE_TURN_STEPS)
     costs = np.ascontiguousarray(layers.costs(fit.motion.T_o(q)).T)
-    step_cost = STEP_COST * min(1.0, layers.own_px / NOT_SMALL_PX) * 0.1
-    path = best_path(costs, step_cost, LARGEST_STEP, True)
-    cost = float(costs[np.arange(len(costs)), path % len(q)].sum())
-    return replace(fit, q=path * (2.0 * np.pi / FINE_TURN_STEPS), cost=cost)
+    tries = (
+        free_path(costs, layers, FINE, LARGEST_STEP, circular=True),
+        even_path(costs, layers, circular=True),
+    )
+    turned = [replace(fit, q=path * (q[1] - q[0]), cost=cost) for path, cost in tries]
+    return min((_walked(one, layers) for one in turned), key=lambda one: one.price)
+
+
+def _walked(fit: Fit, layers: Layers) -> Fit:
+    return replace(fit, bends=unevenness(fit, layers))
 
 
 def with_gain(fit: Fit, layers: Layers) -> Fit:
-    """``fit`` with its gain in this shot."""
+    """``fit`` with its gain and bends in this shot."""
     still = np.unique([0.0, *np.linspace(fit.q.min(), fit.q.max(), STILL_POSES)])
     costs = layers.costs(fit.motion.T_o(still)).sum(axis=1)
-    return replace(fit, gain=float(costs.min()) - fit.cost)
+    bends = unevenness(fit, layers)
+    return replace(fit, bends=bends, gain=float(costs.min()) - fit.cost - bends)
+
+
+def position_unit(motion: Motion, layers: Layers) -> float:
+    """Change of position that moves the part by about a pixel [m or rad]."""
+    points = layers.moving.points_o
+    pixel_m = NUDGE_PX * layers.shot.pixel_m(points.mean(axis=0))
+    if motion.kind == "slide":
+        return pixel_m
+    arm = points - motion.pivot_o
+    across = arm - np.outer(arm @ motion.axis_o, motion.axis_o)
+    return pixel_m / (float(np.percentile(np.linalg.norm(across, axis=1), 90)) + 1e-9)
+
+
+def bending(motion: Motion, layers: Layers) -> Array:
+    """What makes of positions (T,) their weighted second differences (T - 2,), whose squares cost.
+
+    Frames need not be evenly spaced.
+    """
+    weight = np.sqrt(BEND * CAP * layers.own_px) / position_unit(motion, layers)
+    gaps = np.diff(np.asarray(layers.shot.indices, dtype=np.float64))
+    gaps /= np.mean(gaps)
+    out = np.zeros((max(0, len(gaps) - 1), len(gaps) + 1))
+    for i in range(len(out)):
+        out[i, i : i + 3] = 1.0 / gaps[i], -1.0 / gaps[i] - 1.0 / gaps[i + 1], 1.0 / gaps[i + 1]
+    return np.asarray(weight * out)
+
+
+def unevenness(fit: Fit, layers: Layers) -> float:
+    """What the bends of the path of ``fit`` cost."""
+    squares = (bending(fit.motion, layers) @ fit.q) ** 2
+    return float(np.minimum(squares, MOST_BEND * CAP * layers.own_px).sum())

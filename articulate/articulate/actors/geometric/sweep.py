@@ -19,6 +19,10 @@ LIGHT_ROWS = 4
 each colour), and the direction towards that lamp in the camera's frame."""
 SAME_DEPTH = 1.002
 """What is nearer by less than this factor is not in front."""
+LARGEST_CHANGE = 4
+"""Changes of a path's step beyond this cost no more: a motion may begin and end at once."""
+REST = 0.02
+"""What a step of one column costs, as a share of a change by one: what shows nothing rests."""
 
 
 @njit(cache=True, nogil=True)
@@ -190,36 +194,77 @@ def draw_over(
 
 
 @njit(cache=True, nogil=True)
-def best_path(costs: Any, step_cost: float, largest: int, circular: bool) -> Any:
+def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> Any:
     """The cheapest path through ``costs`` (T, Q), as unwrapped column numbers (T,).
+
+    Going on as before costs nothing, however fast: what is hidden for a while, or looks alike in
+    several columns, is where its motion before and after leads. Viterbi's recursion over columns
+    and steps.
 
     Args:
         costs: Cost of each column in each row.
-        step_cost: Added for each column that is moved by between two rows.
-        largest: Most columns that are moved by between two rows.
+        change_cost: Added for each step (columns from row to row) that differs from the one before
+            it, times the square of the difference, which counts up to :data:`LARGEST_CHANGE`.
+        largest: Largest step.
         circular: The last column is next to the first.
     """
     n_rows, n_columns = costs.shape
-    total = costs[0].copy()
-    back = np.zeros((n_rows, n_columns), dtype=np.int64)
+    n_steps = 2 * largest + 1
+    total = np.empty((n_columns, n_steps))
+    for q in range(n_columns):
+        total[q, :] = costs[0, q]
+    back = np.zeros((n_rows, n_columns, n_steps), dtype=np.int16)
     for t in range(1, n_rows):
-        fresh = np.full(n_columns, np.inf)
-        for q in range(n_columns):
-            for d in range(-largest, largest + 1):
-                p = q - d
+        fresh = np.full((n_columns, n_steps), np.inf)
+        for p in range(n_columns):
+            jump = np.argmin(total[p])
+            jumped = total[p, jump] + change_cost * LARGEST_CHANGE**2
+            for d in range(n_steps):
+                q = p + d - largest
                 if circular:
-                    p = p % n_columns
-                elif p < 0 or p >= n_columns:
+                    q = q % n_columns
+                elif q < 0 or q >= n_columns:
                     continue
-                value = total[p] + step_cost * abs(d)
-                if value < fresh[q]:
-                    fresh[q] = value
-                    back[t, q] = d
-        for q in range(n_columns):
-            total[q] = fresh[q] + costs[t, q]
+                value, came = jumped, jump
+                first, last = max(0, d - LARGEST_CHANGE), min(n_steps - 1, d + LARGEST_CHANGE)
+                for e in range(first, last + 1):
+                    tried = total[p, e] + change_cost * (d - e) ** 2
+                    if tried < value:
+                        value, came = tried, e
+                fresh[q, d] = value + costs[t, q] + change_cost * REST * abs(d - largest)
+                back[t, q, d] = came
+        total = fresh
+    last = np.argmin(total)
     path = np.zeros(n_rows, dtype=np.int64)
-    path[n_rows - 1] = np.argmin(total)
+    path[n_rows - 1], step = last // n_steps, last % n_steps
     for t in range(n_rows - 1, 0, -1):
         column = path[t] % n_columns if circular else path[t]
-        path[t - 1] = path[t] - back[t, column]
+        path[t - 1] = path[t] - (step - largest)
+        step = back[t, column, step]
     return path
+
+
+@njit(cache=True, nogil=True)
+def best_line(costs: Any, times: Any, most: int, circular: bool) -> Any:
+    """The cheapest even motion through ``costs`` (T, Q), as unwrapped columns (T,), not whole ones.
+
+    Args:
+        costs: Cost of each column in each row.
+        times: When each row is, growing from 0 to 1 (T,).
+        most: Most columns from the first row to the last.
+        circular: The last column is next to the first.
+    """
+    n_rows, n_columns = costs.shape
+    least, first, far = np.inf, 0, 0
+    for start in range(n_columns):
+        for travel in range(-most, most + 1):
+            if not circular and (start + travel < 0 or start + travel >= n_columns):
+                continue
+            total = 0.0
+            for t in range(n_rows):
+                total += costs[t, round(start + travel * times[t]) % n_columns]
+                if total >= least:
+                    break
+            if total < least:
+                least, first, far = total, start, travel
+    return first + far * times

@@ -18,8 +18,8 @@ from articulate.actors.loop import MAX_TURNS, Loop
 from articulate.actors.protocol import Attempt, Evidence, PredictedJoint, Prediction, TraceStep
 from articulate.errors import UsageError
 
-FULL_TURN_RAD = 2.0 * np.pi - 0.25
-"""Turns of this or more have no limits."""
+FULL_TURN_RAD = 2.0 * np.pi + 0.25
+"""Turns of this or more have no limits: many limited ones have nearly a full turn."""
 UNSEEN = 0.1
 """Confidence where nothing shows in the clip."""
 

@@ -1,11 +1,17 @@
 """The compiled loops of the search against plain ones."""
 
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 import pytest
 
-from articulate.actors.geometric.sweep import best_path, draw_over, sweep_costs
+from articulate.actors.geometric.sweep import (
+    LARGEST_CHANGE,
+    REST,
+    best_path,
+    draw_over,
+    sweep_costs,
+)
 from articulate.transforms import axis_angle_to_matrix, pose
 
 PINHOLE = np.array([40.0, 40.0, 15.5, 11.5])
@@ -62,22 +68,22 @@ def test_a_face_turned_to_camera_and_lamp_has_all_light():
 @pytest.mark.parametrize("circular", [False, True])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_cheapest_path_is_that_of_trying_all(seed, circular):
-    costs = np.random.default_rng(seed).uniform(0, 10, (4, 5))
-    largest, step_cost = 1, 1.5
-    path = best_path(costs, step_cost, largest, circular)
+    """Every first column and every step of a path of five rows."""
+    costs = np.random.default_rng(seed).uniform(0, 10, (5, 5))
+    largest, change_cost = 2, 1.5
+    path = best_path(costs, change_cost, largest, circular)
 
     def price(columns):
-        total = sum(costs[t, c] for t, c in enumerate(columns))
-        for a, b in pairwise(columns):
-            gap = abs(a - b)
-            gap = min(gap, 5 - gap) if circular else gap
-            if gap > largest:
-                return np.inf
-            total += step_cost * gap
-        return total
+        if not circular and not all(0 <= c < 5 for c in columns):
+            return np.inf
+        steps = np.diff(columns)
+        total = sum(costs[t, c % 5] for t, c in enumerate(columns))
+        total += change_cost * REST * np.abs(steps).sum()
+        return total + change_cost * (np.diff(steps) ** 2).clip(max=LARGEST_CHANGE**2).sum()
 
-    best = min(price(columns) for columns in product(range(5), repeat=4))
-    assert price([int(c) % 5 for c in path]) == pytest.approx(best)
+    steps = range(-largest, largest + 1)
+    tried = (np.cumsum([q, *d]) for q in range(5) for d in product(steps, repeat=4))
+    assert price(path) == pytest.approx(min(price(columns) for columns in tried))
     assert np.abs(np.diff(path)).max() <= largest
 
 
@@ -86,3 +92,16 @@ def test_a_turn_that_passes_the_end_of_the_circle_goes_on_counting():
     for t in range(6):
         costs[t, (6 + t) % 8] = 0.0
     assert best_path(costs, 0.01, 2, True).tolist()[-1] - best_path(costs, 0.01, 2, True)[0] == 5
+
+
+def test_what_is_hidden_goes_on_as_before():
+    """Two steps a row; from the fifth row on nothing shows."""
+    costs = np.zeros((8, 20))
+    for t in range(5):
+        costs[t] = 10.0
+        costs[t, 1 + 2 * t] = 0.0
+    assert best_path(costs, 1.0, 4, False).tolist() == [1, 3, 5, 7, 9, 11, 13, 15]
+
+
+def test_what_shows_nothing_rests():
+    assert np.ptp(best_path(np.ones((6, 9)), 1.0, 3, True)) == 0
