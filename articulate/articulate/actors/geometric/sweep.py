@@ -217,7 +217,7 @@ def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> A
     for t in range(1, n_rows):
         fresh = np.full((n_columns, n_steps), np.inf)
         for p in range(n_columns):
-            jump = np.argmin(total[p])
+            jump = int(np.argmin(total[p]))
             jumped = total[p, jump] + change_cost * LARGEST_CHANGE**2
             for d in range(n_steps):
                 q = p + d - largest
@@ -234,13 +234,13 @@ def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> A
                 fresh[q, d] = value + costs[t, q] + change_cost * REST * abs(d - largest)
                 back[t, q, d] = came
         total = fresh
-    last = np.argmin(total)
+    end = int(np.argmin(total))
     path = np.zeros(n_rows, dtype=np.int64)
-    path[n_rows - 1], step = last // n_steps, last % n_steps
+    path[n_rows - 1], step = end // n_steps, end % n_steps
     for t in range(n_rows - 1, 0, -1):
         column = path[t] % n_columns if circular else path[t]
         path[t - 1] = path[t] - (step - largest)
-        step = back[t, column, step]
+        step = int(back[t, column, step])
     return path
 
 
