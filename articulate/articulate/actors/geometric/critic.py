@@ -173,7 +173,19 @@ def _placed(joint: PredictedJoint, parts: tuple[int, ...], look: Look) -> Fit:
         even_path(costs, layers, circular=endless),
     )
     placed = [Fit(motion, q[0] + path * (q[1] - q[0]), cost, parts) for path, cost in tries]
-    return max((with_gain(fit, layers) for fit in placed), key=lambda fit: fit.gain)
+    ends = None if endless else (float(q[0]), float(q[-1]))
+    return max((_settled(fit, layers, ends) for fit in placed), key=lambda fit: fit.gain)
+
+
+def _settled(fit: Fit, layers: Layers, ends: tuple[float, float] | None) -> Fit:
+    """``fit`` with its positions refined, between ``ends`` if there are any, as rivals' are."""
+    refined = refine(fit, layers, Freedom(axis=False, pivot=False), rounds=5)
+    if ends is not None:
+        kept = np.clip(refined.q, *ends)
+        cost = float(layers.path_cost(refined.motion.T_o(kept)).sum())
+        refined = replace(refined, q=kept, cost=cost)
+        refined = refined if cost < fit.cost else fit
+    return with_gain(refined, layers)
 
 
 def _heard(
@@ -328,7 +340,7 @@ def _wider(fit: Fit, layers: Layers, joint: PredictedJoint, scene: Scene) -> Fit
         return fit
     free = coarse_fit(fit.motion, layers, fit.parts, REACH * scene.size_m)
     again = path_again(free, layers, 1.5 * position_unit(free.motion, layers))
-    again = with_gain(again, layers)
+    again = _settled(again, layers, None)
     return again if again.gain > fit.gain else fit
 
 
