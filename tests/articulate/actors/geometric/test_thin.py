@@ -1,0 +1,97 @@
+"""Parts of wire and wheels with spokes: they look alike, or hide, in many poses of their turn."""
+
+import numpy as np
+import pytest
+
+from articulate.actors.geometric.video import video_actor
+from articulate.actors.protocol import Evidence, PredictedJoint
+from articulate.render.camera import front_camera
+from articulate.render.clip import film, poses_of_parts
+from articulate.render.parts import plain_part
+from articulate.render.scene import PartScene
+
+N_FRAMES = 30
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float) - 0.5
+CUBE_FACES = np.array(
+    [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ]
+)
+
+
+def bars(name, ends, thick, rgb):
+    """One part of straight bars between pairs of points."""
+    points, faces = [], []
+    for begin, end in np.asarray(ends, dtype=float):
+        along = end - begin
+        length = np.linalg.norm(along)
+        first = along / length
+        second = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
+        second /= np.linalg.norm(second)
+        frame = np.stack([first * length, second * thick, np.cross(first, second) * thick])
+        faces.append(CUBE_FACES + 8 * len(points))
+        points.append((begin + end) / 2.0 + CUBE @ frame)
+    return plain_part(name, np.concatenate(points), np.concatenate(faces), rgb)
+
+
+def block(name, low, high, rgb):
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    return plain_part(name, (low + high) / 2.0 + CUBE * (high - low), CUBE_FACES, rgb)
+
+
+def arc(n, radius, middle, a, b):
+    """Pairs of points along half a circle in the plane of the axes ``a`` and ``b``."""
+    turn = np.linspace(0.0, np.pi, n + 1)[:, None]
+    points = middle + radius * (np.cos(turn) * a + np.sin(turn) * b)
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def joint_in_clip(parts, joint, low, high):
+    q = np.linspace(high, low, N_FRAMES)
+    moving = [i for i, part in enumerate(parts) if part.name == joint.part]
+    camera = front_camera(240, 180)
+    clip = film(PartScene(parts), camera, poses_of_parts(len(parts), moving, joint.T_o(q)))
+    evidence = Evidence(
+        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+    )
+    found = video_actor().predict(evidence)
+    (said,) = [j for j in found.joints if j.kind != "fixed"]
+    assert said.part == joint.part
+    assert abs(np.dot(said.axis_o, joint.axis_o)) > np.cos(0.05)
+    off = np.cross(np.subtract(said.pivot_o, joint.pivot_o), joint.axis_o)
+    assert np.linalg.norm(off) < 0.02
+    return said, np.sign(np.dot(said.axis_o, joint.axis_o))
+
+
+def test_a_handle_of_wire_is_followed_round_its_bucket():
+    _, y, z = np.eye(3)
+    bucket = block("bucket", (-0.45, -0.45, 0.0), (0.45, 0.45, 0.9), (0.5, 0.6, 0.7))
+    hooks = [[0.8 * z + 0.52 * side * y, 0.775 * z + 0.52 * side * y] for side in (-1, 1)]
+    wire = np.concatenate([arc(16, 0.52, 0.8 * z, y, z), hooks])
+    wire = bars("wire", wire, 0.02, (0.25, 0.25, 0.3))
+    joint = PredictedJoint(
+        part="wire", parent="bucket", kind="revolute", axis_o=(0.0, 1.0, 0.0),
+        pivot_o=(0.0, 0.0, 0.8), lower=-2.2, upper=1.9,
+    )  # fmt: skip
+    said, sign = joint_in_clip((bucket, wire), joint, -2.2, 1.9)
+    assert said.kind == "revolute"
+    assert sorted([sign * said.lower, sign * said.upper]) == pytest.approx([-2.2, 1.9], abs=0.1)
+
+
+def test_a_wheel_with_spokes_turns_without_end():
+    x, _, z = np.eye(3)
+    middle, rim = np.array([0.1, -0.5, 0.5]), []
+    for turn in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        spots = (turn, turn + 2.0 * np.pi / 24)
+        rim.append([middle + 0.45 * (np.cos(a) * x + np.sin(a) * z) for a in spots])
+    for turn in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        rim.append([middle, middle + 0.45 * (np.cos(turn) * x + np.sin(turn) * z)])
+    wheel = bars("wheel", rim, 0.05, (0.3, 0.25, 0.2))
+    cart = block("cart", (-0.6, -0.4, 0.5), (0.6, 0.4, 0.9), (0.7, 0.5, 0.3))
+    joint = PredictedJoint(
+        part="wheel", parent="cart", kind="continuous", axis_o=(0.0, 1.0, 0.0),
+        pivot_o=(0.1, -0.5, 0.5),
+    )  # fmt: skip
+    said, _ = joint_in_clip((cart, wheel), joint, 0.0, 2.0 * np.pi + 0.5)
+    assert said.kind == "continuous"
