@@ -40,8 +40,8 @@ FINE_PX, FINE_FRAMES = 224, 14
 candidates, and to refine."""
 MOST_FRAMES = 40
 """Most frames that are looked at while searching: small regions allow more."""
-SUSPECTS = 6
-"""Parts that are tried."""
+SUSPECTS, HIDDEN = 6, 3
+"""Parts that are tried: of those that are seen where something changes, and of those that hide."""
 SEEDS = 3
 """Suspects of which it is asked what moves along."""
 LIGHT_ROUNDS = 2
@@ -187,10 +187,12 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     wish = wish or Wish()
     quick = scene.look(QUICK_PX, QUICK_FRAMES)
     ranked = [part for part in rank_parts(quick) if part not in wish.not_parts]
+    hidden = [part for part in hidden_parts(quick) if part not in (*ranked, *wish.not_parts)]
+    suspects = [*ranked[:SUSPECTS], *hidden[:HIDDEN]] if wish.part is None else [wish.part]
+    ranked += hidden[:HIDDEN]
     if not ranked:
         return None
     reach = REACH * scene.size_m
-    suspects = ranked[:SUSPECTS] if wish.part is None else [wish.part]
     firsts = [_quick_fit(quick, part, reach) for part in suspects]
     firsts.sort(key=lambda fit: -fit.gain)
     seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
@@ -282,22 +284,42 @@ def roundest(scene: Scene) -> Fit | None:
 
 def rank_parts(look: Look) -> list[int]:
     """Parts by how much changes where they are, most first; those with nothing left out."""
-    seen = draw(look.surface, look.shot)
-    ids = np.where(seen.face_ids >= 0, look.surface.part_ids[seen.face_ids], -1)
+    ids = _seen_ids(look)
     total = max(1, int(look.change.sum()))
     scores: list[tuple[float, int]] = []
     for part in np.unique(look.surface.part_ids):
         mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
-        if not mask.any():
-            alone = draw(look.surface.only([int(part)]), look.shot)
-            mask = alone.face_ids >= 0
-            if not mask.any():
-                continue
+        mask = mask if mask.any() else _alone(look, int(part))
         inside = float((mask & look.change).sum())
-        score = inside / total * np.sqrt(inside / float(mask.sum()))
         if inside > 0:
-            scores.append((score, int(part)))
+            scores.append((inside / total * np.sqrt(inside / float(mask.sum())), int(part)))
     return [part for _, part in sorted(scores, reverse=True)]
+
+
+def hidden_parts(look: Look) -> list[int]:
+    """Parts that cannot be seen at 0, by how near they are to what changes, nearest first.
+
+    A rack in an oven or a drawer under a table top shows only once it is out, beside where it was.
+    """
+    ids = _seen_ids(look)
+    off_px = cv2.distanceTransform((~look.change).astype(np.uint8), cv2.DIST_L2, 3)
+    found = []
+    for part in np.unique(look.surface.part_ids):
+        mask = _alone(look, int(part))
+        if mask.any() and not (ids == part).any():
+            found.append((float(off_px[mask].min()), int(part)))
+    return [part for _, part in sorted(found)]
+
+
+def _seen_ids(look: Look) -> Ints:
+    """The part that each pixel shows at 0, -1 where none."""
+    seen = draw(look.surface, look.shot)
+    return np.where(seen.face_ids >= 0, look.surface.part_ids[seen.face_ids], -1)
+
+
+def _alone(look: Look, part: int) -> NDArray[np.bool_]:
+    """Where ``part`` would be seen if nothing else were there."""
+    return np.asarray(draw(look.surface.only([part]), look.shot).face_ids >= 0)
 
 
 def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
