@@ -9,6 +9,7 @@ from articulate.render.camera import front_camera
 from articulate.render.clip import film, poses_of_parts
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
+from articulate.transforms import Array
 
 N_FRAMES = 30
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float) - 0.5
@@ -22,7 +23,8 @@ CUBE_FACES = np.array(
 
 def bars(name, ends, thick, rgb):
     """One part of straight bars between pairs of points."""
-    points, faces = [], []
+    points: list[Array] = []
+    faces: list[Array] = []
     for begin, end in np.asarray(ends, dtype=float):
         along = end - begin
         length = np.linalg.norm(along)
