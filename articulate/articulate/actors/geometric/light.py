@@ -92,12 +92,13 @@ def _strengths(
     terms = np.stack([np.ones(len(views)), views[:, 3], lamp], axis=1)
     rows = (albedo[:, :, None] * terms[:, None, :]).reshape(-1, 3)
     target = colours.reshape(-1)
-    pull = np.sqrt(BELIEF * len(rows) * float((rows[:, 0] ** 2).mean()))
+    # What is black tells nothing of light: then it is what was believed at first.
+    pull = BELIEF * len(rows) * float((rows[:, 0] ** 2).mean()) + np.finfo(np.float64).eps
     weight = np.ones(len(rows))
     for _ in range(rounds):
         scaled = rows * weight[:, None]
-        normal = scaled.T @ rows + np.eye(3) * pull**2
-        force = scaled.T @ target + np.array(FIRST) * pull**2
+        normal = scaled.T @ rows + np.eye(3) * pull
+        force = scaled.T @ target + np.array(FIRST) * pull
         root = np.linalg.cholesky(normal)
         strength, _ = nnls(root.T, np.linalg.solve(root, force))
         off = np.abs(rows @ strength - target)
