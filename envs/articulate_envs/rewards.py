@@ -99,7 +99,7 @@ class RewardConfig:
     """For the mean square of the motion."""
     violation: float = -40.0
     """Once, when a limit of the task is broken, at the end of training; in proportion before. At
-    half of it a policy found it worth its while to slam a door that one in eight slams breaks."""
+    half of it a policy pushed on a door that was shut, too hard in one of six episodes."""
     spoiled: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""

@@ -138,8 +138,8 @@ def coarse_fits(
     even = even_path(costs, layers, circular=turning)
     rest = float(costs.sum(axis=0).min())
     found = []
-    for path, cost in (free, even):
-        fit = Fit(motion, q[0] + path * (q[1] - q[0]), cost, parts, even=path is even[0])
+    for (path, cost), is_even in ((free, False), (even, True)):
+        fit = Fit(motion, q[0] + path * (q[1] - q[0]), cost, parts, even=is_even)
         bends = unevenness(fit, layers)
         found.append(replace(fit, bends=bends, gain=rest - cost - bends))
     return found[0], found[1]

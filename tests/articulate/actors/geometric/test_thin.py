@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from articulate.actors.geometric.video import video_actor
 from articulate.actors.protocol import Evidence, PredictedJoint
@@ -9,37 +10,20 @@ from articulate.render.camera import front_camera
 from articulate.render.clip import film, poses_of_parts
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
-from articulate.transforms import Array
 
 N_FRAMES = 30
-CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float) - 0.5
-CUBE_FACES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ]
-)
 
 
 def bars(name, ends, thick, rgb):
     """One part of straight bars between pairs of points."""
-    points: list[Array] = []
-    faces: list[Array] = []
-    for begin, end in np.asarray(ends, dtype=float):
-        along = end - begin
-        length = np.linalg.norm(along)
-        first = along / length
-        second = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
-        second /= np.linalg.norm(second)
-        frame = np.stack([first * length, second * thick, np.cross(first, second) * thick])
-        faces.append(CUBE_FACES + 8 * len(points))
-        points.append((begin + end) / 2.0 + CUBE @ frame)
-    return plain_part(name, np.concatenate(points), np.concatenate(faces), rgb)
+    made = [trimesh.creation.cylinder(thick / 2.0, sections=6, segment=pair) for pair in ends]
+    mesh = trimesh.util.concatenate(made)
+    return plain_part(name, mesh.vertices, mesh.faces, rgb)
 
 
 def block(name, low, high, rgb):
-    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-    return plain_part(name, (low + high) / 2.0 + CUBE * (high - low), CUBE_FACES, rgb)
+    mesh = trimesh.creation.box(bounds=[low, high])
+    return plain_part(name, mesh.vertices, mesh.faces, rgb)
 
 
 def arc(n, radius, middle, a, b):
