@@ -10,7 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.actors.geometric.candidates import Motion, axes_of, motions_of, plane_of
+from articulate.actors.geometric.candidates import (
+    Motion,
+    axes_of,
+    contact_points,
+    motions_of,
+    plane_of,
+    sample,
+)
 from articulate.actors.geometric.layers import CAP, Layers, draw, layers_of
 from articulate.actors.geometric.light import fit_light, solve_light, still_samples
 from articulate.actors.geometric.refine import Freedom, refine
@@ -24,6 +31,7 @@ from articulate.actors.geometric.search import (
     position_unit,
     turned_path,
     with_gain,
+    without_jumps,
 )
 from articulate.actors.geometric.shot import LARGEST_ENLARGEMENT, Shot, change_map, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
@@ -54,8 +62,18 @@ KEPT = 8
 """Candidates that are refined coarsely."""
 FINAL = 3
 """Candidates that are refined finely."""
+WITHOUT_JUMPS = 1.05
+"""A path that does not jump may cost this share of one that does."""
+ANOTHER_WAY = 0.97
+"""Share of its price below which a motion, once all frames are seen, is another than the one that
+was refined."""
+LEAST_MOTION_PX = 2.0
+"""What moves less does not explain a clip in which something changes."""
 SAME_WISH = 0.97
 """Cosine of the angle between axes that count as the same when one is not wanted again."""
+TILTS, TILT_COS, SAME_TURN = 3, float(np.cos(0.45)), float(np.cos(0.02))
+"""Axes near that of the best turn that are tried: most of them, cosines of how far off they are and
+of how near two are one."""
 SHOWS_WELL, AS_GOOD_ROUND = 0.06, 0.5
 """Below the first share of the largest cost, a turn of a round part about its own axis is taken
 that gains the second share of what the best motion gains."""
@@ -65,6 +83,8 @@ ENDLESS_RAD = 2.0 * np.pi + 0.5
 """What an endless turn is said to make in a clip in which nothing shows."""
 SNAP = 0.01
 """Share of the gain that an axis along one of the object's directions may cost."""
+TILT_GAIN = 0.03
+"""Share of the gain that a turn about an axis of what moves, or what it touches, may cost."""
 HINGE_GAIN = 0.04
 """A hinge must explain more than a slide by this share of what is explained at all."""
 REACH = 0.5
@@ -214,7 +234,9 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
     layers = fine.layers(moving)
     finals = [_finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
-    best = _everywhere(scene, _chosen(finals), fine)
+    best = _chosen(finals)
+    best = _or_tilted(best, layers, fine)
+    best = _everywhere(scene, best, fine)
     return _round_or_not(scene, fine, best)
 
 
@@ -233,6 +255,13 @@ def _everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
     fixed = Freedom(axis=False, pivot=False)
     refined = [refine(one, layers, fixed, rounds=3) for one in tries]
     best = min(refined, key=lambda fit: fit.price)
+    if best.price < ANOTHER_WAY * refined[0].price:
+        best = refine(best, layers, Freedom(axis=False))
+        again = path_again(best, layers, 1.5 * position_unit(best.motion, layers))
+        best = min((best, refine(again, layers, Freedom(), rounds=4)), key=lambda one: one.price)
+    if fit.motion.kind == "turn" and (q := without_jumps(best.q)) is not best.q:
+        smooth = refine(replace(best, q=q), layers, fixed, rounds=3)
+        best = smooth if smooth.price <= WITHOUT_JUMPS * best.price else best
     return with_gain(best, layers)
 
 
@@ -362,12 +391,30 @@ def _candidates(
         motions.append(wish.near)
     pairs = [coarse_fits(motion, layers, moving, reach_m) for motion in motions]
     fits = on_one_scale([fit for pair in pairs for fit in pair])
+    fits = [fit for fit in fits if _moves(fit, layers)] or fits
     turns = [fit for fit in sorted(fits, key=lambda fit: -fit.gain) if fit.motion.kind == "turn"]
-    wanted = [fit for fit in turns if wish.allows(fit)][:NUDGED]
+    wanted = _of_each_axis([fit for fit in turns if wish.allows(fit)])[:NUDGED]
     near = [_nudged(fit, layers, reach_m) for fit in wanted]
-    fits = on_one_scale([*fits, *near])
+    fits = on_one_scale([*fits, *(fit for fit in near if _moves(fit, layers))])
     fits.sort(key=lambda fit: -fit.gain)
     return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
+
+
+def _moves(fit: Fit, layers: Layers) -> bool:
+    """Whether more than a pixel or two of motion is said: something changes in the clip.
+
+    A wire that is a little off is farther from its picture than one that hides all the time.
+    """
+    return float(np.ptp(fit.q)) >= LEAST_MOTION_PX * position_unit(fit.motion, layers)
+
+
+def _of_each_axis(fits: Sequence[Fit]) -> list[Fit]:
+    """The first of ``fits`` about each direction."""
+    found: list[Fit] = []
+    for fit in fits:
+        if all(abs(float(fit.motion.axis_o @ one.motion.axis_o)) < SAME_TURN for one in found):
+            found.append(fit)
+    return found
 
 
 def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:
@@ -401,6 +448,44 @@ def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
             kept += [fit for fit in fits if fit.motion.kind == kind][:1]
     missing = (n + 1) // 2 - sum(fit.even for fit in kept)
     return kept + [fit for fit in fits[n:] if fit.even and fit not in kept][: max(0, missing)]
+
+
+def _or_tilted(fit: Fit, layers: Layers, fine: Look) -> Fit:
+    """``fit``, or the best turn about an axis near its own that explains as much."""
+    tilted = [_finished(one, layers, fine.shot, fine.shot) for one in _tilted(fit, fine)]
+    before, *after = on_one_scale([fit, *tilted])
+    best = max(after, key=lambda one: one.gain, default=before)
+    return best if best.gain >= (1.0 - TILT_GAIN) * before.gain else fit
+
+
+def _tilted(fit: Fit, look: Look) -> list[Fit]:
+    """A turn about other axes near its own that the moved parts or what they touch have.
+
+    A knob on a sloping front turns about an axis that is tilted as the front is, and what is told
+    by its picture is caught half way.
+    """
+    if fit.motion.kind == "slide":
+        return []
+    axis, surface = fit.motion.axis_o, look.surface.only(fit.parts)
+    others = [k for k in np.unique(look.surface.part_ids) if k not in fit.parts]
+    shapes = [look.surface.only([k]) for k in fit.parts]
+    samples = sample(surface)
+    shapes += [
+        s for k in others if len(contact_points(samples, s := look.surface.only([k]), surface))
+    ]
+    axes: list[tuple[str, Array]] = []
+    for shape in shapes:
+        for source, other in axes_of(shape):
+            cosine = float(other @ axis)
+            near = TILT_COS <= abs(cosine) < SAME_TURN
+            if near and all(abs(float(other @ one)) < SAME_TURN for _, one in axes):
+                axes.append((source, other * np.sign(cosine)))
+    middle = surface.points_o.mean(axis=0)
+    pivot = fit.motion.pivot_o + axis * float((middle - fit.motion.pivot_o) @ axis)
+    return [
+        replace(fit, motion=Motion("turn", other, pivot, f"{source}, tilted"))
+        for source, other in axes[:TILTS]
+    ]
 
 
 def better_light(look: Look, fit: Fit, shot: Shot) -> Array:

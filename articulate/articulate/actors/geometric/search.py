@@ -39,6 +39,11 @@ LARGEST_STEP = 9
 """Most positions a part moves by between two frames."""
 
 
+JUMP_RAD, JUMP_STEPS, JUMP_GAP = 0.3, 4.0, 3
+"""A turn jumps that makes more than this from frame to frame, and this many times its usual step;
+and over how many frames that are left out it may go on so."""
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A motion and how well it explains a shot."""
@@ -176,6 +181,38 @@ def turned_path(fit: Fit, layers: Layers) -> Fit:
     )
     turned = [replace(fit, q=path * (q[1] - q[0]), cost=cost) for path, cost in tries]
     return min((_walked(one, layers) for one in turned), key=lambda one: one.price)
+
+
+def without_jumps(q: Array) -> Array:
+    """Positions of a turn (T,) [rad] as the longest sequence without a jump has them.
+
+    A wire that cannot be seen in a frame may as well be anywhere, and a full turn more is the same
+    pose. What is left out is put between its neighbours; ``q`` itself where nothing jumps.
+    """
+    steps = np.abs(np.diff(q))
+    largest = max(JUMP_RAD, JUMP_STEPS * float(np.median(np.abs(wrapped(np.diff(q))))))
+    if len(q) < 3 or steps.max() <= largest:
+        return q
+    frames = np.arange(len(q))
+    gaps = frames[:, None] - frames[None]
+    near = np.abs(wrapped(q[:, None] - q[None])) <= largest * np.minimum(gaps, JUMP_GAP)
+    length, before = np.ones(len(q), dtype=np.int64), np.full(len(q), -1)
+    for t in frames[1:]:
+        linked = np.flatnonzero(near[t, :t])
+        if len(linked):
+            last = linked[length[linked] == length[linked].max()][-1]
+            length[t], before[t] = length[last] + 1, last
+    kept = [int(np.argmax(length))]
+    while before[kept[-1]] >= 0:
+        kept.append(int(before[kept[-1]]))
+    kept = kept[::-1]
+    chain = q[kept[0]] + np.concatenate([[0.0], np.cumsum(wrapped(np.diff(q[kept])))])
+    return np.asarray(np.interp(frames, kept, chain))
+
+
+def wrapped(angle: Array) -> Array:
+    """Angles [rad] between minus and plus half a turn."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _walked(fit: Fit, layers: Layers) -> Fit:

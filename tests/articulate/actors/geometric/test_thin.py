@@ -65,6 +65,26 @@ def test_a_handle_of_wire_is_followed_round_its_bucket():
     assert sorted([sign * said.lower, sign * said.upper]) == pytest.approx([-2.2, 1.9], abs=0.1)
 
 
+def test_a_knob_turns_about_the_axis_of_its_sloping_front():
+    tilt = 0.19
+    out = np.array([np.cos(tilt), 0.0, np.sin(tilt)])
+    middle = np.array([0.5, 0.1, 0.6])
+    disc = bars("disc", [[middle, middle + 0.03 * out]], 0.16, (0.6, 0.6, 0.65))
+    grip = trimesh.creation.box(extents=(0.16, 0.05, 0.08))
+    turn, across = np.eye(4), np.array([0.0, 1.0, 0.0])
+    turn[:3, :3] = np.stack([across, np.cross(out, across), out], axis=1)
+    turn[:3, 3] = middle + 0.07 * out + 0.03 * turn[:3, 0]
+    grip.apply_transform(turn)
+    knob = plain_part("knob", grip.vertices, grip.faces, (0.3, 0.2, 0.2))
+    body = block("body", (-0.4, -0.5, 0.0), (0.49, 0.5, 1.0), (0.8, 0.75, 0.7))
+    joint = PredictedJoint(
+        part="knob", parent="body", kind="revolute", axis_o=tuple(out),
+        pivot_o=tuple(middle), lower=-2.0, upper=2.5,
+    )  # fmt: skip
+    said, sign = joint_in_clip((body, disc, knob), joint, -2.0, 2.5)
+    assert sorted([sign * said.lower, sign * said.upper]) == pytest.approx([-2.0, 2.5], abs=0.1)
+
+
 def test_a_wheel_with_spokes_turns_without_end():
     x, _, z = np.eye(3)
     middle, rim = np.array([0.1, -0.5, 0.5]), []

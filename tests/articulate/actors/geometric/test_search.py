@@ -1,0 +1,43 @@
+"""Paths through positions, once the search has found them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from articulate.actors.geometric.search import without_jumps, wrapped
+
+
+def test_a_path_without_a_jump_stays_as_it_is():
+    q = np.linspace(0.0, 5.0, 40)
+    assert without_jumps(q) is q
+
+
+def test_frames_in_which_a_wire_hid_are_put_between_their_neighbours():
+    q = np.linspace(0.0, -4.9, 50)
+    seen = q.copy()
+    seen[10:] += 2.0 * np.pi
+    seen[[9, 13, 35]] = 2.0
+    assert without_jumps(seen) == pytest.approx(q, abs=1e-9)
+
+
+@given(
+    st.floats(-0.25, 0.25),
+    st.lists(st.integers(1, 28), max_size=4, unique=True),
+    st.lists(st.integers(-2, 2), min_size=30, max_size=30),
+)
+def test_an_even_turn_comes_back_whatever_hid_and_wherever_it_is_counted_from(step, hid, turns):
+    q = step * np.arange(30.0)
+    seen = q + 2.0 * np.pi * np.array(turns)
+    seen[hid] = q[hid] + 2.5
+    found = without_jumps(seen)
+    if np.abs(np.diff(seen)).max() > 0.3 and len(hid) < 3:
+        assert np.diff(found) == pytest.approx(np.full(29, step), abs=1e-9)
+
+
+@given(st.floats(-50.0, 50.0))
+def test_wrapped_angles_are_the_same_poses(angle):
+    inside = float(wrapped(np.array(angle)))
+    assert -np.pi <= inside <= np.pi
+    assert np.cos(inside) == pytest.approx(np.cos(angle), abs=1e-9)
+    assert np.sin(inside) == pytest.approx(np.sin(angle), abs=1e-9)
