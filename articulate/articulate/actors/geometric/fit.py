@@ -214,9 +214,9 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
         return None
     reach = REACH * scene.size_m
     firsts = [_quick_fit(quick, part, reach) for part in suspects]
-    firsts.sort(key=lambda fit: -fit.gain)
+    firsts.sort(key=lambda fit: -fit.worth)
     seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
-    seed = max(seeds, key=lambda fit: fit.gain)
+    seed = max(seeds, key=lambda fit: fit.worth)
     for _ in range(LIGHT_ROUNDS):
         quick = replace(quick, light=better_light(quick, seed, quick.shot))
         seed = _attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
@@ -229,7 +229,7 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     coarse = replace(coarse, light=better_light(coarse, fits[0], coarse.shot))
     layers = coarse.layers(moving)
     fits = on_one_scale([_tightened(fit, layers) for fit in fits])
-    fits.sort(key=lambda fit: -fit.gain)
+    fits.sort(key=lambda fit: -fit.worth)
     fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
     fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
     layers = fine.layers(moving)
@@ -358,7 +358,7 @@ def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
     motions = motions_of(surface, rest, axes_of(surface)[:3])
     return max(
         (coarse_fit(motion, layers, (part,), reach_m) for motion in motions),
-        key=lambda fit: fit.gain,
+        key=lambda fit: fit.worth,
     )
 
 
@@ -392,11 +392,11 @@ def _candidates(
     pairs = [coarse_fits(motion, layers, moving, reach_m) for motion in motions]
     fits = on_one_scale([fit for pair in pairs for fit in pair])
     fits = [fit for fit in fits if _moves(fit, layers)] or fits
-    turns = [fit for fit in sorted(fits, key=lambda fit: -fit.gain) if fit.motion.kind == "turn"]
+    turns = [fit for fit in sorted(fits, key=lambda fit: -fit.worth) if fit.motion.kind == "turn"]
     wanted = _of_each_axis([fit for fit in turns if wish.allows(fit)])[:NUDGED]
     near = [_nudged(fit, layers, reach_m) for fit in wanted]
     fits = on_one_scale([*fits, *(fit for fit in near if _moves(fit, layers))])
-    fits.sort(key=lambda fit: -fit.gain)
+    fits.sort(key=lambda fit: -fit.worth)
     return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
 
 
@@ -523,10 +523,10 @@ def _finished(fit: Fit, layers: Layers, before: Shot, shot: Shot) -> Fit:
 def _chosen(fits: Sequence[Fit]) -> Fit:
     """The one that gains most, slides being preferred."""
     fits = on_one_scale(fits)
-    best = max(fits, key=lambda fit: fit.gain)
+    best = max(fits, key=lambda fit: fit.worth)
     slides = [fit for fit in fits if fit.motion.kind == "slide"]
     if slides and best.motion.kind == "turn":
-        slide = max(slides, key=lambda fit: fit.gain)
-        if slide.gain >= (1.0 - HINGE_GAIN) * best.gain:
+        slide = max(slides, key=lambda fit: fit.worth)
+        if slide.worth >= (1.0 - HINGE_GAIN) * best.worth:
             return slide
     return best

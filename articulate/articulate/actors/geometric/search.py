@@ -39,6 +39,8 @@ LARGEST_STEP = 9
 """Most positions a part moves by between two frames."""
 
 
+FROM_REST_RAD, AWAY = 0.8, 0.5
+"""A turn that stays farther than this from the rest pose is worth this share of its gain less."""
 JUMP_RAD, JUMP_STEPS, JUMP_GAP = 0.3, 4.0, 3
 """A turn jumps that makes more than this from frame to frame, and this many times its usual step;
 and over how many frames that are left out it may go on so."""
@@ -62,6 +64,12 @@ class Fit:
     """What the bends of its path cost."""
     even: bool = False
     """Whether it was found as an even motion through the whole shot."""
+
+    @property
+    def worth(self) -> float:
+        """Its gain, less what a turn has to make up that never comes near where the part rests."""
+        away = self.motion.kind == "turn" and np.abs(wrapped(self.q)).min() > FROM_REST_RAD
+        return self.gain - (AWAY * abs(self.gain) if away else 0.0)
 
     @property
     def price(self) -> float:

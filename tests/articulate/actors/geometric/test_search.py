@@ -1,11 +1,14 @@
 """Paths through positions, once the search has found them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from articulate.actors.geometric.search import without_jumps, wrapped
+from articulate.actors.geometric.candidates import Motion
+from articulate.actors.geometric.search import Fit, without_jumps, wrapped
 
 
 def test_a_path_without_a_jump_stays_as_it_is():
@@ -41,3 +44,20 @@ def test_wrapped_angles_are_the_same_poses(angle):
     assert -np.pi <= inside <= np.pi
     assert np.cos(inside) == pytest.approx(np.cos(angle), abs=1e-9)
     assert np.sin(inside) == pytest.approx(np.sin(angle), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "q", "worth"),
+    [
+        ("turn", [0.1, 0.9], 8.0),
+        ("turn", [6.0, 7.0], 8.0),  # passes through a full turn, where the part rests
+        ("turn", [2.8, 3.1], 4.0),
+        ("turn", [-2.8, -0.7], 8.0),
+        ("slide", [2.8, 3.1], 8.0),
+    ],
+)
+def test_a_turn_that_never_comes_near_rest_is_worth_less(kind, q, worth):
+    motion = Motion(kind, np.array([0.0, 0.0, 1.0]), np.zeros(3), "given")
+    fit = Fit(motion, np.array(q), cost=1.0, parts=(0,), gain=8.0)
+    assert fit.worth == pytest.approx(worth)
+    assert replace(fit, gain=-8.0).worth == pytest.approx(worth - 16.0)
