@@ -16,16 +16,16 @@ import cv2
 import numpy as np
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.fit import (
+from articulate.actors.geometric.fit import REACH
+from articulate.actors.geometric.layers import Layers, draw
+from articulate.actors.geometric.look import (
     QUICK_FRAMES,
     QUICK_PX,
-    REACH,
     Look,
     Scene,
     better_light,
     scene_of,
 )
-from articulate.actors.geometric.layers import Layers, draw
 from articulate.actors.geometric.pictures import rows_of
 from articulate.actors.geometric.refine import Freedom, model_picture, refine
 from articulate.actors.geometric.search import (

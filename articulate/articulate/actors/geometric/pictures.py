@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from articulate.actors.geometric.fit import Scene
 from articulate.actors.geometric.layers import Layers
+from articulate.actors.geometric.look import Scene
 from articulate.actors.geometric.refine import model_picture
 from articulate.actors.geometric.search import Fit
 from articulate.transforms import Array

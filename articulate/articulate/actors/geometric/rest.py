@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.actors.geometric.fit import Scene, scene_of
 from articulate.actors.geometric.layers import draw
+from articulate.actors.geometric.look import Scene, scene_of
 from articulate.actors.protocol import Evidence, PredictedJoint, Prediction
 
 SWEPT_PX = 320

@@ -10,7 +10,9 @@ import numpy as np
 
 from articulate.actors.geometric.calibrate import calibrated
 from articulate.actors.geometric.critic import VideoCritic
-from articulate.actors.geometric.fit import Scene, Wish, find_motion, roundest, scene_of
+from articulate.actors.geometric.finish import roundest
+from articulate.actors.geometric.fit import Wish, find_motion
+from articulate.actors.geometric.look import Scene, scene_of
 from articulate.actors.geometric.pictures import compared
 from articulate.actors.geometric.rest import rest_of
 from articulate.actors.geometric.search import Fit

@@ -1,0 +1,196 @@
+"""Finish: a motion that was found, refined: its axis, its path in every frame, round parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from articulate.actors.geometric.candidates import (
+    Motion,
+    axes_of,
+    contact_points,
+    sample,
+)
+from articulate.actors.geometric.layers import CAP, Layers, draw
+from articulate.actors.geometric.look import COARSE_PX, FINE_PX, Look, Scene
+from articulate.actors.geometric.refine import Freedom, refine
+from articulate.actors.geometric.round import round_axis
+from articulate.actors.geometric.search import (
+    JUMP_STEPS,
+    Fit,
+    on_one_scale,
+    path_again,
+    position_unit,
+    turned_path,
+    with_gain,
+    without_jumps,
+)
+from articulate.actors.geometric.shot import Shot
+from articulate.transforms import Array
+
+JUMP_PX = 8.0
+"""A slide leaps that makes so much more than its usual step, as one does that hides at first."""
+WITHOUT_JUMPS = 1.05
+"""A path that does not jump may cost this share of one that does."""
+ANOTHER_WAY = 0.97
+"""Share of its price below which a motion, once all frames are seen, is another than the one that
+was refined."""
+TILTS, TILT_COS, SAME_TURN = 3, float(np.cos(0.45)), float(np.cos(0.02))
+"""Axes near that of the best turn that are tried: most of them, cosines of how far off they are and
+of how near two are one."""
+SHOWS_WELL, AS_GOOD_ROUND = 0.06, 0.5
+"""Below the first share of the largest cost, a turn of a round part about its own axis is taken
+that gains the second share of what the best motion gains."""
+SHOWS = 0.006
+"""Share of the largest cost of a part's pixels below which its motion hardly shows."""
+ENDLESS_RAD = 2.0 * np.pi + 0.5
+"""What an endless turn is said to make in a clip in which nothing shows."""
+SNAP = 0.01
+"""Share of the gain that an axis along one of the object's directions may cost."""
+TILT_GAIN = 0.03
+"""Share of the gain that a turn about an axis of what moves, or what it touches, may cost."""
+HINGE_GAIN = 0.04
+"""A hinge must explain more than a slide by this share of what is explained at all."""
+
+
+def finished(fit: Fit, layers: Layers, before: Shot, shot: Shot) -> Fit:
+    """``fit`` refined in a finer shot, its axis snapped back where that costs nothing."""
+    start = replace(fit, q=np.interp(shot.indices, before.indices, fit.q))
+    start = path_again(start, layers, 1.5 * position_unit(start.motion, layers))
+    bound = refine(start, layers, Freedom(axis=False))
+    again = path_again(bound, layers, 1.5 * position_unit(bound.motion, layers))
+    if again.price < bound.price:
+        bound = refine(again, layers, Freedom(axis=False), rounds=4)
+    free = refine(bound, layers, Freedom())
+    bound, free = on_one_scale([with_gain(bound, layers), with_gain(free, layers)])
+    return bound if bound.gain >= (1.0 - SNAP) * free.gain else free
+
+
+def chosen(fits: Sequence[Fit]) -> Fit:
+    """The one that gains most, slides being preferred."""
+    fits = on_one_scale(fits)
+    best = max(fits, key=lambda fit: fit.worth)
+    slides = [fit for fit in fits if fit.motion.kind == "slide"]
+    if slides and best.motion.kind == "turn":
+        slide = max(slides, key=lambda fit: fit.worth)
+        if slide.worth >= (1.0 - HINGE_GAIN) * best.worth:
+            return slide
+    return best
+
+
+def or_tilted(fit: Fit, layers: Layers, fine: Look) -> Fit:
+    """``fit``, or the best turn about an axis near its own that explains as much."""
+    tilted = [finished(one, layers, fine.shot, fine.shot) for one in _tilted(fit, fine)]
+    before, *after = on_one_scale([fit, *tilted])
+    best = max(after, key=lambda one: one.gain, default=before)
+    return best if best.gain >= (1.0 - TILT_GAIN) * before.gain else fit
+
+
+def _tilted(fit: Fit, look: Look) -> list[Fit]:
+    """A turn about other axes near its own that the moved parts or what they touch have.
+
+    A knob on a sloping front turns about an axis that is tilted as the front is, and what is told
+    by its picture is caught half way.
+    """
+    if fit.motion.kind == "slide":
+        return []
+    axis, surface = fit.motion.axis_o, look.surface.only(fit.parts)
+    others = [k for k in np.unique(look.surface.part_ids) if k not in fit.parts]
+    shapes = [look.surface.only([k]) for k in fit.parts]
+    samples = sample(surface)
+    shapes += [
+        s for k in others if len(contact_points(samples, s := look.surface.only([k]), surface))
+    ]
+    axes: list[tuple[str, Array]] = []
+    for shape in shapes:
+        for source, other in axes_of(shape):
+            cosine = float(other @ axis)
+            near = TILT_COS <= abs(cosine) < SAME_TURN
+            if near and all(abs(float(other @ one)) < SAME_TURN for _, one in axes):
+                axes.append((source, other * np.sign(cosine)))
+    middle = surface.points_o.mean(axis=0)
+    pivot = fit.motion.pivot_o + axis * float((middle - fit.motion.pivot_o) @ axis)
+    return [
+        replace(fit, motion=Motion("turn", other, pivot, f"{source}, tilted"))
+        for source, other in axes[:TILTS]
+    ]
+
+
+def everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
+    """``fit`` with its position in every frame of the clip.
+
+    A turn is also sought anew on the full circle: wheels look alike after a fraction of a turn,
+    so that only frames close to each other tell which way they go.
+    """
+    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+    layers = look.layers(fit.parts)
+    start = replace(fit, q=np.interp(look.shot.indices, fine.shot.indices, fit.q))
+    step = 1.5 * position_unit(start.motion, layers)
+    tries = [start, path_again(start, layers, step)]
+    if fit.motion.kind == "turn":
+        tries.append(turned_path(start, layers))
+    fixed = Freedom(axis=False, pivot=False)
+    refined = [refine(one, layers, fixed, rounds=3) for one in tries]
+    best = min(refined, key=lambda fit: fit.price)
+    if best.price < ANOTHER_WAY * refined[0].price:
+        best = refine(best, layers, Freedom(axis=False))
+        again = path_again(best, layers, 1.5 * position_unit(best.motion, layers))
+        best = min((best, refine(again, layers, Freedom(), rounds=4)), key=lambda one: one.price)
+    whole = _without_jumps(best, layers)
+    if whole is not best:
+        whole = refine(whole, layers, fixed, rounds=3)
+        best = whole if whole.price <= WITHOUT_JUMPS * best.price else best
+    return with_gain(best, layers)
+
+
+def _without_jumps(fit: Fit, layers: Layers) -> Fit:
+    """``fit`` with a path on which nothing leaps; itself where its own is one."""
+    if fit.motion.kind == "turn":
+        q = without_jumps(fit.q)
+        return fit if q is fit.q else replace(fit, q=q)
+    unit, steps = position_unit(fit.motion, layers), np.abs(np.diff(fit.q))
+    if steps.max() <= JUMP_STEPS * float(np.median(steps)) + JUMP_PX * unit:
+        return fit
+    return path_again(replace(fit, even=True), layers, 1.5 * unit)
+
+
+def round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
+    """``fit``, or a turn of a round part about its own axis.
+
+    Such a turn shows little, so that what explains a little more is no better; where next to
+    nothing shows, it is said to be endless.
+    """
+    surface = fine.surface.only(fit.parts[:1])
+    layers = fine.layers(fit.parts)
+    share = fit.gain / (CAP * len(fit.q) * max(1, layers.own_px))
+    motion = round_axis(surface, axes_of(surface)) if share <= SHOWS_WELL else None
+    if motion is None:
+        return fit
+    if share <= SHOWS:
+        return replace(fit, motion=motion, q=np.linspace(0.0, ENDLESS_RAD, len(fit.q)), gain=0.0)
+    if fit.motion.kind == "slide":
+        return fit
+    start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, fit.parts)
+    turning = everywhere(scene, start, fine)
+    return turning if turning.gain >= AS_GOOD_ROUND * fit.gain else fit
+
+
+def roundest(scene: Scene) -> Fit | None:
+    """An endless turn of the smallest round part that is seen, where nothing shows in the clip."""
+    height, width = scene.clip.shape[1:3]
+    look = replace(scene, box=(0, width, 0, height)).look(COARSE_PX * 2, 2)
+    seen = draw(look.surface, look.shot)
+    visible = np.unique(look.surface.part_ids[seen.face_ids[seen.face_ids >= 0]])
+    found: list[tuple[float, int, Motion]] = []
+    for part in visible:
+        surface = look.surface.only([int(part)])
+        motion = round_axis(surface, axes_of(surface))
+        if motion is not None:
+            size = float(np.linalg.norm(np.ptp(surface.points_o, axis=0)))
+            found.append((size, int(part), motion))
+    if not found:
+        return None
+    _, part, motion = min(found, key=lambda item: item[0])
+    return Fit(motion, np.linspace(0.0, ENDLESS_RAD, len(scene.clip)), 0.0, (part,))

@@ -1,0 +1,51 @@
+"""Suspects: parts that may be what moves, by where something changes in the picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from articulate.actors.geometric.layers import draw
+from articulate.actors.geometric.look import Look
+from articulate.transforms import Ints
+
+
+def rank_parts(look: Look) -> list[int]:
+    """Parts by how much changes where they are, most first; those with nothing left out."""
+    ids = _seen_ids(look)
+    total = max(1, int(look.change.sum()))
+    scores: list[tuple[float, int]] = []
+    for part in np.unique(look.surface.part_ids):
+        mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+        mask = mask if mask.any() else _alone(look, int(part))
+        inside = float((mask & look.change).sum())
+        if inside > 0:
+            scores.append((inside / total * np.sqrt(inside / float(mask.sum())), int(part)))
+    return [part for _, part in sorted(scores, reverse=True)]
+
+
+def hidden_parts(look: Look) -> list[int]:
+    """Parts that cannot be seen at 0, by how near they are to what changes, nearest first.
+
+    A rack in an oven or a drawer under a table top shows only once it is out, beside where it was.
+    """
+    ids = _seen_ids(look)
+    off_px = cv2.distanceTransform((~look.change).astype(np.uint8), cv2.DIST_L2, 3)
+    found = []
+    for part in np.unique(look.surface.part_ids):
+        mask = _alone(look, int(part))
+        if mask.any() and not (ids == part).any():
+            found.append((float(off_px[mask].min()), int(part)))
+    return [part for _, part in sorted(found)]
+
+
+def _seen_ids(look: Look) -> Ints:
+    """The part that each pixel shows at 0, -1 where none."""
+    seen = draw(look.surface, look.shot)
+    return np.where(seen.face_ids >= 0, look.surface.part_ids[seen.face_ids], -1)
+
+
+def _alone(look: Look, part: int) -> NDArray[np.bool_]:
+    """Where ``part`` would be seen if nothing else were there."""
+    return np.asarray(draw(look.surface.only([part]), look.shot).face_ids >= 0)
