@@ -16,6 +16,8 @@ SAME_AXIS_RAD = np.radians(4.0)
 """Axes nearer to each other than this are one candidate."""
 CONTACT = 0.02
 """Points nearer to another part than this share of the object's size touch it."""
+ENDS = 3.0
+"""Per cent of a part's surface that are one of its ends."""
 SAMPLES = 4000
 
 
@@ -73,6 +75,7 @@ def pivots_of(
     if len(touching) >= 3:
         groups.append(("contact", touching))
     groups.append(("weight", points.mean(axis=0)[None]))
+    groups.append(("ends", _ends(points @ axis, points)[None]))
     for name, group in groups:
         low, high = _flat_box(group @ across.T)
         for i, wi in enumerate(("low", "mid", "high")):
@@ -88,6 +91,14 @@ def pivots_of(
                 along = axis * float(np.mean(points @ axis))
                 found.append((f"{name} {wi} {wj}", across.T @ spot + along))
     return found
+
+
+def _ends(along: Array, points: Array) -> Array:
+    """Middle between the two ends of a part along an axis (3,): a handle of wire hangs there."""
+    low, high = np.percentile(along, (ENDS, 100.0 - ENDS))
+    return np.asarray(
+        0.5 * (points[along <= low].mean(axis=0) + points[along >= high].mean(axis=0))
+    )
 
 
 def plane_of(axis: Array) -> Array:
