@@ -14,7 +14,14 @@ from articulate.actors.geometric.candidates import (
     sample,
 )
 from articulate.actors.geometric.layers import CAP, Layers, draw
-from articulate.actors.geometric.look import COARSE_PX, FINE_PX, Look, Scene
+from articulate.actors.geometric.look import (
+    COARSE_PX,
+    FINE_FRAMES,
+    FINE_PX,
+    Look,
+    Scene,
+    better_light,
+)
 from articulate.actors.geometric.refine import Freedom, refine
 from articulate.actors.geometric.round import round_axis
 from articulate.actors.geometric.search import (
@@ -23,13 +30,15 @@ from articulate.actors.geometric.search import (
     on_one_scale,
     path_again,
     position_unit,
-    turned_path,
+    turned_paths,
     with_gain,
     without_jumps,
 )
 from articulate.actors.geometric.shot import Shot
 from articulate.transforms import Array
 
+EVEN_GAIN = 0.9
+"""An even motion is taken that gains this share of what one gains that is not."""
 JUMP_PX = 8.0
 """A slide leaps that makes so much more than its usual step, as one does that hides at first."""
 WITHOUT_JUMPS = 1.05
@@ -130,10 +139,10 @@ def everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
     step = 1.5 * position_unit(start.motion, layers)
     tries = [start, path_again(start, layers, step)]
     if fit.motion.kind == "turn":
-        tries.append(turned_path(start, layers))
+        tries.extend(turned_paths(start, layers))
     fixed = Freedom(axis=False, pivot=False)
     refined = [refine(one, layers, fixed, rounds=3) for one in tries]
-    best = min(refined, key=lambda fit: fit.price)
+    best = _or_even(refined, layers)
     if best.price < ANOTHER_WAY * refined[0].price:
         best = refine(best, layers, Freedom(axis=False))
         again = path_again(best, layers, 1.5 * position_unit(best.motion, layers))
@@ -143,6 +152,22 @@ def everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
         whole = refine(whole, layers, fixed, rounds=3)
         best = whole if whole.price <= WITHOUT_JUMPS * best.price else best
     return with_gain(best, layers)
+
+
+def _or_even(fits: Sequence[Fit], layers: Layers) -> Fit:
+    """The cheapest of ``fits``, or the cheapest even one if it explains about as much.
+
+    What looks the same after a small turn may as well go to and fro.
+    """
+    best, *even = (
+        min(group, key=lambda fit: fit.price)
+        for group in (fits, [fit for fit in fits if fit.even])
+        if group
+    )
+    if not even or even[0] is best:
+        return best
+    best, even_one = on_one_scale([with_gain(best, layers), with_gain(even[0], layers)])
+    return even_one if even_one.gain >= EVEN_GAIN * best.gain else best
 
 
 def _without_jumps(fit: Fit, layers: Layers) -> Fit:
@@ -175,6 +200,18 @@ def round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
     start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, fit.parts)
     turning = everywhere(scene, start, fine)
     return turning if turning.gain >= AS_GOOD_ROUND * fit.gain else fit
+
+
+def spinning(scene: Scene, part: int) -> Fit | None:
+    """A turn of ``part`` about the axis about which it is round; None if it is about none."""
+    fine = scene.look(FINE_PX, FINE_FRAMES)
+    surface = fine.surface.only([part])
+    motion = round_axis(surface, axes_of(surface))
+    if motion is None:
+        return None
+    start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, (part,))
+    fine = replace(fine, light=better_light(fine, start, fine.shot))
+    return round_or_not(scene, fine, everywhere(scene, start, fine))
 
 
 def roundest(scene: Scene) -> Fit | None:

@@ -21,6 +21,7 @@ from articulate.actors.geometric.finish import (
     finished,
     or_tilted,
     round_or_not,
+    spinning,
 )
 from articulate.actors.geometric.layers import Layers
 from articulate.actors.geometric.look import (
@@ -44,7 +45,7 @@ from articulate.actors.geometric.search import (
     position_unit,
     with_gain,
 )
-from articulate.actors.geometric.suspects import hidden_parts, rank_parts
+from articulate.actors.geometric.suspects import hidden_parts, in_place, rank_parts
 
 SUSPECTS, HIDDEN = 6, 3
 """Parts that are tried: of those that are seen where something changes, and of those that hide."""
@@ -116,6 +117,10 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     ranked += hidden[:HIDDEN]
     if not ranked:
         return None
+    part = in_place(quick) if wish.part is None else None
+    spun = spinning(scene, part) if part in ranked else None
+    if spun is not None and wish.allows(spun):
+        return spun
     reach = REACH * scene.size_m
     firsts = [_quick_fit(quick, part, reach) for part in suspects]
     firsts.sort(key=lambda fit: -fit.worth)
@@ -137,7 +142,8 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
     fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
     layers = fine.layers(moving)
-    finals = [finished(fit, layers, coarse.shot, fine.shot) for fit in _spread(fits, FINAL)]
+    fits = _spread(_distinct(fits, layers), FINAL)
+    finals = [finished(fit, layers, coarse.shot, fine.shot) for fit in fits]
     best = chosen(finals)
     best = or_tilted(best, layers, fine)
     best = everywhere(scene, best, fine)
@@ -198,7 +204,7 @@ def _candidates(
     fits = on_one_scale([fit for pair in pairs for fit in pair])
     fits = [fit for fit in fits if _moves(fit, layers)] or fits
     turns = [fit for fit in sorted(fits, key=lambda fit: -fit.worth) if fit.motion.kind == "turn"]
-    wanted = _of_each_axis([fit for fit in turns if wish.allows(fit)])[:NUDGED]
+    wanted = _distinct([fit for fit in turns if wish.allows(fit)], layers)[:NUDGED]
     near = [_nudged(fit, layers, reach_m) for fit in wanted]
     fits = on_one_scale([*fits, *(fit for fit in near if _moves(fit, layers))])
     fits.sort(key=lambda fit: -fit.worth)
@@ -211,15 +217,6 @@ def _moves(fit: Fit, layers: Layers) -> bool:
     A wire that is a little off is farther from its picture than one that hides all the time.
     """
     return float(np.ptp(fit.q)) >= LEAST_MOTION_PX * position_unit(fit.motion, layers)
-
-
-def _of_each_axis(fits: Sequence[Fit]) -> list[Fit]:
-    """The first of ``fits`` about each direction."""
-    found: list[Fit] = []
-    for fit in fits:
-        if all(abs(float(fit.motion.axis_o @ one.motion.axis_o)) < SAME_TURN for one in found):
-            found.append(fit)
-    return found
 
 
 def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:
@@ -243,6 +240,22 @@ def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:
         best, motion = found, found.motion
     assert best is not None
     return best
+
+
+def _distinct(fits: Sequence[Fit], layers: Layers) -> list[Fit]:
+    """``fits`` without those that are about the same axis as one before, within a pixel."""
+    pixel_m = layers.shot.pixel_m(layers.moving.points_o.mean(axis=0))
+    found: list[Fit] = []
+    for fit in fits:
+        if all(
+            (fit.motion.kind, fit.even) != (one.motion.kind, one.even)
+            or abs(float(fit.motion.axis_o @ one.motion.axis_o)) < SAME_TURN
+            or np.linalg.norm(np.cross(fit.motion.pivot_o - one.motion.pivot_o, one.motion.axis_o))
+            > pixel_m
+            for one in found
+        ):
+            found.append(fit)
+    return found
 
 
 def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:

@@ -179,16 +179,17 @@ def path_again(fit: Fit, layers: Layers, step: float) -> Fit:
     return _walked(replace(fit, q=q[0] + path * step, cost=cost), layers)
 
 
-def turned_path(fit: Fit, layers: Layers) -> Fit:
-    """The cheapest path of a turn through all of the circle, in fine steps."""
+def turned_paths(fit: Fit, layers: Layers) -> tuple[Fit, Fit]:
+    """The cheapest path of a turn through all of the circle, in fine steps; and the even one."""
     q = np.arange(FINE_TURN_STEPS, dtype=np.float64) * (2.0 * np.pi / FINE_TURN_STEPS)
     costs = np.ascontiguousarray(layers.costs(fit.motion.T_o(q)).T)
-    tries = (
-        free_path(costs, layers, FINE, LARGEST_STEP, circular=True),
-        even_path(costs, layers, circular=True),
+    free = free_path(costs, layers, FINE, LARGEST_STEP, circular=True)
+    even = even_path(costs, layers, circular=True)
+    first, second = (
+        _walked(replace(fit, q=path * (q[1] - q[0]), cost=cost, even=is_even), layers)
+        for (path, cost), is_even in ((free, False), (even, True))
     )
-    turned = [replace(fit, q=path * (q[1] - q[0]), cost=cost) for path, cost in tries]
-    return min((_walked(one, layers) for one in turned), key=lambda one: one.price)
+    return first, second
 
 
 def without_jumps(q: Array) -> Array:

@@ -10,6 +10,9 @@ from articulate.actors.geometric.layers import draw
 from articulate.actors.geometric.look import Look
 from articulate.transforms import Ints
 
+IN_PLACE = 0.8
+"""Share of what changes that lies within the picture of a part that turns about its own middle."""
+
 
 def rank_parts(look: Look) -> list[int]:
     """Parts by how much changes where they are, most first; those with nothing left out."""
@@ -23,6 +26,17 @@ def rank_parts(look: Look) -> list[int]:
         if inside > 0:
             scores.append((inside / total * np.sqrt(inside / float(mask.sum())), int(part)))
     return [part for _, part in sorted(scores, reverse=True)]
+
+
+def in_place(look: Look) -> int | None:
+    """The part in whose picture at 0 nearly all lies that changes: a wheel, a knob, a cap turns."""
+    ids = _seen_ids(look)
+    total = max(1, int(look.change.sum()))
+    for part in np.unique(ids[ids >= 0]):
+        mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
+        if float((mask & look.change).sum()) >= IN_PLACE * total:
+            return int(part)
+    return None
 
 
 def hidden_parts(look: Look) -> list[int]:

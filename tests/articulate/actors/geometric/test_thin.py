@@ -14,9 +14,11 @@ from articulate.render.scene import PartScene
 N_FRAMES = 30
 
 
-def bars(name, ends, thick, rgb):
+def bars(name, ends, thick, rgb, sections=6):
     """One part of straight bars between pairs of points."""
-    made = [trimesh.creation.cylinder(thick / 2.0, sections=6, segment=pair) for pair in ends]
+    made = [
+        trimesh.creation.cylinder(thick / 2.0, sections=sections, segment=pair) for pair in ends
+    ]
     mesh = trimesh.util.concatenate(made)
     return plain_part(name, mesh.vertices, mesh.faces, rgb)
 
@@ -100,4 +102,21 @@ def test_a_wheel_with_spokes_turns_without_end():
         pivot_o=(0.1, -0.5, 0.5),
     )  # fmt: skip
     said, _ = joint_in_clip((cart, wheel), joint, 0.0, 2.0 * np.pi + 0.5)
+    assert said.kind == "continuous"
+
+
+def test_a_wheel_with_little_to_see_on_it_turns_in_its_place():
+    _, y, _ = np.eye(3)
+    middle = np.array([0.5, 0.1, 0.35])
+    out = np.array([1.0, 0.0, 0.0])
+    wheel = bars("wheel", [[middle, middle + 0.05 * out]], 0.3, (0.12, 0.12, 0.13), sections=48)
+    hub = trimesh.creation.box(extents=(0.02, 0.05, 0.05))
+    hub.apply_translation(middle + 0.055 * out + 0.09 * y)
+    mesh = trimesh.util.concatenate([trimesh.Trimesh(wheel.vertices, wheel.faces), hub])
+    wheel = plain_part("wheel", mesh.vertices, mesh.faces, (0.12, 0.12, 0.13))
+    body = block("body", (-0.5, -0.5, 0.1), (0.49, 0.5, 0.9), (0.7, 0.6, 0.5))
+    joint = PredictedJoint(
+        part="wheel", parent="body", kind="continuous", axis_o=tuple(out), pivot_o=tuple(middle),
+    )  # fmt: skip
+    said, _ = joint_in_clip((body, wheel), joint, 0.0, 2.0 * np.pi + 0.5)
     assert said.kind == "continuous"
