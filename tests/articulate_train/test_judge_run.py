@@ -1,6 +1,8 @@
 import dataclasses
 import json
+import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -11,7 +13,7 @@ from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate.task import Task
 from articulate_envs.rewards import TERMS
 from articulate_train import judge_run as judging
-from articulate_train.judge_run import commit, judge_run, target_text
+from articulate_train.judge_run import commit, judge_run, report_folder, target_text
 from articulate_train.policy import checkpoint_sha256
 from articulate_train.run import on_object
 from articulate_train.seed import PROGRESS
@@ -74,7 +76,8 @@ def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_pat
     on = on_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
     assert (on.folder, on.arm) == (trained.folder, trained.arm)
     done = judge_run(trained, episodes=2, on=on)
-    assert done.json_path.parent == trained.folder / f"on_{on.asset.name}"
+    name = f"on_{on.asset.name}_drawer_1_slide_{on.asset.content_id()[:6]}"
+    assert done.json_path.parent == trained.folder / name
     assert not (trained.folder / "report.json").exists()
     info = done.report.info
     assert (info.asset, info.joint) == (on.asset.name, "drawer_1_slide")
@@ -84,6 +87,20 @@ def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_pat
     assert again == (
         f"evaluate {trained.folder.name} --episodes 2 --asset {other} --joint drawer_1_slide"
     )
+
+
+def test_objects_of_one_name_and_joints_of_one_object_are_kept_apart(trained, tmp_path):
+    other = embedded_cabinet(tmp_path / "other")
+    on = on_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
+    folders = {report_folder(trained, on=on)}
+    folders.add(
+        report_folder(trained, on=replace(on, task=replace(on.task, joint="drawer_0_slide")))
+    )
+    changed = tmp_path / "changed"
+    shutil.copytree(on.asset.folder, changed)
+    (changed / "object.urdf").write_text("<robot name='another'/>")
+    folders.add(report_folder(trained, on=replace(on, asset=replace(on.asset, folder=changed))))
+    assert len(folders) == 3
 
 
 def test_another_object_without_that_joint_is_refused(trained, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import shlex
 import subprocess
 from collections.abc import Callable
@@ -106,8 +107,14 @@ def judge_run(
 
 
 def report_folder(run: Run, ranges: float = 1.0, on: Run | None = None) -> Path:
-    """Where the report of a run lies that is judged with wider ranges, or on another object."""
-    parts = [f"on_{on.asset.name}"] if on is not None else []
+    """Where the report of a run lies that is judged with wider ranges, or on another object.
+
+    Objects of the same name, and joints of one object, have folders of their own.
+    """
+    parts = []
+    if on is not None:
+        joint = re.sub(r"\W+", "_", on.task.joint)
+        parts.append(f"on_{on.asset.name}_{joint}_{on.asset.content_id()[:6]}")
     parts += [f"ranges_{ranges:g}"] if ranges != 1.0 else []
     return run.folder / "_".join(parts) if parts else run.folder
 

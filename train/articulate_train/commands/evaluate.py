@@ -35,7 +35,7 @@ class EvaluateFlags:
     the folder ranges_<x> of the run."""
     asset: str | None = None
     """Another object than that of the training, on which policies are judged; the report then lies
-    in the folder on_<object> of the run."""
+    in the folder on_<object>_<joint>_<first of its hash> of the run."""
     joint: str | None = None
     """Joint of --asset; by default the one that train would take."""
     out: Path | None = None
