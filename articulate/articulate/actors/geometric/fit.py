@@ -202,21 +202,27 @@ def _candidates(
         motions.append(wish.near)
     pairs = [coarse_fits(motion, layers, moving, reach_m) for motion in motions]
     fits = on_one_scale([fit for pair in pairs for fit in pair])
-    fits = [fit for fit in fits if _moves(fit, layers)] or fits
+    fits = [
+        fit
+        for kind in ("slide", "turn")
+        for fit in _moving([one for one in fits if one.motion.kind == kind], layers)
+    ]
     turns = [fit for fit in sorted(fits, key=lambda fit: -fit.worth) if fit.motion.kind == "turn"]
     wanted = _distinct([fit for fit in turns if wish.allows(fit)], layers)[:NUDGED]
     near = [_nudged(fit, layers, reach_m) for fit in wanted]
-    fits = on_one_scale([*fits, *(fit for fit in near if _moves(fit, layers))])
+    fits = on_one_scale([*fits, *_moving(near, layers)])
     fits.sort(key=lambda fit: -fit.worth)
     return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
 
 
-def _moves(fit: Fit, layers: Layers) -> bool:
-    """Whether more than a pixel or two of motion is said: something changes in the clip.
+def _moving(fits: Sequence[Fit], layers: Layers) -> list[Fit]:
+    """Those in which something moves by more than a pixel or two; all where nothing does.
 
     A wire that is a little off is farther from its picture than one that hides all the time.
     """
-    return float(np.ptp(fit.q)) >= LEAST_MOTION_PX * position_unit(fit.motion, layers)
+    least = [LEAST_MOTION_PX * position_unit(fit.motion, layers) for fit in fits]
+    pairs = zip(fits, least, strict=True)
+    return [fit for fit, px in pairs if float(np.ptp(fit.q)) >= px] or list(fits)
 
 
 def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:

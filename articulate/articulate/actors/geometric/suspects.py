@@ -13,6 +13,9 @@ from articulate.transforms import Ints
 IN_PLACE = 0.8
 """Share of what changes that lies within the picture of a part that turns about its own middle."""
 
+SPANS = 0.6
+"""What changes is at least this share as wide and as high as that part."""
+
 
 def rank_parts(look: Look) -> list[int]:
     """Parts by how much changes where they are, most first; those with nothing left out."""
@@ -34,9 +37,18 @@ def in_place(look: Look) -> int | None:
     total = max(1, int(look.change.sum()))
     for part in np.unique(ids[ids >= 0]):
         mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
-        if float((mask & look.change).sum()) >= IN_PLACE * total:
+        inside = mask & look.change
+        if float(inside.sum()) >= IN_PLACE * total and _spans(look, int(part), inside):
             return int(part)
     return None
+
+
+def _spans(look: Look, part: int, inside: NDArray[np.bool_]) -> bool:
+    """Whether what changes reaches over most of ``part`` in the picture, seen or not."""
+    spots = look.shot.project(look.surface.only([part]).points_o)
+    rows, columns = np.nonzero(inside)
+    changed = np.array([np.ptp(columns), np.ptp(rows)]) + 1.0
+    return bool((changed >= SPANS * np.ptp(spots, axis=0)).all())
 
 
 def hidden_parts(look: Look) -> list[int]:
