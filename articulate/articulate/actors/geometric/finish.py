@@ -38,7 +38,7 @@ from articulate.actors.geometric.shot import Shot
 from articulate.transforms import Array
 
 EVEN_GAIN = 0.9
-"""An even motion is taken that gains this share of what one gains that is not."""
+"""An even motion of what spins is taken that gains this share of what one gains that is not."""
 JUMP_PX = 8.0
 """A slide leaps that makes so much more than its usual step, as one does that hides at first."""
 WITHOUT_JUMPS = 1.05
@@ -127,8 +127,14 @@ def _tilted(fit: Fit, look: Look) -> list[Fit]:
     ]
 
 
-def everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
+def everywhere(scene: Scene, fit: Fit, fine: Look, *, spins: bool = False) -> Fit:
     """``fit`` with its position in every frame of the clip.
+
+    Args:
+        scene: The clip and the object.
+        fit: What was found in some of its frames.
+        fine: Where from: its frames, and the light.
+        spins: Whether an even motion is preferred.
 
     A turn is also sought anew on the full circle: wheels look alike after a fraction of a turn,
     so that only frames close to each other tell which way they go.
@@ -142,7 +148,8 @@ def everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
         tries.extend(turned_paths(start, layers))
     fixed = Freedom(axis=False, pivot=False)
     refined = [refine(one, layers, fixed, rounds=3) for one in tries]
-    best = _or_even(refined, layers)
+    best = min(refined, key=lambda one: one.price)
+    best = _or_even(best, refined, layers) if spins else best
     if best.price < ANOTHER_WAY * refined[0].price:
         best = refine(best, layers, Freedom(axis=False))
         again = path_again(best, layers, 1.5 * position_unit(best.motion, layers))
@@ -154,20 +161,16 @@ def everywhere(scene: Scene, fit: Fit, fine: Look) -> Fit:
     return with_gain(best, layers)
 
 
-def _or_even(fits: Sequence[Fit], layers: Layers) -> Fit:
-    """The cheapest of ``fits``, or the cheapest even one if it explains about as much.
+def _or_even(best: Fit, fits: Sequence[Fit], layers: Layers) -> Fit:
+    """``best``, or the cheapest even one of ``fits`` if it explains about as much.
 
     What looks the same after a small turn may as well go to and fro.
     """
-    best, *even = (
-        min(group, key=lambda fit: fit.price)
-        for group in (fits, [fit for fit in fits if fit.even])
-        if group
-    )
-    if not even or even[0] is best:
+    even = min((fit for fit in fits if fit.even), key=lambda fit: fit.price, default=best)
+    if even is best:
         return best
-    best, even_one = on_one_scale([with_gain(best, layers), with_gain(even[0], layers)])
-    return even_one if even_one.gain >= EVEN_GAIN * best.gain else best
+    before, after = on_one_scale([with_gain(best, layers), with_gain(even, layers)])
+    return after if after.gain >= EVEN_GAIN * before.gain else best
 
 
 def _without_jumps(fit: Fit, layers: Layers) -> Fit:
@@ -211,7 +214,7 @@ def spinning(scene: Scene, part: int) -> Fit | None:
         return None
     start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, (part,))
     fine = replace(fine, light=better_light(fine, start, fine.shot))
-    return round_or_not(scene, fine, everywhere(scene, start, fine))
+    return round_or_not(scene, fine, everywhere(scene, start, fine, spins=True))
 
 
 def roundest(scene: Scene) -> Fit | None:
