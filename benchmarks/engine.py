@@ -69,7 +69,7 @@ from articulate.transforms import Array
 from articulate_envs.compiled import _call, _doubles
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene, build_scene
-from articulate_envs.starts import StartConfig
+from articulate_envs.settings import StartConfig
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import TrainConfig
 

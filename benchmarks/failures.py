@@ -24,7 +24,8 @@ from articulate.judgement import REASONS
 from articulate.kinematics import tool_pose
 from articulate.transforms import Array, Mask
 from articulate_envs.episodes import Episodes, Tick
-from articulate_envs.rewards import HELD_SHARE, RewardConfig, grasp_of
+from articulate_envs.rewards import HELD_SHARE, grasp_of
+from articulate_envs.settings import RewardConfig
 from articulate_envs.threads import ThreadEngine
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run

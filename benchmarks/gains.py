@@ -30,15 +30,16 @@ from articulate.arm import (
     Arm,
     Seven,
 )
-from articulate.draw import Draw, DrawConfig
-from articulate.follow import FollowConfig
+from articulate.draw import Draw
 from articulate.kinematics import self_motion, solve_ik, tool_jacobian_t
 from articulate.placing import handle_in_world
+from articulate.settings import DrawConfig, FollowConfig
 from articulate.transforms import Array, axis_angle_to_matrix
 from articulate_envs.choose import choose_joint
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.scene import Scene, build_scene
-from articulate_envs.starts import StartConfig, bank_of_starts
+from articulate_envs.settings import StartConfig
+from articulate_envs.starts import bank_of_starts
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import TrainConfig
 from articulate_train.run import prepare_asset

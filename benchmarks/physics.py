@@ -66,8 +66,8 @@ from articulate_envs.choose import choose_joint
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene, build_scene
+from articulate_envs.settings import RewardConfig
 from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import TrainConfig

@@ -13,14 +13,13 @@ import torch
 from articulate.arm import PANDA
 from articulate.asset import Asset
 from articulate.config import to_yaml
-from articulate.draw import DrawConfig
 from articulate.files import write_text
 from articulate.observe import ACTION, OBSERVATION
+from articulate.settings import DrawConfig
 from articulate.task import make_task
 from articulate_envs.place import find_place
-from articulate_envs.starts import StartConfig
-from articulate_train.config import PpoConfig, TrainConfig
-from articulate_train.fine import FineConfig
+from articulate_envs.settings import StartConfig
+from articulate_train.config import FineConfig, PpoConfig, TrainConfig
 from articulate_train.policy import CHECKPOINT
 from articulate_train.run import Run, open_run, write_scene
 

@@ -9,8 +9,8 @@ from tests.assets import make_box, make_cabinet, make_cupboard
 
 from articulate.arm import PANDA, Arm
 from articulate.asset import Asset
-from articulate.draw import Draw, DrawConfig
-from articulate.follow import FollowConfig
+from articulate.draw import Draw
+from articulate.settings import DrawConfig, FollowConfig
 from articulate.task import make_task
 from articulate.transforms import Ints
 from articulate_envs.engine import Start

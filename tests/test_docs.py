@@ -24,21 +24,19 @@ from articulate.commands.flags import parse
 from articulate.commands.make import MakeFlags
 from articulate.commands.observe import ObserveFlags
 from articulate.commands.watch import WatchFlags
-from articulate.draw import DrawConfig
-from articulate.follow import FollowConfig
 from articulate.judgement import REASONS
 from articulate.manifest import Manifest
 from articulate.observe import ACTION, OBSERVATION
+from articulate.settings import DrawConfig, FollowConfig
 from articulate.task import Limits
 from articulate_deploy.commands.deploy import DeployFlags
 from articulate_envs.interface import OPTIONS
 from articulate_envs.make import EnvConfig
-from articulate_envs.rewards import RewardConfig
-from articulate_envs.starts import StartConfig
+from articulate_envs.settings import RewardConfig, StartConfig
 from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.commands.export import ExportFlags
 from articulate_train.commands.train import TrainFlags
-from articulate_train.fine import FineConfig
+from articulate_train.config import FineConfig
 from articulate_train.report import Report
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -256,3 +256,21 @@ def test_a_home_without_a_cache_folder_is_enough(tmp_path, monkeypatch):
         pass
     assert (tmp_path / "home").is_dir()
     shutil.rmtree(tmp_path / "home")
+
+
+def test_no_help_text_waits_for_numpy_or_a_simulator():
+    code = """
+import contextlib, io, sys
+from importlib.metadata import entry_points
+from articulate.commands import main
+for verb in sorted(entry_points(group="articulate.commands").names):
+    with contextlib.redirect_stdout(io.StringIO()) as shown, contextlib.suppress(SystemExit):
+        main([verb, "--help"])
+    assert "Example:" in shown.getvalue(), verb
+    print(verb, *[m for m in ("numpy", "scipy", "mujoco", "torch", "trimesh") if m in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    shown = done.stdout.split()
+    assert {"check", "deploy", "evaluate", "export", "train"} <= set(shown)
+    assert not {"numpy", "scipy", "mujoco", "torch", "trimesh"} & set(shown), done.stdout

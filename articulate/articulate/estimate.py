@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.draw import MAX_DELAY_TICKS, Draw, DrawConfig
+from articulate.draw import Draw
 from articulate.observe import Estimate
+from articulate.settings import MAX_DELAY_TICKS, DrawConfig
 from articulate.transforms import Array, Ints
 
 MAX_AGE = MAX_DELAY_TICKS + 1

@@ -23,41 +23,8 @@ import numpy as np
 from articulate.arm import Arm, Hand
 from articulate.errors import ConfigError
 from articulate.kinematics import resolve_motion, self_motion, tool_jacobian_t
+from articulate.settings import FollowConfig
 from articulate.transforms import Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class FollowConfig:
-    """How a policy's actions become set points."""
-
-    rate_hz: float = 20.0
-    """Ticks of the policy per second [Hz]."""
-    omega_rad_s: float = 22.0
-    """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
-    step_rad: float = 0.025
-    """Largest change of a joint's target in one tick [rad]; whole motions are scaled down to it."""
-    move_m: float = 0.008
-    """Motion of the tool along an axis that an action of 1 asks for [m a tick]."""
-    turn_rad: float = 0.02
-    """Turn of the tool about an axis that an action of 1 asks for [rad a tick]."""
-    lead_rad: float = 0.15
-    """Largest distance of a target from its measured joint [rad]."""
-    margin_rad: float = 0.05
-    """Distance that targets keep from the joint limits [rad]."""
-
-    def __post_init__(self) -> None:
-        for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigError(f"follow.{name} is {getattr(self, name)}; it must be above 0")
-        if not 0.0 <= self.margin_rad < math.inf:
-            raise ConfigError(
-                f"follow.margin_rad is {self.margin_rad}; it must be finite and at least 0"
-            )
-
-    @property
-    def tick_s(self) -> float:
-        """Length of a tick [s]."""
-        return 1.0 / self.rate_hz
 
 
 def response(omega_rad_s: float, t: Array) -> Array:

@@ -23,11 +23,11 @@ from typing import Any, Literal
 from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.config import from_mapping, to_plain
-from articulate.draw import COLUMNS, DrawConfig
+from articulate.draw import COLUMNS
 from articulate.errors import BundleError, ConfigError
-from articulate.follow import FollowConfig
 from articulate.layout import Layout
 from articulate.placing import Place
+from articulate.settings import DrawConfig, FollowConfig
 from articulate.task import Task
 
 SCHEMA = "articulate.policy-bundle"

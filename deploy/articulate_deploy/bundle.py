@@ -16,9 +16,10 @@ from typing import NoReturn
 
 import numpy as np
 
-from articulate.draw import COLUMNS, FACTORS, MAX_DELAY_TICKS, Draw
+from articulate.draw import COLUMNS, Draw
 from articulate.errors import BundleError, UsageError
 from articulate.manifest import MANIFEST_FILE, Manifest, decode_manifest
+from articulate.settings import FACTORS, MAX_DELAY_TICKS
 from articulate_deploy.arrays import read_tables
 from articulate_deploy.contents import read_contents
 from articulate_deploy.fits import check_fits

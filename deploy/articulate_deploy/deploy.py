@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.draw import NO_DRAW, Draw, DrawConfig, at_size, drawn_one_by_one
+from articulate.draw import Draw, at_size, drawn_one_by_one
 from articulate.errors import ConfigError
 from articulate.manifest import Manifest
+from articulate.settings import NO_DRAW, DrawConfig
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator

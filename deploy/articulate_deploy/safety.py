@@ -6,8 +6,8 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.errors import UsageError
-from articulate.follow import FollowConfig
 from articulate.manifest import StartEntry
+from articulate.settings import FollowConfig
 from articulate.transforms import Array
 
 ROUNDING_RAD = 1e-9

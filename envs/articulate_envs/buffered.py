@@ -8,17 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from articulate.draw import COLUMNS, MAX_DELAY_TICKS, PUSH_S, Draw
+from articulate.draw import COLUMNS, PUSH_S, Draw
 from articulate.errors import AssetError
-from articulate.follow import (
-    HandState,
-    finger_command,
-    follow_start,
-    hand_start,
-    hand_tick,
-)
+from articulate.follow import HandState, finger_command, follow_start, hand_start, hand_tick
 from articulate.judgement import WIDTH
 from articulate.placing import way_of
+from articulate.settings import MAX_DELAY_TICKS
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.compiled_motion import chain_of, see

@@ -8,9 +8,8 @@ import numpy as np
 
 from articulate.arm import PANDA
 from articulate.asset import Asset
-from articulate.draw import DrawConfig
 from articulate.errors import AssetError, ReachError
-from articulate.follow import FollowConfig
+from articulate.settings import DrawConfig, FollowConfig
 from articulate.task import Task, make_task, matching_joints, no_joint_error
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.place import Place, find_place, handle_way

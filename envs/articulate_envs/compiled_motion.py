@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 
 from articulate.arm import Arm
-from articulate.follow import FollowConfig
 from articulate.kinematics import DH, FLANGE_Z_M, HAND_TURN_RAD, QUARTERS
+from articulate.settings import FollowConfig
 from articulate.transforms import Array, Ints
 
 DAMPING = 0.02

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import Draw, DrawConfig, draw
+from articulate.draw import Draw, draw
 from articulate.errors import EngineError
 from articulate.estimate import NoisyEstimator
 from articulate.judgement import (
@@ -18,11 +18,13 @@ from articulate.judgement import (
     verdict,
 )
 from articulate.observe import ACTION, observation
+from articulate.settings import DrawConfig
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.rewards import TERMS, RewardConfig, at_end, grasp_of, reward_terms
-from articulate_envs.starts import StartConfig, bank_of_starts, home_start, mixed_start
+from articulate_envs.rewards import TERMS, at_end, grasp_of, reward_terms
+from articulate_envs.settings import RewardConfig, StartConfig
+from articulate_envs.starts import bank_of_starts, home_start, mixed_start
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import COLUMNS, FACTORS, MAX_DELAY_TICKS, Draw
+from articulate.draw import COLUMNS, Draw
 from articulate.errors import EngineError, nearest
 from articulate.judgement import REASONS, Judgement, opened_at_end, verdict
 from articulate.observe import ACTION
+from articulate.settings import FACTORS, MAX_DELAY_TICKS
 from articulate.task import Task
 from articulate.transforms import Array
 from articulate_envs.engine import Start, State

@@ -15,18 +15,16 @@ from articulate.asset import Asset
 from articulate.cache import cache_folder, using
 from articulate.config import from_mapping, to_plain
 from articulate.convert import ConvertConfig
-from articulate.draw import NO_DRAW, DrawConfig
 from articulate.errors import ConfigError, nearest
-from articulate.follow import FollowConfig
 from articulate.prove.prove import proven_asset
+from articulate.settings import NO_DRAW, DrawConfig, FollowConfig
 from articulate.task import TASK_RULES
 from articulate_envs.choose import choose_joint
 from articulate_envs.engine import Engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene, build_scene
-from articulate_envs.starts import StartConfig
+from articulate_envs.settings import RewardConfig, StartConfig
 
 
 @dataclass(frozen=True, kw_only=True)

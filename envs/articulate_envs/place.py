@@ -8,10 +8,10 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.asset import Asset
-from articulate.draw import DrawConfig
 from articulate.errors import ReachError
 from articulate.kinematics import joint_poses, manipulability, solve_ik, tool_pose
 from articulate.placing import Place, handle_in_world, handle_way, object_pose, tilted
+from articulate.settings import DrawConfig
 from articulate.task import Task
 from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, quat_to_matrix
 

@@ -10,8 +10,9 @@ from articulate.arm import Arm
 from articulate.asset import Asset
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
 from articulate.draw import Draw
-from articulate.follow import FollowConfig, check_follow
+from articulate.follow import check_follow
 from articulate.placing import Place, object_pose, tilted
+from articulate.settings import FollowConfig
 from articulate.simulator import mujoco
 from articulate.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat

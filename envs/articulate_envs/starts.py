@@ -2,71 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from articulate.draw import COLUMNS, Draw, DrawConfig, draw
-from articulate.errors import ConfigError
+from articulate.draw import COLUMNS, Draw, draw
 from articulate.kinematics import solve_ik
 from articulate.placing import handle_in_world
+from articulate.settings import DrawConfig
 from articulate.transforms import Array, pose
 from articulate_envs.engine import Start
-from articulate_envs.rewards import check_until
+from articulate_envs.settings import StartConfig
 
 if TYPE_CHECKING:  # configurations are light to import, scenes are not
     from articulate_envs.scene import Scene
-
-
-@dataclass(frozen=True, kw_only=True)
-class StartConfig:
-    """Share of training episodes that begin along the task, how, and when training cuts them."""
-
-    share_first: float = 0.8
-    """Share of starts along the task at the beginning of training, in [0, 1]."""
-    share_last: float = 0.2
-    """Share at the end of the curriculum, in [0, 1]."""
-    until: float = 0.6
-    """Share of the training after which the second holds; linear between."""
-    grip_share: float = 0.45
-    """Of those starts, the share with the hand closed on the handle of a part on its way."""
-    standoff_m: float = 0.12
-    """The others begin before the handle, up to this far [m]; the part is where it begins."""
-    empty_share: float = 0.3
-    """Of those before the handle, the share with a hand that has closed on nothing, which learns
-    to open again."""
-    empty_m: float = 0.016
-    """How far before the handle such a hand is at least [m]."""
-    closing_share: float = 0.4
-    """Of those before the handle, the share that is at it with an open hand that has just been
-    told to close: what closing there leads to is met before the policy has learnt to want it."""
-    astray_share: float = 0.15
-    """Of those before the handle, the share that lies to one side of it, which learns not to push
-    a finger against its front."""
-    astray_m: tuple[float, float] = (0.04, 0.06)
-    """How far before the handle such a hand is at least, and to either side at most [m]."""
-    bank: int = 512
-    """How many such starts are prepared."""
-    cut: float = 0.04
-    """Chance, each tick, that an episode of training ends once its part has rested at the target
-    as long as success asks for. Such an end counts as cut off (a truncation), and the time is
-    spent on the next episode: else most of all ticks would show a part at rest."""
-    cut_share: float = 0.5
-    """Share of the environments in which episodes are cut, in [0, 1). In the others the part is
-    held to the end, which has to be learnt too; what training says of successes is of these."""
-
-    def __post_init__(self) -> None:
-        check_until("starts", self.until)
-        if not 0.0 <= self.cut_share < 1.0:
-            raise ConfigError(
-                f"starts.cut_share is {self.cut_share}; it must be at least 0 and below 1"
-            )
-
-    def share(self, progress: float) -> float:
-        """Share of starts along the task when ``progress`` in [0, 1] of the training is done."""
-        done = min(max(progress / self.until, 0.0), 1.0)
-        return self.share_first + done * (self.share_last - self.share_first)
 
 
 def home_start(scene: Scene, drawn: Draw) -> Start:

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from articulate.draw import COLUMNS, NO_DRAW, DrawConfig, draw, nominal_draw
+from articulate.draw import COLUMNS, draw, nominal_draw
 from articulate.errors import ConfigError
+from articulate.settings import NO_DRAW, DrawConfig
 
 CONFIG = DrawConfig()
 MANY = draw(CONFIG, np.random.default_rng(0), 4000)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from articulate.draw import COLUMNS, NO_DRAW, Draw, nominal_draw
+from articulate.draw import COLUMNS, Draw, nominal_draw
 from articulate.estimate import NoisyEstimator
+from articulate.settings import NO_DRAW
 from articulate.transforms import axis_angle_to_matrix, pose
 
 N = 3

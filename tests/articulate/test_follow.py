@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA, Hand
 from articulate.follow import (
-    FollowConfig,
     check_follow,
     discrete,
     finger_command,
@@ -25,6 +24,7 @@ from articulate.follow import (
 )
 from articulate.kinematics import relative, small_twist, tool_pose
 from articulate.observe import ACTION
+from articulate.settings import FollowConfig
 from articulate.task import Limits
 
 CONFIG = FollowConfig()

@@ -7,9 +7,7 @@ from numpy.testing import assert_allclose
 from tests.assets import make_cabinet
 
 from articulate.arm import PANDA
-from articulate.draw import DrawConfig
 from articulate.errors import BundleError
-from articulate.follow import FollowConfig
 from articulate.manifest import (
     Control,
     DrawsEntry,
@@ -28,6 +26,7 @@ from articulate.manifest import (
 )
 from articulate.observe import ACTION, OBSERVATION
 from articulate.placing import Place
+from articulate.settings import DrawConfig, FollowConfig
 from articulate.task import make_task
 
 JOINT = "drawer_1_slide"

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.draw import COLUMNS, NO_DRAW, Draw, draw
+from articulate.draw import COLUMNS, Draw, draw
 from articulate.judgement import REASONS
+from articulate.settings import NO_DRAW
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
 from articulate_deploy.policy import Policy
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
-from articulate_envs.rewards import RewardConfig
+from articulate_envs.settings import RewardConfig
 from articulate_envs.threads import ThreadEngine
 
 QUIET = dataclasses.replace(NO_DRAW, hand_latency_s=(0.2, 0.2), start_rad=0.1)

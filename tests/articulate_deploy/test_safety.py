@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from articulate.arm import PANDA
-from articulate.follow import FollowConfig
+from articulate.settings import FollowConfig
 from articulate_deploy.safety import safe_target, was_clipped
 
 CONFIG = FollowConfig()

@@ -7,17 +7,18 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.draw import NO_DRAW, draw, nominal_draw
+from articulate.draw import draw, nominal_draw
 from articulate.errors import ReachError
 from articulate.judgement import REASONS
 from articulate.kinematics import relative, tool_pose
 from articulate.placing import handle_in_world, object_pose
+from articulate.settings import NO_DRAW
 from articulate.transforms import axis_angle_to_matrix, rotation_angle
 from articulate_envs.episodes import Episodes
 from articulate_envs.place import CLEAR_M, MIN_DRAWN_SHARE, start_clearance
 from articulate_envs.reach import check_grasp
-from articulate_envs.rewards import RewardConfig
-from articulate_envs.starts import StartConfig, bank_of_starts, home_start
+from articulate_envs.settings import RewardConfig, StartConfig
+from articulate_envs.starts import bank_of_starts, home_start
 from articulate_envs.threads import ThreadEngine
 
 PARTS = ["closing_drawer", "closing_door", "closing_lid"]

@@ -5,8 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA
-from articulate.follow import FollowConfig, next_target
+from articulate.follow import next_target
 from articulate.kinematics import tool_pose
+from articulate.settings import FollowConfig
 from articulate_envs.compiled_motion import aim, chain_of, room_of, write_tool
 
 CONFIG = FollowConfig()

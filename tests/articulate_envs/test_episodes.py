@@ -6,13 +6,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.draw import NO_DRAW, nominal_draw
+from articulate.draw import nominal_draw
 from articulate.judgement import CODE, REASONS
 from articulate.observe import OBSERVATION
+from articulate.settings import NO_DRAW
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
-from articulate_envs.rewards import TERMS, RewardConfig
-from articulate_envs.starts import StartConfig, bank_of_starts, home_start
+from articulate_envs.rewards import TERMS
+from articulate_envs.settings import RewardConfig, StartConfig
+from articulate_envs.starts import bank_of_starts, home_start
 from articulate_envs.threads import ThreadEngine
 
 N = 4

@@ -9,8 +9,9 @@ from articulate.draw import COLUMNS, draw
 from articulate.errors import EngineError
 from articulate.judgement import CODE, COLUMN, WIDTH, Judgement
 from articulate_envs.interface import checked_action, drawn_numbers, start_asked_for, told
+from articulate_envs.settings import StartConfig
 from articulate_envs.single import SingleEngine
-from articulate_envs.starts import StartConfig, bank_of_starts, home_start
+from articulate_envs.starts import bank_of_starts, home_start
 
 FREE = [c for c in COLUMNS if not c.endswith("delay_ticks") and c not in ("scale", "part_open")]
 """Columns that take any positive number."""

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from tests.assets import make_cabinet
 
 from articulate.arm import PANDA
-from articulate.draw import NO_DRAW, DrawConfig
 from articulate.kinematics import manipulability, solve_ik, tool_pose
+from articulate.settings import NO_DRAW, DrawConfig
 from articulate.task import make_task
 from articulate_envs.place import (
     MIN_JOINT_MARGIN_RAD,

@@ -21,13 +21,12 @@ from articulate_envs.rewards import (
     MOST_ALONG_M,
     TERMS,
     Grasp,
-    RewardConfig,
     at_end,
     grasp_of,
     grip_offset,
     reward_terms,
 )
-from articulate_envs.starts import StartConfig
+from articulate_envs.settings import RewardConfig, StartConfig
 
 CONFIG = RewardConfig()
 TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)

@@ -11,7 +11,8 @@ from articulate.simulator import mujoco
 from articulate.transforms import pose
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, wrench_of
-from articulate_envs.starts import StartConfig, bank_of_starts
+from articulate_envs.settings import StartConfig
+from articulate_envs.starts import bank_of_starts
 from articulate_envs.threads import ThreadEngine
 
 

@@ -16,8 +16,9 @@ from articulate.observe import OBSERVATION
 from articulate.task import TASK_RULES
 from articulate_envs.gym import ArticulateEnv
 from articulate_envs.interface import drawn_numbers
+from articulate_envs.settings import StartConfig
 from articulate_envs.single import SingleEngine
-from articulate_envs.starts import StartConfig, bank_of_starts, home_start
+from articulate_envs.starts import bank_of_starts, home_start
 from articulate_envs.suite import ArticulatedObject
 from articulate_envs.threads import ThreadEngine
 from articulate_envs.vector import ArticulateVectorEnv

@@ -8,7 +8,8 @@ from tests.scenes import DRAWS, rows_of
 from articulate.draw import COLUMNS, draw, nominal_draw
 from articulate.kinematics import relative, tool_pose
 from articulate.transforms import rotation_angle
-from articulate_envs.starts import PLACED, StartConfig, bank_of_starts, home_start, mixed_start
+from articulate_envs.settings import StartConfig
+from articulate_envs.starts import PLACED, bank_of_starts, home_start, mixed_start
 from articulate_envs.threads import ThreadEngine
 
 CONFIG = StartConfig(bank=60, closing_share=0.0)

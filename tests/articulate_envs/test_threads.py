@@ -19,7 +19,8 @@ from articulate.simulator import mujoco
 from articulate.task import Limits
 from articulate.transforms import pose
 from articulate_envs.scene import wrench_of
-from articulate_envs.starts import StartConfig, bank_of_starts, home_start
+from articulate_envs.settings import StartConfig
+from articulate_envs.starts import bank_of_starts, home_start
 from articulate_envs.threads import ThreadEngine
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,6 +17,7 @@ from articulate.errors import RunError, UsageError
 from articulate.manifest import decode_manifest
 from articulate.observe import OBSERVATION
 from articulate_train.commands.export import main
+from articulate_train.config import FineConfig
 from articulate_train.export import (
     choose_seed,
     export_policy,
@@ -25,7 +26,7 @@ from articulate_train.export import (
     to_onnx,
     write_bundle,
 )
-from articulate_train.fine import MOTIONS, FineConfig
+from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import checkpoint_sha256, load_policy, read_checkpoint
 from articulate_train.run import open_run
 
@@ -68,7 +69,7 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
         linear = policy.head(policy.body(torch.zeros(1, OBSERVATION.size)))
     mean = policy.mean.numpy()[None]
     said = torch.clamp(linear, -1, 1).numpy()
-    said[:, :MOTIONS] *= FineConfig().shares(mean)
+    said[:, :MOTIONS] *= shares(FineConfig(), mean)
     assert_allclose(act(model, mean), said, rtol=0, atol=1e-5)
 
 

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 
 from articulate.errors import ConfigError
 from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION, SPEED_UNIT_M_S, WIDTH_UNIT_M
-from articulate_train.fine import MOTIONS, FineConfig
+from articulate_train.config import FineConfig
+from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import Policy
 
 FINE = FineConfig(share=0.4, closing=0.2, near_m=0.03, far_m=0.10)
@@ -33,7 +34,7 @@ def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0):
     [(0.0, 0.4), (0.03, 0.4), (0.065, 0.7), (0.10, 1.0), (0.5, 1.0)],
 )
 def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
-    assert_allclose(FINE.shares(seen(distance_m)), [[share]], atol=1e-12)
+    assert_allclose(shares(FINE, seen(distance_m)), [[share]], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -48,18 +49,18 @@ def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
     ],
 )
 def test_motions_are_finest_from_telling_the_hand_to_close_until_it_has(width_m, speed_m_s, share):
-    got = FINE.shares(seen(0.01, wish=1.0, width_m=width_m, speed_m_s=speed_m_s))
+    got = shares(FINE, seen(0.01, wish=1.0, width_m=width_m, speed_m_s=speed_m_s))
     assert_allclose(got, [[share]], atol=1e-12)
 
 
 def test_fingers_that_open_are_those_of_an_open_hand():
-    got = FINE.shares(seen(0.01, wish=-1.0, width_m=0.04, speed_m_s=0.2))
+    got = shares(FINE, seen(0.01, wish=-1.0, width_m=0.04, speed_m_s=0.2))
     assert_allclose(got, [[0.4]], atol=1e-12)
 
 
 @pytest.mark.parametrize("wish", [-1.0, 1.0])
 def test_far_from_the_handle_nothing_is_finer(wish):
-    assert_allclose(FINE.shares(seen(0.2, wish=wish)), [[1.0]], atol=1e-12)
+    assert_allclose(shares(FINE, seen(0.2, wish=wish)), [[1.0]], atol=1e-12)
 
 
 @given(
@@ -72,14 +73,14 @@ def test_far_from_the_handle_nothing_is_finer(wish):
 )
 def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m_s, share, closing):
     row = seen(distance_m, wish=wish, width_m=width_m, speed_m_s=speed_m_s)
-    got = FineConfig(share=share, closing=closing).shares(row)[0, 0]
+    got = shares(FineConfig(share=share, closing=closing), row)[0, 0]
     assert min(share, closing) - 1e-12 <= got <= 1.0
 
 
 def test_arrays_and_tensors_give_the_same():
     rng = np.random.default_rng(0)
     rows = rng.uniform(-1.0, 1.0, (64, OBSERVATION.size)).astype(np.float32)
-    assert_allclose(FINE.shares(torch.as_tensor(rows)).numpy(), FINE.shares(rows), rtol=1e-6)
+    assert_allclose(shares(FINE, torch.as_tensor(rows)).numpy(), shares(FINE, rows), rtol=1e-6)
 
 
 def test_policy_scales_motions_and_leaves_the_hands_command():

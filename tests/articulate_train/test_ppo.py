@@ -9,8 +9,8 @@ from numpy.testing import assert_array_equal
 from articulate.errors import ConfigError, DivergedError
 from articulate.observe import OBSERVATION
 from articulate_envs.critic import PRIVILEGED
-from articulate_train.config import PpoConfig
-from articulate_train.fine import MOTIONS, FineConfig
+from articulate_train.config import FineConfig, PpoConfig
+from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner
 
@@ -136,7 +136,7 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
     expected = np.clip(mean.numpy(), -1, 1)
-    expected[:, :MOTIONS] *= policy.fine.shares(seen_raw)
+    expected[:, :MOTIONS] *= shares(policy.fine, seen_raw)
     np.testing.assert_allclose(policy.act(seen_raw), expected, atol=1e-5)
 
 

@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from articulate.draw import COLUMNS, NO_DRAW, DrawConfig, draw
+from articulate.draw import COLUMNS, draw
 from articulate.judgement import CODE, COLUMN, WIDTH
+from articulate.settings import NO_DRAW, DrawConfig
 from articulate_envs.rewards import TERMS
 from articulate_train.report import (
     Curve,

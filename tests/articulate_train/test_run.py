@@ -7,9 +7,9 @@ from tests.assets import make_cabinet, make_cupboard
 from tests.runs import JOINT, TINY_PPO
 
 from articulate.config import load_config
-from articulate.draw import DrawConfig
 from articulate.errors import AssetError, ReachError, RunError, UsageError
 from articulate.placing import handle_way
+from articulate.settings import DrawConfig
 from articulate_envs import choose
 from articulate_envs.choose import HOME_HEIGHT_M, choose_joint
 from articulate_train import run as runs

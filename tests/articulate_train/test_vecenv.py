@@ -11,10 +11,11 @@ from articulate.judgement import REASONS
 from articulate.observe import ACTION, OBSERVATION
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
-from articulate_envs.rewards import RewardConfig
-from articulate_envs.starts import StartConfig, home_start
+from articulate_envs.settings import RewardConfig, StartConfig
+from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
-from articulate_train.fine import MOTIONS, FineConfig
+from articulate_train.config import FineConfig
+from articulate_train.fine import MOTIONS
 from articulate_train.vecenv import EpisodesVecEnv
 
 N = 4

@@ -11,7 +11,7 @@ import pytest
 from tests.assets import make_cabinet
 from tests.runs import make_run
 
-from articulate.draw import NO_DRAW
+from articulate.settings import NO_DRAW
 from articulate.simulator import mujoco
 from articulate_envs.starts import home_start
 

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from articulate.draw import DrawConfig
 from articulate.errors import ConfigError, nearest
-from articulate.follow import FollowConfig
-from articulate.task import TASK_RULES
+from articulate.settings import DrawConfig, FollowConfig
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.rewards import RewardConfig
-from articulate_envs.starts import StartConfig
-from articulate_train.fine import FineConfig
+from articulate_envs.settings import RewardConfig, StartConfig
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
@@ -89,6 +85,57 @@ class PpoConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FineConfig:
+    """How much finer a hand that holds nothing moves near the handle."""
+
+    share: float = 0.6
+    """Share of a motion that is left there to an open hand; 1 changes nothing."""
+    closing: float = 0.05
+    """Share that is left there from when closing is told until the fingers have closed."""
+    closing_first: float = 0.25
+    """The same at the beginning of training: where a hand is all but still while it closes, it is
+    not learnt how to come to stand well."""
+    closing_between: tuple[float, float] = (0.5, 0.8)
+    """Shares of the training between which it falls from the first to the last, linear."""
+    near_m: float = 0.03
+    """Distance of the handle up to which all of it counts [m]."""
+    far_m: float = 0.10
+    """Distance from which nothing of it counts [m]."""
+    shut_m: tuple[float, float] = (0.072, 0.078)
+    """Openings between which fingers come to count as closed, if they rest [m]: a hand opens to
+    0.08 m, and holds what is at most 0.07 m thick."""
+    rest_m_s: float = 0.05
+    """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
+
+    def __post_init__(self) -> None:
+        for name in ("share", "closing", "closing_first"):
+            value = getattr(self, name)
+            if not 0.0 < value <= 1.0:
+                raise ConfigError(f"fine.{name} is {value}; it must be above 0 and at most 1")
+        if not 0.0 <= self.near_m < self.far_m:
+            raise ConfigError(
+                f"fine.near_m is {self.near_m} and fine.far_m {self.far_m}; they must grow from 0"
+            )
+        begin, end = self.shut_m
+        if not 0.0 <= begin < end:
+            raise ConfigError(f"fine.shut_m is {begin} {end}; it must be two growing openings")
+        begin, end = self.closing_between
+        if not 0.0 <= begin < end <= 1.0:
+            raise ConfigError(
+                f"fine.closing_between is {begin} {end}; it must be two growing shares in [0, 1]"
+            )
+        if not self.rest_m_s > 0.0:
+            raise ConfigError(f"fine.rest_m_s is {self.rest_m_s}; it must be above 0")
+
+    def at(self, progress: float) -> FineConfig:
+        """What counts when ``progress`` in [0, 1] of the training is done."""
+        begin, end = self.closing_between
+        done = min(max((progress - begin) / (end - begin), 0.0), 1.0)
+        closing = self.closing_first + done * (self.closing - self.closing_first)
+        return replace(self, closing=closing)
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """What is trained on what, and how."""
 
@@ -133,6 +180,8 @@ class TrainConfig:
     """Physics."""
 
     def __post_init__(self) -> None:
+        from articulate.task import TASK_RULES  # brings numpy, which --help does without
+
         if self.task not in TASK_RULES:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
         seeds = self.seeds

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import COLUMNS, NO_DRAW, Draw, DrawConfig, draw
+from articulate.draw import COLUMNS, Draw, draw
 from articulate.judgement import COLUMN, REASONS
+from articulate.settings import NO_DRAW, DrawConfig
 from articulate.transforms import Array
 from articulate_envs.episodes import Ended, Episodes
-from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
+from articulate_envs.settings import RewardConfig
 from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
 from articulate_train.policy import Policy, checkpoint_sha256, load_policy

@@ -22,7 +22,7 @@ import onnx
 import torch
 
 from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
-from articulate.draw import Draw, DrawConfig, at_size, drawn_one_by_one
+from articulate.draw import Draw, at_size, drawn_one_by_one
 from articulate.errors import RunError, UsageError
 from articulate.files import require_space, sha256, whole_file
 from articulate.manifest import (
@@ -47,6 +47,7 @@ from articulate.manifest import (
     with_files,
 )
 from articulate.observe import ACTION, OBSERVATION
+from articulate.settings import DrawConfig
 from articulate.transforms import Array
 from articulate_envs.export_object import object_files
 from articulate_envs.export_scene import export_scene

@@ -18,7 +18,8 @@ from articulate.errors import RunError
 from articulate.files import sha256
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
-from articulate_train.fine import MOTIONS, FineConfig
+from articulate_train.config import FineConfig
+from articulate_train.fine import MOTIONS, shares
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
@@ -51,7 +52,7 @@ class Policy(nn.Module):
         """The mean action, clipped, its motions finer near the handle."""
         seen = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
         said = torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
-        motions = said[:, :MOTIONS] * self.fine.shares(observation)
+        motions = said[:, :MOTIONS] * shares(self.fine, observation)
         return torch.cat([motions, said[:, MOTIONS:]], dim=1)
 
     def act(self, observation: Array) -> Array:

@@ -16,7 +16,8 @@ from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
-from articulate_train.fine import MOTIONS, FineConfig
+from articulate_train.config import FineConfig
+from articulate_train.fine import MOTIONS, shares
 
 Singles = NDArray[np.float32]
 FINISHED = ("code", "opened", "from_home", "terms")
@@ -76,7 +77,7 @@ class EpisodesVecEnv(VecEnv):
     def step_async(self, actions: Array) -> None:
         """Keep the actions (N, 8), made finer by the last observation."""
         said = np.clip(actions, -1.0, 1.0)
-        motions = said[:, :MOTIONS] * self.fine.shares(self._seen)
+        motions = said[:, :MOTIONS] * shares(self.fine, self._seen)
         self._action = np.concatenate([motions, said[:, MOTIONS:]], axis=1)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:

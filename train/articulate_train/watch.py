@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.draw import NO_DRAW
 from articulate.judgement import REASONS
 from articulate.render.play import Play
+from articulate.settings import NO_DRAW
 from articulate_envs.film import drawn_model, write_film
 from articulate_train.evaluate import roll_out
 from articulate_train.export import choose_seed

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.draw import Draw, DrawConfig
+from articulate.draw import Draw
 from articulate.estimate import NoisyEstimator
 from articulate.observe import Estimate
+from articulate.settings import DrawConfig
 from articulate.task import Task
 from articulate_deploy.robots.robot import StandIn
 
