@@ -7,9 +7,9 @@ python benchmarks/rivals.py --checked /tmp/checked --data ../shared/data --tools
 ``pip install`` in it: urdf2mjcf 0.2.39, urdf-to-mjcf 0.1.1, simcheck 0.2.0). Each tool gets a copy
 of the object's folder. What it makes is scaled to metres, put where our asset stands and proven
 with our asset's joints and handles, without comparing it with the input; free joints at the root
-are taken away, and neither what is seen nor limits and inertia in our own files count. All but
-this is left as the tool wrote it. Each tool and object runs in a process of its own; its row is
-noted in ``--out``, and a second run goes on from there.
+and floors are taken away, and neither what is seen nor limits and inertia in our own files count.
+All but this is left as the tool wrote it. Each tool and object runs in a process of its own; its
+row is noted in ``--out``, and a second run goes on from there.
 """
 
 from __future__ import annotations
@@ -96,8 +96,9 @@ def urdf2mjcf(urdf: Path, tools: Path) -> Made:
 
 
 def urdf_to_mjcf(urdf: Path, tools: Path) -> Made:
-    """The converter of discoverse, with convex decomposition."""
-    out = urdf.with_name("urdf_to_mjcf.xml")
+    """The converter of discoverse, with convex decomposition; it writes beside no URDF."""
+    out = urdf.parent / "urdf_to_mjcf" / "robot.xml"
+    out.parent.mkdir(exist_ok=True)
     tool = tools / "urdf-to-mjcf/bin/urdf-to-mjcf"
     return _run([tool, "-ct", "decomposition", "-o", out, urdf], out)
 
@@ -187,13 +188,7 @@ def _scale(spec: Any, s: float) -> None:
 def _wrapped(text: str, root: str, frame: InputFrame, path: Path) -> set[str]:
     """Write ``text`` with everything in one body called ``root``; names of its bodies."""
     tree = etree.fromstring(text.encode())
-    for kind in ("freejoint", "joint"):
-        for joint in list(tree.iter(kind)):
-            if kind == "freejoint" or joint.get("type") == "free":
-                joint.getparent().remove(joint)
-    for kind in ("keyframe", "actuator", "sensor"):
-        for element in list(tree.iter(kind)):
-            element.getparent().remove(element)
+    _cleared(tree)
     for body in list(tree.iter("body")):
         if body.get("name") == root:
             body.set("name", f"{root}__")
@@ -211,6 +206,17 @@ def _wrapped(text: str, root: str, frame: InputFrame, path: Path) -> set[str]:
     world.append(top)
     path.write_bytes(etree.tostring(tree))
     return {str(b.get("name")) for b in tree.iter("body")}
+
+
+def _cleared(tree: Any) -> None:
+    """Take away what is no part of the object: free joints, floors, and what drives or measures."""
+    away = [
+        *tree.iter("freejoint", "keyframe", "actuator", "sensor"),
+        *(joint for joint in tree.iter("joint") if joint.get("type") == "free"),
+        *(geom for geom in tree.findall("worldbody/geom") if geom.get("type") == "plane"),
+    ]
+    for element in away:
+        element.getparent().remove(element)
 
 
 def openness_min(proof: Proof) -> float | None:

@@ -7,11 +7,13 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 from tests.articulate.convert.cabinets import write_cabinet
 
 from articulate.convert import ConvertConfig, convert
+from articulate.simulator import mujoco
 
 CONFIG = ConvertConfig(decompose=False)
 
@@ -85,6 +87,28 @@ def test_parts_that_collide_with_nothing_are_not_good(rivals, tmp_path):
     assert row["loads"], row["reason"]
     assert row["failed"] == [rivals.BARE]
     assert row["reason"] == "drawer, door: no collision shapes"
+
+
+def test_the_floor_that_a_tool_adds_is_no_part_of_the_object(rivals, tmp_path):
+    text = """<mujoco><worldbody><geom name="floor" type="plane" size="0 0 1"/><light/>
+    <body name="base"><freejoint/><geom size="1"/></body></worldbody></mujoco>"""
+    frame = rivals.InputFrame(scale=1.0, T_os=np.eye(4))
+    names = rivals._wrapped(text, "base", frame, tmp_path / "object.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "object.xml"))
+    assert {"base", "base__"} <= names
+    assert (model.njnt, model.ngeom) == (0, 1)
+    assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_SPHERE
+
+
+def test_a_tool_that_writes_beside_no_urdf_gets_a_folder(rivals, tmp_path):
+    """urdf-to-mjcf writes elsewhere if it is asked to write into the folder of the URDF."""
+    tool = tmp_path / "tools/urdf-to-mjcf/bin/urdf-to-mjcf"
+    tool.parent.mkdir(parents=True)
+    tool.write_text('#!/bin/sh\n[ "$(dirname "$4")" != "$(dirname "$5")" ] && touch "$4"\n')
+    tool.chmod(0o755)
+    (tmp_path / "object").mkdir()
+    made = rivals.urdf_to_mjcf(tmp_path / "object/a.urdf", tmp_path / "tools")
+    assert made.path is not None, made.reason
 
 
 def test_a_tool_that_is_not_there_is_a_row_with_the_reason(rivals, job):
