@@ -188,7 +188,7 @@ class Bench:
         joint = self.asset.joint(pull.joint.name)
         weight = weight_on(model, joint)
         most = MOST_WEIGHT * pull.effort - joint.frictionloss
-        if weight <= most or any(self.parts[n].body.inertial.given for n in carried):
+        if weight <= max(most, 0.0) or any(self.parts[n].body.inertial.given for n in carried):
             return
         share = most / weight
         if share < LEAST_MASS:

@@ -260,3 +260,21 @@ def test_what_cannot_be_read_keeps_its_own_sentence(tmp_path):
     with pytest.raises(AssetError, match=r"no\.urdf") as caught:
         proven_asset(path, tmp_path / "cache")
     assert "refused" not in str(caught.value)
+
+
+def test_what_no_hand_could_turn_and_weighs_nothing_is_refused_in_a_sentence(tmp_path):
+    """A link that only carries another: 30 N have no arm on it, and no weight is to be balanced."""
+    (tmp_path / "in").mkdir()
+    path = tmp_path / "in/needle.urdf"
+    path.write_text("""<robot name="needle">
+      <link name="body"><visual><geometry><box size="0.4 0.4 0.1"/></geometry></visual></link>
+      <link name="pin"/>
+      <joint name="turn" type="revolute"><parent link="body"/><child link="pin"/>
+        <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/><limit lower="0" upper="1"/></joint>
+      <link name="tip"><visual><geometry><box size="0.05 0.05 0.05"/></geometry></visual></link>
+      <joint name="tilt" type="revolute"><parent link="pin"/><child link="tip"/>
+        <axis xyz="1 0 0"/><limit lower="0" upper="1"/></joint>
+    </robot>""")
+    proof = checked(path, tmp_path)
+    assert proof.verdict == "refused"
+    assert any("away from its axis" in reason for reason in proof.reasons), proof.reasons

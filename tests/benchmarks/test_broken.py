@@ -1,0 +1,47 @@
+"""Broken files: a verdict or one line of each, and the end of a process is neither."""
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from articulate.library.procedural.cabinet import embedded_cabinet
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    yield importlib.import_module("broken")
+    sys.modules.pop("broken", None)
+
+
+def test_each_file_gets_a_row(broken, tmp_path, monkeypatch, capsys):
+    data = tmp_path / "data"
+    urdf = embedded_cabinet(data / "cabinet")
+    (data / "text.urdf").write_text("no XML")
+    items = [
+        {"id": "good", "file": str(urdf.relative_to(data)), "expected": "repairable"},
+        {"id": "text", "file": "text.urdf", "expected": "refuse"},
+    ]
+    (data / "broken.json").write_text(json.dumps({"items": items}))
+    out = str(tmp_path / "out")
+    monkeypatch.setattr(sys, "argv", ["broken.py", "--data", str(data), "--out", out, "--json"])
+    assert broken.main() == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["files"], found["clear"], found["refused"]) == (2, 2, 1)
+    assert found["rows"][0]["exit"] == 0
+    assert found["rows"][1]["exit"] == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [(2, "a.urdf: its process ended with 1: KeyError: 'x'"), (2, "one\ntwo"), (1, "a bug")],
+)
+def test_what_is_no_clear_verdict(broken, tmp_path, monkeypatch, code, said):
+    done = subprocess.CompletedProcess([], code, stdout="", stderr=said)
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
+    row = broken.checked({"id": "a", "expected": "refuse"}, tmp_path / "a.urdf", tmp_path / "out")
+    assert not row["clear"]
