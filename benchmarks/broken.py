@@ -20,6 +20,8 @@ from typing import Any
 
 LIMIT_S = 300.0
 """A check that takes longer has no verdict [s]."""
+ENDED = ("its process ended", "a library crashed")
+"""What stands in the reason where a check was not meant to end so."""
 
 
 def checked(item: dict[str, Any], file: Path, out: Path) -> dict[str, Any]:
@@ -34,11 +36,11 @@ def checked(item: dict[str, Any], file: Path, out: Path) -> dict[str, Any]:
     row |= {"exit": done.returncode, "seconds": round(time.perf_counter() - start, 2)}
     if done.returncode in (0, 3):
         proof = json.loads(done.stdout)
-        reasons = proof["reasons"][:2] or proof["repairs"][:2]
-        return row | {"verdict": proof["verdict"], "said": reasons, "clear": True}
+        said = (proof["reasons"] or proof["repairs"])[:2]
+        clear = not any(word in reason for word in ENDED for reason in proof["reasons"])
+        return row | {"verdict": proof["verdict"], "said": said, "clear": clear}
     lines = done.stderr.strip().splitlines()
-    ended = any(word in done.stderr for word in ("its process ended", "a library crashed"))
-    clear = done.returncode == 2 and len(lines) == 1 and not done.stdout and not ended
+    clear = done.returncode == 2 and len(lines) == 1 and not done.stdout
     return row | {"verdict": "refused", "said": lines[-1:], "clear": clear}
 
 

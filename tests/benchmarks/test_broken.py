@@ -33,15 +33,20 @@ def test_each_file_gets_a_row(broken, tmp_path, monkeypatch, capsys):
     found = json.loads(capsys.readouterr().out)
     assert (found["files"], found["clear"], found["refused"]) == (2, 2, 1)
     assert found["rows"][0]["exit"] == 0
-    assert found["rows"][1]["exit"] == 2
+    assert found["rows"][1]["exit"] == 3
 
 
 @pytest.mark.parametrize(
-    ("code", "said"),
-    [(2, "a.urdf: its process ended with 1: KeyError: 'x'"), (2, "one\ntwo"), (1, "a bug")],
+    ("code", "shown", "said"),
+    [
+        (3, {"verdict": "refused", "reasons": ["a.urdf: its process ended with 1: KeyError"]}, ""),
+        (2, None, "one\ntwo"),
+        (1, None, "a bug"),
+    ],
 )
-def test_what_is_no_clear_verdict(broken, tmp_path, monkeypatch, code, said):
-    done = subprocess.CompletedProcess([], code, stdout="", stderr=said)
+def test_what_is_no_clear_verdict(broken, tmp_path, monkeypatch, code, shown, said):
+    out = json.dumps(shown) if shown else ""
+    done = subprocess.CompletedProcess([], code, stdout=out, stderr=said)
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
     row = broken.checked({"id": "a", "expected": "refuse"}, tmp_path / "a.urdf", tmp_path / "out")
     assert not row["clear"]
