@@ -149,6 +149,8 @@ def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
         mujoco.mj_saveLastXML(str(saved), mujoco.MjModel.from_xml_path(str(path)))
         spec = mujoco.MjSpec.from_file(str(saved))
         meshes = (path.parent / spec.meshdir).resolve()
+        for geom in [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]:
+            spec.delete(geom)  # a floor, which is no part of the object
         _scale(spec, frame.scale)
         spec.meshdir, spec.texturedir = str(meshes), str(meshes)
         spec.compile()
@@ -209,14 +211,20 @@ def _wrapped(text: str, root: str, frame: InputFrame, path: Path) -> set[str]:
 
 
 def _cleared(tree: Any) -> None:
-    """Take away what is no part of the object: free joints, floors, and what drives or measures."""
+    """Take away what is no part of the object: free joints, and what drives or measures.
+
+    Where a body that was free begins says nothing of the object: it is put back to the origin.
+    """
     away = [
         *tree.iter("freejoint", "keyframe", "actuator", "sensor"),
         *(joint for joint in tree.iter("joint") if joint.get("type") == "free"),
-        *(geom for geom in tree.findall("worldbody/geom") if geom.get("type") == "plane"),
     ]
     for element in away:
-        element.getparent().remove(element)
+        body = element.getparent()
+        body.remove(element)
+        if element.tag in ("freejoint", "joint"):
+            for key in ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"):
+                body.attrib.pop(key, None)
 
 
 def openness_min(proof: Proof) -> float | None:

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 from tests.articulate.convert.cabinets import write_cabinet
 
+from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.simulator import mujoco
 
@@ -89,15 +91,18 @@ def test_parts_that_collide_with_nothing_are_not_good(rivals, tmp_path):
     assert row["reason"] == "drawer, door: no collision shapes"
 
 
-def test_the_floor_that_a_tool_adds_is_no_part_of_the_object(rivals, tmp_path):
-    text = """<mujoco><worldbody><geom name="floor" type="plane" size="0 0 1"/><light/>
-    <body name="base"><freejoint/><geom size="1"/></body></worldbody></mujoco>"""
+def test_floor_and_place_that_a_tool_adds_are_no_part_of_the_object(rivals, job, tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text("""<mujoco><default><default class="floor"><geom type="plane" size="0 0 1"/>
+    </default></default><worldbody><geom name="floor" class="floor"/><light/>
+    <body name="base" pos="0 0 3"><freejoint/><geom size="1"/></body></worldbody></mujoco>""")
+    asset = load_asset(job("ours").checked / "cabinet")
     frame = rivals.InputFrame(scale=1.0, T_os=np.eye(4))
-    names = rivals._wrapped(text, "base", frame, tmp_path / "object.xml")
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "object.xml"))
-    assert {"base", "base__"} <= names
+    found = rivals.adopted(path, asset, frame, tmp_path / "asset")
+    model = mujoco.MjModel.from_xml_path(str(found.folder / "object.xml"))
     assert (model.njnt, model.ngeom) == (0, 1)
     assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_SPHERE
+    assert_allclose(model.body(int(model.geom_bodyid[0])).pos, 0.0)
 
 
 def test_a_tool_that_writes_beside_no_urdf_gets_a_folder(rivals, tmp_path):
