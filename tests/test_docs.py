@@ -71,7 +71,7 @@ FLAGS = {
 COMMON = {"--config", "--help", "--quiet", "--verbose"}
 """Flags of every command."""
 
-OTHERS = {"source", "tensorboard"}
+OTHERS = {"coverage", "source", "tensorboard"}
 """Commands in the documents that are not ours."""
 
 
