@@ -66,7 +66,7 @@ from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
 from articulate.follow import discrete, follow
 from articulate.simulator import mujoco
 from articulate.transforms import Array
-from articulate_envs.compiled import _call, _doubles
+from articulate_envs.compiled.advance import _call, _doubles
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene, build_scene
 from articulate_envs.settings import StartConfig

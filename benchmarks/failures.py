@@ -23,8 +23,9 @@ import torch
 from articulate.judgement import REASONS
 from articulate.kinematics import tool_pose
 from articulate.transforms import Array, Mask
+from articulate_envs.compiled.reward import HELD_SHARE
 from articulate_envs.episodes import Episodes, Tick
-from articulate_envs.rewards import HELD_SHARE, grasp_of
+from articulate_envs.rewards import grasp_of
 from articulate_envs.settings import RewardConfig
 from articulate_envs.threads import ThreadEngine
 from articulate_train.policy import load_policy

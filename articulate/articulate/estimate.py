@@ -22,7 +22,8 @@ class NoisyEstimator:
         """For N objects whose joint goes ``span`` [m or rad] from closed to open."""
         self._config = config
         length = PART_LENGTH if kind == "slide" else 1.0
-        self._part_noise = config.part_noise * length / abs(span)
+        self.part_noise = config.part_noise * length / abs(span)
+        """Standard deviation of the fraction open."""
         self.poses = np.tile(np.eye(4), (MAX_AGE, n, 1, 1))
         self.opened = np.zeros((MAX_AGE, n))
         self.speed = np.zeros((MAX_AGE, n))
@@ -50,7 +51,7 @@ class NoisyEstimator:
         T_wh[:, :3, 3] += drawn["bias"] + self._config.estimate_noise_m * noise[:, :3]
         return Estimate(
             T_wh=T_wh,
-            opened=self.opened[age, rows] + self._part_noise * noise[:, 3],
+            opened=self.opened[age, rows] + self.part_noise * noise[:, 3],
             speed=self.speed[age, rows].copy(),
         )
 

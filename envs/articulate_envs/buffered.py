@@ -8,17 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from articulate.draw import COLUMNS, PUSH_S, Draw
+from articulate.draw import COLUMNS, Draw
 from articulate.errors import AssetError
-from articulate.follow import HandState, finger_command, follow_start, hand_start, hand_tick
+from articulate.follow import HandState, follow_start, hand_start
 from articulate.judgement import WIDTH
 from articulate.placing import way_of
 from articulate.settings import MAX_DELAY_TICKS
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, matrix_to_quat
-from articulate_envs.compiled_motion import chain_of, see
+from articulate_envs.compiled.begin import Hands, begin, motions_due, times_of
+from articulate_envs.compiled.motion import chain_of, see
+from articulate_envs.compiled.observe import part_of, write_part
 from articulate_envs.engine import Start, State
-from articulate_envs.native import copy_model
+from articulate_envs.native import Lender, copy_model
 from articulate_envs.scene import Scene
 
 KEPT_ACTIONS = MAX_DELAY_TICKS + 1
@@ -51,7 +53,7 @@ class BufferedEngine(ABC):
     """N environments, each with a model and a state of its own; see :class:`Engine`.
 
     A subclass says in :meth:`_advance` how a tick is run: targets moved by
-    :func:`articulate_envs.compiled_motion.aim`, the substeps, and the tool's poses written as
+    :func:`articulate_envs.compiled.motion.aim`, the substeps, and the tool's poses written as
     :meth:`_see` does. Snapshots of one fit another: they hold the same arrays.
     """
 
@@ -66,8 +68,12 @@ class BufferedEngine(ABC):
         self.n_envs = n_envs
         self._models = [copy.copy(scene.nominal) for _ in range(n_envs)]
         self._data = [mujoco.MjData(m) for m in self._models]
+        self._sizes = np.zeros(n_envs, dtype=np.int64)
+        self._lenders = [Lender(model) for model in scene.models] if n_envs > 1 else []
         self._buffers = _buffers(n_envs)
-        self._hand = hand_start(n_envs)
+        start = hand_start(n_envs)
+        self._hand = Hands(*(getattr(start, name) for name in Hands._fields))
+        self._times = times_of(scene.arm.hand, scene.follow.tick_s, scene.task.episode_s)
         self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
         self._motion = np.zeros((n_envs, 7))
         self._chain = chain_of(scene.arm, scene.follow)
@@ -75,9 +81,14 @@ class BufferedEngine(ABC):
         self._draw = np.zeros((n_envs, len(COLUMNS)))
         self._T_wo = np.tile(np.eye(4), (n_envs, 1, 1))
         self._tick = np.zeros(n_envs, dtype=np.int64)
+        self._all = np.arange(n_envs, dtype=np.int64)
         joint = scene.asset.joint(scene.task.joint)
         self._closed, self._span = joint.closed, joint.span
-        self._way = way_of(scene.asset, scene.task.joint, flip=scene.place.flip)
+        self._part = part_of(way_of(scene.asset, scene.task.joint, flip=scene.place.flip))
+        self._scale, self._size = np.ones(n_envs), np.ones(n_envs)
+        self._delay = np.zeros(n_envs, dtype=np.int64)
+        self._opened = np.zeros(n_envs)
+        self._handle = np.tile(np.eye(4), (n_envs, 1, 1))
 
     @abstractmethod
     def _advance(self) -> None:
@@ -88,6 +99,11 @@ class BufferedEngine(ABC):
         # By the function that a tick uses: what is resumed goes on to the bit.
         b = self._buffers
         see(rows, b.q, b.target, self._chain, self._tool, self._led)
+
+    def _see_part(self, rows: Ints) -> None:
+        """Write how far the part is open, and its handle's pose, of environments ``rows``."""
+        part = (self._buffers.rest, self._size, self._scale, self._part, self._T_wo)
+        write_part(rows, *part, self._opened, self._handle)
 
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
@@ -108,32 +124,36 @@ class BufferedEngine(ABC):
         b.q[rows] = start.q
         b.dq[rows] = 0.0
         b.rest[rows, 0] = start.width
-        b.rest[rows, 1] = (self._closed + start.opened * self._span) * self._slide_scale(rows)
+        b.rest[rows, 1] = (self._closed + start.opened * self._span) * self._size[rows]
         b.rest[rows, 2] = 0.0
         b.rest[rows, 3] = 1.0
         fresh = hand_start(len(rows))
-        for name in ("smooth", "wish", "since_s", "wait_s", "closing"):
+        for name in Hands._fields:
             value = start.closing if name in ("wish", "closing") else getattr(fresh, name)
             getattr(self._hand, name)[rows] = value
         self._hand.smooth[rows] = 0.5 * np.maximum(start.closing, 0.0)
         self._actions[:, rows] = 0.0
         self._tick[rows] = 0
         self._see(rows)
+        self._see_part(rows)
 
     def _place(self, rows: Ints, drawn: Draw) -> None:
         scene = self.scene
         self._T_wo[rows] = scene.T_wo(drawn)
-
-    def _slide_scale(self, rows: Ints) -> Array:
-        scale = self._draw[rows, COLUMNS.index("scale")]
-        return scale if self.scene.task.kind == "slide" else np.ones_like(scale)
+        self._scale[rows] = drawn["scale"]
+        if scene.task.kind == "slide":
+            self._size[rows] = drawn["scale"]
+        self._delay[rows] = drawn["delay_ticks"].astype(np.int64)
 
     def _write_model(self, i: int, row: Array) -> None:
         """Copy the model of the drawn size and write the drawn numbers into it."""
         scene, at, model = self.scene, self.scene.at, self._models[i]
         value = dict(zip(COLUMNS, row, strict=True))
         k = int(np.argmin(np.abs(np.asarray(scene.scales) - value["scale"])))
+        self._sizes[i] = k
         copy_model(model, scene.models[k])
+        if self._lenders:
+            self._lenders[k].lend(model)
         arm_v = slice(at.arm_q, at.arm_q + 7)
         arm_u = slice(at.arm_ctrl, at.arm_ctrl + 7)
         object_v, moving = list(at.object_v), list(at.moving_bodies)
@@ -153,70 +173,51 @@ class BufferedEngine(ABC):
     def _write_data(self, i: int, start: Start, k: int) -> None:
         scene, at, data = self.scene, self.scene.at, self._data[i]
         mujoco.mj_resetData(self._models[i], data)
-        scale = self._draw[i, COLUMNS.index("scale")] if scene.task.kind == "slide" else 1.0
         for joint in scene.asset.joints:
             own = scene.scales and joint.kind == "slide"
-            size = self._draw[i, COLUMNS.index("scale")] if own else 1.0
+            size = self._scale[i] if own else 1.0
             adr = self._models[i].joint(f"object/{joint.name}").qposadr[0]
             data.qpos[adr] = joint.closed * size
-        data.qpos[at.part_q] = (self._closed + start.opened[k] * self._span) * scale
+        data.qpos[at.part_q] = (self._closed + start.opened[k] * self._span) * self._size[i]
         data.qpos[at.arm_q : at.arm_q + 7] = start.q[k]
         data.qpos[at.finger_q] = start.width[k] / 2.0
         data.qpos[at.finger_q + 1] = -start.width[k] / 2.0
 
     def step(self, action: Array) -> State:
         """Run one tick with actions (N, 8)."""
-        scene, b = self.scene, self._buffers
-        self._actions = np.roll(self._actions, 1, axis=0)
-        self._actions[0] = action[:, :7]
-        delay = self._draw[:, COLUMNS.index("delay_ticks")].astype(np.int64)
-        self._motion[:] = self._actions[delay, np.arange(self.n_envs)]
-        tick_s = scene.follow.tick_s
-        latency = self._draw[:, COLUMNS.index("hand_latency_s")]
-        self._hand = hand_tick(self._hand, action[:, 7], latency, scene.arm.hand, tick_s)
-        b.closing[:] = self._hand.closing
-        b.finger[:] = finger_command(b.finger, b.rest[:, 0], b.closing)
-        self._push()
+        begin(
+            action,
+            self._actions,
+            self._delay,
+            self._motion,
+            self._hand,
+            self._draw,
+            self._tick,
+            self._times,
+            self._buffers,
+        )
         self._advance()
+        self._see_part(self._all)
         self._tick += 1
         return self.state()
-
-    def _push(self) -> None:
-        """Apply the drawn push for its time, beginning at its share of the episode."""
-        drawn = Draw(self._draw)
-        scene = self.scene
-        t = self._tick * scene.follow.tick_s
-        begin = drawn["push_time"] * scene.task.episode_s
-        on = (t >= begin) & (t < begin + PUSH_S)
-        self._buffers.push[:] = np.where(on[:, None], drawn["push"], 0.0)
 
     def state(self) -> State:
         """What is true now; the arrays are copies."""
         b = self._buffers
-        size = self._slide_scale(np.arange(self.n_envs, dtype=np.int64))
-        opened = (b.rest[:, 1] - size * self._closed) / (size * self._span)
-        scale = self._draw[:, COLUMNS.index("scale")]
-        T_wh = self._way.in_world(T_wo=self._T_wo, scale=scale, opened=opened)
         return State(
             q=b.q.copy(),
             dq=b.dq.copy(),
             target=b.target.copy(),
-            hand=HandState(*(getattr(self._hand, n).copy() for n in _HAND_FIELDS)),
+            hand=HandState(*(array.copy() for array in self._hand)),
             hand_width=b.rest[:, 0].copy(),
             T_wt=self._tool.copy(),
             T_wt_target=self._led.copy(),
-            T_wh=T_wh,
-            opened=opened,
+            T_wh=self._handle.copy(),
+            opened=self._opened.copy(),
             speed=b.rest[:, 2] * np.sign(self._span),
             samples=b.samples.copy(),
-            motions_due=self._motions_due(),
+            motions_due=motions_due(self._actions, self._delay),
         )
-
-    def _motions_due(self) -> Array:
-        """Sum over the motions of the last ticks that are younger than their delay (N, 7)."""
-        ages = np.arange(KEPT_ACTIONS)[:, None]
-        young = ages < self._draw[:, COLUMNS.index("delay_ticks")]
-        return np.asarray(np.einsum("kn,knj->nj", young.astype(np.float64), self._actions))
 
     def snapshot(self) -> dict[str, Array]:
         """All that resuming bit-identically needs; only arrays."""
@@ -226,7 +227,7 @@ class BufferedEngine(ABC):
         for i in range(self.n_envs):
             mujoco.mj_getState(self._models[i], self._data[i], physics[i], spec)
         out = {f"buffer_{n}": getattr(self._buffers, n).copy() for n in Buffers._fields}
-        out |= {f"hand_{n}": getattr(self._hand, n).copy() for n in _HAND_FIELDS}
+        out |= {f"hand_{n}": getattr(self._hand, n).copy() for n in Hands._fields}
         return out | {
             "physics": physics,
             "actions": self._actions.copy(),
@@ -238,20 +239,22 @@ class BufferedEngine(ABC):
         """Continue from :meth:`snapshot`."""
         spec = mujoco.mjtState.mjSTATE_INTEGRATION
         self._draw[:] = snapshot["draw"]
-        self._place(np.arange(self.n_envs, dtype=np.int64), Draw(self._draw))
+        self._place(self._all, Draw(self._draw))
         for i in range(self.n_envs):
             self._write_model(i, self._draw[i])
             mujoco.mj_resetData(self._models[i], self._data[i])
             mujoco.mj_setState(self._models[i], self._data[i], snapshot["physics"][i], spec)
         for name in Buffers._fields:
             getattr(self._buffers, name)[:] = snapshot[f"buffer_{name}"]
-        self._hand = HandState(*(snapshot[f"hand_{n}"].copy() for n in _HAND_FIELDS))
-        self._actions = snapshot["actions"].copy()
+        for name in Hands._fields:
+            getattr(self._hand, name)[:] = snapshot[f"hand_{name}"]
+        self._actions[:] = snapshot["actions"]
         self._tick[:] = snapshot["tick"]
-        self._see(np.arange(self.n_envs, dtype=np.int64))
+        self._see(self._all)
+        self._see_part(self._all)
 
     def physics_state(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Model and data of environment ``i``, for pictures; not to be changed."""
+        """Model and data of environment ``i``, for pictures: not to be changed or to outlive it."""
         return self._models[i], self._data[i]
 
     def object_pose(self, i: int) -> tuple[float, Array]:
@@ -260,9 +263,6 @@ class BufferedEngine(ABC):
 
     def close(self) -> None:  # noqa: B027  engines without threads hold nothing
         """Give back what is held; closing twice is no harm."""
-
-
-_HAND_FIELDS = ("smooth", "wish", "since_s", "wait_s", "closing")
 
 
 def _buffers(n: int) -> Buffers:

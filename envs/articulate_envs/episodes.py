@@ -17,9 +17,10 @@ from articulate.judgement import (
     opened_at_end,
     verdict,
 )
-from articulate.observe import ACTION, observation
+from articulate.observe import ACTION
 from articulate.settings import DrawConfig
 from articulate.transforms import Array, Ints, Mask
+from articulate_envs.compiled.observe import Past, Scales, Seen, observations
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
 from articulate_envs.rewards import TERMS, at_end, grasp_of, reward_terms
@@ -100,6 +101,14 @@ class Episodes:
         self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
         self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
+        self._scales = Scales(
+            tick_s=scene.follow.tick_s,
+            ticks=scene.ticks,
+            move_m=scene.follow.move_m,
+            goal=scene.task.target,
+            noise_m=draws.estimate_noise_m,
+            noise_open=self._estimator.part_noise,
+        )
         self._judgement = judgement_start(n)
         self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
         self._tick = np.zeros(n, dtype=np.int64)
@@ -185,24 +194,26 @@ class Episodes:
         return state
 
     def _observe(self) -> Array:
-        state, scene = self.state, self.engine.scene
-        return observation(
-            scene.arm,
-            q=state.q,
-            dq=state.dq,
-            target=state.target,
-            hand_width=state.hand_width,
-            hand_speed=(state.hand_width - self._width) / scene.follow.tick_s,
-            hand=state.hand,
-            estimate=self._estimator.estimate(self._drawn, self._rng),
-            last_action=self._last,
-            motions_due=state.motions_due,
-            move_m=scene.follow.move_m,
-            time_left=1.0 - self._tick / scene.ticks,
-            goal=scene.task.target,
-            T_wt=state.T_wt,
-            T_wt_target=state.T_wt_target,
+        state, hand, past = self.state, self.state.hand, self._estimator
+        seen = Seen(
+            state.q,
+            state.dq,
+            state.target,
+            state.hand_width,
+            self._width,
+            hand.smooth,
+            hand.wish,
+            hand.since_s,
+            state.T_wt,
+            state.T_wt_target,
+            state.motions_due,
+            self._last,
+            self._tick,
         )
+        noise = self._rng.normal(size=(self.engine.n_envs, 4))
+        given = Past(past.poses, past.opened, past.speed)
+        out: Array = observations(seen, given, self._drawn.values, noise, self._scales)
+        return out
 
     def privileged(self) -> Array:
         """What only the value function sees of the environments as they are (N, size)."""
@@ -238,7 +249,7 @@ class Episodes:
         self._estimator.push(state.T_wh, state.opened, state.speed)
         cut = self._cut()
         done = full | bad | cut
-        seen = np.nan_to_num(self._observe())
+        seen = self._observe()
         ended = None
         if done.any():
             ended = self._end(np.flatnonzero(done), seen, cut)

@@ -1,7 +1,7 @@
 """One environment stepped from Python: the reference that the batched engine is held against.
 
-It steps the physics and judges by the functions that a robot runs. Targets move by the compiled
-function that the batch uses, so that both give the physics the same numbers, to the bit: where
+It steps the physics and judges by the functions that a robot runs. Targets move, and the hand is
+told, by the compiled functions that the batch uses, so that both give the physics the same numbers, to the bit: where
 fingers press on a handle, a difference of 1e-14 can become one of 4e-3 within a tick. It is what
 :mod:`articulate_envs.gym` and :mod:`articulate_envs.suite` step.
 """
@@ -14,7 +14,7 @@ from articulate.follow import discrete, follow
 from articulate.judgement import judge_sample
 from articulate.simulator import mujoco
 from articulate_envs.buffered import DIVERGED, BufferedEngine
-from articulate_envs.compiled_motion import aim, room_of
+from articulate_envs.compiled.motion import aim, room_of
 from articulate_envs.scene import Scene, wrench_of
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from articulate.follow import discrete
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import BufferedEngine
-from articulate_envs.compiled import Aiming, Constants, Pointers, Where, advance
+from articulate_envs.compiled.advance import Aiming, Constants, Pointers, Where, advance
 from articulate_envs.native import step_address
 from articulate_envs.scene import Scene
 
@@ -21,7 +21,8 @@ class ThreadEngine(BufferedEngine):
         """Make N environments of ``scene``; call :meth:`reset` for all before stepping."""
         super().__init__(scene, n_envs)
         self.threads = max(1, min(threads, n_envs))
-        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
+        self._taken = np.zeros(n_envs, dtype=np.int64)
         self._edges = np.linspace(0, n_envs, self.threads + 1).astype(int)
         self._mj_step = step_address()
         self._pointers = self._addresses()
@@ -48,6 +49,8 @@ class ThreadEngine(BufferedEngine):
 
     def _advance(self) -> None:
         args = (
+            np.argsort(self._sizes, kind="stable"),
+            self._taken,
             self._mj_step,
             self._pointers,
             self._where,
@@ -56,14 +59,12 @@ class ThreadEngine(BufferedEngine):
             self._aiming,
             self._buffers,
         )
+        self._taken[:] = 0
         if self._pool is None:
-            advance(0, self.n_envs, *args)
+            advance(0, *args)
             return
-        edges = self._edges
-        jobs = [
-            self._pool.submit(advance, int(edges[t]), int(edges[t + 1]), *args)
-            for t in range(self.threads)
-        ]
+        jobs = [self._pool.submit(advance, int(first), *args) for first in self._edges[1:-1]]
+        advance(0, *args)
         for job in jobs:
             job.result()
 

@@ -16,6 +16,7 @@ from articulate.judgement import COLUMN, WIDTH
 from articulate.kinematics import tool_pose
 from articulate.task import Task
 from articulate.transforms import axis_angle_to_matrix, pose
+from articulate_envs.compiled.reward import grip_offset
 from articulate_envs.engine import State
 from articulate_envs.rewards import (
     MOST_ALONG_M,
@@ -23,7 +24,6 @@ from articulate_envs.rewards import (
     Grasp,
     at_end,
     grasp_of,
-    grip_offset,
     reward_terms,
 )
 from articulate_envs.settings import RewardConfig, StartConfig
@@ -105,7 +105,7 @@ def test_distance_to_a_long_handle_is_that_to_its_nearest_point():
         ([-0.07, 0.0, 0.04], 0.05),
     ):
         T_wt = T_wh @ pose(np.array(offset))
-        distance = np.linalg.norm(grip_offset(T_wt, T_wh, 0.04), axis=1)
+        distance = np.linalg.norm(grip_offset(T_wt[0], T_wh[0], 0.04))
         assert_allclose(distance, expected, atol=1e-12)
 
 

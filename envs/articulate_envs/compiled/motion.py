@@ -1,11 +1,7 @@
 """What a tick does before and after its substeps, compiled: targets and tool poses.
 
 It repeats :func:`articulate.follow.next_target` and :func:`articulate.kinematics.tool_pose` for one
-environment at a time; tests hold them together. The Python functions take most of a tick's time
-that is not physics, and hold the interpreter while they do.
-
-numba keeps compiled code by the file of the outermost function: who changes something here saves
-``compiled.py`` again as well, or clears ``__pycache__``.
+environment at a time; tests hold them together.
 """
 
 from __future__ import annotations

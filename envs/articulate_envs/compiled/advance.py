@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 from articulate.judgement import COLUMN
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import DIVERGED
-from articulate_envs.compiled_motion import aim, room_of, write_tool
+from articulate_envs.compiled.motion import aim, room_of, write_tool
 
 _intrinsic: Callable[[Any], Any] = intrinsic  # its own annotation forgets the first argument
 
@@ -119,24 +119,45 @@ def _call(typingctx: Any, function: Any, first: Any, second: Any) -> Any:
     return sig, codegen
 
 
+@_intrinsic
+def _take(typingctx: Any, address: Any) -> Any:
+    """Write 1 to the int64 at the address and return what stood there, in one."""
+    sig = types.int64(types.int64)
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        from llvmlite import ir
+
+        word = ir.IntType(64)
+        place = builder.inttoptr(args[0], word.as_pointer())
+        return builder.atomic_rmw("xchg", place, word(1), "acq_rel")
+
+    return sig, codegen
+
+
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the tuples above
-    first, last, mj_step, pointers, where, constants, chain, aiming, buffers
+    first, order, taken, mj_step, pointers, where, constants, chain, aiming, buffers
 ):
-    """Step environments ``first`` to ``last`` - 1 through one tick.
+    """Step all environments that nobody else has ``taken`` (N,) through one tick.
 
-    One that diverges stands still from then on, its last finite state in the buffers and a NaN
-    in its samples, by which the judgement knows it.
+    Several threads run it at once, each from its own ``first`` in ``order`` (N,) on, which puts
+    those side by side that read the same arrays; who is done helps the others. One that diverges
+    stands still from then on, its last finite state in the buffers and a NaN in its samples, by
+    which the judgement knows it.
     """
     room = room_of()
-    for i in range(first, last):
+    n = len(taken)
+    for k in range(n):
+        i = order[(first + k) % n]
+        if taken[i] != 0 or _take(taken.ctypes.data + 8 * i) != 0:
+            continue
         aim(buffers.target[i], aiming.motion[i], buffers.q[i], chain, room)
         _advance_one(i, mj_step, pointers, where, constants, buffers)
         write_tool(buffers.q[i], chain, room[0], aiming.tool[i])
         write_tool(buffers.target[i], chain, room[0], aiming.led[i])
 
 
-@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _advance_one(i, mj_step, pointers, where, constants, buffers):  # type: ignore[no-untyped-def]
     ctrl = carray(_doubles(pointers.ctrl[i]), where.finger_ctrl + 2)
     qpos = carray(_doubles(pointers.qpos[i]), max(where.part_q, where.finger_q + 1) + 1)
@@ -167,7 +188,7 @@ def _advance_one(i, mj_step, pointers, where, constants, buffers):  # type: igno
     rest[2] = qvel[where.part_v]
 
 
-@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _follow(i, ctrl, where, constants, buffers):  # type: ignore[no-untyped-def]
     A, B = constants.A, constants.B
     for k in range(7):
@@ -183,7 +204,7 @@ def _follow(i, ctrl, where, constants, buffers):  # type: ignore[no-untyped-def]
     ctrl[where.finger_ctrl + 1] = -wide
 
 
-@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _judge(i, qvel, torque, sensors, tool, where, constants, buffers):  # type: ignore[no-untyped-def]
     row = buffers.samples[i]
     fx = fy = fz = mx = my = mz = 0.0

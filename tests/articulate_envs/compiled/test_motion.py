@@ -8,7 +8,7 @@ from articulate.arm import PANDA
 from articulate.follow import next_target
 from articulate.kinematics import tool_pose
 from articulate.settings import FollowConfig
-from articulate_envs.compiled_motion import aim, chain_of, room_of, write_tool
+from articulate_envs.compiled.motion import aim, chain_of, room_of, write_tool
 
 CONFIG = FollowConfig()
 N = 200
