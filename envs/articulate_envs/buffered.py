@@ -16,9 +16,9 @@ from articulate.placing import way_of
 from articulate.settings import MAX_DELAY_TICKS
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, matrix_to_quat
-from articulate_envs.compiled.begin import Hands, begin, motions_due, times_of
+from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
 from articulate_envs.compiled.motion import chain_of, see
-from articulate_envs.compiled.observe import part_of, write_part
+from articulate_envs.compiled.observe import Shown, part_of, write_parts
 from articulate_envs.engine import Start, State
 from articulate_envs.native import Lender, copy_model
 from articulate_envs.scene import Scene
@@ -69,6 +69,7 @@ class BufferedEngine(ABC):
         self._models = [copy.copy(scene.nominal) for _ in range(n_envs)]
         self._data = [mujoco.MjData(m) for m in self._models]
         self._sizes = np.zeros(n_envs, dtype=np.int64)
+        self._order = np.arange(n_envs, dtype=np.int64)
         self._lenders = [Lender(model) for model in scene.models] if n_envs > 1 else []
         self._buffers = _buffers(n_envs)
         start = hand_start(n_envs)
@@ -84,26 +85,32 @@ class BufferedEngine(ABC):
         self._all = np.arange(n_envs, dtype=np.int64)
         joint = scene.asset.joint(scene.task.joint)
         self._closed, self._span = joint.closed, joint.span
-        self._part = part_of(way_of(scene.asset, scene.task.joint, flip=scene.place.flip))
-        self._scale, self._size = np.ones(n_envs), np.ones(n_envs)
         self._delay = np.zeros(n_envs, dtype=np.int64)
-        self._opened = np.zeros(n_envs)
-        self._handle = np.tile(np.eye(4), (n_envs, 1, 1))
+        self._due = np.zeros((n_envs, 7))
+        self._shown = Shown(
+            part=part_of(way_of(scene.asset, scene.task.joint, flip=scene.place.flip)),
+            T_wo=self._T_wo,
+            scale=np.ones(n_envs),
+            size=np.ones(n_envs),
+            opened=np.zeros(n_envs),
+            handle=np.tile(np.eye(4), (n_envs, 1, 1)),
+        )
 
     @abstractmethod
     def _advance(self) -> None:
         """Run a tick in all environments, on what is in the buffers."""
 
     def _see(self, rows: Ints) -> None:
-        """Write the tool's poses at the joints and at the targets of environments ``rows``."""
-        # By the function that a tick uses: what is resumed goes on to the bit.
+        """Write what follows from the buffers of environments ``rows``.
+
+        That is the tool's poses at the joints and at the targets, the handle's, how far the part is
+        open, and the motions that are due.
+        """
+        # By the functions that a tick uses: what is resumed goes on to the bit.
         b = self._buffers
         see(rows, b.q, b.target, self._chain, self._tool, self._led)
-
-    def _see_part(self, rows: Ints) -> None:
-        """Write how far the part is open, and its handle's pose, of environments ``rows``."""
-        part = (self._buffers.rest, self._size, self._scale, self._part, self._T_wo)
-        write_part(rows, *part, self._opened, self._handle)
+        write_parts(rows, b.rest, self._shown)
+        write_due(rows, self._actions, self._delay, self._due)
 
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
@@ -113,6 +120,7 @@ class BufferedEngine(ABC):
         for k, i in enumerate(rows):
             self._write_model(int(i), start.draw.values[k])
             self._write_data(int(i), start, k)
+        self._order[:] = np.argsort(self._sizes, kind="stable")
         b = self._buffers
         b.follow[rows] = follow_start(start.q)
         b.target[rows] = start.q
@@ -124,7 +132,7 @@ class BufferedEngine(ABC):
         b.q[rows] = start.q
         b.dq[rows] = 0.0
         b.rest[rows, 0] = start.width
-        b.rest[rows, 1] = (self._closed + start.opened * self._span) * self._size[rows]
+        b.rest[rows, 1] = (self._closed + start.opened * self._span) * self._shown.size[rows]
         b.rest[rows, 2] = 0.0
         b.rest[rows, 3] = 1.0
         fresh = hand_start(len(rows))
@@ -135,14 +143,13 @@ class BufferedEngine(ABC):
         self._actions[:, rows] = 0.0
         self._tick[rows] = 0
         self._see(rows)
-        self._see_part(rows)
 
     def _place(self, rows: Ints, drawn: Draw) -> None:
         scene = self.scene
         self._T_wo[rows] = scene.T_wo(drawn)
-        self._scale[rows] = drawn["scale"]
+        self._shown.scale[rows] = drawn["scale"]
         if scene.task.kind == "slide":
-            self._size[rows] = drawn["scale"]
+            self._shown.size[rows] = drawn["scale"]
         self._delay[rows] = drawn["delay_ticks"].astype(np.int64)
 
     def _write_model(self, i: int, row: Array) -> None:
@@ -175,10 +182,10 @@ class BufferedEngine(ABC):
         mujoco.mj_resetData(self._models[i], data)
         for joint in scene.asset.joints:
             own = scene.scales and joint.kind == "slide"
-            size = self._scale[i] if own else 1.0
+            size = self._shown.scale[i] if own else 1.0
             adr = self._models[i].joint(f"object/{joint.name}").qposadr[0]
             data.qpos[adr] = joint.closed * size
-        data.qpos[at.part_q] = (self._closed + start.opened[k] * self._span) * self._size[i]
+        data.qpos[at.part_q] = (self._closed + start.opened[k] * self._span) * self._shown.size[i]
         data.qpos[at.arm_q : at.arm_q + 7] = start.q[k]
         data.qpos[at.finger_q] = start.width[k] / 2.0
         data.qpos[at.finger_q + 1] = -start.width[k] / 2.0
@@ -190,6 +197,7 @@ class BufferedEngine(ABC):
             self._actions,
             self._delay,
             self._motion,
+            self._due,
             self._hand,
             self._draw,
             self._tick,
@@ -197,7 +205,6 @@ class BufferedEngine(ABC):
             self._buffers,
         )
         self._advance()
-        self._see_part(self._all)
         self._tick += 1
         return self.state()
 
@@ -212,11 +219,11 @@ class BufferedEngine(ABC):
             hand_width=b.rest[:, 0].copy(),
             T_wt=self._tool.copy(),
             T_wt_target=self._led.copy(),
-            T_wh=self._handle.copy(),
-            opened=self._opened.copy(),
+            T_wh=self._shown.handle.copy(),
+            opened=self._shown.opened.copy(),
             speed=b.rest[:, 2] * np.sign(self._span),
             samples=b.samples.copy(),
-            motions_due=motions_due(self._actions, self._delay),
+            motions_due=self._due.copy(),
         )
 
     def snapshot(self) -> dict[str, Array]:
@@ -244,6 +251,7 @@ class BufferedEngine(ABC):
             self._write_model(i, self._draw[i])
             mujoco.mj_resetData(self._models[i], self._data[i])
             mujoco.mj_setState(self._models[i], self._data[i], snapshot["physics"][i], spec)
+        self._order[:] = np.argsort(self._sizes, kind="stable")
         for name in Buffers._fields:
             getattr(self._buffers, name)[:] = snapshot[f"buffer_{name}"]
         for name in Hands._fields:
@@ -251,7 +259,6 @@ class BufferedEngine(ABC):
         self._actions[:] = snapshot["actions"]
         self._tick[:] = snapshot["tick"]
         self._see(self._all)
-        self._see_part(self._all)
 
     def physics_state(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of environment ``i``, for pictures: not to be changed or to outlive it."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from articulate.draw import COLUMNS, Draw
 from articulate.judgement import COLUMN, Judgement
-from articulate.kinematics import relative
 from articulate.layout import Field, Layout
 from articulate.observe import HANDLE_UNIT_M, NEAR_UNIT_M
 from articulate.task import Task
@@ -49,7 +48,8 @@ PRIVILEGED = Layout(
 
 def privileged(task: Task, state: State, judgement: Judgement, drawn: Draw) -> Array:
     """The vectors (N, size of :data:`PRIVILEGED`) for N environments."""
-    handle = relative(state.T_wt, state.T_wh)[:, :3, 3]
+    apart_w = state.T_wh[:, :3, 3] - state.T_wt[:, :3, 3]
+    handle = np.einsum("nji,nj->ni", state.T_wt[:, :3, :3], apart_w)
     return PRIVILEGED.pack(
         {
             "handle_pos_true": handle / HANDLE_UNIT_M,

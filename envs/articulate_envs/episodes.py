@@ -12,7 +12,6 @@ from articulate.errors import EngineError
 from articulate.estimate import NoisyEstimator
 from articulate.judgement import (
     Judgement,
-    judge_tick,
     judgement_start,
     opened_at_end,
     verdict,
@@ -20,6 +19,7 @@ from articulate.judgement import (
 from articulate.observe import ACTION
 from articulate.settings import DrawConfig
 from articulate.transforms import Array, Ints, Mask
+from articulate_envs.compiled.judge import asked_of, judge_tick
 from articulate_envs.compiled.observe import Past, Scales, Seen, observations
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
@@ -109,6 +109,7 @@ class Episodes:
             noise_m=draws.estimate_noise_m,
             noise_open=self._estimator.part_noise,
         )
+        self._asked = asked_of(scene.task)
         self._judgement = judgement_start(n)
         self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
         self._tick = np.zeros(n, dtype=np.int64)
@@ -230,13 +231,13 @@ class Episodes:
         self._judgement = judge_tick(
             self._judgement,
             state.samples,
-            scene.task,
+            self._asked,
             opened=state.opened,
             speed=state.speed,
             tick_s=scene.follow.tick_s,
         )
         bad = self._judgement.diverged
-        terms = np.where(bad[:, None] | ~np.isfinite(terms), 0.0, terms)
+        terms[bad] = 0.0
         self._width = before.hand_width
         self._state = state
         self._last = action

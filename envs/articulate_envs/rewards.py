@@ -57,7 +57,7 @@ def reward_terms(
     progress: float = 0.0,
     grasp: Grasp = NO_GRASP,
 ) -> Array:
-    """Weighted terms (N, len(TERMS)) of one tick, all but those of :func:`at_end`.
+    """Weighted terms (N, len(TERMS)) of one tick, all but those of :func:`at_end`, finite ones.
 
     Args:
         config: Weights.

@@ -1,9 +1,9 @@
 """One environment stepped from Python: the reference that the batched engine is held against.
 
 It steps the physics and judges by the functions that a robot runs. Targets move, and the hand is
-told, by the compiled functions that the batch uses, so that both give the physics the same numbers, to the bit: where
-fingers press on a handle, a difference of 1e-14 can become one of 4e-3 within a tick. It is what
-:mod:`articulate_envs.gym` and :mod:`articulate_envs.suite` step.
+told, by the compiled functions that the batch uses, so that both give the physics the same numbers,
+to the bit: where fingers press on a handle, a difference of 1e-14 can become one of 4e-3 within a
+tick. It is what :mod:`articulate_envs.gym` and :mod:`articulate_envs.suite` step.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class ThreadEngine(BufferedEngine):
 
     def _advance(self) -> None:
         args = (
-            np.argsort(self._sizes, kind="stable"),
+            self._order,
             self._taken,
             self._mj_step,
             self._pointers,
@@ -58,6 +58,7 @@ class ThreadEngine(BufferedEngine):
             self._chain,
             self._aiming,
             self._buffers,
+            self._shown,
         )
         self._taken[:] = 0
         if self._pool is None:

@@ -195,6 +195,7 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
             "net_arch": list(config.net),
             "activation_fn": nn.ELU,
             "log_std_init": config.log_std_init,
+            "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps
         },
     )
 

@@ -20,6 +20,7 @@ from articulate.judgement import COLUMN
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import DIVERGED
 from articulate_envs.compiled.motion import aim, room_of, write_tool
+from articulate_envs.compiled.observe import write_part
 
 _intrinsic: Callable[[Any], Any] = intrinsic  # its own annotation forgets the first argument
 
@@ -136,7 +137,7 @@ def _take(typingctx: Any, address: Any) -> Any:
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the tuples above
-    first, order, taken, mj_step, pointers, where, constants, chain, aiming, buffers
+    first, order, taken, mj_step, pointers, where, constants, chain, aiming, buffers, shown
 ):
     """Step all environments that nobody else has ``taken`` (N,) through one tick.
 
@@ -155,6 +156,7 @@ def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the
         _advance_one(i, mj_step, pointers, where, constants, buffers)
         write_tool(buffers.q[i], chain, room[0], aiming.tool[i])
         write_tool(buffers.target[i], chain, room[0], aiming.led[i])
+        write_part(i, buffers.rest, shown)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from articulate.arm import Hand
@@ -49,13 +48,13 @@ def times_of(hand: Hand, tick_s: float, episode_s: float) -> Times:
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def begin(  # type: ignore[no-untyped-def]
-    action, actions, delay, motion, hands, drawn, tick, times, buffers
+    action, actions, delay, motion, due, hands, drawn, tick, times, buffers
 ):
     """Take in what the policy says (N, 8), and write what acts in this tick.
 
     ``actions`` (ages, N, 7) are the motions of the last ticks, of which ``motion`` (N, 7) takes the
-    one whose ``delay`` (N,) is over; ``drawn`` are the draws (N, columns), ``tick`` (N,) the ticks
-    since the episode began.
+    one whose ``delay`` (N,) is over, and ``due`` (N, 7) the sum of the younger ones; ``drawn`` are
+    the draws (N, columns), ``tick`` (N,) the ticks since the episode began.
     """
     for i in range(len(action)):
         for age in range(len(actions) - 1, 0, -1):
@@ -65,6 +64,7 @@ def begin(  # type: ignore[no-untyped-def]
             actions[0, i, k] = action[i, k]
         for k in range(7):
             motion[i, k] = actions[delay[i], i, k]
+        _write_due(i, actions, delay, due)
         _hand(i, action[i, 7], drawn[i, _LATENCY], hands, times)
         buffers.closing[i] = hands.closing[i]
         if not hands.closing[i] > 0.0:
@@ -94,13 +94,17 @@ def _hand(i, command, latency_s, hands, times):  # type: ignore[no-untyped-def]
         hands.closing[i] = hands.wish[i]
 
 
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
+def _write_due(i, actions, delay, due):  # type: ignore[no-untyped-def]
+    for k in range(7):
+        due[i, k] = 0.0
+    for age in range(min(delay[i], len(actions))):
+        for k in range(7):
+            due[i, k] += actions[age, i, k]
+
+
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
-def motions_due(actions, delay):  # type: ignore[no-untyped-def]
-    """Sum (N, 7) of the motions (ages, N, 7) that are younger than their ``delay`` (N,)."""
-    out = np.zeros(actions.shape[1:])
-    for age in range(len(actions)):
-        for i in range(len(out)):
-            if age < delay[i]:
-                for k in range(7):
-                    out[i, k] += actions[age, i, k]
-    return out
+def write_due(rows, actions, delay, due):  # type: ignore[no-untyped-def]
+    """Write the sums (N, 7) of the motions that are younger than their delay, of ``rows``."""
+    for i in rows:
+        _write_due(i, actions, delay, due)

@@ -45,6 +45,22 @@ class Part(NamedTuple):
     """Signed way to open [m or rad]."""
 
 
+class Shown(NamedTuple):
+    """Where the parts of N environments are, and what that follows from."""
+
+    part: Part
+    T_wo: Array
+    """Poses of the objects in the world (N, 4, 4)."""
+    scale: Array
+    """Their sizes (N,)."""
+    size: Array
+    """What the joint's position grows with (N,): the size where it slides."""
+    opened: Array
+    """Fractions open (N,)."""
+    handle: Array
+    """Poses of the handles in the world (N, 4, 4)."""
+
+
 class Seen(NamedTuple):
     """What is true now and was told, first axis N; names as in :class:`engine.State`."""
 
@@ -136,15 +152,23 @@ def write_handle(opened, scale, part, T_wo, out):  # type: ignore[no-untyped-def
     out[3, 3] = 1.0
 
 
-@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
-def write_part(rows, rest, size, scale, part, T_wo, opened, handle):  # type: ignore[no-untyped-def]
-    """Write fractions open (N,) and poses of the handle (N, 4, 4) of environments ``rows``.
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
+def write_part(i, rest, shown):  # type: ignore[no-untyped-def]
+    """Write how far the part of environment ``i`` is open, and its handle's pose.
 
-    ``rest`` (N, 4) holds the joint's position second; ``size`` (N,) is what that grows with.
+    ``rest`` (N, 4) holds the joint's position second.
     """
+    size, part = shown.size[i], shown.part
+    opened = (rest[i, 1] - size * part.closed) / (size * part.span)
+    shown.opened[i] = opened
+    write_handle(opened, shown.scale[i], part, shown.T_wo[i], shown.handle[i])
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def write_parts(rows, rest, shown):  # type: ignore[no-untyped-def]
+    """:func:`write_part` of environments ``rows`` (M,)."""
     for i in rows:
-        opened[i] = (rest[i, 1] - size[i] * part.closed) / (size[i] * part.span)
-        write_handle(opened[i], scale[i], part, T_wo[i], handle[i])
+        write_part(i, rest, shown)
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False)

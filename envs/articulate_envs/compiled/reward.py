@@ -16,6 +16,7 @@ from numba import njit
 from articulate.judgement import COLUMN
 from articulate.task import Task
 from articulate.transforms import Array
+from articulate_envs.compiled.judge import rests
 from articulate_envs.engine import State
 from articulate_envs.settings import RewardConfig
 
@@ -160,13 +161,6 @@ def _beyond(way, opened):  # type: ignore[no-untyped-def]
     return min(max((opened - way.target) / margin, 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
-def _rests(way, opened, speed):  # type: ignore[no-untyped-def]
-    """:func:`articulate.task.at_target` of one part."""
-    there = abs(opened) <= way.target if way.closes else opened >= way.target
-    return there and abs(speed) < way.slow
-
-
 @njit(cache=True, error_model="numpy", boundscheck=False)
 def _not_empty(width, thick_m):  # type: ignore[no-untyped-def]
     """Whether a handle can be between fingers that are ``width`` [m] apart."""
@@ -196,6 +190,7 @@ def write_terms(  # type: ignore[no-untyped-def]
 ):
     """Write the weighted terms (N, len(TERMS)) of one tick, without those of its end.
 
+    What is not finite is 0.
     ``progress`` is the share of the way that the weights have made to their last values.
     """
     for i in range(len(out)):
@@ -239,7 +234,7 @@ def _write_row(  # type: ignore[no-untyped-def]
     to[6] = w.open * left * paid
     to[7] = w.progress * left * change
     to[8] = 0.0
-    if _rests(way, after.opened[i], after.speed[i]):
+    if rests(way, after.opened[i], after.speed[i]):
         to[8] = w.rest * left * _beyond(way, after.opened[i])
     dear = w.force + progress * (w.force_last - w.force)
     to[9] = dear * max(force - w.force_free_n, 0.0)
@@ -248,3 +243,6 @@ def _write_row(  # type: ignore[no-untyped-def]
     broken = spoiled and before.samples[i, _CODE] == 0.0
     to[12] = w.violation * progress if broken else 0.0
     to[13] = 0.0
+    for k in range(len(to)):
+        if not np.isfinite(to[k]):  # of an environment that diverged
+            to[k] = 0.0

@@ -8,7 +8,7 @@ from articulate.arm import PANDA
 from articulate.draw import COLUMNS, PUSH_S
 from articulate.follow import finger_command, hand_start, hand_tick
 from articulate_envs.buffered import KEPT_ACTIONS, _buffers
-from articulate_envs.compiled.begin import Hands, begin, motions_due, times_of
+from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
 
 N, TICK_S, EPISODE_S = 50, 0.05, 10.0
 
@@ -21,7 +21,7 @@ class Begun:
         self.hands = Hands(*(getattr(start, name) for name in Hands._fields))
         self.actions = np.zeros((KEPT_ACTIONS, N, 7))
         self.delay = rng.integers(0, KEPT_ACTIONS, N)
-        self.motion = np.zeros((N, 7))
+        self.motion, self.due = np.zeros((2, N, 7))
         self.drawn = np.zeros((N, len(COLUMNS)))
         self.drawn[:, COLUMNS.index("hand_latency_s")] = rng.uniform(0.0, 0.6, N)
         self.drawn[:, COLUMNS.index("push_x_n") :][:, :3] = rng.normal(size=(N, 3))
@@ -31,7 +31,7 @@ class Begun:
         self.times = times_of(PANDA.hand, TICK_S, EPISODE_S)
 
     def step(self, action):
-        given = (self.actions, self.delay, self.motion, self.hands, self.drawn)
+        given = (self.actions, self.delay, self.motion, self.due, self.hands, self.drawn)
         begin(action, *given, self.tick, self.times, self.buffers)
         self.tick += 1
 
@@ -81,7 +81,10 @@ def test_motions_act_when_their_delay_is_over_and_are_due_until_then():
             delay = begun.delay[i]
             assert_array_equal(begun.motion[i], past[delay][i])
             want = sum((p[i] for p in past[:delay]), np.zeros(7))
-            assert_allclose(motions_due(begun.actions, begun.delay)[i], want, atol=1e-14)
+            assert_allclose(begun.due[i], want, rtol=0, atol=1e-14)
+        again = np.full((N, 7), np.nan)
+        write_due(np.arange(N), begun.actions, begun.delay, again)
+        assert_array_equal(again, begun.due)
 
 
 def test_a_push_acts_for_its_time_alone():

@@ -20,9 +20,10 @@ from articulate_envs.compiled.observe import (
     Past,
     Scales,
     Seen,
+    Shown,
     observations,
     part_of,
-    write_part,
+    write_parts,
 )
 
 N, TICK_S, TICKS, MOVE_M, GOAL = 60, 0.05, 200, 0.01, 0.8
@@ -58,7 +59,7 @@ def test_handles_are_where_the_python_function_puts_them(kind):
     rest = np.zeros((N, 4))
     rest[:, 1] = size * (JOINT.closed + opened * JOINT.span)
     seen, handles = np.full(N, np.nan), np.full((N, 4, 4), np.nan)
-    write_part(np.arange(N), rest, size, scale, part_of(way), T_wo, seen, handles)
+    write_parts(np.arange(N), rest, Shown(part_of(way), T_wo, scale, size, seen, handles))
     assert_allclose(seen, opened, rtol=0, atol=1e-14)
     want = way.in_world(T_wo=T_wo, scale=scale, opened=opened)
     assert_allclose(handles, want, rtol=0, atol=1e-14)
