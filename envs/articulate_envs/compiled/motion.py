@@ -113,21 +113,19 @@ def _write_jacobian(frames, tool, out):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def _solve(matrix, right):  # type: ignore[no-untyped-def]
-    """Solve in place by elimination with row exchanges; the determinant."""
-    n, det = len(right), 1.0
+    """Solve in place by elimination with row exchanges."""
+    n = len(right)
     for k in range(n):
         best = k
         for r in range(k + 1, n):
             if abs(matrix[r, k]) > abs(matrix[best, k]):
                 best = r
         if matrix[best, k] == 0.0:
-            return 0.0
+            return
         if best != k:
-            det = -det
             for j in range(k, n):
                 matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
             right[k], right[best] = right[best], right[k]
-        det *= matrix[k, k]
         for r in range(k + 1, n):
             f = matrix[r, k] / matrix[k, k]
             for j in range(k + 1, n):
@@ -137,13 +135,57 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
         for j in range(k + 1, n):
             right[k] -= matrix[k, j] * right[j]
         right[k] /= matrix[k, k]
-    return det
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def _write_minors(matrix, order, out):  # type: ignore[no-untyped-def]
+    """Write the signed minors (7,) of ``matrix`` (6, 7), which is eliminated in place; their length.
+
+    They are the direction that it takes to 0, as long as the product of the pivots: of the column
+    that is left over after exchanges of rows and columns, the minor is that product, but for a sign
+    for each exchange. ``order`` (7,) is room for where the columns were.
+    """
+    for c in range(7):
+        order[c] = c
+        out[c] = 0.0
+    det = 1.0
+    for k in range(6):
+        row, column, most = k, k, 0.0
+        for r in range(k, 6):
+            for c in range(k, 7):
+                if abs(matrix[r, c]) > most:
+                    row, column, most = r, c, abs(matrix[r, c])
+        if most == 0.0:
+            return 0.0
+        if row != k:
+            det = -det
+            for c in range(7):
+                matrix[k, c], matrix[row, c] = matrix[row, c], matrix[k, c]
+        if column != k:
+            det = -det
+            order[k], order[column] = order[column], order[k]
+            for r in range(6):
+                matrix[r, k], matrix[r, column] = matrix[r, column], matrix[r, k]
+        det *= matrix[k, k]
+        for r in range(k + 1, 6):
+            f = matrix[r, k] / matrix[k, k]
+            for c in range(k + 1, 7):
+                matrix[r, c] -= f * matrix[k, c]
+    length, last = det * det, order[6]
+    out[last] = det
+    for k in range(5, -1, -1):
+        total = matrix[k, 6] * det
+        for c in range(k + 1, 6):
+            total += matrix[k, c] * out[order[c]]
+        out[order[k]] = -total / matrix[k, k]
+        length += out[order[k]] ** 2
+    return np.sqrt(length)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def aim(target, motion, q, chain, room):  # type: ignore[no-untyped-def]
     """Move ``target`` (7,) by one tick's ``motion`` (7,), in place; ``room`` is :func:`room_of`."""
-    frames, tool, jacobian, square, right, step, minors = room
+    frames, tool, jacobian, square, right, step, minors, order = room
     write_tool(target, chain, frames, tool)
     _write_jacobian(frames, tool, jacobian)
     for r in range(6):
@@ -154,21 +196,12 @@ def aim(target, motion, q, chain, room):  # type: ignore[no-untyped-def]
             square[r, j] = total
         right[r] = chain.unit[r] * min(max(motion[r], -1.0), 1.0)
     _solve(square, right)
-    length = 0.0
     for k in range(7):
         step[k] = 0.0
         for r in range(6):
             step[k] += jacobian[r, k] * right[r]
-    for k in range(7):
-        for r in range(6):
-            for j in range(6):
-                square[r, j] = jacobian[r, j if j < k else j + 1]
-        for r in range(6):
-            right[r] = 0.0
-        det = _solve(square, right)
-        minors[k] = det if k % 2 == 0 else -det
-        length += minors[k] * minors[k]
-    elbow = chain.step_rad * min(max(motion[6], -1.0), 1.0) / max(np.sqrt(length), FADING)
+    length = _write_minors(jacobian, order, minors)
+    elbow = chain.step_rad * min(max(motion[6], -1.0), 1.0) / max(length, FADING)
     longest = 1e-12
     for k in range(7):
         step[k] += elbow * minors[k]
@@ -201,4 +234,5 @@ def room_of():  # type: ignore[no-untyped-def]
         np.zeros(6),
         np.zeros(7),
         np.zeros(7),
+        np.zeros(7, dtype=np.int64),
     )
