@@ -138,41 +138,50 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
-def _write_minors(matrix, order, out):  # type: ignore[no-untyped-def]
-    """Write the signed minors (7,) of ``matrix`` (6, 7), which is eliminated in place; their length.
+def _eliminate(matrix, order):  # type: ignore[no-untyped-def]
+    """Make ``matrix`` (6, 7) triangular in place; product of the pivots, and a sign for exchanges.
 
-    They are the direction that it takes to 0, as long as the product of the pivots: of the column
-    that is left over after exchanges of rows and columns, the minor is that product, but for a sign
-    for each exchange. ``order`` (7,) is room for where the columns were.
+    The largest number left is the next pivot: rows and columns are exchanged for it, and ``order``
+    (7,) says which column stands where.
+    """
+    det = 1.0
+    for k in range(6):
+        row, column = k, k
+        for r in range(k, 6):
+            for c in range(k, 7):
+                if abs(matrix[r, c]) > abs(matrix[row, column]):
+                    row, column = r, c
+        pivot = matrix[row, column]
+        if pivot == 0.0:
+            return 0.0
+        for c in range(7):
+            matrix[k, c], matrix[row, c] = matrix[row, c], matrix[k, c]
+        for r in range(6):
+            matrix[r, k], matrix[r, column] = matrix[r, column], matrix[r, k]
+        order[k], order[column] = order[column], order[k]
+        det *= pivot if (row == k) == (column == k) else -pivot
+        for r in range(k + 1, 6):
+            f = matrix[r, k] / pivot
+            for c in range(k + 1, 7):
+                matrix[r, c] -= f * matrix[k, c]
+    return det
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+def _write_minors(matrix, order, out):  # type: ignore[no-untyped-def]
+    """Write the signed minors (7,) of ``matrix`` (6, 7), which is eliminated; their length.
+
+    They are the direction that it takes to 0, and that of the column which is left over is the
+    product of the pivots. ``order`` (7,) is room.
     """
     for c in range(7):
         order[c] = c
         out[c] = 0.0
-    det = 1.0
-    for k in range(6):
-        row, column, most = k, k, 0.0
-        for r in range(k, 6):
-            for c in range(k, 7):
-                if abs(matrix[r, c]) > most:
-                    row, column, most = r, c, abs(matrix[r, c])
-        if most == 0.0:
-            return 0.0
-        if row != k:
-            det = -det
-            for c in range(7):
-                matrix[k, c], matrix[row, c] = matrix[row, c], matrix[k, c]
-        if column != k:
-            det = -det
-            order[k], order[column] = order[column], order[k]
-            for r in range(6):
-                matrix[r, k], matrix[r, column] = matrix[r, column], matrix[r, k]
-        det *= matrix[k, k]
-        for r in range(k + 1, 6):
-            f = matrix[r, k] / matrix[k, k]
-            for c in range(k + 1, 7):
-                matrix[r, c] -= f * matrix[k, c]
-    length, last = det * det, order[6]
-    out[last] = det
+    det = _eliminate(matrix, order)
+    if det == 0.0:
+        return 0.0
+    length = det * det
+    out[order[6]] = det
     for k in range(5, -1, -1):
         total = matrix[k, 6] * det
         for c in range(k + 1, 6):
