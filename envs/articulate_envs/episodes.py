@@ -19,11 +19,13 @@ from articulate.judgement import (
 from articulate.observe import ACTION
 from articulate.settings import DrawConfig
 from articulate.transforms import Array, Ints, Mask
-from articulate_envs.compiled.judge import asked_of, judge_tick
+from articulate_envs.compiled.after import Judged, Rules, after
+from articulate_envs.compiled.judge import asked_of
 from articulate_envs.compiled.observe import Past, Scales, Seen, observations
+from articulate_envs.compiled.reward import view_of, way_of, weights_of
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.rewards import TERMS, at_end, grasp_of, reward_terms
+from articulate_envs.rewards import TERMS, at_end, grasp_of
 from articulate_envs.settings import RewardConfig, StartConfig
 from articulate_envs.starts import bank_of_starts, home_start, mixed_start
 
@@ -101,23 +103,35 @@ class Episodes:
         self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
         self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
         self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
-        self._scales = Scales(
-            tick_s=scene.follow.tick_s,
-            ticks=scene.ticks,
-            move_m=scene.follow.move_m,
-            goal=scene.task.target,
-            noise_m=draws.estimate_noise_m,
-            noise_open=self._estimator.part_noise,
-        )
-        self._asked = asked_of(scene.task)
+        self._past = Past(self._estimator.poses, self._estimator.opened, self._estimator.speed)
+        self._rules = self._make_rules()
         self._judgement = judgement_start(n)
-        self._grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
         self._tick = np.zeros(n, dtype=np.int64)
         self._home = np.zeros(n, dtype=bool)
         self._last = np.zeros((n, ACTION.size))
         self._width = np.zeros(n)
         self._terms = np.zeros((n, len(TERMS)))
         self._state: State | None = None
+
+    def _make_rules(self) -> Rules:
+        scene = self.engine.scene
+        grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
+        scales = Scales(
+            tick_s=scene.follow.tick_s,
+            ticks=scene.ticks,
+            move_m=scene.follow.move_m,
+            goal=scene.task.target,
+            noise_m=self.draws.estimate_noise_m,
+            noise_open=self._estimator.part_noise,
+        )
+        return Rules(
+            weights=weights_of(self.reward),
+            way=way_of(self.reward, scene.task),
+            along_m=grasp.along_m,
+            thick_m=grasp.thick_m,
+            asked=asked_of(scene.task),
+            scales=scales,
+        )
 
     @property
     def drawn(self) -> Draw:
@@ -194,9 +208,10 @@ class Episodes:
         self._estimator.reset(rows, state.T_wh[rows], state.opened[rows])
         return state
 
-    def _observe(self) -> Array:
-        state, hand, past = self.state, self.state.hand, self._estimator
-        seen = Seen(
+    def _seen(self) -> Seen:
+        """What observations are made of, but for the estimate."""
+        state, hand = self.state, self.state.hand
+        return Seen(
             state.q,
             state.dq,
             state.target,
@@ -211,9 +226,13 @@ class Episodes:
             self._last,
             self._tick,
         )
-        noise = self._rng.normal(size=(self.engine.n_envs, 4))
-        given = Past(past.poses, past.opened, past.speed)
-        out: Array = observations(seen, given, self._drawn.values, noise, self._scales)
+
+    def _noise(self) -> Array:
+        return self._rng.normal(size=(self.engine.n_envs, 4))
+
+    def _observe(self) -> Array:
+        given = (self._past, self._drawn.values, self._noise(), self._rules.scales)
+        out: Array = observations(self._seen(), *given)
         return out
 
     def privileged(self) -> Array:
@@ -224,33 +243,18 @@ class Episodes:
         """Run one tick with actions (N, 8), clipped to [-1, 1]."""
         scene, before = self.engine.scene, self.state
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
-        state = self.engine.step(action)
-        terms = reward_terms(
-            self.reward, scene.task, before, state, action, self.progress, self._grasp
-        )
-        self._judgement = judge_tick(
-            self._judgement,
-            state.samples,
-            self._asked,
-            opened=state.opened,
-            speed=state.speed,
-            tick_s=scene.follow.tick_s,
-        )
-        bad = self._judgement.diverged
-        terms[bad] = 0.0
+        self._state = self.engine.step(action)
         self._width = before.hand_width
-        self._state = state
         self._last = action
         self._tick += 1
+        terms, seen = self._after(before, action)
         full = self._tick >= scene.ticks
         if full.any():
             ends = self._tick == scene.ticks  # once, where nobody begins anew either
             terms[ends] += at_end(self.reward, verdict(self._judgement, scene.task)[ends] == 0)
         self._terms += terms
-        self._estimator.push(state.T_wh, state.opened, state.speed)
         cut = self._cut()
-        done = full | bad | cut
-        seen = self._observe()
+        done = full | self._judgement.diverged | cut
         ended = None
         if done.any():
             ended = self._end(np.flatnonzero(done), seen, cut)
@@ -261,6 +265,27 @@ class Episodes:
                 seen = seen.copy()
                 seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
+
+    def _after(self, before: State, action: Array) -> tuple[Array, Array]:
+        """Judge the tick; the terms of its reward (N, len(TERMS)), and what is seen (N, size)."""
+        n, was, now = self.engine.n_envs, self._judgement, self.state
+        terms, judged = np.empty((n, len(TERMS))), _judged(judgement_start(n))
+        seen: Array = after(
+            self._rules,
+            min(self.progress / self.reward.until, 1.0),
+            view_of(before),
+            view_of(now),
+            action,
+            _judged(was),
+            judged,
+            self._past,
+            self._seen(),
+            self._drawn.values,
+            self._noise(),
+            terms,
+        )
+        self._judgement = Judgement(now.samples, *judged)
+        return terms, seen
 
     def _may_cut(self) -> Mask:
         """Environments whose episodes training may cut off (N,)."""
@@ -332,3 +357,7 @@ class Episodes:
         self.progress = float(snapshot["progress"])
         self._rng.bit_generator.state = snapshot["generator"]
         self._state = self.engine.state()
+
+
+def _judged(judgement: Judgement) -> Judged:
+    return Judged(judgement.rest_s, judgement.opened, judgement.diverged)

@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from articulate.judgement import Judgement
 from articulate.task import Task
-from articulate.transforms import Array
 
 
 class Asked(NamedTuple):
@@ -25,34 +23,22 @@ def asked_of(task: Task) -> Asked:
     return Asked(task.closes, float(task.target), float(task.slow))
 
 
-def judge_tick(
-    judgement: Judgement,
-    samples: Array,
-    asked: Asked,
-    *,
-    opened: Array,
-    speed: Array,
-    tick_s: float,
-) -> Judgement:
-    """What :func:`articulate.judgement.judge_tick` says."""
-    n = len(samples)
-    rest_s, there, diverged = np.empty(n), np.empty(n, dtype=bool), judgement.diverged.copy()
-    _write(samples, asked, opened, speed, tick_s, judgement.rest_s, rest_s, there, diverged)
-    return Judgement(samples=samples, rest_s=rest_s, opened=there, diverged=diverged)
-
-
 @njit(cache=True, error_model="numpy", boundscheck=False)
-def _write(  # type: ignore[no-untyped-def]
-    samples, asked, opened, speed, tick_s, rest_before, rest_s, there, diverged
+def write_judgement(  # type: ignore[no-untyped-def]
+    samples, asked, opened, speed, tick_s, before, judged
 ):
-    for i in range(len(rest_s)):
-        there[i] = is_there(asked, opened[i])
-        rest_s[i] = rest_before[i] + tick_s if rests(asked, opened[i], speed[i]) else 0.0
+    """Write what N episodes have shown after a tick, from what they had shown ``before`` it.
+
+    Both have ``rest_s``, ``opened`` and ``diverged`` (N,), as :mod:`articulate.judgement` says.
+    """
+    for i in range(len(samples)):
+        judged.opened[i] = is_there(asked, opened[i])
+        rested = rests(asked, opened[i], speed[i])
+        judged.rest_s[i] = before.rest_s[i] + tick_s if rested else 0.0
         finite = np.isfinite(opened[i]) and np.isfinite(speed[i])
         for k in range(samples.shape[1]):
             finite = finite and np.isfinite(samples[i, k])
-        if not finite:
-            diverged[i] = True
+        judged.diverged[i] = before.diverged[i] or not finite
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)

@@ -172,6 +172,16 @@ def write_parts(rows, rest, shown):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
+def push(past, T_wh, opened, speed):  # type: ignore[no-untyped-def]
+    """:meth:`articulate.estimate.NoisyEstimator.push`."""
+    for age in range(len(past.opened) - 1, 0, -1):
+        past.T_wh[age] = past.T_wh[age - 1]
+        past.opened[age] = past.opened[age - 1]
+        past.speed[age] = past.speed[age - 1]
+    past.T_wh[0], past.opened[0], past.speed[0] = T_wh, opened, speed
+
+
+@njit(cache=True, error_model="numpy", boundscheck=False)
 def observations(seen, past, drawn, noise, scales):  # type: ignore[no-untyped-def]
     """Observations (N, size) with estimates as drawn (N, columns) and ``noise`` (N, 4) of 1.
 

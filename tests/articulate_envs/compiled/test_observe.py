@@ -23,6 +23,7 @@ from articulate_envs.compiled.observe import (
     Shown,
     observations,
     part_of,
+    push,
     write_parts,
 )
 
@@ -143,6 +144,18 @@ def test_policies_see_what_the_python_functions_say(world):
     clipped = (got == OBSERVATION.low) | (got == OBSERVATION.high)
     assert clipped.any()
     assert not clipped.all(axis=0).any()
+
+
+def test_estimators_take_in_what_the_python_one_does():
+    rng = np.random.default_rng(3)
+    theirs = NoisyEstimator(N, 0.3, "slide", CONFIG)
+    ours = Past(theirs.poses.copy(), theirs.opened.copy(), theirs.speed.copy())
+    for _ in range(MAX_AGE + 2):
+        true = (turned(rng, N), rng.uniform(0, 1, N), rng.normal(size=N))
+        theirs.push(*true)
+        push(ours, *true)
+        for name, array in zip(("poses", "opened", "speed"), ours, strict=True):
+            assert_array_equal(array, getattr(theirs, name), err_msg=name)
 
 
 def test_what_diverged_is_seen_as_nothing_and_the_others_as_they_are(world):
