@@ -6,6 +6,7 @@ from articulate_train.statistics import (
     difference,
     iqm,
     iqm_over_seeds,
+    percent,
     success_against,
     unevenness,
     wilson,
@@ -151,3 +152,17 @@ def test_a_difference_of_the_same_shares_holds_zero_and_stays_within_one():
         assert gap.low == pytest.approx(-gap.high)
         assert -1.0 <= gap.low < 0.0 < gap.high <= 1.0
     assert difference(wilson(20, 20), wilson(0, 20)).high == 1.0
+
+
+@pytest.mark.parametrize(
+    ("hits", "episodes", "text"),
+    [
+        (3000, 3000, "100.0"),
+        (2999, 3000, "99.9"),
+        (2919, 3000, "97.3"),
+        (1, 3000, "0.1"),
+        (0, 3000, "0.0"),
+    ],
+)
+def test_a_hundred_per_cent_is_all_of_them_and_nothing_is_none(hits, episodes, text):
+    assert percent(hits / episodes) == text

@@ -26,7 +26,7 @@ from articulate.page import Bars, Chart, Line, Page
 from articulate.transforms import Array
 from articulate_train.report import SCHEMA, SCHEMA_VERSION
 from articulate_train.report_html import REASON_TEXT
-from articulate_train.statistics import Difference, Share, difference, wilson
+from articulate_train.statistics import Difference, Share, difference, percent, wilson
 
 COMPARISON_SCHEMA = "articulate.comparison"
 COMPARISON_SCHEMA_VERSION = 1
@@ -93,8 +93,8 @@ class Comparison:
         lines = [f"{'':{width}}  success (95 %)          opened   worst seed  against the first"]
         for name, row in zip(names, self.rows, strict=True):
             lines.append(
-                f"{name:{width}}  {_interval(row.success):22s}  {row.opened.value:6.1%}   "
-                f"{row.worst_seed:6.1%}      {_signed(row.against_first)}".rstrip()
+                f"{name:{width}}  {_interval(row.success):22s}  {percent(row.opened.value):>5}%   "
+                f"{percent(row.worst_seed):>5}%      {_signed(row.against_first)}".rstrip()
             )
         return "\n".join(lines)
 
@@ -222,8 +222,8 @@ def comparison_page(comparison: Comparison, command: str) -> str:
                 name,
                 _interval(row.success),
                 _interval(row.opened),
-                f"{row.worst_seed:.1%}",
-                "–" if row.nominal is None else f"{row.nominal:.1%}",
+                f"{percent(row.worst_seed)}%",
+                "–" if row.nominal is None else f"{percent(row.nominal)}%",
                 _signed(row.against_first) or "–",
             ]
             for name, row in zip(names, rows, strict=True)
@@ -310,7 +310,7 @@ def _names(rows: Sequence[Row]) -> list[str]:
 
 
 def _interval(share: Share) -> str:
-    return f"{share.value:.1%} ({100.0 * share.low:.1f}–{100.0 * share.high:.1f})"
+    return f"{percent(share.value)}% ({percent(share.low)}–{percent(share.high)})"
 
 
 def _signed(gap: Difference | None) -> str:

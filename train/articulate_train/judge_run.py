@@ -27,6 +27,7 @@ from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
 from articulate_train.report_html import write_report
 from articulate_train.run import Run, versions
+from articulate_train.statistics import percent
 
 log = logging.getLogger(__name__)
 
@@ -43,9 +44,10 @@ class Evaluated:
         """A few lines for a terminal."""
         r = self.report
         episodes = sum(s.success.episodes for s in r.seeds)
+        worst = percent(r.worst_seed_success_rate)
         lines = [
-            f"success {r.success_rate:.1%} (worst seed {r.worst_seed_success_rate:.1%}), "
-            f"{done_word(r.info.task)} {r.opened_rate:.1%}, of {episodes} episodes"
+            f"success {percent(r.success_rate)}% (worst seed {worst}%), "
+            f"{done_word(r.info.task)} {percent(r.opened_rate)}%, of {episodes} episodes"
         ]
         reasons = ", ".join(f"{k} {v}" for k, v in r.reasons.items() if k != "success")
         if reasons:

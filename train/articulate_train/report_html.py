@@ -26,7 +26,7 @@ from articulate.task import done_word
 from articulate.transforms import Array
 from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
-from articulate_train.statistics import Share
+from articulate_train.statistics import Share, percent
 
 MAX_POSTER_BYTES = 2_000_000
 """Largest picture that is put into the page."""
@@ -465,12 +465,11 @@ def _repeat(page: _ReportPage, report: Report) -> None:
 
 
 def _percent(value: float) -> str:
-    return f"{100.0 * value:.1f}\N{NO-BREAK SPACE}%"
+    return f"{percent(value)}\N{NO-BREAK SPACE}%"
 
 
 def _interval(share: Share) -> str:
-    low, high = f"{100.0 * share.low:.1f}", f"{100.0 * share.high:.1f}"
-    return f"{_percent(share.value)} ({low}–{high})"
+    return f"{_percent(share.value)} ({percent(share.low)}–{percent(share.high)})"
 
 
 def _rounded(value: float) -> float | None:

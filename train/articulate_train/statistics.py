@@ -29,6 +29,14 @@ class Share:
     """Number of episodes that it rests on."""
 
 
+def percent(share: float) -> str:
+    """``share`` in per cent with one decimal: 100.0 is all of them and 0.0 none, nothing less."""
+    rounded = round(100.0 * share, 1)
+    if 0.0 < share < 1.0:
+        rounded = min(max(rounded, 0.1), 99.9)
+    return f"{rounded:.1f}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Bin:
     """Success among the episodes whose parameter was drawn in one range."""
