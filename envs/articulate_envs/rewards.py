@@ -1,4 +1,8 @@
-"""Reward: a sum of terms over a batch of states, the same for every asset."""
+"""Reward: a sum of terms, the same for every asset.
+
+Those of a tick are in :mod:`articulate_envs.compiled.reward`; what they pay for is said beside
+their weights, :class:`articulate_envs.settings.RewardConfig`.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from articulate.asset import Handle
-from articulate.task import Task
 from articulate.transforms import Array, Mask
-from articulate_envs.compiled.reward import view_of, way_of, weights_of, write_terms
-from articulate_envs.engine import State
 from articulate_envs.settings import RewardConfig
 
 TERMS = (
     "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",
     "force", "speed", "action", "violation", "success",
 )  # fmt: skip
-"""Names of the terms, in the order of :func:`reward_terms`; the last is :func:`at_end`'s."""
+"""Names of the terms, in the order in which they are written; the last is :func:`at_end`'s."""
 
 
 FINGER_M = 0.022
@@ -46,41 +47,6 @@ def grasp_of(handle: Handle | None) -> Grasp:
         return NO_GRASP
     along_m = min(max(0.0, 0.9 * (handle.extent[0] - FINGER_M) / 2.0), MOST_ALONG_M)
     return Grasp(along_m=along_m, thick_m=handle.extent[1])
-
-
-def reward_terms(
-    config: RewardConfig,
-    task: Task,
-    before: State,
-    after: State,
-    action: Array,
-    progress: float = 0.0,
-    grasp: Grasp = NO_GRASP,
-) -> Array:
-    """Weighted terms (N, len(TERMS)) of one tick, all but those of :func:`at_end`, finite ones.
-
-    Args:
-        config: Weights.
-        task: Target and speeds.
-        before: State before the tick.
-        after: State after it.
-        action: What the policy said (N, 8).
-        progress: Share of the training that is done, in [0, 1].
-        grasp: What the handle asks of a hand.
-    """
-    out = np.zeros((len(after.opened), len(TERMS)))
-    write_terms(
-        weights_of(config),
-        way_of(config, task),
-        grasp.along_m,
-        grasp.thick_m,
-        min(progress / config.until, 1.0),
-        view_of(before),
-        view_of(after),
-        action,
-        out,
-    )
-    return out
 
 
 def at_end(config: RewardConfig, succeeded: Mask) -> Array:

@@ -16,15 +16,19 @@ from articulate.judgement import COLUMN, WIDTH
 from articulate.kinematics import tool_pose
 from articulate.task import Task
 from articulate.transforms import axis_angle_to_matrix, pose
-from articulate_envs.compiled.reward import grip_offset
+from articulate_envs.compiled.reward import (
+    grip_offset,
+    view_of,
+    way_of,
+    weights_of,
+    write_terms,
+)
 from articulate_envs.engine import State
 from articulate_envs.rewards import (
     MOST_ALONG_M,
     TERMS,
-    Grasp,
     at_end,
     grasp_of,
-    reward_terms,
 )
 from articulate_envs.settings import RewardConfig, StartConfig
 
@@ -69,9 +73,10 @@ def terms(
     after, *, before=AWAY, action=IDLE, config=CONFIG, task=TASK, progress=0.0, along_m=0.0,
     thick_m=0.0,
 ):  # fmt: skip
-    grasp = Grasp(along_m=along_m, thick_m=thick_m)
-    values = reward_terms(config, task, before, after, action, progress, grasp)
-    assert values.shape == (1, len(TERMS))
+    values = np.full((1, len(TERMS)), np.nan)
+    rules = (weights_of(config), way_of(config, task), along_m, thick_m)
+    share = min(progress / config.until, 1.0)
+    write_terms(*rules, share, view_of(before), view_of(after), action, values)
     return dict(zip(TERMS, values[0], strict=True))
 
 

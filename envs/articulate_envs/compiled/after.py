@@ -11,8 +11,8 @@ from numba import njit
 
 from articulate.transforms import Array, Mask
 from articulate_envs.compiled.judge import Asked, write_judgement
-from articulate_envs.compiled.observe import Past, Scales, observations, push
-from articulate_envs.compiled.reward import View, Way, write_terms
+from articulate_envs.compiled.observe import Scales, observations, push
+from articulate_envs.compiled.reward import Way, write_terms
 
 
 class Rules(NamedTuple):
@@ -52,6 +52,3 @@ def after(  # type: ignore[no-untyped-def]
                 terms[i, k] = 0.0
     push(past, now.T_wh, now.opened, now.speed)
     return observations(seen, past, drawn, noise, rules.scales)
-
-
-__all__ = ["Judged", "Past", "Rules", "View", "after"]
