@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from articulate.draw import COLUMNS, Draw
-from articulate.errors import AssetError
+from articulate.errors import AssetError, EngineError
 from articulate.follow import HandState, follow_start, hand_start
 from articulate.judgement import WIDTH
 from articulate.placing import way_of
@@ -150,6 +150,9 @@ class BufferedEngine(ABC):
         self._shown.scale[rows] = drawn["scale"]
         if scene.task.kind == "slide":
             self._shown.size[rows] = drawn["scale"]
+        for name in ("delay_ticks", "estimate_delay_ticks"):  # compiled code takes them on trust
+            if not np.isin(drawn[name], np.arange(KEPT_ACTIONS)).all():
+                raise EngineError(f"a draw's {name} must be whole numbers, 0 to {MAX_DELAY_TICKS}")
         self._delay[rows] = drawn["delay_ticks"].astype(np.int64)
 
     def _write_model(self, i: int, row: Array) -> None:

@@ -13,6 +13,7 @@ from tests.scenes import DRAWS, rows_of
 
 from articulate.asset import handle_frame
 from articulate.draw import COLUMNS, PUSH_S, Draw, draw, nominal_draw
+from articulate.errors import EngineError
 from articulate.follow import discrete, follow, follow_start, hand_start, hand_tick, next_target
 from articulate.judgement import COLUMN, REASONS, WIDTH, judge_sample
 from articulate.simulator import mujoco
@@ -462,3 +463,12 @@ def test_an_environment_that_diverges_says_so_and_leaves_the_others_alone(
 def test_objects_whose_sizes_are_not_alike_in_memory_are_refused(drawer, door, error_line):
     mixed = dataclasses.replace(drawer, models=(drawer.models[0], door.models[0]))
     error_line("ThreadEngine(models of two kinds)", lambda: ThreadEngine(mixed, 1))
+
+
+@pytest.mark.parametrize("name", ["delay_ticks", "estimate_delay_ticks"])
+@pytest.mark.parametrize("value", [-1.0, 6.0, 0.5, np.nan])
+def test_a_delay_that_is_not_kept_is_refused_before_compiled_code_reads_it(drawer, name, value):
+    engine, start = ThreadEngine(drawer, N), starts(drawer)
+    start.draw.values[1, COLUMNS.index(name)] = value
+    with pytest.raises(EngineError, match=f"{name} must be whole numbers, 0 to 5"):
+        engine.reset(np.arange(N), start)
