@@ -22,6 +22,7 @@ import torch
 
 from articulate.judgement import REASONS
 from articulate.kinematics import tool_pose
+from articulate.task import beyond_target
 from articulate.transforms import Array, Mask
 from articulate_envs.compiled.reward import HELD_SHARE
 from articulate_envs.episodes import Episodes, Tick
@@ -122,7 +123,8 @@ def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[F
     assert tick is not None
     assert tick.ended is not None
     thick = grasp_of(scene.asset.handle_of(scene.task.joint)).thick_m * drawn["scale"]
-    widths, closed, at = np.array(width), np.array(closing), np.array(opened) >= scene.task.target
+    widths, closed = np.array(width), np.array(closing)
+    at = beyond_target(scene.task, np.array(opened))
     out = []
     for i in np.flatnonzero(tick.ended.code != 0).tolist():
         forces = np.array([f[i] for f in force])

@@ -10,6 +10,7 @@ from articulate.arm import Arm
 from articulate.follow import HandState
 from articulate.kinematics import relative, small_twist, tool_pose
 from articulate.layout import Field, Layout
+from articulate.task import beyond
 from articulate.transforms import Array
 
 OBSERVATION = Layout(
@@ -31,7 +32,7 @@ OBSERVATION = Layout(
         Field(name="handle_axes", size=6, unit="1", frame="tool", source="estimator"),
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
         Field(
-            name="part_near", size=1, unit="0.05", frame="-", source="estimator",
+            name="part_beyond", size=1, unit="0.05", frame="-", source="estimator",
             low=-2.0, high=2.0,
         ),
         Field(
@@ -56,7 +57,8 @@ and a policy's input is normalised by, the centimetre that decides a grasp is to
 the tool's target, and less the motions that are due. The arm is soft and the link late, so that
 the hand is up to half a second behind; one who steers by where it *is* comes too far (the
 predictor of O. J. M. Smith, 1957, without its model of the plant, as targets are known).
-``part_near`` is ``part_open`` again, finer and only near the task's target, for the same reason.
+``part_beyond`` is ``part_open`` again, by how much the part is beyond the task's target, finer and
+only near it, for the same reason; it is above 0 where the task is done, whichever way that is.
 ``motions_due`` is the sum of the motions that were said but not used yet, as they come late:
 without it a policy cannot tell where its own words will lead the hand. What keeps them waiting
 counts them; a link that is slow without saying so is not seen in it.
@@ -76,6 +78,8 @@ HANDLE_UNIT_M = 0.2
 """Unit of ``handle_pos`` and ``handle_aimed`` [m]."""
 NEAR_UNIT_M = 0.02
 """Unit of ``handle_near`` and ``handle_aimed_near`` [m]."""
+BEYOND_UNIT = 0.05
+"""Unit of ``part_beyond``, as a fraction of the part's way."""
 WIDTH_UNIT_M = 0.05
 """Unit of ``hand_width`` [m]."""
 SPEED_UNIT_M_S = 0.1
@@ -111,6 +115,7 @@ def observation(
     move_m: float,
     time_left: Array,
     goal: float,
+    closes: bool,
     T_wt: Array | None = None,
     T_wt_target: Array | None = None,
 ) -> Array:
@@ -131,6 +136,7 @@ def observation(
         move_m: How far the tool goes along an axis for each 1 of them [m].
         time_left: Share of the episode that is left (N,).
         goal: Fraction open of the task's target.
+        closes: Whether the part is moved towards its closed end.
         T_wt: Poses of the tool at ``q`` (N, 4, 4), where they are known already.
         T_wt_target: Those at ``target`` (N, 4, 4), likewise.
     """
@@ -155,7 +161,7 @@ def observation(
             "handle_aimed_near": aimed / NEAR_UNIT_M,
             "handle_axes": axes,
             "part_open": estimate.opened,
-            "part_near": 20.0 * (estimate.opened - goal),
+            "part_beyond": beyond(estimate.opened, goal, closes=closes) / BEYOND_UNIT,
             "part_speed": 10.0 * estimate.speed,
             "hand_width": hand_width / WIDTH_UNIT_M,
             "hand_speed": hand_speed / SPEED_UNIT_M_S,

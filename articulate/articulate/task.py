@@ -211,14 +211,17 @@ def at_target(task: Task, opened: Array, speed: Array) -> Mask:
     return beyond_target(task, opened) & (np.abs(speed) < task.slow)
 
 
-def beyond_target(task: Task, opened: Array) -> Mask:
-    """Whether the part is at or beyond the target (N,).
+def beyond(opened: Array, target: float, *, closes: bool) -> Array:
+    """By how much parts are beyond ``target`` (N,), in fractions open; below 0 short of it.
 
     A part is closed on either side of its closed end: one that turns without end can pass it.
     """
-    if task.closes:
-        return np.asarray(np.abs(opened) <= task.target)
-    return np.asarray(opened >= task.target)
+    return np.asarray(target - np.abs(opened) if closes else opened - target)
+
+
+def beyond_target(task: Task, opened: Array) -> Mask:
+    """Whether the part is at or beyond the target (N,)."""
+    return beyond(opened, task.target, closes=task.closes) >= 0.0
 
 
 def no_joint_error(name: str, asset: Asset) -> AssetError:

@@ -180,6 +180,7 @@ def _observation(
         move_m=manifest.control.follow.move_m,
         time_left=np.array([time_left]),
         goal=manifest.task.target,
+        closes=manifest.task.closes,
     )
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from articulate.draw import COLUMNS, Draw
 from articulate.judgement import COLUMN, Judgement
 from articulate.layout import Field, Layout
-from articulate.observe import HANDLE_UNIT_M, NEAR_UNIT_M
-from articulate.task import Task
+from articulate.observe import BEYOND_UNIT, HANDLE_UNIT_M, NEAR_UNIT_M
+from articulate.task import Task, beyond
 from articulate.transforms import Array
 from articulate_envs.engine import State
 
@@ -29,7 +29,7 @@ PRIVILEGED = Layout(
         ),
         Field(name="part_open_true", size=1, unit="1", frame="-", source="estimator"),
         Field(
-            name="part_near_true", size=1, unit="0.05", frame="-", source="estimator",
+            name="part_beyond_true", size=1, unit="0.05", frame="-", source="estimator",
             low=-2.0, high=2.0,
         ),
         Field(name="hand_closing", size=1, unit="1", frame="-", source="plant"),
@@ -55,7 +55,7 @@ def privileged(task: Task, state: State, judgement: Judgement, drawn: Draw) -> A
             "handle_pos_true": handle / HANDLE_UNIT_M,
             "handle_near_true": handle / NEAR_UNIT_M,
             "part_open_true": state.opened,
-            "part_near_true": 20.0 * (state.opened - task.target),
+            "part_beyond_true": beyond(state.opened, task.target, closes=task.closes) / BEYOND_UNIT,
             "hand_closing": state.hand.closing,
             "hand_wait": state.hand.wait_s,
             "force": np.nan_to_num(state.samples[:, 0:3]) / 20.0,

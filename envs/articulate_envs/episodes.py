@@ -121,6 +121,7 @@ class Episodes:
             ticks=scene.ticks,
             move_m=scene.follow.move_m,
             goal=scene.task.target,
+            closes=scene.task.closes,
             noise_m=self.draws.estimate_noise_m,
             noise_open=self._estimator.part_noise,
         )

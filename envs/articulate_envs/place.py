@@ -23,6 +23,9 @@ STANDOFF_M = 0.13
 About the sum of the draws of the arm's start and the object's place: hardly an episode begins in
 contact.
 """
+FAR_M = 0.20
+"""The same for what is drawn over a wider space: what stands open turns about the object's middle
+[m]."""
 STANDOFF_WEIGHT = 3.0
 """What a metre off that costs; the margin counts 1 per radian up to 0.5, the singular value 2."""
 X_M = np.arange(0.50, 0.81, 0.025)
@@ -33,12 +36,18 @@ MIN_DRAWN_SHARE = 0.99
 """Share of drawn poses and sizes at which the arm must reach the whole way."""
 CLEAR_M = 0.06
 """Wished distance between the arm at its start and the object [m]."""
+DRAWN_CLEAR_M = 0.075
+"""The same of the nearest of the drawn places and sizes, as the start is drawn too [m]: a hand that
+begins beside what it is to close, and not before it, pushes it shut with a finger on its front."""
 ALIKE_M = 0.045
 """Places nearer to each other than this are tried once [m]."""
 MAX_TRIES = 10
 """So many places are tried at most for what is drawn."""
-GOOD = 2.0
-"""Of a place that is clear and from which all that is drawn can be reached, one for each."""
+REACH = 100.0
+"""What reaching all that is drawn counts, where being clear of the object counts 1 as it is meant
+to stand and 1 as it is drawn."""
+GOOD = REACH + 2.0
+"""Of a place that is clear and from which all that is drawn can be reached."""
 WIDE_X_M = np.array([0.50, 0.55, 0.60, 0.65, 0.70, 0.75, 0.80, 0.40, 0.45])
 WIDE_Z_M = np.array([0.80, 0.70, 0.60, 0.50, 0.40, 0.30, 0.20])
 """Places that are tried where those do not suffice: handles that rise begin lower [m]."""
@@ -67,6 +76,8 @@ class Stage:
     """Its heights [m]."""
     tilts_rad: tuple[float, ...] = (0.0,)
     """How the handle is held; see :func:`articulate.placing.tilted` [rad]."""
+    standoff_m: float = STANDOFF_M
+    """Wished distance from the start pose's tool to the handle as an episode begins [m]."""
 
 
 TILTS_RAD = (-0.3, 0.3, -0.6, 0.6)
@@ -75,6 +86,8 @@ STAGES = (
     Stage(0.0, X_M, Z_M),
     Stage(0.0, X_M[::2], WIDE_Z_M[:-1]),
     Stage(0.08, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.08, X_M[::2], WIDE_Z_M[:-1], standoff_m=FAR_M),
+    Stage(0.16, X_M[::2], WIDE_Z_M[:-1], standoff_m=FAR_M),
     Stage(0.16, X_M[::2], WIDE_Z_M[:-1]),
     Stage(0.0, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
     Stage(0.08, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
@@ -150,11 +163,11 @@ def _first_good(
         if any(_alike(place, other) for other in tried):
             continue
         tried.append(place)
-        value = min(start_clearance(asset, task, arm, place) / CLEAR_M, 1.0)
-        if best is None or value + 1.0 > best[0]:  # else no share could make it better
-            least = 0.0 if best is None else (best[0] - value) * MIN_DRAWN_SHARE
+        value = _clear(asset, task, arm, config, place)
+        if best is None or value + REACH > best[0]:  # else no share could make it better
+            least = 0.0 if best is None else (best[0] - value) / REACH * MIN_DRAWN_SHARE
             share = _drawn_share(asset, task, arm, config, place, least)
-            value += min(share / MIN_DRAWN_SHARE, 1.0)
+            value += REACH * min(share / MIN_DRAWN_SHARE, 1.0)
             if best is None or value > best[0]:
                 best = (value, replace(place, drawn_share=share))
         if best[0] >= GOOD or len(tried) == MAX_TRIES:
@@ -186,7 +199,7 @@ def _places(
     grid = np.array([(x - stage.back_m, y, z) for z in stage.z_m for x in stage.x_m])
     way_o = handle_way(asset, task.joint, way, flip=flip)
     way_o[:, :3, 3] -= first[:3, 3]
-    score, margin, able = _scored(arm, way_o, turn, grid, start_q)
+    score, margin, able = _scored(arm, way_o, turn, grid, start_q, stage.standoff_m)
     return [
         (
             float(score[k]),
@@ -206,18 +219,37 @@ def _places(
     ]
 
 
-def start_clearance(asset: Asset, task: Task, arm: Arm, place: Place) -> float:
+def _clear(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place) -> float:
+    """How clear the arm at its start is of the object, as it is meant to stand and as drawn."""
+    scale, T_wo = _corners(asset, task, config, place)
+    drawn = start_clearance(asset, task, arm, place, scale=scale, T_wo=T_wo)
+    meant = start_clearance(asset, task, arm, place)
+    return min(meant / CLEAR_M, 1.0) + min(drawn / DRAWN_CLEAR_M, 1.0)
+
+
+def start_clearance(
+    asset: Asset,
+    task: Task,
+    arm: Arm,
+    place: Place,
+    *,
+    scale: Array | None = None,
+    T_wo: Array | None = None,
+) -> float:
     """Distance [m] between the arm at its start and the boxes about the object's links.
 
     The part is where an episode may begin; it is 0 where the arm is within a box, which may still
-    be empty there.
+    be empty there. Of several sizes ``scale`` (M,) and poses ``T_wo`` (M, 4, 4) the nearest counts.
     """
+    scale = np.ones(1) if scale is None else scale
+    T_wo = place.T_wo()[None] if T_wo is None else T_wo
     q = np.asarray(place.start_q)
     T_wt = tool_pose(arm, q)
     hand = HAND_POINTS @ T_wt[:3, :3].T + T_wt[:3, 3]
     points = np.concatenate([hand, joint_poses(q)[3:, :3, 3]])
-    T_ow = inverse(place.T_wo())
-    points = points @ T_ow[:3, :3].T + T_ow[:3, 3]
+    T_ow = inverse(T_wo)
+    points = points @ np.swapaxes(T_ow[:, :3, :3], 1, 2) + T_ow[:, None, :3, 3]
+    points = points / scale[:, None, None]  # where they are seen from an object of its own size
     part = asset.joint(task.joint)
     nearest = np.inf
     for link in asset.links:
@@ -232,7 +264,8 @@ def start_clearance(asset: Asset, task: Task, arm: Arm, place: Place) -> float:
             inside = inverse(T_ol)
             own = points @ inside[:3, :3].T + inside[:3, 3]
             out = np.maximum(np.maximum(low - own, own - high), 0.0)
-            nearest = min(nearest, float(np.linalg.norm(out, axis=1).min()))
+            away = scale * np.linalg.norm(out, axis=-1).min(axis=-1)
+            nearest = min(nearest, float(away.min()))
     return nearest
 
 
@@ -260,12 +293,12 @@ def _start(arm: Arm, rotation: Array, back_m: float) -> Array:
 
 
 def _scored(
-    arm: Arm, way_o: Array, turn: Array, first: Array, start_q: Array
+    arm: Arm, way_o: Array, turn: Array, first: Array, start_q: Array, standoff_m: float
 ) -> tuple[Array, Array, Array]:
     """Score, margin and manipulability (M,) of places of the handle as an episode begins (M, 3).
 
     ``way_o`` are the handle's poses on its way, seen from there. The score is -inf where the way
-    cannot be followed.
+    cannot be followed. Best is ``standoff_m`` ahead of the start pose's tool.
     """
     rel = np.einsum("ij,kj->ki", turn, way_o[:, :3, 3])
     turned = np.broadcast_to(turn @ way_o[:, :3, :3], (len(first), len(way_o), 3, 3))
@@ -285,7 +318,7 @@ def _scored(
         ok &= (margin[rows] >= MIN_JOINT_MARGIN_RAD) & (able[rows] >= MIN_MANIPULABILITY)
         rows = rows[ok]
     tool = tool_pose(arm, start_q)[:3, 3]
-    wish = tool + np.array([STANDOFF_M, 0.0, 0.0])
+    wish = tool + np.array([standoff_m, 0.0, 0.0])
     score = np.minimum(margin, 0.5) + 2.0 * np.minimum(able, 0.15)
     score -= STANDOFF_WEIGHT * np.linalg.norm(first - wish, axis=1)
     out = np.full(len(first), -np.inf)
@@ -293,14 +326,8 @@ def _scored(
     return out, margin, able
 
 
-def _drawn_share(
-    asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place, least: float
-) -> float:
-    """Share of the corners of the drawn box of poses and sizes at which the way can be reached.
-
-    Where it is not above ``least``, it may be told too high.
-    """
-    asset = tilted(asset, task.joint, place.tilt_rad)
+def _corners(asset: Asset, task: Task, config: DrawConfig, place: Place) -> tuple[Array, Array]:
+    """Sizes (16,) and poses (16, 4, 4) of the object at the corners of what is drawn."""
     signs = np.array(np.meshgrid(*([[-1.0, 1.0]] * 3))).reshape(3, -1)
     scale = np.repeat(config.scale, signs.shape[1])
     signs = np.tile(signs, 2)
@@ -312,6 +339,18 @@ def _drawn_share(
         shift=config.position_m * signs[:2].T,
         yaw=config.yaw_rad * signs[2],
     )
+    return scale, T_wo
+
+
+def _drawn_share(
+    asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place, least: float
+) -> float:
+    """Share of the corners of the drawn box of poses and sizes at which the way can be reached.
+
+    Where it is not above ``least``, it may be told too high.
+    """
+    asset = tilted(asset, task.joint, place.tilt_rad)
+    scale, T_wo = _corners(asset, task, config, place)
     ok = np.ones(len(scale), dtype=bool)
     for opened in np.linspace(*way_ends(task), 3)[[0, 2, 1]]:
         goals = handle_in_world(

@@ -27,6 +27,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         "move_m": 0.008,
         "time_left": np.ones(1),
         "goal": 0.8,
+        "closes": False,
     } | values
     return observation(PANDA, q=q, **given)[0]
 
@@ -108,15 +109,27 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
             0.4,
         ),
         (
-            "part_near",
+            "part_beyond",
             {"estimate": Estimate(np.eye(4)[None], np.array([0.79]), np.zeros(1))},
             -0.2,
         ),
-        ("part_near", {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))}, -2.0),
+        ("part_beyond", {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))}, -2.0),
         (
-            "part_near",
-            {"estimate": Estimate(np.eye(4)[None], np.array([0.06]), np.zeros(1)), "goal": 0.05},
-            0.2,
+            "part_beyond",
+            {"estimate": Estimate(np.eye(4)[None], np.array([0.85]), np.zeros(1))},
+            1.0,
+        ),
+        *(
+            (
+                "part_beyond",
+                {
+                    "estimate": Estimate(np.eye(4)[None], np.array([opened]), np.zeros(1)),
+                    "goal": 0.05,
+                    "closes": True,
+                },
+                beyond,
+            )
+            for opened, beyond in ((0.06, -0.2), (0.02, 0.6), (0.0, 1.0), (-0.06, -0.2))
         ),
         (
             "part_speed",

@@ -35,6 +35,21 @@ def test_place_is_reached_when_drawn_and_the_arm_starts_clear_of_the_open_part(s
     assert check_grasp(scene) < 0.003
 
 
+def test_of_several_sizes_and_places_the_nearest_tells_the_clearance(scene):
+    """Ten metres off, a part of size s is nearer by s times what it stands out towards the arm."""
+    parts = scene.asset, scene.task, scene.arm, scene.place
+    away = np.repeat(scene.place.T_wo()[None], 3, axis=0)
+    away[:, 0, 3] += (10.0, 10.0, 12.0)
+    sizes = np.array([1.0, 1.3, 1.0])
+    each = [start_clearance(*parts, scale=sizes[[i]], T_wo=away[[i]]) for i in range(len(sizes))]
+    assert start_clearance(*parts, scale=sizes, T_wo=away) == min(each)
+    assert each[2] - each[0] == pytest.approx(2.0, rel=0.01)
+    assert 0.0 < each[0] - each[1] < 0.3
+    assert start_clearance(*parts) == start_clearance(
+        *parts, scale=sizes[:1], T_wo=scene.place.T_wo()[None]
+    )
+
+
 def test_arm_that_starts_within_the_open_part_is_refused(closing_drawer):
     """As if the drawer were to be opened, closed handle before the hand."""
     place = closing_drawer.place

@@ -10,22 +10,32 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from articulate.errors import ConfigError
-from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION, SPEED_UNIT_M_S, WIDTH_UNIT_M
+from articulate.observe import (
+    ACTION,
+    BEYOND_UNIT,
+    HANDLE_UNIT_M,
+    OBSERVATION,
+    SPEED_UNIT_M_S,
+    WIDTH_UNIT_M,
+)
 from articulate_train.config import FineConfig
 from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import Policy
 
-FINE = FineConfig(share=0.4, closing=0.2, near_m=0.03, far_m=0.10)
+FINE = FineConfig(
+    share=0.4, closing=0.2, near_m=0.03, far_m=0.10, done=0.2, done_between=(-0.06, 0.02)
+)
 OPEN_M = 0.08
 
 
-def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0):
+def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
     fields["handle_aimed"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
     fields["hand_command"] = np.array([[wish, wish, 1.0]])
     fields["hand_width"] = np.array([[width_m / WIDTH_UNIT_M]])
     fields["hand_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
+    fields["part_beyond"] = np.array([[beyond / BEYOND_UNIT]])
     return OBSERVATION.pack(fields)
 
 
@@ -56,6 +66,15 @@ def test_motions_are_finest_from_telling_the_hand_to_close_until_it_has(width_m,
 def test_fingers_that_open_are_those_of_an_open_hand():
     got = shares(FINE, seen(0.01, wish=-1.0, width_m=0.04, speed_m_s=0.2))
     assert_allclose(got, [[0.4]], atol=1e-12)
+
+
+@pytest.mark.parametrize("distance_m", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("beyond", "share"), [(-0.1, 1.0), (-0.06, 1.0), (-0.02, 0.6), (0.02, 0.2), (0.1, 0.2)]
+)
+def test_motions_are_finer_near_the_parts_target(distance_m, beyond, share):
+    short = shares(FINE, seen(distance_m))
+    assert_allclose(shares(FINE, seen(distance_m, beyond=beyond)), short * share, atol=1e-12)
 
 
 @pytest.mark.parametrize("wish", [-1.0, 1.0])
@@ -120,6 +139,9 @@ def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(p
         {"shut_m": (0.08, 0.07)},
         {"rest_m_s": 0.0},
         {"share": float("nan")},
+        {"done": 0.0},
+        {"done_between": (0.0, 0.0)},
+        {"done_between": (-0.2, 0.0)},
     ],
 )
 def test_values_out_of_range_are_refused(values):

@@ -21,6 +21,9 @@ from articulate_train.ppo import EVALUATION
 from articulate_train.report import SeedEvaluation, Timeline
 from articulate_train.run import Run
 
+NOMINAL = 200
+"""At most so many episodes are run without randomisation."""
+
 
 @dataclass(frozen=True)
 class Traces:
@@ -53,10 +56,10 @@ class Rollout:
 def evaluate_seed(
     run: Run, seed: int, *, episodes: int, threads: int
 ) -> tuple[SeedEvaluation, Rollout]:
-    """Evaluate the last checkpoint of one seed on ``episodes`` drawn and as many nominal episodes.
+    """Evaluate the last checkpoint of one seed on ``episodes`` drawn episodes and nominal ones.
 
     Nominal episodes keep only the noise of the start pose, without which they would all be the
-    same.
+    same; they are so alike that :data:`NOMINAL` are enough.
 
     Raises:
         RunError: There is no checkpoint.
@@ -68,7 +71,9 @@ def evaluate_seed(
     stream = np.random.SeedSequence([config.evaluation_seed, seed, EVALUATION])
     drawn = roll_out(run.scene(), policy, config.draw, stream, episodes=episodes, threads=threads)
     still = replace(NO_DRAW, start_rad=config.draw.start_rad)
-    nominal = roll_out(run.scene((1.0,)), policy, still, stream, episodes=episodes, threads=threads)
+    nominal = roll_out(
+        run.scene((1.0,)), policy, still, stream, episodes=min(episodes, NOMINAL), threads=threads
+    )
     result = SeedEvaluation(
         seed=seed,
         codes=drawn.ended.code,

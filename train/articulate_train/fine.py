@@ -4,19 +4,27 @@ A policy says eight numbers of [-1, 1] whose unit is what the arm may do in one 
 object that is right; in the last centimetres, where 5 mm decide a grasp and the link may be two
 ticks late, the same number should ask for less. And a hand acts up to a second after it was told:
 who pulls by the clock pulls before the fingers have closed. So what a policy says is scaled by
-where the hand will be when it has done what was said before (``handle_aimed``), and by what the
-fingers do, in training and in the network that is exported alike: no engine and no robot knows of
-it.
+where the hand will be when it has done what was said before (``handle_aimed``), by what the
+fingers do, and by whether the part is where it should be, in training and in the network that is
+exported alike: no engine and no robot knows of it.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from articulate.observe import ACTION, HANDLE_UNIT_M, OBSERVATION, SPEED_UNIT_M_S, WIDTH_UNIT_M
+from articulate.observe import (
+    ACTION,
+    BEYOND_UNIT,
+    HANDLE_UNIT_M,
+    OBSERVATION,
+    SPEED_UNIT_M_S,
+    WIDTH_UNIT_M,
+)
 from articulate_train.config import FineConfig
 
 _HANDLE = OBSERVATION.slice("handle_aimed")
+_BEYOND = OBSERVATION.slice("part_beyond")
 _COMMAND = OBSERVATION.slice("hand_command").start
 _WISH = slice(_COMMAND + 1, _COMMAND + 2)
 _WIDTH, _SPEED = OBSERVATION.slice("hand_width"), OBSERVATION.slice("hand_speed")
@@ -38,4 +46,6 @@ def shares(fine: FineConfig, observation: Any) -> Any:
     change = abs(observation[:, _SPEED]) * SPEED_UNIT_M_S
     closed = shut * (1.0 - change / fine.rest_m_s).clip(0.0, 1.0)
     taken = (1.0 - told) * (1.0 - fine.share) + told * (1.0 - closed) * (1.0 - fine.closing)
-    return 1.0 - near * taken
+    first, last = fine.done_between
+    done = ((observation[:, _BEYOND] * BEYOND_UNIT - first) / (last - first)).clip(0.0, 1.0)
+    return (1.0 - near * taken) * (1.0 - done * (1.0 - fine.done))

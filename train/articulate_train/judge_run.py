@@ -22,7 +22,7 @@ from articulate_envs.scene import Scene
 from articulate_train.campaign import processors, read_progress
 from articulate_train.clock import trained_s
 from articulate_train.command import train_command
-from articulate_train.evaluate import Rollout, evaluate_seed, timelines
+from articulate_train.evaluate import NOMINAL, Rollout, evaluate_seed, timelines
 from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
 from articulate_train.report_html import write_report
@@ -89,7 +89,10 @@ def judge_run(
     for seed in run.config.seeds:
         load_policy(run.seed_folder(seed))  # what is missing is told before the work
     for seed in run.config.seeds:
-        say(f"evaluating seed {seed}: {episodes} drawn episodes and as many without randomisation")
+        say(
+            f"evaluating seed {seed}: {episodes} drawn episodes, "
+            f"{min(episodes, NOMINAL)} without randomisation"
+        )
         result, rollout = evaluate_seed(run, seed, episodes=episodes, threads=processors())
         results.append(result)
         rollouts.append(rollout)

@@ -41,6 +41,8 @@ LEAST_BITE_M = 0.010
 """They go at least so far behind the front of what is held, or as far as there is room [m]."""
 LATERAL_M = 0.045
 """So far from the middle of what is held the room for open fingers is looked at [m]."""
+TOUCH_M = 0.001
+"""Outlines of pieces that come as near as this to each other are of one thing [m]."""
 CELL_M = 0.004
 """Resolution of the map."""
 PALM_M = (0.10, 0.035, 0.040)
@@ -197,9 +199,34 @@ def refined(
             best = (gap, own)
     if best is None or best[0] > 0.02:
         return None
-    own = best[1]
-    c, n = own @ closing, own @ normal
-    return float(c.min()), float(c.max()), float(n.min()), float(n.max())
+    flat = (points - pos) @ np.column_stack([closing, normal])
+    corners = [flat.reshape(-1, 2, 2)[groups == g].reshape(-1, 2) for g in np.unique(groups)]
+    boxes = np.array([[c.min(axis=0), c.max(axis=0)] for c in corners])
+    own = (best[1] - pos) @ np.column_stack([closing, normal])
+    low, high = _grown(np.array([own.min(axis=0), own.max(axis=0)]), boxes)
+    at = pos @ closing, pos @ normal
+    return (
+        float(at[0] + low[0]),
+        float(at[0] + high[0]),
+        float(at[1] + low[1]),
+        float(at[1] + high[1]),
+    )
+
+
+def _grown(box: Array, boxes: Array) -> Array:
+    """``box`` (2, 2) with all of ``boxes`` (N, 2, 2) that touch it, or one that does, and so on.
+
+    What was decomposed into convex pieces has as many outlines. Where they make more than a hand
+    can hold, they run on into the panel, and the one box counts.
+    """
+    out, left = box, boxes
+    while len(left):
+        touch = ((left[:, 0] <= out[1] + TOUCH_M) & (left[:, 1] >= out[0] - TOUCH_M)).all(axis=1)
+        if not touch.any():
+            break
+        low, high = left[touch, 0].min(axis=0), left[touch, 1].max(axis=0)
+        out, left = np.array([np.minimum(out[0], low), np.maximum(out[1], high)]), left[~touch]
+    return out if out[1, 0] - out[0, 0] <= OPENING_M else box
 
 
 def _linked(segments: Array) -> Array:

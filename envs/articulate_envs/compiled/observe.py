@@ -14,6 +14,7 @@ from numba import njit
 
 from articulate.draw import COLUMNS
 from articulate.observe import (
+    BEYOND_UNIT,
     HANDLE_UNIT_M,
     NEAR_UNIT_M,
     OBSERVATION,
@@ -99,6 +100,8 @@ class Scales(NamedTuple):
     move_m: float
     goal: float
     """Fraction open of the task's target."""
+    closes: bool
+    """Whether the part is moved towards its closed end."""
     noise_m: float
     """Standard deviation of the handle's estimated place [m]."""
     noise_open: float
@@ -202,7 +205,8 @@ def observations(seen, past, drawn, noise, scales):  # type: ignore[no-untyped-d
         k = _write_arm(seen, i, out[i])
         k = _write_handle_seen(seen, i, T_wh, scales.move_m, out[i], k)
         rest[0] = opened
-        rest[1] = 20.0 * (opened - scales.goal)
+        short = abs(opened) - scales.goal if scales.closes else scales.goal - opened
+        rest[1] = -short / BEYOND_UNIT
         rest[2] = 10.0 * past.speed[age, i]
         rest[3] = seen.width[i] / WIDTH_UNIT_M
         rest[4] = (seen.width[i] - seen.width_before[i]) / scales.tick_s / SPEED_UNIT_M_S

@@ -84,3 +84,37 @@ def test_room_behind_is_the_distance_to_the_first_thing_fingers_would_meet():
     crowded = trimesh.util.concatenate([surface, narrow])
     assert room_behind(crowded, at, X, Z, 0.03) == pytest.approx(0.007, abs=1e-9)
     assert room_behind(stud, np.array([5.0, 0.0, 0.0]), X, Z, 0.03) == math.inf
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 0.0005])
+def test_knob_of_many_pieces_is_held_like_the_knob_in_one(gap_m):
+    """Convex decomposition leaves pieces side by side; one of them is not what a hand holds."""
+    whole, owner = front_with(knob(0.028), out_m=0.028)
+    cells = []
+    for x, y, z in np.ndindex(4, 3, 3):
+        cell = trimesh.creation.box((0.007 - gap_m, 0.01 - gap_m, 0.01 - gap_m))
+        cell.apply_translation((0.007 * x, 0.01 * (y - 1), 0.01 * (z - 1)))
+        cells.append(cell)
+    pieces, owners = front_with(trimesh.util.concatenate(cells), out_m=0.028)
+    want = best_grasp(whole, owner, opening=X, far_from=None)
+    got = best_grasp(pieces, owners, opening=X, far_from=None)
+    assert want is not None
+    assert got is not None
+    assert got.pos_o == pytest.approx(want.pos_o, abs=2e-3)
+    assert got.extent == pytest.approx(want.extent, abs=2e-3)
+
+
+def test_pieces_that_run_on_into_a_panel_do_not_count_as_what_is_held():
+    """A rib of 12 mm on a panel of many strips, all of one part without a named handle."""
+    strips = []
+    for k in range(40):
+        strip = trimesh.creation.box((0.02, 0.01, 0.3))
+        strip.apply_translation((-0.01, 0.01 * (k - 20), 0.0))
+        strips.append(strip)
+    rib = trimesh.creation.box((0.03, 0.012, 0.2))
+    rib.apply_translation((0.015, 0.0, 0.0))
+    surface = trimesh.util.concatenate([*strips, rib])
+    grasp = best_grasp(surface, np.ones(len(surface.faces), int), opening=X, far_from=None)
+    assert grasp is not None
+    assert grasp.extent[1] == pytest.approx(0.012, abs=1e-6)
+    assert float(grasp.pos_o @ X) < 0.03

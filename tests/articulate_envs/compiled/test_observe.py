@@ -92,7 +92,7 @@ def world():
     }
 
 
-def compiled(world, noise):
+def compiled(world, noise, *, closes=False):
     """Observations of ``world`` by the compiled function."""
     hand, estimator = world["hand"], world["estimator"]
     seen = Seen(
@@ -110,12 +110,14 @@ def compiled(world, noise):
         last_action=world["last_action"],
         tick=world["tick"],
     )
-    scales = Scales(TICK_S, TICKS, MOVE_M, GOAL, CONFIG.estimate_noise_m, estimator.part_noise)
+    scales = Scales(
+        TICK_S, TICKS, MOVE_M, GOAL, closes, CONFIG.estimate_noise_m, estimator.part_noise
+    )
     past = Past(estimator.poses, estimator.opened, estimator.speed)
     return observations(seen, past, world["drawn"].values, noise, scales)
 
 
-def by_numpy(world, rng):
+def by_numpy(world, rng, *, closes=False):
     """The same by the functions that a robot runs."""
     return observation(
         PANDA,
@@ -131,13 +133,15 @@ def by_numpy(world, rng):
         move_m=MOVE_M,
         time_left=1.0 - world["tick"] / TICKS,
         goal=GOAL,
+        closes=closes,
     )
 
 
-def test_policies_see_what_the_python_functions_say(world):
+@pytest.mark.parametrize("closes", [False, True])
+def test_policies_see_what_the_python_functions_say(world, closes):
     noise = np.random.default_rng(7).normal(size=(N, 4))
-    want = by_numpy(world, np.random.default_rng(7))
-    got = compiled(world, noise)
+    want = by_numpy(world, np.random.default_rng(7), closes=closes)
+    got = compiled(world, noise, closes=closes)
     for field in OBSERVATION.fields:
         where = OBSERVATION.slice(field.name)
         assert_allclose(got[:, where], want[:, where], rtol=0, atol=1e-12, err_msg=field.name)
