@@ -24,8 +24,7 @@ About the sum of the draws of the arm's start and the object's place: hardly an 
 contact.
 """
 FAR_M = 0.20
-"""The same for what is drawn over a wider space: what stands open turns about the object's middle
-[m]."""
+"""The same for an arm that starts farther back to be clear of what is drawn [m]."""
 STANDOFF_WEIGHT = 3.0
 """What a metre off that costs; the margin counts 1 per radian up to 0.5, the singular value 2."""
 X_M = np.arange(0.50, 0.81, 0.025)
@@ -36,9 +35,10 @@ MIN_DRAWN_SHARE = 0.99
 """Share of drawn poses and sizes at which the arm must reach the whole way."""
 CLEAR_M = 0.06
 """Wished distance between the arm at its start and the object [m]."""
-DRAWN_CLEAR_M = 0.075
-"""The same of the nearest of the drawn places and sizes, as the start is drawn too [m]: a hand that
-begins beside what it is to close, and not before it, pushes it shut with a finger on its front."""
+DRAWN_CLEAR_M = (0.04, 0.09)
+"""The same of the nearest of the drawn places and sizes, to open and to close [m]: the start is
+drawn too, and what stands open turns by the whole of its way when it is drawn. A hand that begins
+beside what it is to close, and not before it, pushes it shut with a finger on its front."""
 ALIKE_M = 0.045
 """Places nearer to each other than this are tried once [m]."""
 MAX_TRIES = 10
@@ -86,9 +86,9 @@ STAGES = (
     Stage(0.0, X_M, Z_M),
     Stage(0.0, X_M[::2], WIDE_Z_M[:-1]),
     Stage(0.08, X_M[::2], WIDE_Z_M[:-1]),
-    Stage(0.08, X_M[::2], WIDE_Z_M[:-1], standoff_m=FAR_M),
-    Stage(0.16, X_M[::2], WIDE_Z_M[:-1], standoff_m=FAR_M),
     Stage(0.16, X_M[::2], WIDE_Z_M[:-1]),
+    Stage(0.16, X_M, Z_M, standoff_m=FAR_M),
+    Stage(0.22, X_M, Z_M, standoff_m=FAR_M),
     Stage(0.0, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
     Stage(0.08, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
 )
@@ -224,7 +224,7 @@ def _clear(asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place)
     scale, T_wo = _corners(asset, task, config, place)
     drawn = start_clearance(asset, task, arm, place, scale=scale, T_wo=T_wo)
     meant = start_clearance(asset, task, arm, place)
-    return min(meant / CLEAR_M, 1.0) + min(drawn / DRAWN_CLEAR_M, 1.0)
+    return min(meant / CLEAR_M, 1.0) + min(drawn / DRAWN_CLEAR_M[task.closes], 1.0)
 
 
 def start_clearance(

@@ -334,14 +334,14 @@ def test_part_whose_target_is_the_end_of_its_range_loses_nothing_there():
 
 
 SHUTS = dataclasses.replace(TASK, name="close_drawer", target=0.05, begin=(0.4, 0.8), stop=0.0)
-"""A drawer that is to be closed. It is paid for up to the middle between target and stop."""
+"""A drawer that is to be closed. It is paid for up to a fifth of its target."""
 
 
 @pytest.mark.parametrize(
     ("opened", "paid"),
-    [(0.8, 0.0), (0.9, 0.0), (0.4125, 0.5), (0.025, 1.0), (0.0, 1.0 - 0.25 * CONFIG.over)],
+    [(0.8, 0.0), (0.9, 0.0), (0.405, 0.5), (0.01, 1.0), (0.0, 1.0 - 0.1 * CONFIG.over)],
 )
-def test_closing_earns_its_way_from_the_farthest_begin_to_half_of_the_target(opened, paid):
+def test_closing_earns_its_way_from_the_farthest_begin_to_a_fifth_of_the_target(opened, paid):
     assert terms(state(opened=opened), task=SHUTS)["open"] == pytest.approx(paid * CONFIG.open)
     first = state(opened=0.8)
     change = terms(state(opened=opened), before=first, task=SHUTS)["progress"]
@@ -351,15 +351,15 @@ def test_closing_earns_its_way_from_the_farthest_begin_to_half_of_the_target(ope
 def test_progress_of_closing_is_paid_for_closing_and_taken_back_for_opening():
     two = state(opened=0.5), state(opened=0.4)
     gained = terms(two[1], before=two[0], task=SHUTS)["progress"]
-    assert gained == pytest.approx(CONFIG.progress * 0.1 / 0.775)
+    assert gained == pytest.approx(CONFIG.progress * 0.1 / 0.79)
     assert terms(two[0], before=two[1], task=SHUTS)["progress"] == pytest.approx(-gained)
 
 
 def test_rest_of_closing_is_earned_near_the_closed_end_alone():
-    assert terms(state(opened=0.025), task=SHUTS)["rest"] == pytest.approx(CONFIG.rest)
-    assert terms(state(opened=-0.0375), task=SHUTS)["rest"] == pytest.approx(CONFIG.rest / 2)
+    assert terms(state(opened=0.01), task=SHUTS)["rest"] == pytest.approx(CONFIG.rest)
+    assert terms(state(opened=-0.03), task=SHUTS)["rest"] == pytest.approx(CONFIG.rest / 2)
     assert terms(state(opened=0.06), task=SHUTS)["rest"] == 0
-    assert terms(state(opened=0.025, speed=-2 * TASK.slow), task=SHUTS)["rest"] == 0
+    assert terms(state(opened=0.01, speed=-2 * TASK.slow), task=SHUTS)["rest"] == 0
 
 
 def test_part_that_turns_without_end_has_no_stop_to_keep_off():

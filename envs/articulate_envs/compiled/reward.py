@@ -94,7 +94,7 @@ def way_of(config: RewardConfig, task: Task) -> Way:
     first = task.begin[1]
     goal = first + (task.target - first) * (1.0 + config.margin)
     if task.closes:
-        goal = max(goal, task.target / 2.0)
+        goal = max(goal, task.target / 5.0)
     elif task.stop is not None:
         goal = min(goal, (task.target + task.stop) / 2.0)
     sign, room = (-1.0 if task.closes else 1.0), 0.0
