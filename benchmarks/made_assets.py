@@ -1,0 +1,132 @@
+"""Objects whose joints were all found: does ``check-asset`` prove what is made of them?
+
+python benchmarks/made_assets.py runs/video --data data --out made --json
+
+Takes the records of a run of ``articulate benchmark`` on ``assets.json``. Where every joint of an
+object came out right, its parts are joined by a program from the predicted joints, as ``articulate
+make`` does, and the URDF is proven; so is the object's own. Only those count whose own is proven. A
+proof that lies below ``--out`` is not made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from articulate.actors.protocol import PredictedJoint
+from articulate.cache import cache_folder
+from articulate.errors import UsageError
+from articulate.make.given import library_parts
+from articulate.make.written import program_of, tree_of
+from articulate.program.built import ProgramError
+from articulate.program.run import compile_program
+from articulate.proof import Proof
+from articulate.prove.batch import Batch, Item
+
+FIELDS = ("part", "parent", "kind", "axis_o", "pivot_o", "lower", "upper")
+"""What a record keeps of a predicted joint."""
+LIMIT_S = 600.0
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One object, and what was made of it."""
+
+    id: str
+    own: str
+    """Verdict on the object's own URDF."""
+    made: str
+    """Verdict on what was made."""
+    reasons: tuple[str, ...]
+    """Why what was made is refused."""
+
+
+def found_joints(record: Mapping[str, Any], protocol: str) -> list[PredictedJoint]:
+    """Predicted joints of an object of which all are right under ``protocol``; else none."""
+    joints = [joint for case in record["cases"] for joint in case["joints"]]
+    right = all(joint["failures"][protocol] == "success" for joint in joints)
+    if record["error"] or not joints or not right or any(c["spurious"] for c in record["cases"]):
+        return []
+    told = [{name: joint["predicted"][name] for name in FIELDS} for joint in joints]
+    return [
+        PredictedJoint(**t | {"axis_o": tuple(t["axis_o"]), "pivot_o": tuple(t["pivot_o"])})
+        for t in told
+    ]
+
+
+def proof_of(urdf: Path, out: Path) -> Proof:
+    """The proof of ``urdf``, in a process of its own."""
+    batch = Batch(out=out, cache=cache_folder(), options={}, limit_s=LIMIT_S, single=True)
+    return batch.one(Item(name=urdf.stem, file=urdf)).proof
+
+
+def pair(object_id: str, folder: Path, joints: Sequence[PredictedJoint], out: Path) -> Pair:
+    """Make an object of the parts in ``folder`` and of ``joints``, and prove it and its own."""
+    own = proof_of(folder / "mobility.urdf", out / object_id / "own")
+    given = library_parts(str(folder))
+    root, held = tree_of(list(joints), given.meshes)
+    source = program_of(root, held, actor="the benchmark", question=object_id)
+    with tempfile.TemporaryDirectory() as place:
+        work = Path(place) / "program"
+        built = compile_program(source, given.parts, work)
+        if isinstance(built, ProgramError):
+            return Pair(object_id, own.verdict, "refused", (str(built),))
+        given.write_origin(work)
+        made = proof_of(built, out / object_id / "made")
+    return Pair(object_id, own.verdict, made.verdict, tuple(made.reasons))
+
+
+def summary(pairs: Sequence[Pair], protocol: str) -> dict[str, Any]:
+    """Counts, and the objects that are not proven though their own are."""
+    counted = [p for p in pairs if p.own != "refused"]
+    lost = [p for p in counted if p.made == "refused"]
+    return {
+        "protocol": protocol,
+        "objects_right": len(pairs),
+        "own_proven": len(counted),
+        "made_proven": len(counted) - len(lost),
+        "share": (len(counted) - len(lost)) / len(counted) if counted else None,
+        "not_proven": [asdict(p) for p in lost],
+    }
+
+
+def main() -> int:
+    """Print what was made and proven."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path, help="folder of articulate benchmark")
+    parser.add_argument("--data", type=Path, required=True, help="folder with assets.json")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--protocol", default="paper", choices=("paper", "released_code", "strict"))
+    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    flags = parser.parse_args()
+    index = json.loads((flags.data / "assets.json").read_text(encoding="utf-8"))["assets"]
+    folders = {str(e["id"]): (flags.data / e["path"]).parent for e in index}
+    pairs = []
+    for file in sorted((flags.run / "objects").glob("*.json")):
+        record = json.loads(file.read_text(encoding="utf-8"))
+        joints = found_joints(record, flags.protocol)
+        if not joints:
+            continue
+        try:
+            pairs.append(pair(file.stem, folders[file.stem], joints, flags.out))
+        except UsageError as error:
+            pairs.append(Pair(file.stem, "proven", "refused", (str(error),)))
+        if not flags.json:
+            p = pairs[-1]
+            print(f"{p.id}: its own {p.own}, made {p.made} {' '.join(p.reasons)}", flush=True)
+    result = summary(pairs, flags.protocol)
+    if flags.json:
+        print(json.dumps(result, indent=1))
+    else:
+        print(f"{result['made_proven']} of {result['own_proven']} proven whose own is")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

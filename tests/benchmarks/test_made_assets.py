@@ -1,0 +1,77 @@
+"""Of objects whose joints are all right, those count whose own URDF is proven."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+JOINT = {
+    "part": "door",
+    "parent": "body",
+    "kind": "revolute",
+    "axis_o": [0.0, 0.0, 1.0],
+    "pivot_o": [0.1, 0.2, 0.0],
+    "lower": 0.0,
+    "upper": 1.5,
+    "confidence": 0.8,
+}
+
+
+@pytest.fixture
+def made():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+        yield importlib.import_module("made_assets")
+
+
+def record(*failures, spurious=0, error=""):
+    """One case for each joint, whose outcome under ``paper`` is given."""
+    return {
+        "error": error,
+        "cases": [
+            {
+                "spurious": spurious,
+                "joints": [{"failures": {"paper": f, "strict": "joint_axis"}, "predicted": JOINT}],
+            }
+            for f in failures
+        ],
+    }
+
+
+def test_joints_of_all_cases_are_taken_as_they_were_said(made):
+    joints = made.found_joints(record("success", "success"), "paper")
+    assert len(joints) == 2
+    assert joints[0].part == "door"
+    assert joints[0].pivot_o == (0.1, 0.2, 0.0)
+    assert (joints[0].lower, joints[0].upper) == (0.0, 1.5)
+
+
+@pytest.mark.parametrize(
+    "one",
+    [
+        record("success", "joint_axis"),
+        record("success", spurious=1),
+        record("success", error="lost"),
+        record(),
+    ],
+)
+def test_object_with_anything_wrong_does_not_count(made, one):
+    assert made.found_joints(one, "paper") == []
+
+
+def test_protocol_decides_what_is_right(made):
+    assert made.found_joints(record("success"), "strict") == []
+
+
+def test_share_is_of_those_whose_own_is_proven(made):
+    pairs = [
+        made.Pair("a", "proven", "repaired", ()),
+        made.Pair("b", "refused", "refused", ("no",)),
+        made.Pair("c", "repaired", "refused", ("it sticks",)),
+        made.Pair("d", "refused", "proven", ()),
+    ]
+    told = made.summary(pairs, "paper")
+    assert (told["objects_right"], told["own_proven"], told["made_proven"]) == (4, 2, 1)
+    assert told["share"] == 0.5
+    assert [p["id"] for p in told["not_proven"]] == ["c"]
+    assert made.summary([], "paper")["share"] is None
