@@ -11,6 +11,11 @@ from articulate.transforms import Array
 
 PUSH_S = 0.2
 """How long a push lasts [s]."""
+PUSHED = (0.0, 0.9)
+"""Shares of an episode between which a push begins."""
+PUSHED_OPEN = (0.5, 0.9)
+"""The same of a part that stands open as the episode begins: nothing holds it before a hand has
+come, and 5 N fling a light door past where any hand can reach it."""
 
 COLUMNS = (
     "friction", "joint_damping", "joint_friction", "armature", "mass", "stiffness", "damping",
@@ -77,7 +82,7 @@ def draw(
             float
         ),
         *push.T,
-        rng.uniform(0.0, 0.9, n),
+        rng.uniform(*(PUSHED_OPEN if begin[0] < begin[1] else PUSHED), n),
         rng.uniform(*begin, n) if begin[0] < begin[1] else np.full(n, begin[0]),
     ]
     return Draw(np.stack(columns, axis=1))

@@ -65,6 +65,16 @@ def test_sizes_are_those_that_are_prepared():
     assert len(CONFIG.scale_values) == CONFIG.scales
 
 
+def test_what_stands_open_is_pushed_when_a_hand_can_have_come_to_it():
+    shut, ajar = (
+        draw(CONFIG, np.random.default_rng(0), 2000, begin=begin)["push_time"]
+        for begin in ((0.0, 0.0), (0.4, 0.8))
+    )
+    assert shut.min() < 0.01
+    assert ajar.min() >= 0.5
+    assert max(shut.max(), ajar.max()) <= 0.9
+
+
 def test_pushes_have_any_direction_and_their_range_of_force():
     force = np.linalg.norm(MANY["push"], axis=1)
     assert force.max() <= CONFIG.push_n[1] + 1e-12
