@@ -33,7 +33,7 @@ OBSERVATION = Layout(
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
         Field(
             name="part_beyond", size=1, unit="0.05", frame="-", source="estimator",
-            low=-2.0, high=2.0,
+            low=-4.0, high=2.0,
         ),
         Field(
             name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator",

@@ -30,7 +30,7 @@ PRIVILEGED = Layout(
         Field(name="part_open_true", size=1, unit="1", frame="-", source="estimator"),
         Field(
             name="part_beyond_true", size=1, unit="0.05", frame="-", source="estimator",
-            low=-2.0, high=2.0,
+            low=-4.0, high=2.0,
         ),
         Field(name="hand_closing", size=1, unit="1", frame="-", source="plant"),
         Field(name="hand_wait", size=1, unit="s", frame="-", source="plant"),

@@ -113,7 +113,7 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
             {"estimate": Estimate(np.eye(4)[None], np.array([0.79]), np.zeros(1))},
             -0.2,
         ),
-        ("part_beyond", {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))}, -2.0),
+        ("part_beyond", {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))}, -4.0),
         (
             "part_beyond",
             {"estimate": Estimate(np.eye(4)[None], np.array([0.85]), np.zeros(1))},

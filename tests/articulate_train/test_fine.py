@@ -141,7 +141,7 @@ def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(p
         {"share": float("nan")},
         {"done": 0.0},
         {"done_between": (0.0, 0.0)},
-        {"done_between": (-0.2, 0.0)},
+        {"done_between": (-0.3, 0.0)},
     ],
 )
 def test_values_out_of_range_are_refused(values):

@@ -121,7 +121,7 @@ def test_attributes_and_methods_are_reached_through_it(env):
 def test_motions_are_finer_near_the_handle_and_the_hands_command_is_not(env, monkeypatch):
     env.reset()
     near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open hand
-    near[:, OBSERVATION.slice("part_beyond")] = -2.0  # the part far from its target
+    near[:, OBSERVATION.slice("part_beyond")] = -4.0  # the part far from its target
     env.restore(near, {})
     asked, step = [], env.episodes.step
 

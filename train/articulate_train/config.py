@@ -14,6 +14,8 @@ from articulate_envs.settings import RewardConfig, StartConfig
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
+LEAST_BEYOND, MOST_BEYOND = -0.2, 0.1
+"""Fractions of a part's way beyond its target between which policies see it finely."""
 
 
 def check_least(least: int, values: Mapping[str, int]) -> None:
@@ -104,11 +106,11 @@ class FineConfig:
     shut_m: tuple[float, float] = (0.072, 0.078)
     """Openings between which fingers come to count as closed, if they rest [m]: a hand opens to
     0.08 m, and holds what is at most 0.07 m thick."""
-    done: float = 0.25
+    done: float = 0.2
     """Share of a motion that is left, wherever the hand is, where the part is at its target: a
     hand that holds on to the end would drift by what a policy says without meaning it, and one
     that runs a drawer shut at 0.1 m/s presses on with 40 N, by the way that its target is ahead."""
-    done_between: tuple[float, float] = (-0.1, 0.0)
+    done_between: tuple[float, float] = (-0.2, 0.0)
     """Fractions of the part's way beyond the target between which that begins and is all of it."""
     rest_m_s: float = 0.05
     """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
@@ -123,10 +125,10 @@ class FineConfig:
                 f"fine.near_m is {self.near_m} and fine.far_m {self.far_m}; they must grow from 0"
             )
         begin, end = self.done_between
-        if not -0.1 <= begin < end <= 0.1:
+        if not LEAST_BEYOND <= begin < end <= MOST_BEYOND:
             raise ConfigError(
                 f"fine.done_between is {begin} {end}; it must be two growing fractions in "
-                "[-0.1, 0.1]"
+                f"[{LEAST_BEYOND:g}, {MOST_BEYOND:g}]"
             )
         begin, end = self.shut_m
         if not 0.0 <= begin < end:
