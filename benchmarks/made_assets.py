@@ -22,6 +22,7 @@ from typing import Any
 from articulate.actors.protocol import PredictedJoint
 from articulate.cache import cache_folder
 from articulate.errors import UsageError
+from articulate.library.partnet import URDF_NAME
 from articulate.make.given import library_parts
 from articulate.make.written import program_of, tree_of
 from articulate.program.built import ProgramError
@@ -68,7 +69,7 @@ def proof_of(urdf: Path, out: Path) -> Proof:
 
 def pair(object_id: str, folder: Path, joints: Sequence[PredictedJoint], out: Path) -> Pair:
     """Make an object of the parts in ``folder`` and of ``joints``, and prove it and its own."""
-    own = proof_of(folder / "mobility.urdf", out / object_id / "own")
+    own = proof_of(folder / URDF_NAME, out / object_id / "own")
     given = library_parts(str(folder))
     root, held = tree_of(list(joints), given.meshes)
     source = program_of(root, held, actor="the benchmark", question=object_id)

@@ -8,14 +8,17 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from articulate.errors import ConfigError, nearest
+from articulate.observe import BEYOND_UNIT, OBSERVATION
 from articulate.settings import DrawConfig, FollowConfig
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.settings import RewardConfig, StartConfig
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
-LEAST_BEYOND, MOST_BEYOND = -0.2, 0.1
-"""Fractions of a part's way beyond its target between which policies see it finely."""
+_BEYOND = OBSERVATION.slice("part_beyond").start
+LEAST_BEYOND = float(OBSERVATION.low[_BEYOND]) * BEYOND_UNIT
+MOST_BEYOND = float(OBSERVATION.high[_BEYOND]) * BEYOND_UNIT
+"""Fractions of a part's way beyond its target between which policies see where it is."""
 
 
 def check_least(least: int, values: Mapping[str, int]) -> None:
