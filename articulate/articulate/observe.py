@@ -10,8 +10,12 @@ from articulate.arm import Arm
 from articulate.follow import HandState
 from articulate.kinematics import relative, small_twist, tool_pose
 from articulate.layout import Field, Layout
+from articulate.settings import SEEN_BEYOND
 from articulate.task import beyond
 from articulate.transforms import Array
+
+BEYOND_UNIT = 0.05
+"""Unit of ``part_beyond``, as a fraction of the part's way."""
 
 OBSERVATION = Layout(
     (
@@ -33,7 +37,7 @@ OBSERVATION = Layout(
         Field(name="part_open", size=1, unit="1", frame="-", source="estimator"),
         Field(
             name="part_beyond", size=1, unit="0.05", frame="-", source="estimator",
-            low=-4.0, high=2.0,
+            low=SEEN_BEYOND[0] / BEYOND_UNIT, high=SEEN_BEYOND[1] / BEYOND_UNIT,
         ),
         Field(
             name="part_speed", size=1, unit="0.1 m/s or 0.1 rad/s", frame="-", source="estimator",
@@ -78,8 +82,6 @@ HANDLE_UNIT_M = 0.2
 """Unit of ``handle_pos`` and ``handle_aimed`` [m]."""
 NEAR_UNIT_M = 0.02
 """Unit of ``handle_near`` and ``handle_aimed_near`` [m]."""
-BEYOND_UNIT = 0.05
-"""Unit of ``part_beyond``, as a fraction of the part's way."""
 WIDTH_UNIT_M = 0.05
 """Unit of ``hand_width`` [m]."""
 SPEED_UNIT_M_S = 0.1

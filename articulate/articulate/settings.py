@@ -21,6 +21,8 @@ LOG_UNIFORM = ("joint_damping", "joint_friction", "armature")
 """Those that are drawn evenly over the logarithm."""
 MAX_DELAY_TICKS = 5
 """Longest delay that engines and estimators keep [ticks]."""
+SEEN_BEYOND: Range = (-0.2, 0.1)
+"""Fractions of a part's way beyond its task's target between which policies see it finely."""
 
 
 @dataclass(frozen=True, kw_only=True)

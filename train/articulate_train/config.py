@@ -8,17 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from articulate.errors import ConfigError, nearest
-from articulate.observe import BEYOND_UNIT, OBSERVATION
-from articulate.settings import DrawConfig, FollowConfig
+from articulate.settings import SEEN_BEYOND, DrawConfig, FollowConfig
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.settings import RewardConfig, StartConfig
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
-_BEYOND = OBSERVATION.slice("part_beyond").start
-LEAST_BEYOND = float(OBSERVATION.low[_BEYOND]) * BEYOND_UNIT
-MOST_BEYOND = float(OBSERVATION.high[_BEYOND]) * BEYOND_UNIT
-"""Fractions of a part's way beyond its target between which policies see where it is."""
 
 
 def check_least(least: int, values: Mapping[str, int]) -> None:
@@ -128,10 +123,10 @@ class FineConfig:
                 f"fine.near_m is {self.near_m} and fine.far_m {self.far_m}; they must grow from 0"
             )
         begin, end = self.done_between
-        if not LEAST_BEYOND <= begin < end <= MOST_BEYOND:
+        if not SEEN_BEYOND[0] <= begin < end <= SEEN_BEYOND[1]:
             raise ConfigError(
                 f"fine.done_between is {begin} {end}; it must be two growing fractions in "
-                f"[{LEAST_BEYOND:g}, {MOST_BEYOND:g}]"
+                f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
             )
         begin, end = self.shut_m
         if not 0.0 <= begin < end:
