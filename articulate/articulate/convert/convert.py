@@ -26,7 +26,7 @@ from articulate.convert.inertia import inertial_of
 from articulate.convert.joints import Travel, travel_of
 from articulate.convert.mesh import PartGeometry, bounds
 from articulate.convert.origin import ORIGIN_FILE, origin_of
-from articulate.convert.presets import density, given_dynamics, joint_preset
+from articulate.convert.presets import given_dynamics, joint_preset, weight
 from articulate.convert.rays import NOTHING
 from articulate.convert.read import SourceObject, free_name, read_urdf
 from articulate.convert.read_mjcf import read_mjcf
@@ -41,7 +41,7 @@ from articulate.files import write_text
 from articulate.swap import is_asset, take_place
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "22"
+VERSION = "23"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -320,7 +320,7 @@ def _bodies(
         inertial = inertial_of(
             members,
             shapes,
-            density(category),
+            weight(category),
             rescaled=rescaled,
             kind=reading.travels[part.name].kind if part.joint is not None else "fixed",
             repairs=repairs,
@@ -398,7 +398,8 @@ def _note_inertia(
     if computed and (rescaled or not said):
         repairs.add(
             f"mass and inertia of {computed} links computed from their shapes at "
-            f"{density(category):g} kg/m3"
+            f"{weight(category).density_kg_m3:g} kg/m3, at least "
+            f"{weight(category).sheet_kg_m2:g} kg for each m2 of a panel"
         )
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from articulate.convert.presets import MASS_KG
+from articulate.convert.presets import MASS_KG, Weight
 from articulate.convert.read import SourceLink
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape
@@ -35,7 +35,7 @@ class Inertial:
 def inertial_of(
     members: tuple[tuple[SourceLink, Array], ...],
     shapes: tuple[Shape, ...],
-    density: float,
+    weight: Weight,
     *,
     rescaled: bool,
     kind: Literal["slide", "hinge", "fixed"],
@@ -46,7 +46,7 @@ def inertial_of(
     Args:
         members: Links of the part with their poses.
         shapes: Its collision shapes, scaled.
-        density: Used where they are computed [kg/m3].
+        weight: Used where they are computed.
         rescaled: The source is not metric, so that its masses mean nothing.
         kind: What moves the part.
         repairs: Takes a note where they are computed.
@@ -55,7 +55,7 @@ def inertial_of(
     given = None if rescaled else _given(members, shapes)
     if given is not None:
         return given
-    found = from_shapes(shapes, density)
+    found = from_shapes(shapes, weight)
     low, high = MASS_KG[kind]
     mass = float(np.clip(found.mass_kg, low, high))
     if any(link.inertial is not None for link, _ in members) and not rescaled:
@@ -67,8 +67,8 @@ def inertial_of(
     return Inertial(mass_kg=mass, com_p=found.com_p, inertia_p=_positive(inertia))
 
 
-def from_shapes(shapes: tuple[Shape, ...], density: float) -> Inertial:
-    """Sum over ``shapes`` of uniform ``density`` [kg/m3]; overlaps count twice."""
+def from_shapes(shapes: tuple[Shape, ...], weight: Weight) -> Inertial:
+    """Sum over ``shapes``, each of one density; overlaps count twice."""
     masses, centres, tensors = [], [], []
     for shape in shapes:
         mesh = shape.mesh
@@ -76,9 +76,11 @@ def from_shapes(shapes: tuple[Shape, ...], density: float) -> Inertial:
         if volume <= 0.0:
             continue
         factor = volume / abs(mesh.volume) if mesh.volume else 1.0
+        unit = factor * np.asarray(mesh.moment_inertia)
+        density = max(weight.density_kg_m3, weight.sheet_kg_m2 / thickness(unit, volume))
         masses.append(density * volume)
         centres.append(np.asarray(mesh.center_mass))
-        tensors.append(density * factor * np.asarray(mesh.moment_inertia))
+        tensors.append(density * unit)
     if not masses:
         return Inertial(mass_kg=0.0, com_p=np.zeros(3), inertia_p=LEAST * np.eye(3))
     mass = float(np.sum(masses))
@@ -88,6 +90,12 @@ def from_shapes(shapes: tuple[Shape, ...], density: float) -> Inertial:
         inertia += tensor + m * steiner(centre - com)
     least = mass * LEAST_GYRATION_M**2
     return Inertial(mass_kg=mass, com_p=com, inertia_p=_positive(inertia, least))
+
+
+def thickness(inertia: Array, volume: float) -> float:
+    """Shortest side [m] of the box with this ``inertia`` (3, 3) and ``volume``, at density 1."""
+    a, b, c = np.linalg.eigvalsh(inertia)
+    return float(max(np.sqrt(6.0 * max(a + b - c, 0.0) / volume), LEAST_GYRATION_M))
 
 
 def steiner(offset: Array) -> Array:

@@ -18,28 +18,41 @@ TORSIONAL_FRICTION_M = 0.005
 ROLLING_FRICTION_M = 0.0001
 """MuJoCo's default rolling friction [m]."""
 
-DENSITY = {
-    "unknown": 500.0,
-    "StorageFurniture": 500.0,
-    "Table": 500.0,
-    "Door": 400.0,
-    "Window": 600.0,
-    "Refrigerator": 150.0,
-    "Dishwasher": 250.0,
-    "Oven": 300.0,
-    "Microwave": 250.0,
-    "WashingMachine": 250.0,
-    "Safe": 800.0,
-    "Laptop": 1200.0,
-    "TrashCan": 300.0,
-    "Box": 200.0,
-    "Kettle": 500.0,
-    "Faucet": 2500.0,
+
+@dataclass(frozen=True, kw_only=True)
+class Weight:
+    """What the parts of a kind of object weigh, where the file does not say."""
+
+    density_kg_m3: float
+    """Density of the collision shapes."""
+    sheet_kg_m2: float
+    """Least weight of each area of a shape: models draw panels as thin as paper."""
+
+
+WEIGHT = {
+    "unknown": Weight(density_kg_m3=500.0, sheet_kg_m2=2.0),
+    "StorageFurniture": Weight(density_kg_m3=500.0, sheet_kg_m2=3.0),
+    "Table": Weight(density_kg_m3=500.0, sheet_kg_m2=3.0),
+    "Door": Weight(density_kg_m3=400.0, sheet_kg_m2=10.0),
+    "Window": Weight(density_kg_m3=600.0, sheet_kg_m2=10.0),
+    "Refrigerator": Weight(density_kg_m3=150.0, sheet_kg_m2=10.0),
+    "Dishwasher": Weight(density_kg_m3=250.0, sheet_kg_m2=10.0),
+    "Oven": Weight(density_kg_m3=300.0, sheet_kg_m2=15.0),
+    "Microwave": Weight(density_kg_m3=250.0, sheet_kg_m2=10.0),
+    "WashingMachine": Weight(density_kg_m3=250.0, sheet_kg_m2=10.0),
+    "Safe": Weight(density_kg_m3=800.0, sheet_kg_m2=15.0),
+    "Laptop": Weight(density_kg_m3=1200.0, sheet_kg_m2=5.0),
+    "TrashCan": Weight(density_kg_m3=300.0, sheet_kg_m2=2.0),
+    "Box": Weight(density_kg_m3=200.0, sheet_kg_m2=0.5),
+    "Kettle": Weight(density_kg_m3=500.0, sheet_kg_m2=2.0),
+    "Faucet": Weight(density_kg_m3=2500.0, sheet_kg_m2=5.0),
 }
-"""Density [kg/m3] of the collision shapes by category.
+"""Weight of parts by category.
 
 Shapes follow panels: particle board is 600 to 700 but carries relief and gaps, which the boxes
 fill; appliances are foam and sheet metal; a drawer of 10 mm panels comes out at 1.5 to 5 kg.
+A sheet of 10 kg/m2 is 4 mm of glass or 1.3 mm of steel, as doors of appliances have in all; 2 is
+2 mm of plastic, 3 is 5 mm of board, 5 the lid of a laptop with its screen, 0.5 cardboard.
 """
 
 
@@ -64,9 +77,9 @@ SMALL_HINGE = JointPreset(damping=0.01, frictionloss=0.01, armature=0.0005)
 LARGE_HINGE_KG = 0.5
 
 
-def density(category: str) -> float:
-    """Density [kg/m3] of the collision shapes of an object of ``category``."""
-    return DENSITY.get(category, DENSITY["unknown"])
+def weight(category: str) -> Weight:
+    """What the parts of an object of ``category`` weigh."""
+    return WEIGHT.get(category, WEIGHT["unknown"])
 
 
 def joint_preset(kind: Literal["slide", "hinge"], mass_kg: float) -> JointPreset:

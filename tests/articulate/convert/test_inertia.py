@@ -6,12 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from articulate.convert.inertia import from_shapes, inertial_of, is_physical
+from articulate.convert.presets import Weight
 from articulate.convert.read import SourceInertial, SourceLink
 from articulate.convert.repairs import Repairs
 from articulate.convert.shapes import Shape
 from articulate.transforms import pose
 
 SIDE = st.floats(0.002, 1.0)
+SOLID = Weight(density_kg_m3=500.0, sheet_kg_m2=0.0)
 
 
 def box_shape(half: tuple[float, float, float], at=(0.0, 0.0, 0.0)) -> Shape:
@@ -20,7 +22,7 @@ def box_shape(half: tuple[float, float, float], at=(0.0, 0.0, 0.0)) -> Shape:
 
 @given(a=SIDE, b=SIDE, c=SIDE)
 def test_a_box_has_the_inertia_of_the_textbook(a: float, b: float, c: float) -> None:
-    found = from_shapes((box_shape((a / 2, b / 2, c / 2)),), 500.0)
+    found = from_shapes((box_shape((a / 2, b / 2, c / 2)),), SOLID)
     mass = 500.0 * a * b * c
     expected = mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
     assert found.mass_kg == pytest.approx(mass)
@@ -28,13 +30,22 @@ def test_a_box_has_the_inertia_of_the_textbook(a: float, b: float, c: float) -> 
 
 
 def test_two_halves_weigh_as_the_whole() -> None:
-    whole = from_shapes((box_shape((0.2, 0.1, 0.1)),), 300.0)
+    whole = from_shapes((box_shape((0.2, 0.1, 0.1)),), SOLID)
     halves = from_shapes(
-        tuple(box_shape((0.1, 0.1, 0.1), (x, 0.0, 0.0)) for x in (-0.1, 0.1)), 300.0
+        tuple(box_shape((0.1, 0.1, 0.1), (x, 0.0, 0.0)) for x in (-0.1, 0.1)), SOLID
     )
     assert halves.mass_kg == pytest.approx(whole.mass_kg)
     np.testing.assert_allclose(halves.com_p, whole.com_p, atol=1e-12)
     np.testing.assert_allclose(halves.inertia_p, whole.inertia_p, atol=1e-9)
+
+
+@given(a=SIDE, b=SIDE, c=SIDE)
+def test_what_is_thinner_than_its_sheet_weighs_as_the_sheet(a: float, b: float, c: float) -> None:
+    stuff = Weight(density_kg_m3=500.0, sheet_kg_m2=10.0)  # as 20 mm of it
+    thin, *area = sorted((a, b, c))
+    found = from_shapes((box_shape((a / 2, b / 2, c / 2)),), stuff)
+    assert found.mass_kg == pytest.approx(500.0 * max(thin, 0.02) * area[0] * area[1], rel=1e-4)
+    assert is_physical(found.mass_kg, found.inertia_p)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +73,7 @@ def measured(source: SourceLink, *, rescaled: bool = False):
     repairs = Repairs()
     shapes = (box_shape((0.2, 0.1, 0.1)),)
     members = ((source, np.eye(4)),)
-    found = inertial_of(members, shapes, 500.0, rescaled=rescaled, kind="hinge", repairs=repairs)
+    found = inertial_of(members, shapes, SOLID, rescaled=rescaled, kind="hinge", repairs=repairs)
     return found, repairs
 
 
@@ -93,7 +104,7 @@ def test_a_button_of_the_least_mass_has_the_inertia_that_fits_it() -> None:
     found = inertial_of(
         ((bare, np.eye(4)),),
         (box_shape((0.0033, 0.0033, 0.0015)),),
-        500.0,
+        SOLID,
         rescaled=True,
         kind="slide",
         repairs=Repairs(),

@@ -13,9 +13,9 @@ from articulate.convert.presets import (
     LARGE_HINGE,
     SLIDE,
     SMALL_HINGE,
-    density,
     given_dynamics,
     joint_preset,
+    weight,
 )
 from articulate.convert.size import LONGEST_SIDE_M
 from articulate.simulator import mujoco
@@ -54,9 +54,11 @@ def test_presets_go_by_kind_and_mass() -> None:
     assert joint_preset("hinge", 0.51) is LARGE_HINGE
 
 
-def test_every_category_has_a_density_of_something_solid() -> None:
-    assert density("no such thing") == density("unknown")
-    assert all(50.0 <= density(category) <= 8000.0 for category in LONGEST_SIDE_M)
+def test_every_category_weighs_as_something_solid() -> None:
+    assert weight("no such thing") == weight("unknown")
+    for category in LONGEST_SIDE_M:
+        assert 50.0 <= weight(category).density_kg_m3 <= 8000.0
+        assert 0.1 <= weight(category).sheet_kg_m2 <= 40.0
 
 
 def with_dynamics(folder: Path, dynamics: str, config: ConvertConfig | None = None) -> Asset:
