@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from articulate.actors.geometric.candidates import sample
 from articulate.actors.geometric.shot import Shot, shot_of
 from articulate.actors.geometric.surface import surface_of
-from articulate.actors.geometric.sweep import Floats
+from articulate.actors.geometric.sweep import SAME_DEPTH, Floats
 from articulate.actors.placing.kernel import draw_part, shift_costs
 from articulate.actors.protocol import Pixels
 from articulate.render.camera import Camera
@@ -36,6 +36,8 @@ SIMILAR, SAME = 0.15, 0.01
 """Parts whose boxes differ by less than these shares of the longest side are alike, or the same."""
 CROWDED = 10.0
 """A part that lies in one like it is this much worse than one as far from all others."""
+LEAST_SEEN_PX = 20
+"""Parts seen in fewer pixels count as filled."""
 FAR_M = 1.0
 """Larger gaps are not told apart [m]."""
 Places = Mapping[int, Array]
@@ -72,6 +74,12 @@ class Rest:
         """Cost of the picture."""
         return float(self.base.sum(dtype=np.float64))
 
+    def under(self, later: Sequence[int]) -> Rest:
+        """The same for a part that is drawn before those of ``later``: at one depth they win."""
+        on_top = np.isin(self.part_ids, later)
+        nearness = np.where(on_top, self.nearness * SAME_DEPTH**2, self.nearness)
+        return replace(self, nearness=nearness.astype(np.float32))
+
 
 @dataclass(frozen=True, eq=False)
 class Level:
@@ -97,6 +105,15 @@ class Level:
         """Pixels of the given picture in which the object is seen."""
         off = np.abs(self.frame - self.background).max(axis=-1) > PLAIN
         return float(off.sum()) * self.px**2
+
+    def pixels(self, points_c: Array) -> tuple[Ints, Ints]:
+        """Row and column of each point (..., 3); -1, or one too many, outside of the picture."""
+        fx, fy, cx, cy = self.shot.pinhole
+        depth = np.maximum(points_c[..., 2], 1e-3)
+        height, width = self.shot.size
+        u = np.clip(np.rint(points_c[..., 0] / depth * fx + cx), -1, width)
+        v = np.clip(np.rint(points_c[..., 1] / depth * fy + cy), -1, height)
+        return v.astype(np.int64), u.astype(np.int64)
 
     def rest(self, places: Places, light: Array, without: Sequence[int] = ()) -> Rest:
         """All parts that have a place, but those ``without``."""
@@ -223,10 +240,21 @@ class Puzzle:
     """More such points."""
     sizes: Array
     """Sides of each part's box (P, 3) [m]."""
+    filled: Array
+    """Share of the hull of its own outline that each part fills (P,): little for a wire."""
 
     def volume(self, part: int) -> float:
         """Volume of a part's box, with a little in every direction."""
         return float(np.prod(self.sizes[part] + 0.02))
+
+    def rest(self, k: int, part: int, places: Places) -> Rest:
+        """What is drawn at level ``k`` of all parts but one, which is drawn in its turn.
+
+        Larger parts come first, so that a button wins where it is as near as what it is in.
+        """
+        drawn = self.levels[k].rest(places, self.light, without=(part,))
+        later = [i for i in places if i != part and self.volume(i) < self.volume(part)]
+        return drawn.under(later) if later else drawn
 
     def radius(self, part: int) -> float:
         """Half the diagonal of a part's box [m]."""
@@ -240,13 +268,8 @@ class Puzzle:
     def share_on_object(self, k: int, part: int, shifts: Array) -> Array:
         """Share of a part's points that are seen where the object is (Q,), at places (Q, 3)."""
         level = self.levels[k]
-        fx, fy, cx, cy = level.shot.pinhole
-        points = shifts[:, None] + self.probes[part]
-        depth = np.maximum(points[..., 2], 1e-3)
-        height, width = level.shot.size
-        u = np.clip(np.rint(points[..., 0] / depth * fx + cx), -1, width).astype(np.int64)
-        v = np.clip(np.rint(points[..., 1] / depth * fy + cy), -1, height).astype(np.int64)
-        return np.asarray(level.outline[v + 1, u + 1].mean(axis=1))
+        rows, columns = level.pixels(shifts[:, None] + self.probes[part])
+        return np.asarray(level.outline[rows + 1, columns + 1].mean(axis=1))
 
     def misfit(self, part: int, shift: Array, places: Places) -> float:
         """What is wrong with a place apart from the picture, as a length [m].
@@ -294,14 +317,39 @@ def puzzle_of(parts: Sequence[PartMesh], picture: Pixels, camera: Camera, light:
     distance = float(np.linalg.norm(camera.eye_w))
     rot = camera.T_cw[:3, :3]
     surfaces = [surface_of([part], pixel_m=1e-4) for part in parts]
+    levels = tuple(level_of(parts, picture, camera, px, coarse * distance) for px, coarse in LEVELS)
     return Puzzle(
-        levels=tuple(
-            level_of(parts, picture, camera, px, coarse * distance) for px, coarse in LEVELS
-        ),
+        levels=levels,
         camera=camera,
         parts=tuple(parts),
         light=light,
         probes=tuple(sample(surface, PROBES) @ rot.T for surface in surfaces),
         trees=tuple(cKDTree(sample(surface, DENSE) @ rot.T) for surface in surfaces),
         sizes=np.stack([np.ptp(part.bounds, axis=0) for part in parts]),
+        filled=np.array([filled_share(levels[-1], i, distance, light) for i in range(len(parts))]),
     )
+
+
+def filled_share(level: Level, part: int, distance: float, light: Array) -> float:
+    """Share of the hull of its outline that a part fills, seen from straight before it."""
+    fx, fy = level.shot.pinhole[:2]
+    height, width = level.shot.size
+    points = level.pieces[part].points
+    reach = float(np.abs(points[:, :2]).max()) + 1e-6
+    depth = max(distance, 1.2 * float(-points[:, 2].min()), 2.0 * fx * reach / min(height, width))
+    ids = np.full((height, width), -1, dtype=np.int32)
+    draw_part(
+        level.pieces[part].arrays,
+        light,
+        np.array([0.0, 0.0, depth]),
+        (fx, fy, 0.5 * width, 0.5 * height),
+        part,
+        np.zeros((height, width), dtype=np.float32),
+        np.zeros((height, width, 3), dtype=np.float32),
+        ids,
+    )
+    seen = np.argwhere(ids == part).astype(np.float32)
+    if len(seen) < LEAST_SEEN_PX:
+        return 1.0
+    hull = cv2.convexHull(seen)
+    return float(len(seen) / (cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1.0))

@@ -18,6 +18,7 @@ from articulate.actors.placing.seats import (
     hidden_seats,
     is_small,
     sibling_seats,
+    thin_seats,
 )
 from articulate.transforms import Array
 
@@ -142,7 +143,7 @@ def _placed(puzzle: Puzzle, part: int, places: Places) -> Array:
     """Where a part costs least; where nothing can be seen of it if it explains nothing."""
     best = min(_found(puzzle, part, places), key=lambda f: f[1])[0]
     level = puzzle.levels[1]
-    rest = level.rest(places, puzzle.light)
+    rest = puzzle.rest(1, part, places)
     gain, shown = level.costs(part, best[None], rest, puzzle.light)
     if -gain[0] >= max(LEAST_GAIN_PX, LEAST_GAIN * shown[0]):
         return best
@@ -169,8 +170,9 @@ def _found(puzzle: Puzzle, part: int, places: Places) -> list[tuple[Array, float
     """Places where a part costs little, and what, cheapest first."""
     k = 1 if is_small(puzzle, part, places) else 0
     level = puzzle.levels[k]
-    rest = level.rest(places, puzzle.light)
-    starts: list[Array] = []
+    rest = puzzle.rest(k, part, places)
+    along = thin_seats(puzzle, k, part, places, rest)
+    starts = _apart(along, np.arange(len(along), dtype=np.float64), puzzle, part, STARTS)
     for seats, most in (
         (grid(puzzle, k, part, places, rest), STARTS),
         (sibling_seats(puzzle, part, places), SIBLINGS),
@@ -193,7 +195,7 @@ def _touching(puzzle: Puzzle, k: int, part: int, places: Places, start: Array) -
     """The place along the ray of sight that costs least."""
     level = puzzle.levels[k]
     shifts = start * (1.0 + np.maximum(RAY_M, 0.2 - start[2]) / start[2])[:, None]
-    rest = level.rest(places, puzzle.light, without=(part,))
+    rest = puzzle.rest(k, part, places)
     return _cheapest(puzzle, level, part, places, rest, shifts, np.inf)[0]
 
 
@@ -215,7 +217,7 @@ def settled(
 ) -> tuple[Array, float]:
     """The place near ``start`` that costs least, and what it costs against a part not there."""
     level = puzzle.levels[k]
-    rest = level.rest(places, puzzle.light, without=(part,))
+    rest = puzzle.rest(k, part, places)
     best, best_cost = _cheapest(puzzle, level, part, places, rest, start[None], np.inf)
     focal = float(level.shot.pinhole[0])
     world = puzzle.camera.T_cw[:3, :3].T

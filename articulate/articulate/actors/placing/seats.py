@@ -19,10 +19,19 @@ GROUND_M = 0.06
 """Nothing is farther below the ground than this [m]."""
 ON_OBJECT = 0.75
 """At least this share of a part lies within the outline of the object."""
+LESS_ON_OBJECT = 0.95
+"""Where no place of the first part does, those that have this share of the best."""
 SMALL_PX = 14.0
 """Parts smaller than this in the coarsest picture are looked for in the next finer one."""
 UNEXPLAINED = 0.3
 """Small parts are looked for in this share of the picture, where it is explained worst."""
+THIN = 0.35
+"""Parts that fill less than this share of their own outline's hull are thin."""
+ODD = 0.4
+"""Pixels that cost more than this share of the largest cost are unexplained."""
+ASTRAY_PX, THIN_STEP_PX, THIN_SEATS = 8.0, 2.0, 400
+"""Points of a thin part that are farther from what is unexplained are not told apart; places are
+so far apart; so many are kept [px]."""
 LATTICE = 7
 """Places a side at which parts that are not seen are tried."""
 
@@ -46,13 +55,44 @@ def grid(puzzle: Puzzle, k: int, part: int, places: Places, rest: Rest) -> Array
         depths = _near_surface(rest, u, v, radius, np.geomspace(low, high, DEPTHS // 3))
     found = _at(level, np.repeat(u, depths.shape[1]), np.repeat(v, depths.shape[1]), depths.ravel())
     found = above_ground(puzzle, part, found)
-    return found[puzzle.share_on_object(k, part, found) > ON_OBJECT]
+    share = puzzle.share_on_object(k, part, found)
+    least = ON_OBJECT if places else min(ON_OBJECT, LESS_ON_OBJECT * float(share.max()))
+    return found[share > least]
+
+
+def thin_seats(puzzle: Puzzle, k: int, part: int, places: Places, rest: Rest) -> Array:
+    """Places (N, 3) where a thin part lies along what is unexplained, best first; none of others.
+
+    A wire of two pixels that is two pixels off explains nothing, so that its cost does not lead
+    there. How far its points are from the next unexplained pixel does (chamfer matching,
+    H. G. Barrow and others, 1977).
+    """
+    level = puzzle.levels[k]
+    odd = (rest.base > ODD * CAP).astype(np.uint8)
+    if not places or not odd.any() or puzzle.filled[part] >= THIN:
+        return np.zeros((0, 3))
+    far = np.minimum(cv2.distanceTransform(1 - odd, cv2.DIST_L2, 5), ASTRAY_PX)
+    far = np.pad(far, 1, constant_values=ASTRAY_PX)
+    low, high = _depth_range(puzzle, level, puzzle.radius(part), places)
+    height, width = level.shot.size
+    u, v = np.meshgrid(np.arange(0.0, width, THIN_STEP_PX), np.arange(0.0, height, THIN_STEP_PX))
+    found, off = [], []
+    for depth in np.geomspace(low, high, DEPTHS):
+        seats = above_ground(puzzle, part, _at(level, u.ravel(), v.ravel(), np.full(u.size, depth)))
+        rows, columns = level.pixels(seats[:, None] + puzzle.probes[part])
+        found.append(seats)
+        off.append(far[rows + 1, columns + 1].mean(axis=1))
+    seats, mean = np.concatenate(found), np.concatenate(off)
+    best = np.argsort(mean, kind="stable")[:THIN_SEATS]
+    return seats[best]
 
 
 def is_small(puzzle: Puzzle, part: int, places: Places) -> bool:
-    """Whether a part is too small to be found in the coarsest picture."""
+    """Whether a part is too small, or too thin, to be found in the coarsest picture."""
     if not places:
         return False
+    if puzzle.filled[part] < THIN:
+        return True
     size = np.sort(puzzle.sizes[part])
     depth = float(np.median([p[2] for p in places.values()]))
     level = puzzle.levels[0]
