@@ -43,6 +43,8 @@ LATERAL_M = 0.045
 """So far from the middle of what is held the room for open fingers is looked at [m]."""
 TOUCH_M = 0.001
 """Outlines of pieces that come as near as this to each other are of one thing [m]."""
+PAD_M = 0.008
+"""How far the pads reach to either side of their middle along the approach [m]."""
 CELL_M = 0.004
 """Resolution of the map."""
 PALM_M = (0.10, 0.035, 0.040)
@@ -316,7 +318,8 @@ def _rated(
         bonus = 0.2 * min(length / 0.1, 1.0) + (0.05 if level else 0.0)
         grasp = _measured(handle, points[k], view.normal, closing, length, edge=edge, named=named)
         if grasp is not None:
-            out.append((float(merit[k]) + bonus, held_shallow(grasp, surface)))
+            grasp = between_pads(held_shallow(grasp, surface), handle)
+            out.append((float(merit[k]) + bonus, grasp))
     return out
 
 
@@ -332,6 +335,41 @@ def held_shallow(grasp: Grasp, surface: trimesh.Trimesh) -> Grasp:
     free_m = max(free_m, BITE_M[1])  # the map has found as much beside it
     depth = held_depth(grasp.extent[2], free_m)
     return replace(grasp, pos_o=front - depth * grasp.normal_o)
+
+
+def between_pads(grasp: Grasp, part: trimesh.Trimesh) -> Grasp:
+    """The grasp with its middle and thickness those of what the pads reach.
+
+    A lid that does not lie quite flat is as thick as it rises over all of its depth, and fingers
+    close on its rim alone.
+
+    Args:
+        grasp: A place to hold.
+        part: Triangles of the part, in the object frame.
+    """
+    closing = np.cross(grasp.normal_o, grasp.along_o)
+    segments = trimesh.intersections.mesh_plane(part, grasp.along_o, grasp.pos_o)
+    flat = (segments - grasp.pos_o) @ np.column_stack([closing, grasp.normal_o])
+    ends = np.array([end for one in flat if (end := _clipped(one, PAD_M)) is not None])
+    half = grasp.extent[1] / 2.0 + TOUCH_M
+    across = ends[..., 0].ravel() if len(ends) else np.zeros(0)
+    across = across[np.abs(across) <= half]
+    if not len(across) or np.ptp(across) <= 0.0:
+        return grasp
+    low, high = float(across.min()), float(across.max())
+    long, _, deep = grasp.extent
+    middle = grasp.pos_o + 0.5 * (low + high) * closing
+    return replace(grasp, pos_o=middle, extent=(long, high - low, deep))
+
+
+def _clipped(segment: Array, reach: float) -> Array | None:
+    """What of a segment (2, 2) has a second coordinate of at most ``reach``, either sign."""
+    (a, b), rise = segment, segment[1, 1] - segment[0, 1]
+    if abs(rise) < 1e-12:
+        return segment if abs(a[1]) <= reach else None
+    first, last = sorted(((-reach - a[1]) / rise, (reach - a[1]) / rise))
+    first, last = max(first, 0.0), min(last, 1.0)
+    return None if first > last else np.array([a + first * (b - a), a + last * (b - a)])
 
 
 def held_depth(thick_m: float, free_m: float = math.inf) -> float:

@@ -118,3 +118,22 @@ def test_pieces_that_run_on_into_a_panel_do_not_count_as_what_is_held():
     assert grasp is not None
     assert grasp.extent[1] == pytest.approx(0.012, abs=1e-6)
     assert float(grasp.pos_o @ X) < 0.03
+
+
+def test_rim_of_a_leaf_that_does_not_lie_flat_is_as_thick_as_the_leaf():
+    """Over its whole depth a leaf tilted by 3 degrees rises by three times its thickness."""
+    leaf = trimesh.creation.box((0.3, 0.3, 0.005))
+    leaf.apply_transform(trimesh.transformations.rotation_matrix(math.radians(3.0), Y))
+    base = trimesh.creation.box((0.2, 0.3, 0.02))
+    base.apply_translation((-0.04, 0.0, -0.05))
+    surface = trimesh.util.concatenate([leaf, base])
+    owner = np.r_[np.ones(len(leaf.faces), int), np.zeros(len(base.faces), int)]
+    hinge = np.array([[-0.15, 0.0, 0.0], Y])
+    grasp = best_grasp(surface, owner, opening=Z, far_from=hinge)
+    assert grasp is not None
+    assert grasp.kind == "edge"
+    assert grasp.extent[1] == pytest.approx(0.005 / math.cos(math.radians(3.0)), abs=1e-3)
+    along_leaf = float(grasp.pos_o @ X)
+    assert float(grasp.pos_o @ Z) == pytest.approx(
+        -along_leaf * math.tan(math.radians(3.0)), abs=5e-4
+    )
