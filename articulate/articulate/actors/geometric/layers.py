@@ -63,8 +63,8 @@ class Layers:
 
     @cached_property
     def _by_pixel(self) -> tuple[Floats, Floats]:
-        """Frames (H, W, T, 3) and base (H, W, T) as the compiled loops want them."""
-        frames = np.ascontiguousarray(self.shot.frames.transpose(1, 2, 0, 3))
+        """Frames (H, W, 3, T) and base (H, W, T) as the compiled loops want them."""
+        frames = np.ascontiguousarray(self.shot.frames.transpose(1, 2, 3, 0))
         return frames, np.ascontiguousarray(self.base.transpose(1, 2, 0))
 
     def _swept(self, T_o: Array, out: Array, *, diagonal: bool) -> Array:

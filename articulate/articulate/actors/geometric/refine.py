@@ -16,7 +16,7 @@ from articulate.actors.geometric.search import (
     position_unit,
     unevenness,
 )
-from articulate.actors.geometric.sweep import Floats, draw_over
+from articulate.actors.geometric.sweep import Floats, draw_over, equations, pictures_in
 from articulate.transforms import Array, axis_angle_to_matrix, normalised
 
 SOFT = 24.0
@@ -104,38 +104,35 @@ def _normal_equations(fit: Fit, layers: Layers, freedom: Freedom) -> tuple[Array
     n, n_frames = freedom.size(fit.motion), len(fit.q)
     scales = _units(fit, layers, freedom)
     hessian, gradient = np.zeros((n + n_frames, n + n_frames)), np.zeros(n + n_frames)
+    shot, surface = layers.shot, layers.moving
+    shapes = (surface.points_o, surface.faces, surface.albedo)
+    pictures = np.empty((2 * n + 3, *shot.size, 3), dtype=np.float32)
+    box = np.empty(4, dtype=np.int64)
+    small, force = np.empty((n + 1, n + 1)), np.empty(n + 1)
     for t in range(n_frames):
-        columns = _jacobian(fit, layers, freedom, t, scales)
-        here = model_picture(fit.motion.T_o(fit.q[t]), layers)
-        off = (layers.shot.frames[t] - here).reshape(-1).astype(np.float64)
-        changed = np.flatnonzero(np.abs(columns).max(axis=0) > 0.3)
-        rows, off = columns[:, changed], off[changed]
-        weight = 1.0 / np.maximum(np.abs(off), SOFT)
-        weight[np.abs(off) > 4.0 * SOFT] *= 0.25
-        weighted = rows * weight
-        small, force = weighted @ rows.T, weighted @ off
+        poses_co = np.ascontiguousarray(shot.T_co @ _varied(fit, freedom, t, scales))
+        pinhole, near = shot.pinhole, layers.nearness
+        pictures_in(shapes, layers.light, poses_co, pinhole, near, layers.still, box, pictures)
+        equations(pictures, box, shot.frames[t], SOFT, small, force)
         where = np.array([*range(n), n + t])
         hessian[np.ix_(where, where)] += small
         gradient[where] += force
     return hessian, gradient, scales
 
 
-def _jacobian(fit: Fit, layers: Layers, freedom: Freedom, t: int, scales: Array) -> Array:
-    """Change of frame t of the model with each parameter that touches it (n + 1, H W 3)."""
-    n = freedom.size(fit.motion)
-    columns = []
+def _varied(fit: Fit, freedom: Freedom, t: int, scales: Array) -> Array:
+    """Poses (2 n + 3, 4, 4) in frame t: as it is, and a step up and down of each parameter."""
+    n, q = freedom.size(fit.motion), fit.q[t]
+    poses = [fit.motion.T_o(q)]
     for k in range(n + 1):
-        pair = []
         for sign in (1.0, -1.0):
             if k < n:
                 change = np.zeros(n)
                 change[k] = sign * scales[k]
-                moved = shifted(fit.motion, change, freedom).T_o(fit.q[t])
+                poses.append(shifted(fit.motion, change, freedom).T_o(q))
             else:
-                moved = fit.motion.T_o(fit.q[t] + sign * scales[n + t])
-            pair.append(model_picture(moved, layers))
-        columns.append(0.5 * (pair[0] - pair[1]).reshape(-1))
-    return np.stack(columns).astype(np.float64)
+                poses.append(fit.motion.T_o(q + sign * scales[n + t]))
+    return np.stack(poses)
 
 
 def model_picture(T_o: Array, layers: Layers) -> Floats:

@@ -19,6 +19,8 @@ LIGHT_ROWS = 4
 each colour), and the direction towards that lamp in the camera's frame."""
 SAME_DEPTH = 1.002
 """What is nearer by less than this factor is not in front."""
+LEAST_CHANGE = 0.3
+"""Colours that a step of a parameter changes by less tell nothing of it, 0 to 255."""
 LARGEST_CHANGE = 4
 """Changes of a path's step beyond this cost no more: a motion may begin and end at once."""
 REST = 0.02
@@ -97,10 +99,14 @@ def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def pixel_costs(frames: Any, colour: Any, base: Any, cap: float, out: Any) -> None:
-    """Add to ``out`` (T,) what a pixel costs in ``colour`` (3,) rather than ``base`` (T,)."""
+    """Add to ``out`` (T,) what a pixel costs in ``colour`` (3,) rather than ``base`` (T,).
+
+    ``frames`` (3, T) holds the colours side by side in time: so the loop takes many at once.
+    """
     r, g, b = colour[0], colour[1], colour[2]
+    red, green, blue = frames[0], frames[1], frames[2]
     for t in range(len(out)):
-        cost = abs(frames[t, 0] - r) + abs(frames[t, 1] - g) + abs(frames[t, 2] - b)
+        cost = abs(red[t] - r) + abs(green[t] - g) + abs(blue[t] - b)
         out[t] += min(cost, cap) - base[t]
 
 
@@ -125,7 +131,7 @@ def sweep_costs(
         poses_co: Camera from part, one for each pose (Q, 4, 4).
         pinhole: fx, fy, cx, cy [px].
         static_nearness: 1 / depth of everything that stands still (H, W).
-        frames: What is seen (H, W, T, 3).
+        frames: What is seen (H, W, 3, T).
         base: Cost of each pixel where the part is not (H, W, T).
         diagonal: Compare pose t with frame t only.
         cap: Largest cost of a pixel.
@@ -153,7 +159,7 @@ def sweep_costs(
                 if f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]:
                     if diagonal:
                         one = slice(q, q + 1)
-                        pixel_costs(frames[v, u, one], colours[f], base[v, u, one], cap, total)
+                        pixel_costs(frames[v, u, :, one], colours[f], base[v, u, one], cap, total)
                     else:
                         pixel_costs(frames[v, u], colours[f], base[v, u], cap, total)
                 nearness[v, u] = 0.0
@@ -191,6 +197,84 @@ def draw_over(
             if shown[v, u]:
                 for k in range(3):
                     picture[v, u, k] = colours[f, k]
+
+
+@njit(cache=True, nogil=True)
+def pictures_in(
+    surface: Any,
+    light: Any,
+    poses_co: Any,
+    pinhole: Any,
+    static_nearness: Any,
+    still: Any,
+    box: Any,
+    out: Any,
+) -> None:
+    """Pictures (K, H, W, 3) of a part in poses (K, 4, 4) over ``still``, within ``box`` alone.
+
+    ``box`` (4,) becomes the columns and rows in which the part may be seen in any of the poses;
+    ``out`` is written nowhere else. The other arguments are those of :func:`sweep_costs`.
+    """
+    points_o, faces, albedo = surface
+    height, width = static_nearness.shape
+    points_c = np.empty((len(poses_co), len(points_o), 3))
+    one = np.empty(4, dtype=np.int64)
+    box[0], box[1], box[2], box[3] = width, -1, height, -1
+    for k in range(len(poses_co)):
+        carried(points_o, poses_co[k], points_c[k])
+        box_of(points_c[k], pinhole, height, width, one)
+        box[0], box[1] = min(box[0], one[0]), max(box[1], one[1])
+        box[2], box[3] = min(box[2], one[2]), max(box[3], one[3])
+    nearness = np.zeros((height, width), dtype=np.float32)
+    face_ids = np.full((height, width), -1, dtype=np.int32)
+    drawn = np.ones(len(faces), dtype=np.bool_)
+    for k in range(len(poses_co)):
+        fill(points_c[k], faces, drawn, pinhole, nearness, face_ids)
+        colours = face_colours(points_c[k], faces, albedo, light)
+        for v in range(box[2], box[3] + 1):
+            for u in range(box[0], box[1] + 1):
+                f = face_ids[v, u]
+                shown = f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]
+                for c in range(3):
+                    out[k, v, u, c] = colours[f, c] if shown else still[v, u, c]
+                nearness[v, u] = 0.0
+                face_ids[v, u] = -1
+
+
+@njit(cache=True, nogil=True)
+def equations(pictures: Any, box: Any, frame: Any, soft: float, small: Any, force: Any) -> None:
+    """Write the weighted normal equations of one frame, of pixels that a parameter changes.
+
+    Args:
+        pictures: As the parameters are, then with each a step up and a step down
+            (2 M + 1, H, W, 3).
+        box: Where they may differ (4,), as :func:`pictures_in` writes it.
+        frame: What is seen (H, W, 3).
+        soft: Differences above this count less and less, above four times this a quarter of that.
+        small: Becomes the matrix (M, M).
+        force: Becomes the right side (M,).
+    """
+    m = len(force)
+    small[:], force[:] = 0.0, 0.0
+    column = np.empty(m)
+    for v in range(box[2], box[3] + 1):
+        for u in range(box[0], box[1] + 1):
+            for c in range(3):
+                most = 0.0
+                for j in range(m):
+                    up, down = pictures[2 * j + 1, v, u, c], pictures[2 * j + 2, v, u, c]
+                    column[j] = 0.5 * (up - down)
+                    most = max(most, abs(column[j]))
+                if most <= LEAST_CHANGE:
+                    continue
+                off = frame[v, u, c] - pictures[0, v, u, c]
+                weight = 1.0 / max(abs(off), soft)
+                if abs(off) > 4.0 * soft:
+                    weight *= 0.25
+                for i in range(m):
+                    force[i] += column[i] * weight * off
+                    for j in range(m):
+                        small[i, j] += column[i] * weight * column[j]
 
 
 @njit(cache=True, nogil=True)

@@ -10,6 +10,8 @@ from articulate.actors.geometric.sweep import (
     REST,
     best_path,
     draw_over,
+    equations,
+    pictures_in,
     sweep_costs,
 )
 from articulate.transforms import axis_angle_to_matrix, pose
@@ -29,7 +31,7 @@ def poses(n):
 
 def setting(n):
     rng = np.random.default_rng(0)
-    frames = rng.uniform(0, 255, (*SIZE, n, 3)).astype(np.float32)
+    frames = rng.uniform(0, 255, (*SIZE, 3, n)).astype(np.float32)
     base = rng.uniform(0, 50, (*SIZE, n)).astype(np.float32)
     behind = np.full(SIZE, 0.2, dtype=np.float32)
     behind[:, 18:] = 1.0  # something nearer hides the right
@@ -45,7 +47,7 @@ def test_costs_are_those_of_drawn_pictures():
         draw_over(SURFACE, LIGHT, T[q], PINHOLE, behind, picture, shown)
         assert shown.any()
         assert not shown[:, 18:].any()
-        off = np.minimum(np.abs(frames[:, :, t] - picture).sum(axis=-1), 90.0)
+        off = np.minimum(np.abs(frames[..., t] - picture).sum(axis=-1), 90.0)
         assert out[q, t] == pytest.approx(float((off - base[:, :, t])[shown].sum()), rel=1e-3)
 
 
@@ -105,3 +107,38 @@ def test_what_is_hidden_goes_on_as_before():
 
 def test_what_shows_nothing_rests():
     assert np.ptp(best_path(np.ones((6, 9)), 1.0, 3, True)) == 0
+
+
+def test_pictures_within_their_box_are_those_drawn_one_by_one():
+    _, _, behind = setting(1)
+    still = np.random.default_rng(1).uniform(0, 255, (*SIZE, 3)).astype(np.float32)
+    out, box = np.full((3, *SIZE, 3), np.nan, np.float32), np.empty(4, np.int64)
+    pictures_in(SURFACE, LIGHT, poses(3), PINHOLE, behind, still, box, out)
+    left, right, top, bottom = box
+    inside = np.s_[top : bottom + 1, left : right + 1]
+    for k in range(3):
+        whole, shown = still.copy(), np.zeros(SIZE, bool)
+        draw_over(SURFACE, LIGHT, poses(3)[k], PINHOLE, behind, whole, shown)
+        assert np.array_equal(out[k][inside], whole[inside])
+        rest = ~np.isnan(out[k]).any(axis=-1)
+        rest[inside] = False
+        assert not rest.any()
+        shown[inside] = False
+        assert not shown.any()
+
+
+def test_equations_are_those_of_weighted_columns():
+    """The same by matrices: columns of what each step changes, weighted by how far it is off."""
+    rng, soft = np.random.default_rng(2), 24.0
+    pictures = rng.uniform(0, 255, (5, 4, 6, 3)).astype(np.float32)
+    pictures[:, 2] = 7.0  # nothing changes there
+    frame = rng.uniform(0, 255, (4, 6, 3)).astype(np.float32)
+    small, force = np.empty((2, 2)), np.empty(2)
+    equations(pictures, np.array([1, 5, 0, 3]), frame, soft, small, force)
+    seen = pictures[:, :, 1:].reshape(5, -1).astype(float)
+    columns = 0.5 * np.stack([seen[1] - seen[2], seen[3] - seen[4]])
+    off = frame[:, 1:].reshape(-1) - seen[0]
+    weight = 1.0 / np.maximum(np.abs(off), soft)
+    weight[np.abs(off) > 4.0 * soft] *= 0.25
+    assert small == pytest.approx((columns * weight) @ columns.T, rel=1e-5)
+    assert force == pytest.approx((columns * weight) @ off, rel=1e-5)
