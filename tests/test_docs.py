@@ -36,7 +36,7 @@ from articulate_envs.settings import RewardConfig, StartConfig
 from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.commands.export import ExportFlags
 from articulate_train.commands.train import TrainFlags
-from articulate_train.config import FineConfig
+from articulate_train.config import FineConfig, ShowConfig
 from articulate_train.report import Report
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -205,6 +205,7 @@ def test_every_block_names_its_language(page):
         ("setting", FineConfig, 1),
         ("setting", DrawConfig, 2),
         ("setting", StartConfig, 3),
+        ("setting", ShowConfig, 4),
         ("weight", RewardConfig, 0),
         ("limit", Limits, 0),
     ],

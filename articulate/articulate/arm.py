@@ -20,6 +20,10 @@ from articulate.transforms import Array
 Seven = tuple[float, float, float, float, float, float, float]
 
 
+PAD_M = 0.008
+"""How far the pads of the fingers reach to either side of the tool along the approach [m]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hand:
     """A two-finger hand that takes its time (Franka Hand)."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from articulate.arm import PAD_M
 from articulate.asset import Asset, Handle, Joint, joint_motion
 from articulate.transforms import Array, axis_angle_to_matrix, pose
 
@@ -45,7 +46,8 @@ def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
     """``asset`` with the handle of ``joint`` turned by ``tilt_rad`` about its long axis.
 
     Fingers hold a bar as well from a little above or from the side. Where the part turns, a hand
-    that begins turned the other way can follow farther.
+    that begins turned the other way can follow farther. What is then between them is as thick as
+    what of the handle the pads reach, which are short.
     """
     if tilt_rad == 0.0:
         return asset
@@ -55,10 +57,11 @@ def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
         turn = axis_angle_to_matrix(np.asarray(handle.along_l), tilt_rad)
         x, y, z = turn @ np.asarray(handle.normal_l)
         long, thick, deep = handle.extent
+        between = min(deep, 2.0 * PAD_M)
         return replace(
             handle,
             normal_l=(float(x), float(y), float(z)),
-            extent=(long, c * thick + s * deep, s * thick + c * deep),
+            extent=(long, c * thick + s * between, s * thick + c * deep),
         )
 
     handles = (turned(h) if h.joint == joint else h for h in asset.handles)

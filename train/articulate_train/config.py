@@ -85,6 +85,43 @@ class PpoConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShowConfig:
+    """How training begins: the policy is shown what a hand would do that sees everything as it is.
+
+    For the first ticks, which count as all others do, it learns to say what the guide
+    (:mod:`articulate_envs.guide`) would say where it is itself (DAgger; Ross, Gordon and Bagnell,
+    2011), from what it sees. What there is to gain beyond that, PPO finds.
+    """
+
+    until: float = 0.1
+    """Share of the training that is so; 0 shows nothing."""
+    lead_until: float = 0.6
+    """Share of that in which the guide acts in some environments: in all at first, linearly fewer
+    to here."""
+    epochs: int = 8
+    """Passes over what was seen since the last update."""
+    learning_rate: float = 1e-3
+    """Learning rate of them."""
+
+    def __post_init__(self) -> None:
+        for name in ("until", "lead_until"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ConfigError(f"show.{name} is {value}; it must be in [0, 1]")
+        check_least(1, {"show.epochs": self.epochs})
+
+    def shows(self, progress: float) -> bool:
+        """Whether the policy is still shown when ``progress`` in [0, 1] of the training is done."""
+        return progress < self.until
+
+    def leads(self, progress: float) -> float:
+        """Share of the environments in which the guide acts then."""
+        if not self.shows(progress) or self.lead_until == 0.0:
+            return 0.0
+        return max(1.0 - progress / (self.until * self.lead_until), 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class FineConfig:
     """How much finer a hand that holds nothing moves near the handle."""
 
@@ -178,6 +215,7 @@ class TrainConfig:
     """Decides the draws of the evaluation; they are none of training's."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Algorithm."""
+    show: ShowConfig = field(default_factory=ShowConfig)
     fine: FineConfig = field(default_factory=FineConfig)
     """Finer motions near the handle."""
     draw: DrawConfig = field(default_factory=DrawConfig)

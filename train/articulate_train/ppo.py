@@ -22,10 +22,12 @@ from articulate.errors import DivergedError
 from articulate.files import whole_file
 from articulate.observe import OBSERVATION
 from articulate_envs.episodes import Episodes
+from articulate_envs.guide import guide_of
 from articulate_envs.scene import Scene
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
 from articulate_train.policy import CHECKPOINT
+from articulate_train.shown import imitate
 from articulate_train.vecenv import EpisodesVecEnv
 
 
@@ -45,6 +47,7 @@ class Learner:
             seed=np.random.SeedSequence([seed, TRAINING]),
         )
         self.envs = EpisodesVecEnv(self.episodes, config.fine)
+        self._guide = guide_of(scene)
         self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
         self.model = make_ppo(self.normalise, ppo, seed)
 
@@ -63,6 +66,7 @@ class Learner:
         while model.num_timesteps < total:
             self.episodes.progress = model.num_timesteps / total
             self.envs.fine = self.config.fine.at(self.episodes.progress)
+            self._show()
             with torch.no_grad():
                 bound = self.config.ppo.log_std_bound(self.episodes.progress)
                 model.policy.log_std.clamp_(max=bound)
@@ -71,7 +75,7 @@ class Learner:
                     self.normalise, callback, model.rollout_buffer, n_rollout_steps=model.n_steps
                 )
                 model._update_current_progress_remaining(model.num_timesteps, total)
-                model.train()
+                self._update()
             except ValueError:  # torch refuses distributions whose mean is not finite
                 if self.is_finite():
                     raise
@@ -79,6 +83,21 @@ class Learner:
                 raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
             if not on_update(self):
                 return
+
+    def _show(self) -> None:
+        """Let the guide show, and act where it still leads, if it does so now."""
+        show, progress = self.config.show, self.episodes.progress
+        shows = show.shows(progress)
+        self.envs.guide = self._guide if shows else None
+        self.envs.led = round(show.leads(progress) * self.config.ppo.n_envs)
+        self.envs.shown.clear()
+
+    def _update(self) -> None:
+        """Learn from the roll-out: from what was shown, if it was, else what PPO does."""
+        if self.envs.guide is None:
+            self.model.train()
+        else:
+            imitate(self.model, np.stack(self.envs.shown), self.config.show)
 
     def is_finite(self) -> bool:
         """Whether all weights and the normalisation are numbers."""

@@ -16,8 +16,10 @@ from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
+from articulate_envs.guide import Guide
 from articulate_train.config import FineConfig
 from articulate_train.fine import MOTIONS, shares
+from articulate_train.shown import said
 
 Singles = NDArray[np.float32]
 FINISHED = ("code", "opened", "from_home", "terms")
@@ -51,6 +53,12 @@ class EpisodesVecEnv(VecEnv):
         """How much finer motions are; training moves it."""
         self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
+        self.guide: Guide | None = None
+        """Who shows what to do; None shows nothing."""
+        self.led = 0
+        """In so many environments the guide acts, and not the policy."""
+        self.shown: list[Array] = []
+        """What it would have said at each tick since the list was last cleared (N, 8)."""
         self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
         self._seen: Singles = np.zeros((episodes.engine.n_envs, OBSERVATION.size), np.float32)
         self._stagger = True
@@ -76,9 +84,12 @@ class EpisodesVecEnv(VecEnv):
 
     def step_async(self, actions: Array) -> None:
         """Keep the actions (N, 8), made finer by the last observation."""
-        said = np.clip(actions, -1.0, 1.0)
-        motions = said[:, :MOTIONS] * shares(self.fine, self._seen)
-        self._action = np.concatenate([motions, said[:, MOTIONS:]], axis=1)
+        words, left = np.clip(actions, -1.0, 1.0), shares(self.fine, self._seen)
+        if self.guide is not None:
+            asked = self.guide.act(self.episodes.state, self.episodes.drawn)
+            self.shown.append(said(asked, left))
+            words[: self.led] = self.shown[-1][: self.led]
+        self._action = np.concatenate([words[:, :MOTIONS] * left, words[:, MOTIONS:]], axis=1)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
         """Run one tick."""

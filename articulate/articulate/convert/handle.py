@@ -17,6 +17,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from articulate.arm import PAD_M
 from articulate.convert.rays import Surface
 from articulate.transforms import Array, normalised
 
@@ -43,8 +44,6 @@ LATERAL_M = 0.045
 """So far from the middle of what is held the room for open fingers is looked at [m]."""
 TOUCH_M = 0.001
 """Outlines of pieces that come as near as this to each other are of one thing [m]."""
-PAD_M = 0.008
-"""How far the pads reach to either side of their middle along the approach [m]."""
 CELL_M = 0.004
 """Resolution of the map."""
 PALM_M = (0.10, 0.035, 0.040)

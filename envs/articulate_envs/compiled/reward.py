@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from articulate.arm import PAD_M
 from articulate.judgement import COLUMN
 from articulate.task import Task
 from articulate.transforms import Array
@@ -20,8 +21,6 @@ from articulate_envs.compiled.judge import rests
 from articulate_envs.engine import State
 from articulate_envs.settings import RewardConfig
 
-PAD_M = 0.008
-"""How far the pads reach to either side of the tool along the approach [m]."""
 HELD_SHARE = 0.6
 """Fingers at the handle that are at least this share of its thickness apart have it between them,
 or are still open; closer ones have closed on nothing."""

@@ -1,0 +1,157 @@
+"""Guide: what a hand would do that sees everything as it is.
+
+It goes before the handle, ahead onto it, closes, waits until the fingers hold, leads the part along
+its way and stays at the target. It looks at nothing but the state of the tick, so that it can be
+asked anywhere, and holds for every task, as tasks are data. Training begins with what it shows
+(:mod:`articulate_train.shown`); nothing of it is in a policy that is deployed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.draw import Draw
+from articulate.kinematics import relative, small_twist
+from articulate.observe import ACTION
+from articulate.placing import HandleWay, way_of
+from articulate.transforms import Array, Mask, pose, rotation_angle
+from articulate_envs.compiled.reward import HELD_SHARE
+from articulate_envs.engine import State
+from articulate_envs.rewards import Grasp, grasp_of
+from articulate_envs.scene import Scene
+
+STRAIGHT_M, STRAIGHT_RAD = 0.004, 0.15
+"""A hand so little beside the way to the handle, and turned so little otherwise, goes ahead."""
+BACK = 2.5, 0.15
+"""How far before the handle it waits else, for each metre beside the way and each radian [1, m]."""
+MOST_BACK_M = 0.08
+"""The farthest that is [m]."""
+AT_M = (0.014, 0.008, 0.015)
+"""How far from where it wants to be a hand may be told to close, once all that was said has been
+done: along the handle, across, ahead [m]."""
+SOON_M = (0.02, 0.015, 0.04)
+"""The same of the hand as it is: it acts later."""
+AT_RAD = 0.2
+"""The same of its turn [rad]."""
+LOST_M = 0.03
+"""A hand told to close that is farther away than this opens again [m]."""
+GAIN = 1.0
+"""Share of an error that one tick takes away."""
+SLOW = 0.6
+"""Largest motion near the handle, as a share of the largest."""
+HELD_M = 0.012
+"""Fingers that are at most this wider apart than what they hold have it between them [m]."""
+LEAD_M = 0.12
+"""How far the hand leads a part that it moves [m]."""
+BRAKE = 0.5
+"""Near the target it leads by this share of the way that is left."""
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Knows a scene; :meth:`act` says what to do in it."""
+
+    scene: Scene
+    way: HandleWay
+    grasp: Grasp
+    aim: float
+    """Fraction open to which the part is led."""
+
+    def act(self, state: State, drawn: Draw) -> Array:
+        """Actions (N, 8) for environments in ``state``, under what was ``drawn``."""
+        follow = self.scene.follow
+        unit = np.repeat([follow.move_m, follow.turn_rad], 3)
+        T_ht = relative(state.T_wh, state.T_wt)
+        T_wa = state.T_wt_target @ _small_pose(state.motions_due[:, :6] * unit)
+        T_ha = relative(state.T_wh, T_wa)
+        held, empty = self._held(state, drawn, T_ht)
+        near, at = self._at_handle(T_ht, T_ha)
+        goal = self._before(T_ht, T_ha, retreat=empty)
+        T_goal = np.where(held[:, None, None], self._ahead(state, drawn, T_ht), state.T_wh @ goal)
+        twist = small_twist(relative(T_wa, T_goal)) / unit
+        told = state.hand.wish > 0.0
+        most = np.where(near & ~held, SLOW, 1.0)
+        motion = GAIN * twist
+        for part in (slice(0, 3), slice(3, 6)):
+            size = np.abs(motion[:, part]).max(axis=1)
+            motion[:, part] *= (most / np.maximum(size, most))[:, None]
+        close = (held | at | (told & near)) & ~empty
+        out = np.zeros((len(motion), ACTION.size))
+        out[:, :6] = motion
+        out[:, ACTION.slice("hand").start] = np.where(close, 1.0, -1.0)
+        return out
+
+    def _held(self, state: State, drawn: Draw, T_ht: Array) -> tuple[Mask, Mask]:
+        """Whether closed fingers have the handle between them, and whether they have nothing."""
+        thick = self.grasp.thick_m * drawn["scale"]
+        closing, width = state.hand.closing > 0.0, state.hand_width
+        between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + 0.01
+        between &= np.abs(T_ht[:, 2, 3]) <= LOST_M
+        empty = closing & (width < HELD_SHARE * thick) | (closing & ~between & (width < 0.04))
+        held = closing & between & ~empty & (width <= thick + HELD_M)
+        return held, empty
+
+    def _at_handle(self, T_ht: Array, T_ha: Array) -> tuple[Mask, Mask]:
+        """Whether the hand is about at the handle, and whether it may close there."""
+        turned = rotation_angle(T_ht[:, :3, :3])
+        off = np.abs(np.stack([self._beside(T_ht), self._beside(T_ha)]))
+        near = (off[0] < LOST_M).all(axis=1) & (turned < 2.0 * AT_RAD)
+        at = (off[1] < AT_M).all(axis=1) & (off[0] < SOON_M).all(axis=1)
+        return near, at & (turned < AT_RAD)
+
+    def _beside(self, T: Array) -> Array:
+        """Places of tools in the handle's frame (N, 3), from the nearest point as good to hold."""
+        off = T[:, :3, 3].copy()
+        most = 0.8 * self.grasp.along_m
+        off[:, 0] -= np.clip(off[:, 0], -most, most)
+        return off
+
+    def _before(self, T_ht: Array, T_ha: Array, *, retreat: Mask) -> Array:
+        """Where an open hand goes, in the handle's frame (N, 4, 4)."""
+        off = self._beside(T_ha)
+        lateral = np.linalg.norm(off[:, :2], axis=1)
+        turned = rotation_angle(T_ha[:, :3, :3])
+        back = BACK[0] * np.maximum(lateral - STRAIGHT_M, 0.0)
+        back += BACK[1] * np.maximum(turned - STRAIGHT_RAD, 0.0)
+        back = np.clip(np.where(retreat, 0.05, back), 0.0, MOST_BACK_M)
+        most = 0.8 * self.grasp.along_m
+        along = np.clip(T_ha[:, 0, 3], -most, most)
+        return pose(np.stack([along, np.zeros_like(along), -back], axis=1))
+
+    def _ahead(self, state: State, drawn: Draw, T_ht: Array) -> Array:
+        """Where a hand goes that holds the handle (N, 4, 4): as it holds it, along the way."""
+        scale, T_wo = drawn["scale"], self.scene.T_wo(drawn)
+        here = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened)
+        step = 0.01 * np.sign(self.aim - state.opened)
+        there = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened + step)
+        travel = np.linalg.norm((there - here)[:, :3, 3], axis=1) / 0.01
+        left = self.aim - state.opened
+        lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + 0.004)
+        ahead = np.sign(left) * np.minimum(np.abs(left), lead / np.maximum(travel, 1e-6))
+        goal = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened + ahead)
+        return np.asarray(goal @ T_ht)
+
+
+def guide_of(scene: Scene) -> Guide:
+    """The guide of ``scene``."""
+    task = scene.task
+    way = way_of(scene.asset, task.joint, flip=scene.place.flip)
+    grasp = grasp_of(scene.asset.handle_of(task.joint))
+    if task.closes:
+        aim = 0.2 * task.target
+    else:
+        stop = task.target * 1.1 if task.stop is None else 0.5 * (task.target + task.stop)
+        aim = min(1.08 * task.target, stop)
+    return Guide(scene, way, grasp, aim)
+
+
+def _small_pose(twist: Array) -> Array:
+    """Poses (N, 4, 4) of small motions (N, 6) [m, rad]: turns to first order."""
+    out = np.tile(np.eye(4), (len(twist), 1, 1))
+    x, y, z = twist[:, 3], twist[:, 4], twist[:, 5]
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
+    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
+    out[:, :3, 3] = twist[:, :3]
+    return out
