@@ -28,6 +28,10 @@ BACK = 2.5, 0.15
 """How far before the handle it waits else, for each metre beside the way and each radian [1, m]."""
 MOST_BACK_M = 0.08
 """The farthest that is [m]."""
+RETREAT_M = 0.05
+"""How far before the handle a hand goes that has closed on nothing [m]."""
+ALONG = 0.8
+"""Share of what counts as a handle's middle at which the hand may hold it."""
 AT_M = (0.014, 0.008, 0.015)
 """How far from where it wants to be a hand may be told to close, once all that was said has been
 done: along the handle, across, ahead [m]."""
@@ -37,16 +41,21 @@ AT_RAD = 0.2
 """The same of its turn [rad]."""
 LOST_M = 0.03
 """A hand told to close that is farther away than this opens again [m]."""
-GAIN = 1.0
-"""Share of an error that one tick takes away."""
 SLOW = 0.6
 """Largest motion near the handle, as a share of the largest."""
 HELD_M = 0.012
 """Fingers that are at most this wider apart than what they hold have it between them [m]."""
+BESIDE_M = 0.01
+"""A handle whose side is at most so far beside the middle of the hand may be between them [m]."""
+SHUT_M = 0.04
+"""Fingers nearer to each other than this that have no handle between them have closed on nothing
+[m]."""
 LEAD_M = 0.12
 """How far the hand leads a part that it moves [m]."""
-BRAKE = 0.5
-"""Near the target it leads by this share of the way that is left."""
+BRAKE, LEAST_LEAD_M = 0.5, 0.004
+"""Near the target it leads by this share of the way that is left, and so much more [m]."""
+STEP = 0.01
+"""Fraction of the part's way from which it is told how far the handle goes."""
 
 
 @dataclass(frozen=True)
@@ -68,18 +77,17 @@ class Guide:
         T_ha = relative(state.T_wh, T_wa)
         held, empty = self._held(state, drawn, T_ht)
         near, at = self._at_handle(T_ht, T_ha)
-        goal = self._before(T_ht, T_ha, retreat=empty)
+        goal = self._before(T_ha, retreat=empty)
         T_goal = np.where(held[:, None, None], self._ahead(state, drawn, T_ht), state.T_wh @ goal)
         twist = small_twist(relative(T_wa, T_goal)) / unit
         told = state.hand.wish > 0.0
         most = np.where(near & ~held, SLOW, 1.0)
-        motion = GAIN * twist
         for part in (slice(0, 3), slice(3, 6)):
-            size = np.abs(motion[:, part]).max(axis=1)
-            motion[:, part] *= (most / np.maximum(size, most))[:, None]
+            size = np.abs(twist[:, part]).max(axis=1)
+            twist[:, part] *= (most / np.maximum(size, most))[:, None]
         close = (held | at | (told & near)) & ~empty
-        out = np.zeros((len(motion), ACTION.size))
-        out[:, :6] = motion
+        out = np.zeros((len(twist), ACTION.size))
+        out[:, :6] = twist
         out[:, ACTION.slice("hand").start] = np.where(close, 1.0, -1.0)
         return out
 
@@ -87,9 +95,9 @@ class Guide:
         """Whether closed fingers have the handle between them, and whether they have nothing."""
         thick = self.grasp.thick_m * drawn["scale"]
         closing, width = state.hand.closing > 0.0, state.hand_width
-        between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + 0.01
+        between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + BESIDE_M
         between &= np.abs(T_ht[:, 2, 3]) <= LOST_M
-        empty = closing & (width < HELD_SHARE * thick) | (closing & ~between & (width < 0.04))
+        empty = closing & (width < np.where(between, HELD_SHARE * thick, SHUT_M))
         held = closing & between & ~empty & (width <= thick + HELD_M)
         return held, empty
 
@@ -104,31 +112,31 @@ class Guide:
     def _beside(self, T: Array) -> Array:
         """Places of tools in the handle's frame (N, 3), from the nearest point as good to hold."""
         off = T[:, :3, 3].copy()
-        most = 0.8 * self.grasp.along_m
+        most = ALONG * self.grasp.along_m
         off[:, 0] -= np.clip(off[:, 0], -most, most)
         return off
 
-    def _before(self, T_ht: Array, T_ha: Array, *, retreat: Mask) -> Array:
+    def _before(self, T_ha: Array, *, retreat: Mask) -> Array:
         """Where an open hand goes, in the handle's frame (N, 4, 4)."""
         off = self._beside(T_ha)
         lateral = np.linalg.norm(off[:, :2], axis=1)
         turned = rotation_angle(T_ha[:, :3, :3])
         back = BACK[0] * np.maximum(lateral - STRAIGHT_M, 0.0)
         back += BACK[1] * np.maximum(turned - STRAIGHT_RAD, 0.0)
-        back = np.clip(np.where(retreat, 0.05, back), 0.0, MOST_BACK_M)
-        most = 0.8 * self.grasp.along_m
+        back = np.clip(np.where(retreat, RETREAT_M, back), 0.0, MOST_BACK_M)
+        most = ALONG * self.grasp.along_m
         along = np.clip(T_ha[:, 0, 3], -most, most)
         return pose(np.stack([along, np.zeros_like(along), -back], axis=1))
 
     def _ahead(self, state: State, drawn: Draw, T_ht: Array) -> Array:
         """Where a hand goes that holds the handle (N, 4, 4): as it holds it, along the way."""
         scale, T_wo = drawn["scale"], self.scene.T_wo(drawn)
-        here = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened)
-        step = 0.01 * np.sign(self.aim - state.opened)
-        there = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened + step)
-        travel = np.linalg.norm((there - here)[:, :3, 3], axis=1) / 0.01
         left = self.aim - state.opened
-        lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + 0.004)
+        there = self.way.in_world(
+            T_wo=T_wo, scale=scale, opened=state.opened + STEP * np.sign(left)
+        )
+        travel = np.linalg.norm((there - state.T_wh)[:, :3, 3], axis=1) / STEP
+        lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + LEAST_LEAD_M)
         ahead = np.sign(left) * np.minimum(np.abs(left), lead / np.maximum(travel, 1e-6))
         goal = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened + ahead)
         return np.asarray(goal @ T_ht)
