@@ -216,6 +216,7 @@ class TrainConfig:
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Algorithm."""
     show: ShowConfig = field(default_factory=ShowConfig)
+    """What training begins with."""
     fine: FineConfig = field(default_factory=FineConfig)
     """Finer motions near the handle."""
     draw: DrawConfig = field(default_factory=DrawConfig)
