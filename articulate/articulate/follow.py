@@ -8,9 +8,9 @@ of third order, three equal poles at ``-omega``, runs open loop towards it::
 
 It is discretised exactly for a held target, so that its values at common instants are the
 same at 1 ms and at the simulator's step. Its output is the set point of a joint impedance
-controller with target velocity 0. Because the target moves by at most ``step_rad`` per tick,
-speed, acceleration and jerk of the output are bounded for every sequence of targets
-(:func:`worst_case`).
+controller with target velocity 0. Because a target moves by at most so much per tick
+(:func:`joint_steps`), speed, acceleration and jerk of the output are bounded for every sequence
+of targets (:func:`worst_case`).
 """
 
 from __future__ import annotations
@@ -68,10 +68,20 @@ def follow(state: Array, target: Array, A: Array, B: Array) -> Array:
     return np.asarray(A[:, 0] * x + A[:, 1] * v + A[:, 2] * a + B * target[..., None])
 
 
+def joint_steps(config: FollowConfig, arm: Arm) -> Array:
+    """Largest change of each joint's target in one tick (7,) [rad].
+
+    ``step_rad`` is that of the joint that accelerates least. Others go further in proportion, as
+    acceleration is what binds: a wrist turns two and a half times as fast as the shoulder lifts.
+    """
+    allowed = np.asarray(arm.ddq_max)
+    return np.asarray(config.step_rad * allowed / allowed.min())
+
+
 def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> Array:
     """Largest speed, acceleration and jerk (3,) over every admissible sequence of targets.
 
-    The output is a sum of step responses, one per tick, each scaled by a change of at most
+    They are those of a joint whose steps are of ``step_rad``, and grow with the step. The output is a sum of step responses, one per tick, each scaled by a change of at most
     ``step_rad``; the worst sequence gives every term the same sign, so that the bound is the
     sum of absolute values, taken at the worst phase within the tick, just before and after
     each change.
@@ -96,20 +106,23 @@ def check_follow(config: FollowConfig, arm: Arm, episode_s: float = 10.0) -> Non
     tables = (arm.dq_max, arm.ddq_max, arm.dddq_max)
     units = ("rad/s", "rad/s^2", "rad/s^3")
     asked = worst_case(config, phases=100, ticks=math.ceil(episode_s * config.rate_hz))
-    for worst, table, unit in zip(asked, tables, units, strict=True):
-        if not worst <= float(np.min(table)):
+    shares = joint_steps(config, arm) / config.step_rad
+    for most, table, unit in zip(asked, tables, units, strict=True):
+        worst, allowed = most * shares, np.asarray(table)
+        joint = int(np.argmax(np.round(worst / allowed, 9)))
+        if not worst[joint] <= allowed[joint]:
             raise ConfigError(
-                f"follow: targets could ask for {worst:.4g} {unit} and the arm allows "
-                f"{float(np.min(table)):.4g}; lower follow.step_rad or follow.omega_rad_s"
+                f"follow: targets could ask for {worst[joint]:.4g} {unit} of joint {joint + 1} and "
+                f"the arm allows {allowed[joint]:.4g}; lower follow.step_rad or follow.omega_rad_s"
             )
 
 
 def joint_step(target: Array, motion: Array, config: FollowConfig, arm: Arm) -> Array:
-    """Change of the targets (N, 7) [rad] that a motion asks for, at most ``step_rad`` each.
+    """Change of the targets (N, 7) [rad] that a motion asks for, at most :func:`joint_steps`.
 
     The tool's motion is resolved at the target (not at the measured joints, so that it does not
     depend on forces), the elbow's is what leaves the tool where it is. Where a joint would have
-    to go further than ``step_rad`` the whole motion is scaled down, which keeps its direction.
+    to go further than its step the whole motion is scaled down, which keeps its direction.
 
     Args:
         target: Targets of this tick (N, 7) [rad].
@@ -123,15 +136,15 @@ def joint_step(target: Array, motion: Array, config: FollowConfig, arm: Arm) -> 
     jacobian = tool_jacobian_t(arm, target)
     step = resolve_motion(jacobian, unit * motion[:, :6])
     step += config.step_rad * motion[:, 6:] * self_motion(jacobian)
-    longest = np.max(np.abs(step), axis=1, keepdims=True)
-    return np.asarray(step * np.minimum(1.0, config.step_rad / np.maximum(longest, 1e-12)))
+    longest = np.max(np.abs(step) / joint_steps(config, arm), axis=1, keepdims=True)
+    return np.asarray(step / np.maximum(longest, 1.0))
 
 
 def next_target(target: Array, motion: Array, q: Array, config: FollowConfig, arm: Arm) -> Array:
     """Targets (N, 7) of the next tick [rad].
 
     The motion's joint step is added, the lead over the measured joint and the joint limits are
-    clipped, and last the change itself, so that it never exceeds ``step_rad`` whatever the
+    clipped, and last the change itself, so that it never exceeds a joint's step whatever the
     joints do.
 
     Args:
@@ -145,7 +158,8 @@ def next_target(target: Array, motion: Array, q: Array, config: FollowConfig, ar
     wish = target + joint_step(target, motion, config, arm)
     wish = np.clip(wish, q - config.lead_rad, q + config.lead_rad)
     wish = np.clip(wish, low, high)
-    return target + np.clip(wish - target, -config.step_rad, config.step_rad)
+    most = joint_steps(config, arm)
+    return target + np.clip(wish - target, -most, most)
 
 
 def follow_start(q: Array) -> Array:

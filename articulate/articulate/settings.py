@@ -161,7 +161,8 @@ class FollowConfig:
     omega_rad_s: float = 22.0
     """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
     step_rad: float = 0.025
-    """Largest change of a joint's target in one tick [rad]; whole motions are scaled down to it."""
+    """Largest change in one tick of the target of the joint that accelerates least [rad]; others go
+    further in proportion to their acceleration, and whole motions are scaled down to it."""
     move_m: float = 0.008
     """Motion of the tool along an axis that an action of 1 asks for [m a tick]."""
     turn_rad: float = 0.02

@@ -6,6 +6,7 @@ import numpy as np
 
 from articulate.arm import Arm
 from articulate.errors import UsageError
+from articulate.follow import joint_steps
 from articulate.manifest import StartEntry
 from articulate.settings import FollowConfig
 from articulate.transforms import Array
@@ -28,7 +29,8 @@ def safe_target(wish: Array, last: Array, config: FollowConfig, arm: Arm) -> Arr
     low, high = arm.bounds(config.margin_rad)
     wish = np.where(np.isfinite(wish), wish, last)
     change = np.clip(wish, low, high) - last
-    return np.asarray(last + np.clip(change, -config.step_rad, config.step_rad))
+    most = joint_steps(config, arm)
+    return np.asarray(last + np.clip(change, -most, most))
 
 
 def was_clipped(wish: Array, sent: Array) -> bool:

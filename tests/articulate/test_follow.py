@@ -18,6 +18,7 @@ from articulate.follow import (
     hand_start,
     hand_tick,
     joint_step,
+    joint_steps,
     next_target,
     response,
     worst_case,
@@ -118,10 +119,18 @@ def test_no_sequence_of_targets_exceeds_the_worst_case_and_one_comes_near(config
 
 
 def test_default_follower_stays_within_the_arms_limits_whatever_is_asked():
-    speed, acceleration, jerk = worst_case(CONFIG)
-    assert speed < Limits().speed_share * min(PANDA.dq_max)
-    assert acceleration < min(PANDA.ddq_max)
-    assert jerk < min(PANDA.dddq_max)
+    shares = joint_steps(CONFIG, PANDA) / CONFIG.step_rad
+    speed, acceleration, jerk = worst_case(CONFIG)[:, None] * shares
+    assert np.all(speed < Limits().speed_share * np.array(PANDA.dq_max))
+    assert np.all(acceleration < PANDA.ddq_max)
+    assert np.all(jerk < PANDA.dddq_max)
+
+
+def test_joints_step_in_proportion_to_the_acceleration_they_are_allowed():
+    assert_allclose(
+        joint_steps(CONFIG, PANDA),
+        CONFIG.step_rad * np.array([2, 1, 4 / 3, 5 / 3, 2, 8 / 3, 8 / 3]),
+    )
 
 
 def joints(low=-3.0, high=3.0):
@@ -133,7 +142,7 @@ def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, mo
     low, high = PANDA.bounds(CONFIG.margin_rad)
     target = np.clip(target, low, high)
     new = next_target(target, motion, q, CONFIG, PANDA)
-    assert np.all(np.abs(new - target) <= CONFIG.step_rad + 1e-12)
+    assert np.all(np.abs(new - target) <= joint_steps(CONFIG, PANDA) + 1e-12)
     assert np.all((new >= low - 1e-12) & (new <= high + 1e-12))
 
 
@@ -185,7 +194,7 @@ def test_same_motion_asked_near_a_singular_pose_stays_small(motion, seed):
     q = np.clip(0.01 * rng.normal(size=(3, 7)), *PANDA.bounds(CONFIG.margin_rad))
     step = joint_step(q, motion, CONFIG, PANDA)
     assert np.isfinite(step).all()
-    assert np.all(np.abs(step) <= CONFIG.step_rad + 1e-12)
+    assert np.all(np.abs(step) <= joint_steps(CONFIG, PANDA) + 1e-12)
 
 
 def run_hand(commands, *, latency_s=0.0, hand=HAND, tick_s=TICK_S):

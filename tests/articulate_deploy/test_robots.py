@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from articulate.draw import COLUMNS, nominal_draw
 from articulate.errors import ConfigError, MissingError
+from articulate.follow import joint_steps
 from articulate_deploy.robots import ROBOTS, robot_named
 from articulate_deploy.robots.robot import (
     ACTION_FEATURES,
@@ -83,7 +84,8 @@ def test_an_arm_that_is_told_nothing_new_stays_where_it_is(robot, bundle):
 
 def test_what_was_really_sent_comes_back(robot, bundle):
     manifest = bundle.manifest
-    q, step = np.asarray(manifest.start.q), manifest.control.follow.step_rad
+    q = np.asarray(manifest.start.q)
+    step = joint_steps(manifest.control.follow, manifest.robot)
     sent = robot.send_action(action_of(q + 1.0, 0.05))
     assert_allclose(joints_of(sent), q + step, rtol=0, atol=1e-12)
     assert sent[HAND_KEY] == manifest.robot.hand.max_width_m

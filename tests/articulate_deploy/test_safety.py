@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from articulate.arm import PANDA
+from articulate.follow import joint_steps
 from articulate.settings import FollowConfig
 from articulate_deploy.safety import safe_target, was_clipped
 
@@ -19,13 +20,13 @@ def test_whatever_is_wished_is_a_number_within_limits_and_one_step(wish, share):
     assert np.all(np.isfinite(sent))
     assert np.all(sent >= LOW - 1e-12)
     assert np.all(sent <= HIGH + 1e-12)
-    assert np.all(np.abs(sent - last) <= CONFIG.step_rad + 1e-12)
+    assert np.all(np.abs(sent - last) <= joint_steps(CONFIG, PANDA) + 1e-12)
 
 
 @given(WITHIN)
 def test_what_is_safe_is_sent_as_it_is(share):
     last = np.asarray(PANDA.home)
-    wish = last + (2.0 * np.array(share) - 1.0) * CONFIG.step_rad
+    wish = last + (2.0 * np.array(share) - 1.0) * joint_steps(CONFIG, PANDA)
     sent = safe_target(wish, last, CONFIG, PANDA)
     assert not was_clipped(wish, sent)
 

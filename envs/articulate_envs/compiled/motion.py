@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from articulate.arm import Arm
+from articulate.follow import joint_steps
 from articulate.kinematics import DH, FLANGE_Z_M, HAND_TURN_RAD, QUARTERS
 from articulate.settings import FollowConfig
 from articulate.transforms import Array, Ints
@@ -37,7 +38,10 @@ class Chain(NamedTuple):
     """Tool beyond joint 7 [m]."""
     unit: Array
     """What actions of 1 ask for (6,) [m and rad]."""
-    step_rad: float
+    elbow_rad: float
+    """What an action of 1 asks of the elbow [rad]."""
+    steps: Array
+    """Largest changes of targets in a tick (7,) [rad]."""
     lead_rad: float
     low: Array
     """Smallest targets (7,) [rad]."""
@@ -55,7 +59,8 @@ def chain_of(arm: Arm, config: FollowConfig) -> Chain:
         turn=np.array([np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)]),
         tool_m=FLANGE_Z_M + arm.hand.tcp_z_m,
         unit=np.repeat([config.move_m, config.turn_rad], 3),
-        step_rad=config.step_rad,
+        elbow_rad=config.step_rad,
+        steps=joint_steps(config, arm),
         lead_rad=config.lead_rad,
         low=np.asarray(low, dtype=np.float64),
         high=np.asarray(high, dtype=np.float64),
@@ -210,17 +215,16 @@ def aim(target, motion, q, chain, room):  # type: ignore[no-untyped-def]
         for r in range(6):
             step[k] += jacobian[r, k] * right[r]
     length = _write_minors(jacobian, order, minors)
-    elbow = chain.step_rad * min(max(motion[6], -1.0), 1.0) / max(length, FADING)
-    longest = 1e-12
+    elbow = chain.elbow_rad * min(max(motion[6], -1.0), 1.0) / max(length, FADING)
+    longest = 1.0
     for k in range(7):
         step[k] += elbow * minors[k]
-        longest = max(longest, abs(step[k]))
-    share = min(1.0, chain.step_rad / longest)
+        longest = max(longest, abs(step[k]) / chain.steps[k])
     for k in range(7):
-        wish = target[k] + share * step[k]
+        wish = target[k] + step[k] / longest
         wish = min(max(wish, q[k] - chain.lead_rad), q[k] + chain.lead_rad)
         wish = min(max(wish, chain.low[k]), chain.high[k])
-        target[k] += min(max(wish - target[k], -chain.step_rad), chain.step_rad)
+        target[k] += min(max(wish - target[k], -chain.steps[k]), chain.steps[k])
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA
-from articulate.follow import next_target
+from articulate.follow import joint_steps, next_target
 from articulate.kinematics import tool_pose
 from articulate.settings import FollowConfig
 from articulate_envs.compiled.motion import aim, chain_of, room_of, write_tool
@@ -34,7 +34,8 @@ def test_targets_move_as_the_python_function_moves_them():
     target, q, motion = poses(0)
     want = next_target(target, motion, q, CONFIG, PANDA)
     assert_allclose(aimed(target, motion, q), want, rtol=0, atol=1e-12)
-    assert np.abs(want - target).max() == pytest.approx(CONFIG.step_rad)
+    share = np.abs(want - target) / joint_steps(CONFIG, PANDA)
+    assert share.max() == pytest.approx(1.0)
 
 
 def test_targets_move_alike_at_a_stretched_arm():
