@@ -81,10 +81,10 @@ def joint_steps(config: FollowConfig, arm: Arm) -> Array:
 def worst_case(config: FollowConfig, *, phases: int = 500, ticks: int = 60) -> Array:
     """Largest speed, acceleration and jerk (3,) over every admissible sequence of targets.
 
-    They are those of a joint whose steps are of ``step_rad``, and grow with the step. The output is a sum of step responses, one per tick, each scaled by a change of at most
-    ``step_rad``; the worst sequence gives every term the same sign, so that the bound is the
-    sum of absolute values, taken at the worst phase within the tick, just before and after
-    each change.
+    They are those of a joint whose steps are of ``step_rad``, and grow with the step. The output is
+    a sum of step responses, one per tick, each scaled by a change of at most ``step_rad``; the
+    worst sequence gives every term the same sign, so that the bound is the sum of absolute values,
+    taken at the worst phase within the tick, just before and after each change.
     """
     phase = np.linspace(0.0, config.tick_s, phases)[:, None]
     t = phase + config.tick_s * np.arange(ticks)
