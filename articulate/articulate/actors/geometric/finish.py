@@ -15,7 +15,6 @@ from articulate.actors.geometric.candidates import (
 )
 from articulate.actors.geometric.layers import CAP, Layers, draw
 from articulate.actors.geometric.look import (
-    COARSE_PX,
     FINE_FRAMES,
     FINE_PX,
     Look,
@@ -35,6 +34,7 @@ from articulate.actors.geometric.search import (
     without_jumps,
 )
 from articulate.actors.geometric.shot import Shot
+from articulate.actors.geometric.spin import marks_of, spin_of
 from articulate.transforms import Array
 
 EVEN_GAIN = 0.9
@@ -56,6 +56,11 @@ SHOWS = 0.006
 """Share of the largest cost of a part's pixels below which its motion hardly shows."""
 ENDLESS_RAD = 2.0 * np.pi + 0.5
 """What an endless turn is said to make in a clip in which nothing shows."""
+OFFSETS = 72
+"""Places at which a turn that is told by marks may begin."""
+STANDS_OUT, LEAST_STRENGTH, MARGIN_PX = 3.0, 0.2, 8
+"""A part changes more than others that changes this many times as much as the usual one, and by
+more than the second, 0 to 255; it is looked at with a margin [px]."""
 SNAP = 0.01
 """Share of the gain that an axis along one of the object's directions may cost."""
 TILT_GAIN = 0.03
@@ -196,6 +201,9 @@ def round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
     motion = round_axis(surface, axes_of(surface)) if share <= SHOWS_WELL else None
     if motion is None:
         return fit
+    told = by_its_marks(scene, fine, motion, fit.parts)
+    if told is not None:
+        return told
     if share <= SHOWS:
         return replace(fit, motion=motion, q=np.linspace(0.0, ENDLESS_RAD, len(fit.q)), gain=0.0)
     if fit.motion.kind == "slide":
@@ -205,8 +213,11 @@ def round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
     return turning if turning.gain >= AS_GOOD_ROUND * fit.gain else fit
 
 
-def spinning(scene: Scene, part: int) -> Fit | None:
-    """A turn of ``part`` about the axis about which it is round; None if it is about none."""
+def spinning(scene: Scene, part: int, *, marked: bool = False) -> Fit | None:
+    """A turn of ``part`` about the axis about which it is round.
+
+    None if it is about none, and if only ``marked`` turns are asked for and marks tell none.
+    """
     fine = scene.look(FINE_PX, FINE_FRAMES)
     surface = fine.surface.only([part])
     motion = round_axis(surface, axes_of(surface))
@@ -214,23 +225,68 @@ def spinning(scene: Scene, part: int) -> Fit | None:
         return None
     start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, (part,))
     fine = replace(fine, light=better_light(fine, start, fine.shot))
+    told = by_its_marks(scene, fine, motion, (part,))
+    if told is not None or marked:
+        return told
     return round_or_not(scene, fine, everywhere(scene, start, fine, spins=True))
 
 
+def by_its_marks(
+    scene: Scene, fine: Look, motion: Motion, parts: tuple[int, ...], offsets: int = OFFSETS
+) -> Fit | None:
+    """The even turn of a round part that the marks on it tell; None where they tell none clearly.
+
+    They tell how far, and the model of the object from where: of ``offsets`` the cheapest is taken.
+    """
+    marks = marks_of(_around(scene, fine, parts[0]), parts[0], motion)
+    spin = None if marks is None else spin_of(marks)
+    if spin is None or not spin.clear:
+        return None
+    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+    layers = look.layers(parts)
+    way = np.linspace(0.0, spin.end_rad, len(scene.clip))
+    starts = np.linspace(0.0, 2.0 * np.pi, offsets, endpoint=False)
+    costs = [float(layers.path_cost(motion.T_o(way + start)).sum()) for start in starts]
+    q = way + starts[int(np.argmin(costs))]
+    return with_gain(Fit(motion, q, min(costs), parts, even=True), layers)
+
+
 def roundest(scene: Scene) -> Fit | None:
-    """An endless turn of the smallest round part that is seen, where nothing shows in the clip."""
+    """An endless turn of the round part that changes most, where next to nothing shows in the clip.
+
+    The smallest that is seen where none changes more than others.
+    """
     height, width = scene.clip.shape[1:3]
-    look = replace(scene, box=(0, width, 0, height)).look(COARSE_PX * 2, 2)
+    scene = replace(scene, box=(0, width, 0, height))
+    look = scene.look(max(height, width), 2)
     seen = draw(look.surface, look.shot)
     visible = np.unique(look.surface.part_ids[seen.face_ids[seen.face_ids >= 0]])
-    found: list[tuple[float, int, Motion]] = []
+    found: list[tuple[float, float, int, Motion]] = []
     for part in visible:
         surface = look.surface.only([int(part)])
         motion = round_axis(surface, axes_of(surface))
         if motion is not None:
+            marks = marks_of(_around(scene, look, int(part)), int(part), motion)
             size = float(np.linalg.norm(np.ptp(surface.points_o, axis=0)))
-            found.append((size, int(part), motion))
+            found.append((0.0 if marks is None else marks.strength, size, int(part), motion))
     if not found:
         return None
-    _, part, motion = min(found, key=lambda item: item[0])
+    usual = float(np.median([strength for strength, *_ in found]))
+    marked = [one for one in found if one[0] > max(STANDS_OUT * usual, LEAST_STRENGTH)]
+    if marked:
+        _, _, part, motion = max(marked, key=lambda one: one[0])
+    else:
+        _, _, part, motion = min(found, key=lambda one: one[1])
     return Fit(motion, np.linspace(0.0, ENDLESS_RAD, len(scene.clip)), 0.0, (part,))
+
+
+def _around(scene: Scene, look: Look, part: int) -> Scene:
+    """``scene`` with the box around ``part`` at rest; ``look`` is one of it."""
+    left, right, top, bottom = scene.box
+    enlarged = look.shot.size[1] / (right - left)
+    spots = look.shot.project(look.surface.only([part]).points_o) / enlarged + (left, top)
+    low = np.floor(spots.min(axis=0)).astype(int) - MARGIN_PX
+    high = np.ceil(spots.max(axis=0)).astype(int) + MARGIN_PX
+    height, width = scene.clip.shape[1:3]
+    (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, (width, height))
+    return replace(scene, box=(int(left), int(right), int(top), int(bottom)))

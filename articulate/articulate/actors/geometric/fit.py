@@ -117,8 +117,7 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     ranked += hidden[:HIDDEN]
     if not ranked:
         return None
-    part = in_place(quick) if wish.part is None else None
-    spun = spinning(scene, part) if part in ranked else None
+    spun = _spun(scene, quick, ranked) if wish.part is None else None
     if spun is not None and wish.allows(spun):
         return spun
     reach = REACH * scene.size_m
@@ -148,6 +147,15 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     best = or_tilted(best, layers, fine)
     best = everywhere(scene, best, fine)
     return round_or_not(scene, fine, best)
+
+
+def _spun(scene: Scene, quick: Look, ranked: Sequence[int]) -> Fit | None:
+    """The turn of a part in its own picture, all over it, or in some of it if its marks tell so."""
+    part = in_place(quick)
+    if part is not None:
+        return spinning(scene, part) if part in ranked else None
+    part = in_place(quick, whole=False)
+    return spinning(scene, part, marked=True) if part is not None and part in ranked else None
 
 
 def _tightened(fit: Fit, layers: Layers) -> Fit:

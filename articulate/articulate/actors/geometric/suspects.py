@@ -10,8 +10,9 @@ from articulate.actors.geometric.layers import draw
 from articulate.actors.geometric.look import Look
 from articulate.transforms import Ints
 
-IN_PLACE = 0.8
-"""Share of what changes that lies within the picture of a part that turns about its own middle."""
+IN_PLACE, MOSTLY = 0.8, 0.6
+"""Share of what changes that lies within the picture of a part that turns about its own middle; and
+within that of one of which little is seen to change, as it hides in what holds it."""
 
 SPANS = 0.6
 """What changes is at least this share as wide and as high as that part."""
@@ -31,14 +32,21 @@ def rank_parts(look: Look) -> list[int]:
     return [part for _, part in sorted(scores, reverse=True)]
 
 
-def in_place(look: Look) -> int | None:
-    """The part in whose picture at 0 nearly all lies that changes: a wheel, a knob, a cap turns."""
+def in_place(look: Look, *, whole: bool = True) -> int | None:
+    """The part in whose picture at 0 nearly all lies that changes: a wheel, a knob, a cap turns.
+
+    Args:
+        look: The clip.
+        whole: What changes must reach over most of the part.
+    """
     ids = _seen_ids(look)
     total = max(1, int(look.change.sum()))
     for part in np.unique(ids[ids >= 0]):
         mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
         inside = mask & look.change
-        if float(inside.sum()) >= IN_PLACE * total and _spans(look, int(part), inside):
+        if float(inside.sum()) >= (IN_PLACE if whole else MOSTLY) * total and (
+            not whole or _spans(look, int(part), inside)
+        ):
             return int(part)
     return None
 
