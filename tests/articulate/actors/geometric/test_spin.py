@@ -1,0 +1,103 @@
+"""Round parts whose turning is told by the marks on them."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from articulate.actors.geometric.spin import WHOLE_RAD, Marks, spin_of
+from articulate.actors.geometric.video import video_actor
+from articulate.actors.protocol import Evidence
+from articulate.render.camera import front_camera
+from articulate.render.clip import film, poses_of_parts
+from articulate.render.parts import plain_part
+from articulate.render.scene import PartScene
+from articulate.transforms import axis_angle_to_matrix
+
+FRAMES, RINGS, AROUND = 40, 4, 90
+
+
+def marks_that_turn(end_rad, seed=0, noise=0.0):
+    """Four rings of a random texture that turns evenly by ``end_rad``, as fixed pixels see it."""
+    rng = np.random.default_rng(seed)
+    angle = np.tile(np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False), RINGS)
+    ring = np.repeat(np.arange(RINGS), AROUND)
+    texture = rng.uniform(0.0, 255.0, (RINGS, AROUND, 3))
+    back = np.linspace(0.0, end_rad, FRAMES)[:, None]
+    place = np.round((angle - back) / (2.0 * np.pi) * AROUND).astype(int) % AROUND
+    colours = texture[ring, place] + noise * rng.normal(size=(FRAMES, len(angle), 3))
+    return Marks(angle, ring, colours - colours.mean(axis=0))
+
+
+@settings(max_examples=10, deadline=None)
+@given(end_rad=st.floats(0.5, 5.9), sign=st.sampled_from([-1.0, 1.0]), seed=st.integers(0, 99))
+def test_marks_tell_how_far_and_which_way(end_rad, sign, seed):
+    spin = spin_of(marks_that_turn(sign * end_rad, seed, noise=20.0))
+    assert spin.clear
+    assert spin.end_rad == pytest.approx(sign * end_rad, abs=0.1)
+
+
+def test_a_whole_turn_and_more_has_no_ends():
+    spin = spin_of(marks_that_turn(2.0 * np.pi + 0.5))
+    assert spin.clear
+    assert spin.end_rad >= WHOLE_RAD
+
+
+def test_noise_is_not_clear_and_what_stands_still_turns_by_nothing():
+    marks = marks_that_turn(1.0)
+    rng = np.random.default_rng(1)
+    noise = rng.normal(size=marks.change.shape)
+    assert not spin_of(Marks(marks.angle, marks.ring, noise - noise.mean(axis=0))).clear
+    assert spin_of(Marks(marks.angle, marks.ring, np.zeros_like(noise))) is None
+
+
+def knob(name, y, radius, mark=None):
+    """A disc with its front towards +x; two of its 24 slices have the colour ``mark``."""
+    disc = trimesh.creation.cylinder(radius=radius, height=0.1, sections=24)
+    disc.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], [1, 0, 0]))
+    disc.apply_translation([0.15, y, 0.5])
+    part = plain_part(name, disc.vertices, disc.faces, (0.6, 0.5, 0.4))
+    arm = disc.triangles_center - [0.15, y, 0.5]
+    slices = np.floor(np.arctan2(arm[:, 2], arm[:, 1]) / (2.0 * np.pi) * 24.0) % 24
+    if mark is not None:
+        part.rgb[slices < 2.0] = mark
+    return part
+
+
+def said_of(end_rad, mark):
+    """The joint of a clip of the left, larger of two knobs, whose mark is not in its model."""
+    block = trimesh.creation.box(bounds=[(-0.5, -0.6, 0.0), (0.1, 0.6, 1.0)])
+    body = plain_part("body", block.vertices, block.faces, (0.4, 0.4, 0.5))
+    right = knob("right", 0.3, 0.12)
+    q = np.linspace(0.0, end_rad, FRAMES)
+    pivot = np.array([0.15, -0.3, 0.5])
+    T_o = np.tile(np.eye(4), (FRAMES, 1, 1))
+    for k, turn in enumerate(q):
+        T_o[k, :3, :3] = axis_angle_to_matrix(np.array([1.0, 0.0, 0.0]), turn)
+        T_o[k, :3, 3] = pivot - T_o[k, :3, :3] @ pivot
+    camera = front_camera(320, 240)
+    seen = PartScene((body, knob("left", -0.3, 0.16, mark), right))
+    clip = film(seen, camera, poses_of_parts(3, [1], T_o))
+    evidence = Evidence(
+        modality="video",
+        parts=(body, knob("left", -0.3, 0.16), right),
+        clip=clip.frames,
+        times_s=clip.times_s,
+        camera=camera,
+    )
+    (said,) = [j for j in video_actor().predict(evidence).joints if j.kind != "fixed"]
+    return said
+
+
+def test_a_knob_whose_mark_is_not_known_turns_as_far_as_the_mark_goes():
+    said = said_of(5.0, (0.1, 0.1, 0.1))
+    assert (said.part, said.kind) == ("left", "revolute")
+    assert said.upper - said.lower == pytest.approx(5.0, abs=0.15)
+    assert abs(said.axis_o[0]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_where_next_to_nothing_shows_the_part_that_changes_most_turns():
+    """Not the smallest, though nothing of it is enough to be looked at as a change."""
+    said = said_of(7.0, (0.61, 0.51, 0.41))
+    assert (said.part, said.kind) == ("left", "continuous")
