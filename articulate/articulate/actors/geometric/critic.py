@@ -28,6 +28,7 @@ from articulate.actors.geometric.look import (
 )
 from articulate.actors.geometric.pictures import rows_of
 from articulate.actors.geometric.refine import Freedom, model_picture, refine
+from articulate.actors.geometric.round import round_axis
 from articulate.actors.geometric.search import (
     FINE,
     Fit,
@@ -39,6 +40,8 @@ from articulate.actors.geometric.search import (
     position_unit,
     with_gain,
 )
+from articulate.actors.geometric.spin import WHOLE_RAD, clear_spin
+from articulate.actors.geometric.suspects import in_place
 from articulate.actors.geometric.sweep import Floats
 from articulate.actors.protocol import Evidence, Failure, PredictedJoint, Prediction, Verdict
 from articulate.transforms import Array, Ints, apply, inverse, normalised
@@ -70,6 +73,9 @@ CAPS: Mapping[Failure, float] = {
     "joint_limit": 4.0,
 }
 """Highest rating of each failure: the graver, the lower."""
+MARKED, OFF_MARKS_RAD = 7.0, 0.3
+"""Lowest rating of a turn that agrees with the marks on a round part, and by how much it may
+differ [rad]."""
 NOTHING_SHOWS = 3.0
 """Rating where the clip neither supports nor contradicts the joint."""
 
@@ -119,6 +125,9 @@ def _judged(
     witness = _heard(scene, look, layers, fit, tracks)
     failure, better = _failure(scene, look, layers, fit, joint)
     rating = _rating(witness)
+    marked = _marked(scene, look, joint, fit)
+    if marked is not None:
+        failure, rating = marked, max(rating, MARKED)
     if failure != "success":
         rating = min(rating, CAPS[failure])
     elif rating <= 5.0:
@@ -137,6 +146,30 @@ def _judged(
         figures={k: v for k, v in figures.items() if np.isfinite(v)},
         pictures={"clip above, prediction below": picture},
     )
+
+
+def _marked(scene: Scene, look: Look, joint: PredictedJoint, fit: Fit) -> Failure | None:
+    """What marks say of a round part in whose picture all changes lie; None where they say nothing.
+
+    Edges do not move there, and points are followed badly.
+    """
+    part = fit.parts[0]
+    if in_place(look, whole=False) != part:
+        return None
+    surface = look.surface.only([part])
+    motion = round_axis(surface, axes_of(surface))
+    spin = None if motion is None else clear_spin(scene, look, part, motion)
+    if motion is None or spin is None:
+        return None
+    if joint.kind == "prismatic":
+        return "joint_type"
+    if abs(float(motion.axis_o @ fit.motion.axis_o)) < np.cos(SAME_AXIS_RAD):
+        return "joint_axis"
+    whole = abs(spin.end_rad) >= WHOLE_RAD
+    if joint.lower is None or joint.upper is None:
+        return "success" if whole else "joint_limit"
+    off = float(joint.upper) - float(joint.lower) - abs(spin.end_rad)
+    return "joint_limit" if whole or abs(off) > OFF_MARKS_RAD else "success"
 
 
 def _moving(scene: Scene, joint: PredictedJoint, prediction: Prediction) -> tuple[int, ...]:

@@ -34,7 +34,7 @@ from articulate.actors.geometric.search import (
     without_jumps,
 )
 from articulate.actors.geometric.shot import Shot
-from articulate.actors.geometric.spin import marks_of, spin_of
+from articulate.actors.geometric.spin import around, clear_spin, marks_of
 from articulate.transforms import Array
 
 EVEN_GAIN = 0.9
@@ -58,9 +58,9 @@ ENDLESS_RAD = 2.0 * np.pi + 0.5
 """What an endless turn is said to make in a clip in which nothing shows."""
 OFFSETS = 72
 """Places at which a turn that is told by marks may begin."""
-STANDS_OUT, LEAST_STRENGTH, MARGIN_PX = 3.0, 0.2, 8
+STANDS_OUT, LEAST_STRENGTH = 3.0, 0.2
 """A part changes more than others that changes this many times as much as the usual one, and by
-more than the second, 0 to 255; it is looked at with a margin [px]."""
+more than the second, 0 to 255."""
 SNAP = 0.01
 """Share of the gain that an axis along one of the object's directions may cost."""
 TILT_GAIN = 0.03
@@ -238,9 +238,8 @@ def by_its_marks(
 
     They tell how far, and the model of the object from where: of ``offsets`` the cheapest is taken.
     """
-    marks = marks_of(_around(scene, fine, parts[0]), parts[0], motion)
-    spin = None if marks is None else spin_of(marks)
-    if spin is None or not spin.clear:
+    spin = clear_spin(scene, fine, parts[0], motion)
+    if spin is None:
         return None
     look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
     layers = look.layers(parts)
@@ -266,7 +265,7 @@ def roundest(scene: Scene) -> Fit | None:
         surface = look.surface.only([int(part)])
         motion = round_axis(surface, axes_of(surface))
         if motion is not None:
-            marks = marks_of(_around(scene, look, int(part)), int(part), motion)
+            marks = marks_of(around(scene, look, int(part)), int(part), motion)
             size = float(np.linalg.norm(np.ptp(surface.points_o, axis=0)))
             found.append((0.0 if marks is None else marks.strength, size, int(part), motion))
     if not found:
@@ -278,15 +277,3 @@ def roundest(scene: Scene) -> Fit | None:
     else:
         _, _, part, motion = min(found, key=lambda one: one[1])
     return Fit(motion, np.linspace(0.0, ENDLESS_RAD, len(scene.clip)), 0.0, (part,))
-
-
-def _around(scene: Scene, look: Look, part: int) -> Scene:
-    """``scene`` with the box around ``part`` at rest; ``look`` is one of it."""
-    left, right, top, bottom = scene.box
-    enlarged = look.shot.size[1] / (right - left)
-    spots = look.shot.project(look.surface.only([part]).points_o) / enlarged + (left, top)
-    low = np.floor(spots.min(axis=0)).astype(int) - MARGIN_PX
-    high = np.ceil(spots.max(axis=0)).astype(int) + MARGIN_PX
-    height, width = scene.clip.shape[1:3]
-    (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, (width, height))
-    return replace(scene, box=(int(left), int(right), int(top), int(bottom)))

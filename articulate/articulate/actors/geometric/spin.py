@@ -8,7 +8,7 @@ around the axis, turned back by the right motion, they fall on each other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ CLEAR = 0.15
 """The best turn has to explain this share more of what the usual one leaves unexplained."""
 AS_GOOD = 0.25
 """A whole turn and more is taken where it is worse by this share of that advantage at most."""
+MARGIN_PX = 8
+"""Margin around a part that is looked at [px]."""
 WHOLE_RAD = 2.0 * np.pi + 0.25
 """What turns farther has no ends."""
 
@@ -109,6 +111,20 @@ def spin_of(marks: Marks) -> Spin | None:
     return Spin(end, advantage >= CLEAR * (1.0 - usual))
 
 
+def clear_spin(scene: Scene, look: Look, part: int, motion: Motion) -> Spin | None:
+    """How far ``part`` turned about the axis of ``motion``; None where no marks tell clearly.
+
+    Args:
+        scene: The clip and the object.
+        look: One of it.
+        part: What turns.
+        motion: About which axis it is round.
+    """
+    marks = marks_of(around(scene, look, part), part, motion)
+    spin = None if marks is None else spin_of(marks)
+    return spin if spin is not None and spin.clear else None
+
+
 def _refined(marks: Marks, end_rad: float) -> float:
     near = end_rad + np.arange(-STEP_RAD, STEP_RAD + FINE_RAD / 2.0, FINE_RAD)
     return float(max(near, key=lambda end: marks.explained(float(end))))
@@ -126,3 +142,15 @@ def _seen(look: Look, part: int) -> tuple[NDArray[np.bool_], Array]:
     points_c = np.column_stack([rays * depth[:, None], depth])
     R, t = look.shot.T_co[:3, :3], look.shot.T_co[:3, 3]
     return mask, (points_c - t) @ R
+
+
+def around(scene: Scene, look: Look, part: int) -> Scene:
+    """``scene`` with the box around ``part`` at rest; ``look`` is one of it."""
+    left, right, top, bottom = scene.box
+    enlarged = look.shot.size[1] / (right - left)
+    spots = look.shot.project(look.surface.only([part]).points_o) / enlarged + (left, top)
+    low = np.floor(spots.min(axis=0)).astype(int) - MARGIN_PX
+    high = np.ceil(spots.max(axis=0)).astype(int) + MARGIN_PX
+    height, width = scene.clip.shape[1:3]
+    (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, (width, height))
+    return replace(scene, box=(int(left), int(right), int(top), int(bottom)))
