@@ -13,6 +13,8 @@ from articulate.transforms import Ints
 IN_PLACE, MOSTLY = 0.8, 0.6
 """Share of what changes that lies within the picture of a part that turns about its own middle; and
 within that of one of which little is seen to change, as it hides in what holds it."""
+SMALL = 0.05
+"""Largest box of such a part, as a share of the object's."""
 
 SPANS = 0.6
 """What changes is at least this share as wide and as high as that part."""
@@ -37,7 +39,7 @@ def in_place(look: Look, *, whole: bool = True) -> int | None:
 
     Args:
         look: The clip.
-        whole: What changes must reach over most of the part.
+        whole: What changes must reach over most of the part; else the part must be small.
     """
     ids = _seen_ids(look)
     total = max(1, int(look.change.sum()))
@@ -45,7 +47,7 @@ def in_place(look: Look, *, whole: bool = True) -> int | None:
         mask = cv2.dilate((ids == part).astype(np.uint8), np.ones((3, 3))).astype(np.bool_)
         inside = mask & look.change
         if float(inside.sum()) >= (IN_PLACE if whole else MOSTLY) * total and (
-            not whole or _spans(look, int(part), inside)
+            _spans(look, int(part), inside) if whole else _is_small(look, int(part))
         ):
             return int(part)
     return None
@@ -57,6 +59,12 @@ def _spans(look: Look, part: int, inside: NDArray[np.bool_]) -> bool:
     rows, columns = np.nonzero(inside)
     changed = np.array([np.ptp(columns), np.ptp(rows)]) + 1.0
     return bool((changed >= SPANS * np.ptp(spots, axis=0)).all())
+
+
+def _is_small(look: Look, part: int) -> bool:
+    """Whether ``part`` is small beside the object."""
+    own, all_ = (np.ptp(s.points_o, axis=0) for s in (look.surface.only([part]), look.surface))
+    return bool(np.prod(own) <= SMALL * np.prod(all_))
 
 
 def hidden_parts(look: Look) -> list[int]:
