@@ -40,7 +40,7 @@ from articulate.actors.geometric.search import (
     position_unit,
     with_gain,
 )
-from articulate.actors.geometric.spin import WHOLE_RAD, clear_spin
+from articulate.actors.geometric.spin import clear_spin
 from articulate.actors.geometric.suspects import in_place
 from articulate.actors.geometric.sweep import Floats
 from articulate.actors.protocol import Evidence, Failure, PredictedJoint, Prediction, Verdict
@@ -165,11 +165,12 @@ def _marked(scene: Scene, look: Look, joint: PredictedJoint, fit: Fit) -> Failur
         return "joint_type"
     if abs(float(motion.axis_o @ fit.motion.axis_o)) < np.cos(SAME_AXIS_RAD):
         return "joint_axis"
-    whole = abs(spin.end_rad) >= WHOLE_RAD
+    if not spin.sharp:
+        return "success"
     if joint.lower is None or joint.upper is None:
-        return "success" if whole else "joint_limit"
+        return "success" if spin.whole else "joint_limit"
     off = float(joint.upper) - float(joint.lower) - abs(spin.end_rad)
-    return "joint_limit" if whole or abs(off) > OFF_MARKS_RAD else "success"
+    return "joint_limit" if spin.whole or abs(off) > OFF_MARKS_RAD else "success"
 
 
 def _moving(scene: Scene, joint: PredictedJoint, prediction: Prediction) -> tuple[int, ...]:

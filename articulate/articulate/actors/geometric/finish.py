@@ -225,26 +225,34 @@ def spinning(scene: Scene, part: int, *, marked: bool = False) -> Fit | None:
         return None
     start = Fit(motion, np.zeros(len(fine.shot.frames)), 0.0, (part,))
     fine = replace(fine, light=better_light(fine, start, fine.shot))
-    told = by_its_marks(scene, fine, motion, (part,))
+    told = by_its_marks(scene, fine, motion, (part,), blurred=marked)
     if told is not None or marked:
         return told
     return round_or_not(scene, fine, everywhere(scene, start, fine, spins=True))
 
 
 def by_its_marks(
-    scene: Scene, fine: Look, motion: Motion, parts: tuple[int, ...], offsets: int = OFFSETS
+    scene: Scene, fine: Look, motion: Motion, parts: tuple[int, ...], *, blurred: bool = False
 ) -> Fit | None:
     """The even turn of a round part that the marks on it tell; None where they tell none clearly.
 
-    They tell how far, and the model of the object from where: of ``offsets`` the cheapest is taken.
+    They tell how far, and the model of the object from where: of some places the cheapest is taken.
+
+    Args:
+        scene: The clip and the object.
+        fine: One of its looks, whose light is used.
+        motion: The axis about which it is round.
+        parts: What turns, itself first.
+        blurred: Whether a turn of which marks do not tell how far is taken to be endless.
     """
     spin = clear_spin(scene, fine, parts[0], motion)
-    if spin is None:
+    if spin is None or not (spin.sharp or blurred):
         return None
+    end_rad = spin.end_rad if spin.sharp else float(np.copysign(ENDLESS_RAD, spin.end_rad))
     look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
     layers = look.layers(parts)
-    way = np.linspace(0.0, spin.end_rad, len(scene.clip))
-    starts = np.linspace(0.0, 2.0 * np.pi, offsets, endpoint=False)
+    way = np.linspace(0.0, end_rad, len(scene.clip))
+    starts = np.linspace(0.0, 2.0 * np.pi, OFFSETS, endpoint=False)
     costs = [float(layers.path_cost(motion.T_o(way + start)).sum()) for start in starts]
     q = way + starts[int(np.argmin(costs))]
     return with_gain(Fit(motion, q, min(costs), parts, even=True), layers)

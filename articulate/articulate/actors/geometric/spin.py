@@ -30,6 +30,10 @@ CLEAR = 0.15
 """The best turn has to explain this share more of what the usual one leaves unexplained."""
 AS_GOOD = 0.25
 """A whole turn and more is taken where it is worse by this share of that advantage at most."""
+BESIDE_RAD, SHARP, NEARLY_ALL = 0.6, 0.6, 0.8
+"""So far beside the best turn others may keep the second share of its advantage, if it does not
+explain the third of what changes: blurred marks, or a shape that is not quite round, tell that it
+turns and not how far."""
 MARGIN_PX = 8
 """Margin around a part that is looked at [px]."""
 WHOLE_RAD = 2.0 * np.pi + 0.25
@@ -73,6 +77,13 @@ class Spin:
     """How far it goes in the clip, positive about the axis."""
     clear: bool
     """Whether it explains them much better than other turns do."""
+    sharp: bool
+    """Whether it does so than turns that are little shorter or longer, or makes a whole turn."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether it goes round and farther."""
+        return abs(self.end_rad) >= WHOLE_RAD
 
 
 def marks_of(scene: Scene, part: int, motion: Motion) -> Marks | None:
@@ -108,7 +119,12 @@ def spin_of(marks: Marks) -> Spin | None:
     whole = np.abs(ends) >= WHOLE_RAD
     near = float(shares[whole].max()) >= usual + (1.0 - AS_GOOD) * advantage
     end = float(ends[whole][np.argmax(shares[whole])]) if near else best
-    return Spin(end, advantage >= CLEAR * (1.0 - usual))
+    beside = max(marks.explained(best - BESIDE_RAD), marks.explained(best + BESIDE_RAD))
+    return Spin(
+        end_rad=end,
+        clear=advantage >= CLEAR * (1.0 - usual),
+        sharp=near or beside <= usual + SHARP * advantage or usual + advantage >= NEARLY_ALL,
+    )
 
 
 def clear_spin(scene: Scene, look: Look, part: int, motion: Motion) -> Spin | None:

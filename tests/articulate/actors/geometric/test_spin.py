@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from articulate.actors.geometric.spin import WHOLE_RAD, Marks, spin_of
+from articulate.actors.geometric.spin import Marks, spin_of
 from articulate.actors.geometric.video import video_actor
 from articulate.actors.protocol import Evidence
 from articulate.render.camera import front_camera
@@ -35,13 +35,27 @@ def marks_that_turn(end_rad, seed=0, noise=0.0):
 def test_marks_tell_how_far_and_which_way(end_rad, sign, seed):
     spin = spin_of(marks_that_turn(sign * end_rad, seed, noise=20.0))
     assert spin.clear
+    assert spin.sharp
+    assert not spin.whole
     assert spin.end_rad == pytest.approx(sign * end_rad, abs=0.1)
 
 
 def test_a_whole_turn_and_more_has_no_ends():
     spin = spin_of(marks_that_turn(2.0 * np.pi + 0.5))
     assert spin.clear
-    assert spin.end_rad >= WHOLE_RAD
+    assert spin.whole
+
+
+def test_blurred_marks_tell_that_something_turns_and_not_how_far():
+    """A texture that changes once around, and noise: turns near the right one are as good."""
+    angle = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    turned = angle - np.linspace(0.0, 4.0, FRAMES)[:, None]
+    noise = 20.0 * np.random.default_rng(0).normal(size=(FRAMES, AROUND, 3))
+    colours = 60.0 * np.cos(turned)[..., None] + noise
+    marks = Marks(angle, np.zeros(AROUND, dtype=np.int64), colours - colours.mean(axis=0))
+    spin = spin_of(marks)
+    assert spin.clear
+    assert not spin.sharp
 
 
 def test_noise_is_not_clear_and_what_stands_still_turns_by_nothing():
