@@ -160,14 +160,14 @@ class FollowConfig:
     """Ticks of the policy per second [Hz]."""
     omega_rad_s: float = 22.0
     """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
-    step_rad: float = 0.025
+    step_rad: float = 0.028
     """Largest change in one tick of the target of the joint that accelerates least [rad]; others go
     further in proportion to their acceleration, and whole motions are scaled down to it."""
     move_m: float = 0.008
     """Motion of the tool along an axis that an action of 1 asks for [m a tick]."""
     turn_rad: float = 0.02
     """Turn of the tool about an axis that an action of 1 asks for [rad a tick]."""
-    lead_rad: float = 0.15
+    lead_rad: float = 0.2
     """Largest distance of a target from its measured joint [rad]."""
     margin_rad: float = 0.05
     """Distance that targets keep from the joint limits [rad]."""
