@@ -54,6 +54,9 @@ LEAD_M = 0.12
 """How far the hand leads a part that it moves [m]."""
 BRAKE, LEAST_LEAD_M = 0.5, 0.004
 """Near the target it leads by this share of the way that is left, and so much more [m]."""
+TOGETHER = 0.75
+"""A hand that leads a part and has farther to turn than to move is slowed down by this share of how
+much farther: what it holds would turn in its fingers else, and spread them."""
 STEP = 0.01
 """Fraction of the part's way from which it is told how far the handle goes."""
 
@@ -82,8 +85,10 @@ class Guide:
         twist = small_twist(relative(T_wa, T_goal)) / unit
         told = state.hand.wish > 0.0
         most = np.where(near & ~held, SLOW, 1.0)
+        whole = np.abs(twist).max(axis=1)
         for part in (slice(0, 3), slice(3, 6)):
-            size = np.abs(twist[:, part]).max(axis=1)
+            own = np.abs(twist[:, part]).max(axis=1)
+            size = np.where(held, np.maximum(own, TOGETHER * whole), own)
             twist[:, part] *= (most / np.maximum(size, most))[:, None]
         close = (held | at | (told & near)) & ~empty
         out = np.zeros((len(twist), ACTION.size))

@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from articulate.actors.geometric.spin import Marks, spin_of
+from articulate.actors.geometric.spin import Marks, Spin, spin_of
 from articulate.actors.geometric.video import video_actor
 from articulate.actors.protocol import Evidence
 from articulate.render.camera import front_camera
@@ -30,10 +30,16 @@ def marks_that_turn(end_rad, seed=0, noise=0.0):
     return Marks(angle, ring, colours - colours.mean(axis=0))
 
 
+def told(marks) -> Spin:
+    spin = spin_of(marks)
+    assert spin is not None
+    return spin
+
+
 @settings(max_examples=10, deadline=None)
 @given(end_rad=st.floats(0.5, 5.9), sign=st.sampled_from([-1.0, 1.0]), seed=st.integers(0, 99))
 def test_marks_tell_how_far_and_which_way(end_rad, sign, seed):
-    spin = spin_of(marks_that_turn(sign * end_rad, seed, noise=20.0))
+    spin = told(marks_that_turn(sign * end_rad, seed, noise=20.0))
     assert spin.clear
     assert spin.sharp
     assert not spin.whole
@@ -41,7 +47,7 @@ def test_marks_tell_how_far_and_which_way(end_rad, sign, seed):
 
 
 def test_a_whole_turn_and_more_has_no_ends():
-    spin = spin_of(marks_that_turn(2.0 * np.pi + 0.5))
+    spin = told(marks_that_turn(2.0 * np.pi + 0.5))
     assert spin.clear
     assert spin.whole
 
@@ -53,7 +59,7 @@ def test_blurred_marks_tell_that_something_turns_and_not_how_far():
     noise = 20.0 * np.random.default_rng(0).normal(size=(FRAMES, AROUND, 3))
     colours = 60.0 * np.cos(turned)[..., None] + noise
     marks = Marks(angle, np.zeros(AROUND, dtype=np.int64), colours - colours.mean(axis=0))
-    spin = spin_of(marks)
+    spin = told(marks)
     assert spin.clear
     assert not spin.sharp
 
@@ -62,7 +68,7 @@ def test_noise_is_not_clear_and_what_stands_still_turns_by_nothing():
     marks = marks_that_turn(1.0)
     rng = np.random.default_rng(1)
     noise = rng.normal(size=marks.change.shape)
-    assert not spin_of(Marks(marks.angle, marks.ring, noise - noise.mean(axis=0))).clear
+    assert not told(Marks(marks.angle, marks.ring, noise - noise.mean(axis=0))).clear
     assert spin_of(Marks(marks.angle, marks.ring, np.zeros_like(noise))) is None
 
 
