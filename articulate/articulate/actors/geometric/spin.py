@@ -37,7 +37,7 @@ turns and not how far."""
 MARGIN_PX = 8
 """Margin around a part that is looked at [px]."""
 WHOLE_RAD = 2.0 * np.pi + 0.25
-"""What turns farther has no ends."""
+"""Turns of this or more have no limits: many limited ones have nearly a full turn [rad]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,12 +16,11 @@ from articulate.actors.geometric.look import Scene, scene_of
 from articulate.actors.geometric.pictures import compared
 from articulate.actors.geometric.rest import rest_of
 from articulate.actors.geometric.search import Fit
+from articulate.actors.geometric.spin import WHOLE_RAD
 from articulate.actors.loop import MAX_TURNS, Loop
 from articulate.actors.protocol import Attempt, Evidence, PredictedJoint, Prediction, TraceStep
 from articulate.errors import UsageError
 
-FULL_TURN_RAD = 2.0 * np.pi + 0.25
-"""Turns of this or more have no limits: many limited ones have nearly a full turn."""
 UNSEEN = 0.1
 """Confidence where nothing shows in the clip."""
 
@@ -95,7 +94,7 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
     low, high = float(fit.q.min()), float(fit.q.max())
     kind = "prismatic" if fit.motion.kind == "slide" else "revolute"
     if kind == "revolute":
-        if high - low >= FULL_TURN_RAD:
+        if high - low >= WHOLE_RAD:
             kind = "continuous"
         else:
             whole = 2.0 * np.pi * round((low + high) / (4.0 * np.pi))
