@@ -165,9 +165,9 @@ class FollowConfig:
     further in proportion to their acceleration, and whole motions are scaled down to it."""
     move_m: float = 0.008
     """Motion of the tool along an axis that an action of 1 asks for [m a tick]."""
-    turn_rad: float = 0.02
+    turn_rad: float = 0.026
     """Turn of the tool about an axis that an action of 1 asks for [rad a tick]."""
-    lead_rad: float = 0.2
+    lead_rad: float = 0.4
     """Largest distance of a target from its measured joint [rad]."""
     margin_rad: float = 0.05
     """Distance that targets keep from the joint limits [rad]."""

@@ -7,6 +7,10 @@ who pulls by the clock pulls before the fingers have closed. So what a policy sa
 where the hand will be when it has done what was said before (``handle_aimed``), by what the
 fingers do, and by whether the part is where it should be, in training and in the network that is
 exported alike: no engine and no robot knows of it.
+
+Where the part is beyond its target there is something more: a target that is ahead is taken back
+(:func:`taken_back`). Motions add up, so that a hand which says a little without meaning it, at a
+drawer that is shut, would press with more each second.
 """
 
 from __future__ import annotations
@@ -24,11 +28,14 @@ from articulate.observe import (
 from articulate_train.config import FineConfig
 
 _HANDLE = OBSERVATION.slice("handle_aimed")
+_LEAD = OBSERVATION.slice("tool_lead")
 _BEYOND = OBSERVATION.slice("part_beyond")
 _COMMAND = OBSERVATION.slice("hand_command").start
 _WISH = slice(_COMMAND + 1, _COMMAND + 2)
 _WIDTH, _SPEED = OBSERVATION.slice("hand_width"), OBSERVATION.slice("hand_speed")
-MOTIONS = ACTION.slice("hand").start
+ELBOW = ACTION.slice("hand").start - 1
+"""Numbers of an action before this one move and turn the tool; this one moves the elbow."""
+MOTIONS = ELBOW + 1
 """So many numbers of an action are motions; the hand's command comes after them."""
 
 
@@ -46,6 +53,17 @@ def shares(fine: FineConfig, observation: Any) -> Any:
     change = abs(observation[:, _SPEED]) * SPEED_UNIT_M_S
     closed = shut * (1.0 - change / fine.rest_m_s).clip(0.0, 1.0)
     taken = (1.0 - told) * (1.0 - fine.share) + told * (1.0 - closed) * (1.0 - fine.closing)
-    first, last = fine.done_between
-    done = ((observation[:, _BEYOND] * BEYOND_UNIT - first) / (last - first)).clip(0.0, 1.0)
+    done = _between(observation, fine.done_between)
     return (1.0 - near * taken) * (1.0 - done * (1.0 - fine.done))
+
+
+def taken_back(fine: FineConfig, observation: Any) -> Any:
+    """Motions of the tool (N, 6) that are taken off again at observations (N, size), raw."""
+    return observation[:, _LEAD] * fine.release * _between(observation, fine.release_between)
+
+
+def _between(observation: Any, fractions: tuple[float, float]) -> Any:
+    """Where the part is between two fractions beyond its target (N, 1), within 0 and 1."""
+    first, last = fractions
+    beyond = observation[:, _BEYOND] * BEYOND_UNIT
+    return ((beyond - first) / (last - first)).clip(0.0, 1.0)

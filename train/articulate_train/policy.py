@@ -19,7 +19,7 @@ from articulate.files import sha256
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
 from articulate_train.config import FineConfig
-from articulate_train.fine import MOTIONS, shares
+from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
@@ -53,7 +53,9 @@ class Policy(nn.Module):
         seen = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
         said = torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
         motions = said[:, :MOTIONS] * shares(self.fine, observation)
-        return torch.cat([motions, said[:, MOTIONS:]], dim=1)
+        tool = motions[:, :ELBOW] - taken_back(self.fine, observation)
+        tool = torch.clamp(tool, -1.0, 1.0)
+        return torch.cat([tool, motions[:, ELBOW:], said[:, MOTIONS:]], dim=1)
 
     def act(self, observation: Array) -> Array:
         """Actions (N, 8) for observations (N, size) as arrays."""

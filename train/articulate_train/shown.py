@@ -11,21 +11,24 @@ from torch.nn import functional
 
 from articulate.transforms import Array
 from articulate_train.config import ShowConfig
-from articulate_train.fine import MOTIONS
+from articulate_train.fine import ELBOW, MOTIONS
 
 LEAST_SHARE = 0.3
 """What is left of a motion counts as at least this when the guide's is turned into what a policy
 says: a hand that waits is not to make up for millimetres with all it has."""
 
 
-def said(asked: Array, shares: Array) -> Array:
+def said(asked: Array, shares: Array, back: Array) -> Array:
     """What a policy has to say (N, 8) so that ``asked`` (N, 8) comes of it.
 
     Args:
         asked: What the arm and the hand are to do.
         shares: What is left of motions (N, 1); see :func:`articulate_train.fine.shares`.
+        back: What is taken off again (N, 6); see :func:`articulate_train.fine.taken_back`.
     """
-    motions = np.clip(asked[:, :MOTIONS] / np.maximum(shares, LEAST_SHARE), -1.0, 1.0)
+    motions = asked[:, :MOTIONS].copy()
+    motions[:, :ELBOW] += back
+    motions = np.clip(motions / np.maximum(shares, LEAST_SHARE), -1.0, 1.0)
     return np.concatenate([motions, asked[:, MOTIONS:]], axis=1)
 
 

@@ -18,7 +18,7 @@ from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
 from articulate_envs.guide import Guide
 from articulate_train.config import FineConfig
-from articulate_train.fine import MOTIONS, shares
+from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.shown import said
 
 Singles = NDArray[np.float32]
@@ -85,11 +85,14 @@ class EpisodesVecEnv(VecEnv):
     def step_async(self, actions: Array) -> None:
         """Keep the actions (N, 8), made finer by the last observation."""
         words, left = np.clip(actions, -1.0, 1.0), shares(self.fine, self._seen)
+        back = taken_back(self.fine, self._seen)
         if self.guide is not None:
             asked = self.guide.act(self.episodes.state, self.episodes.drawn)
-            self.shown.append(said(asked, left))
+            self.shown.append(said(asked, left, back))
             words[: self.led] = self.shown[-1][: self.led]
-        self._action = np.concatenate([words[:, :MOTIONS] * left, words[:, MOTIONS:]], axis=1)
+        motions = words[:, :MOTIONS] * left
+        motions[:, :ELBOW] = np.clip(motions[:, :ELBOW] - back, -1.0, 1.0)
+        self._action = np.concatenate([motions, words[:, MOTIONS:]], axis=1)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
         """Run one tick."""
