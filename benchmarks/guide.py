@@ -93,7 +93,9 @@ def main() -> int:
             )
         except UsageError as error:
             row = {"reason": str(error)}
-        rows.append({"task": task, "object": file, "follow": changed, "ranges": flags.ranges, **row})
+        rows.append(
+            {"task": task, "object": file, "follow": changed, "ranges": flags.ranges, **row}
+        )
         if not flags.json:
             print(json.dumps(rows[-1]), flush=True)
     if flags.json:

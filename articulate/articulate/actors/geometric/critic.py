@@ -35,6 +35,7 @@ from articulate.actors.geometric.search import (
     coarse_fit,
     even_path,
     free_path,
+    moves,
     on_one_scale,
     path_again,
     position_unit,
@@ -76,6 +77,9 @@ CAPS: Mapping[Failure, float] = {
 MARKED, OFF_MARKS_RAD = 7.0, 0.3
 """Lowest rating of a turn that agrees with the marks on a round part, and by how much it may
 differ [rad]."""
+DOUBTED = 1.5
+"""Lowest rating of a joint which edges and points do not bear out, but than which none explains the
+clip better: one of the wrong kind is worse."""
 NOTHING_SHOWS = 3.0
 """Rating where the clip neither supports nor contradicts the joint."""
 
@@ -131,6 +135,7 @@ def _judged(
     if failure != "success":
         rating = min(rating, CAPS[failure])
     elif rating <= 5.0:
+        rating = max(rating, DOUBTED) if moves(fit, layers) else rating
         failure = "joint_axis" if witness.edges > EDGES_BAD else "joint_type"
     figures = {
         "edges": witness.edges,
@@ -337,7 +342,8 @@ def _rivals(scene: Scene, look: Look, fit: Fit) -> dict[str, Fit]:
         else:
             group = "other_axis"
         tried = coarse_fit(motion, quick_layers, fit.parts, REACH * scene.size_m)
-        groups.setdefault(group, []).append(tried)
+        if moves(tried, quick_layers):
+            groups.setdefault(group, []).append(tried)
     best = {name: max(fits, key=lambda one: one.gain) for name, fits in groups.items()}
     return {name: _polished(one, quick.shot.indices, layers) for name, one in best.items()}
 

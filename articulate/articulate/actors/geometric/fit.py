@@ -40,6 +40,7 @@ from articulate.actors.geometric.search import (
     Fit,
     coarse_fit,
     coarse_fits,
+    moves,
     on_one_scale,
     path_again,
     position_unit,
@@ -63,8 +64,6 @@ KEPT = 8
 """Candidates that are refined coarsely."""
 FINAL = 3
 """Candidates that are refined finely."""
-LEAST_MOTION_PX = 2.0
-"""What moves less does not explain a clip in which something changes."""
 SAME_WISH = 0.97
 """Cosine of the angle between axes that count as the same when one is not wanted again."""
 REACH = 0.5
@@ -143,10 +142,25 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     layers = fine.layers(moving)
     fits = _spread(_distinct(fits, layers), FINAL)
     finals = [finished(fit, layers, coarse.shot, fine.shot) for fit in fits]
-    best = chosen(finals)
-    best = or_tilted(best, layers, fine)
-    best = everywhere(scene, best, fine)
-    return round_or_not(scene, fine, best)
+    told = [chosen(finals), *sorted(finals, key=lambda fit: -fit.worth)]
+    wholes = (_whole(scene, fine, layers, fit, wish) for fit in told)
+    whole = next((fit for fit in wholes if moves(fit, layers)), None)
+    # What the model gets wrong may make it cheapest to hide a part all the time.
+    return whole or _last(scene, quick, wish) or _whole(scene, fine, layers, told[0], wish)
+
+
+def _whole(scene: Scene, fine: Look, layers: Layers, fit: Fit, wish: Wish) -> Fit:
+    """``fit``, its axis sought near by, in every frame of the clip."""
+    whole = everywhere(scene, or_tilted(fit, layers, fine), fine)
+    rounded = round_or_not(scene, fine, whole)
+    return rounded if wish.allows(rounded) else whole
+
+
+def _last(scene: Scene, quick: Look, wish: Wish) -> Fit | None:
+    """A turn of the round part in whose picture all changes lie, whatever its marks tell."""
+    part = in_place(quick, whole=False) if wish.part is None else None
+    spun = None if part is None or part in wish.not_parts else spinning(scene, part)
+    return spun if spun is not None and wish.allows(spun) else None
 
 
 def _spun(scene: Scene, quick: Look, ranked: Sequence[int]) -> Fit | None:
@@ -228,9 +242,7 @@ def _moving(fits: Sequence[Fit], layers: Layers) -> list[Fit]:
 
     A wire that is a little off is farther from its picture than one that hides all the time.
     """
-    least = [LEAST_MOTION_PX * position_unit(fit.motion, layers) for fit in fits]
-    pairs = zip(fits, least, strict=True)
-    return [fit for fit, px in pairs if float(np.ptp(fit.q)) >= px] or list(fits)
+    return [fit for fit in fits if moves(fit, layers)] or list(fits)
 
 
 def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:

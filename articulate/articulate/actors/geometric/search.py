@@ -27,6 +27,8 @@ FINE = 0.3
 BEND, MOST_BEND = 5e-4, 2e-2
 """The same of a position that lies a pixel beside the middle of its neighbours, squared: what shows
 little follows the motion before and after. And the most that one costs: motions begin and end."""
+LEAST_MOTION_PX = 2.0
+"""What moves less does not explain a clip in which something changes."""
 NUDGE_PX = 0.8
 """Motion in the picture that is one unit of a position."""
 MOST_TURN = 1.2
@@ -245,6 +247,11 @@ def position_unit(motion: Motion, layers: Layers) -> float:
     arm = points - motion.pivot_o
     across = arm - np.outer(arm @ motion.axis_o, motion.axis_o)
     return pixel_m / (float(np.percentile(np.linalg.norm(across, axis=1), 90)) + 1e-9)
+
+
+def moves(fit: Fit, layers: Layers) -> bool:
+    """Whether something moves by more than a pixel or two."""
+    return float(np.ptp(fit.q)) >= LEAST_MOTION_PX * position_unit(fit.motion, layers)
 
 
 def bending(motion: Motion, layers: Layers) -> Array:
