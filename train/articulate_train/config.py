@@ -147,12 +147,15 @@ class FineConfig:
     that runs a drawer shut at 0.1 m/s presses on with 40 N, by the way that its target is ahead."""
     done_between: tuple[float, float] = (-0.2, 0.0)
     """Fractions of the part's way beyond the target between which that begins and is all of it."""
+    lead_m: tuple[float, float] = (0.08, 0.03)
+    """How far the target of the tool may be ahead of the tool at the first and at the last of
+    ``done_between`` [m]; what is more is taken back. A part is slow then when it meets its end, and
+    is not pressed on with the sum of what was ever said."""
+    shut_between: tuple[float, float] = (0.03, 0.05)
+    """Fractions of the part's way beyond the target between which the last of that falls to 0: a
+    part that closes is shut there, and is not pressed on at all."""
     release: float = 1.0
-    """Where the part is beyond its target, each tick takes back this share of the largest motion
-    for each 5 cm or 0.2 rad by which the target of the tool is ahead of the tool: what a hand
-    presses with is then what it says now, not the sum of what it has ever said."""
-    release_between: tuple[float, float] = (0.0, 0.03)
-    """Fractions of the part's way beyond the target between which that begins and is all of it."""
+    """Motion, as a share of the largest, that a tick takes back for each 5 cm or 0.2 rad of it."""
     rest_m_s: float = 0.05
     """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
 
@@ -165,13 +168,15 @@ class FineConfig:
             raise ConfigError(
                 f"fine.near_m is {self.near_m} and fine.far_m {self.far_m}; they must grow from 0"
             )
-        for name in ("done_between", "release_between"):
+        for name in ("done_between", "shut_between"):
             begin, end = getattr(self, name)
             if not SEEN_BEYOND[0] <= begin < end <= SEEN_BEYOND[1]:
                 raise ConfigError(
                     f"fine.{name} is {begin} {end}; it must be two growing fractions in "
                     f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
                 )
+        if not 0.0 <= min(self.lead_m) <= max(self.lead_m) < math.inf:
+            raise ConfigError(f"fine.lead_m is {self.lead_m}; both must be finite and at least 0")
         if not 0.0 <= self.release < math.inf:
             raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
         begin, end = self.shut_m
