@@ -14,21 +14,25 @@ from articulate.observe import (
     ACTION,
     BEYOND_UNIT,
     HANDLE_UNIT_M,
+    LEAD_UNIT_M,
+    LEAD_UNIT_RAD,
     OBSERVATION,
     SPEED_UNIT_M_S,
     WIDTH_UNIT_M,
 )
 from articulate_train.config import FineConfig
-from articulate_train.fine import MOTIONS, shares
+from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.policy import Policy
+from articulate_train.shown import said
 
 FINE = FineConfig(
     share=0.4, closing=0.2, near_m=0.03, far_m=0.10, done=0.2, done_between=(-0.06, 0.02)
 )
 OPEN_M = 0.08
+NO_LEAD = np.zeros(6)
 
 
-def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0):
+def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0, lead=NO_LEAD):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
     fields["handle_aimed"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
@@ -36,6 +40,7 @@ def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0):
     fields["hand_width"] = np.array([[width_m / WIDTH_UNIT_M]])
     fields["hand_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
     fields["part_beyond"] = np.array([[beyond / BEYOND_UNIT]])
+    fields["tool_lead"] = lead[None] / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
     return OBSERVATION.pack(fields)
 
 
@@ -96,10 +101,72 @@ def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m
     assert min(share, closing) - 1e-12 <= got <= 1.0
 
 
+AHEAD = np.array([0.0, 0.06, 0.08, 0.1, 0.0, 0.0])
+"""The target of the tool is 10 cm and 0.1 rad ahead."""
+LEADS = FineConfig(
+    release=0.5, lead_m=(0.08, 0.02), done_between=(-0.2, 0.0), shut_between=(0.0, 0.1)
+)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "allowed_m"),
+    [
+        (-0.25, 1.0),  # far from the target it may be ahead as it likes
+        (-0.2, 1.0),
+        (-0.18, 0.074),
+        (-0.1, 0.05),
+        (0.0, 0.02),
+        (0.05, 0.01),
+        (0.1, 0.0),  # shut
+    ],
+)
+def test_what_the_target_is_ahead_by_too_much_is_taken_back(beyond, allowed_m):
+    got = taken_back(LEADS, seen(0.3, beyond=beyond, lead=AHEAD))
+    much = max(0.0, 1.0 - allowed_m / 0.1)
+    units = AHEAD / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
+    assert_allclose(got, [0.5 * much * units], atol=1e-4)
+
+
+def test_nothing_is_taken_back_of_a_lead_that_is_allowed():
+    got = taken_back(LEADS, seen(0.3, beyond=0.0, lead=0.19 * AHEAD))
+    assert_allclose(got, np.zeros((1, 6)), atol=1e-12)
+
+
+def test_policy_takes_back_on_top_of_what_it_says_within_what_a_tick_may_do():
+    policy = Policy(torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size), (4,), LEADS)
+    with torch.no_grad():
+        policy.head.weight.zero_()
+        policy.head.bias.fill_(0.5)
+    row = seen(0.5, beyond=0.1, lead=AHEAD)
+    want = 0.5 * LEADS.done - taken_back(LEADS, row)[0]
+    got = policy.act(row)[0]
+    assert_allclose(got[:ELBOW], np.clip(want, -1.0, 1.0), rtol=1e-5)
+    assert_allclose(got[ELBOW], 0.5 * LEADS.done, rtol=1e-6)
+    assert_allclose(policy.act(seen(0.5, beyond=0.1, lead=9 * AHEAD))[0, 2], -1.0)
+
+
+@given(
+    asked=st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8),
+    beyond=st.floats(-0.3, 0.1),
+    ahead=st.floats(0.0, 0.05),
+)
+def test_what_a_guide_asks_for_comes_of_what_a_policy_would_say(asked, beyond, ahead):
+    row = seen(0.5, beyond=beyond, lead=ahead * AHEAD / 0.1)
+    fine = dataclasses.replace(LEADS, done=0.5)
+    left, back = shares(fine, row), taken_back(fine, row)
+    words = said(np.array([asked]), left, back)
+    done = words[:, :MOTIONS] * left
+    done[:, :ELBOW] -= back
+    whole = np.all(np.abs(words[:, :MOTIONS]) < 1.0, axis=0)
+    assert_allclose(done[0][whole], np.array(asked)[:MOTIONS][whole], atol=1e-6)
+    assert np.all(np.abs(words) <= 1.0)
+
+
 def test_arrays_and_tensors_give_the_same():
     rng = np.random.default_rng(0)
     rows = rng.uniform(-1.0, 1.0, (64, OBSERVATION.size)).astype(np.float32)
-    assert_allclose(shares(FINE, torch.as_tensor(rows)).numpy(), shares(FINE, rows), rtol=1e-6)
+    for of in (shares, taken_back):
+        assert_allclose(of(FINE, torch.as_tensor(rows)).numpy(), of(FINE, rows), rtol=1e-5)
 
 
 def test_policy_scales_motions_and_leaves_the_hands_command():
@@ -137,6 +204,11 @@ def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(p
         {"closing_between": (0.8, 0.5)},
         {"closing_between": (0.5, 1.1)},
         {"shut_m": (0.08, 0.07)},
+        {"lead_m": (0.02, 0.03)},
+        {"lead_m": (0.08, -0.01)},
+        {"shut_between": (0.05, 0.03)},
+        {"release": -0.1},
+        {"release": float("nan")},
         {"rest_m_s": 0.0},
         {"share": float("nan")},
         {"done": 0.0},

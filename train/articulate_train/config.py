@@ -175,8 +175,11 @@ class FineConfig:
                     f"fine.{name} is {begin} {end}; it must be two growing fractions in "
                     f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
                 )
-        if not 0.0 <= min(self.lead_m) <= max(self.lead_m) < math.inf:
-            raise ConfigError(f"fine.lead_m is {self.lead_m}; both must be finite and at least 0")
+        if not math.inf > self.lead_m[0] >= self.lead_m[1] >= 0.0:
+            first, last = self.lead_m
+            raise ConfigError(
+                f"fine.lead_m is {first} {last}; it must be finite and fall, not below 0"
+            )
         if not 0.0 <= self.release < math.inf:
             raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
         begin, end = self.shut_m

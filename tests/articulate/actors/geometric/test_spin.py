@@ -6,8 +6,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from articulate.actors.geometric import fit
+from articulate.actors.geometric.fit import Wish, find_motion
 from articulate.actors.geometric.spin import Marks, Spin, spin_of
-from articulate.actors.geometric.video import video_actor
+from articulate.actors.geometric.video import scene_from, video_actor
 from articulate.actors.protocol import Evidence
 from articulate.render.camera import front_camera
 from articulate.render.clip import film, poses_of_parts
@@ -85,8 +87,8 @@ def knob(name, y, radius, mark=None):
     return part
 
 
-def said_of(end_rad, mark):
-    """The joint of a clip of the left, larger of two knobs, whose mark is not in its model."""
+def clip_of(end_rad, mark):
+    """A clip of the left, larger of two knobs, whose mark is not in its model."""
     block = trimesh.creation.box(bounds=[(-0.5, -0.6, 0.0), (0.1, 0.6, 1.0)])
     body = plain_part("body", block.vertices, block.faces, (0.4, 0.4, 0.5))
     right = knob("right", 0.3, 0.12)
@@ -99,14 +101,19 @@ def said_of(end_rad, mark):
     camera = front_camera(320, 240)
     seen = PartScene((body, knob("left", -0.3, 0.16, mark), right))
     clip = film(seen, camera, poses_of_parts(3, [1], T_o))
-    evidence = Evidence(
+    return Evidence(
         modality="video",
         parts=(body, knob("left", -0.3, 0.16), right),
         clip=clip.frames,
         times_s=clip.times_s,
         camera=camera,
     )
-    (said,) = [j for j in video_actor().predict(evidence).joints if j.kind != "fixed"]
+
+
+def said_of(end_rad, mark):
+    """The joint of such a clip."""
+    prediction = video_actor().predict(clip_of(end_rad, mark))
+    (said,) = [j for j in prediction.joints if j.kind != "fixed"]
     return said
 
 
@@ -121,3 +128,21 @@ def test_where_next_to_nothing_shows_the_part_that_changes_most_turns():
     """Not the smallest, though nothing of it is enough to be looked at as a change."""
     said = said_of(7.0, (0.61, 0.51, 0.41))
     assert (said.part, said.kind) == ("left", "continuous")
+
+
+def test_a_round_part_is_not_said_to_turn_where_a_slide_is_asked_for():
+    scene = scene_from(clip_of(5.0, (0.1, 0.1, 0.1)))
+    assert find_motion(scene).motion.kind == "turn"
+    slide = find_motion(scene, Wish(kind="slide"))
+    assert slide is None or slide.motion.kind == "slide"
+
+
+def test_where_no_motion_explains_anything_the_round_part_that_changes_turns(monkeypatch):
+    """As where the model is so wrong that it is cheapest to hide a part all the time."""
+    scene = scene_from(clip_of(5.0, (0.1, 0.1, 0.1)))
+    monkeypatch.setattr(fit, "_spun", lambda *_: None)
+    monkeypatch.setattr(fit, "moves", lambda *_: False)
+    found = find_motion(scene)
+    assert ([scene.parts[k].name for k in found.parts], found.motion.kind) == (["left"], "turn")
+    other = find_motion(scene, Wish(not_parts=found.parts))
+    assert other is None or found.parts[0] not in other.parts[:1]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from articulate.actors.geometric.critic import VideoCritic
+from articulate.actors.geometric.critic import CAPS, DOUBTED, VideoCritic
 from articulate.actors.geometric.video import VideoProposer, video_actor
 from articulate.actors.protocol import Evidence, PredictedJoint, Prediction
 from articulate.errors import UsageError
@@ -173,6 +173,14 @@ def test_the_critic_names_what_is_wrong_with_a_hinge(door, change, failure):
 
 def test_a_prediction_that_nothing_moves_is_rated_worst(drawer):
     assert VideoCritic().judge(drawer, Prediction(joints=())).rating == 0.0
+    still = Prediction(joints=(replace(DRAWER, lower=0.1, upper=0.1),))
+    assert VideoCritic().judge(drawer, still).rating < DOUBTED
+
+
+def test_a_joint_of_the_wrong_kind_is_rated_below_one_that_is_only_doubted(drawer):
+    turn = replace(DRAWER, kind="revolute", pivot_o=(0.0, 0.0, 0.8))
+    rating = VideoCritic().judge(drawer, Prediction(joints=(turn,))).rating
+    assert rating <= CAPS["joint_type"] < DOUBTED < CAPS["joint_axis"]
 
 
 @pytest.mark.parametrize(
