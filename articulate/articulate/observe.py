@@ -16,6 +16,8 @@ from articulate.transforms import Array
 
 LEAD_UNIT_M, LEAD_UNIT_RAD = 0.05, 0.2
 """Units of ``tool_lead``."""
+BENT_UNIT_RAD = 0.1
+"""Unit of ``target_lead``."""
 BEYOND_UNIT = 0.05
 """Unit of ``part_beyond``, as a fraction of the part's way."""
 
@@ -157,7 +159,7 @@ def observation(
         {
             "joint_pos": q,
             "joint_vel": dq,
-            "target_lead": 10.0 * (target - q),
+            "target_lead": (target - q) / BENT_UNIT_RAD,
             "tool_lead": lead / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3),
             "handle_pos": T_th[:, :3, 3] / HANDLE_UNIT_M,
             "handle_near": T_th[:, :3, 3] / NEAR_UNIT_M,

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from articulate.errors import ConfigError
 from articulate.observe import (
     ACTION,
+    BENT_UNIT_RAD,
     BEYOND_UNIT,
     HANDLE_UNIT_M,
     LEAD_UNIT_M,
@@ -29,10 +30,12 @@ FINE = FineConfig(
     share=0.4, closing=0.2, near_m=0.03, far_m=0.10, done=0.2, done_between=(-0.06, 0.02)
 )
 OPEN_M = 0.08
-NO_LEAD = np.zeros(6)
+NO_LEAD, NO_BEND = np.zeros(6), np.zeros(7)
 
 
-def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0, lead=NO_LEAD):
+def seen(
+    distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0, lead=NO_LEAD, bent=NO_BEND
+):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
     fields["handle_aimed"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
@@ -40,6 +43,7 @@ def seen(distance_m, *, wish=-1.0, width_m=OPEN_M, speed_m_s=0.0, beyond=-1.0, l
     fields["hand_width"] = np.array([[width_m / WIDTH_UNIT_M]])
     fields["hand_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
     fields["part_beyond"] = np.array([[beyond / BEYOND_UNIT]])
+    fields["target_lead"] = bent[None] / BENT_UNIT_RAD
     fields["tool_lead"] = lead[None] / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
     return OBSERVATION.pack(fields)
 
@@ -104,7 +108,11 @@ def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m
 AHEAD = np.array([0.0, 0.06, 0.08, 0.1, 0.0, 0.0])
 """The target of the tool is 10 cm and 0.1 rad ahead."""
 LEADS = FineConfig(
-    release=0.5, lead_m=(0.08, 0.02), done_between=(-0.2, 0.0), shut_between=(0.0, 0.1)
+    release=0.5,
+    lead_m=(0.08, 0.02),
+    lead_rad=(0.3, 0.05),
+    done_between=(-0.2, 0.0),
+    shut_between=(0.0, 0.1),
 )
 
 
@@ -125,6 +133,16 @@ def test_what_the_target_is_ahead_by_too_much_is_taken_back(beyond, allowed_m):
     much = max(0.0, 1.0 - allowed_m / 0.1)
     units = AHEAD / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
     assert_allclose(got, [0.5 * much * units], atol=1e-4)
+
+
+@pytest.mark.parametrize(("beyond", "allowed_rad"), [(-0.1, 0.175), (0.0, 0.05), (0.05, 0.025)])
+def test_the_joint_that_is_farthest_ahead_counts_as_well(beyond, allowed_rad):
+    """Of two bounds the one that takes back more."""
+    bent = np.array([0.0, 0.1, -0.25, 0.05, 0.0, 0.2, -0.1])
+    lead = 0.1 * AHEAD
+    got = taken_back(LEADS, seen(0.3, beyond=beyond, lead=lead, bent=bent))
+    units = lead / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
+    assert_allclose(got, [0.5 * (1.0 - allowed_rad / 0.25) * units], atol=1e-4)
 
 
 def test_nothing_is_taken_back_of_a_lead_that_is_allowed():
@@ -206,6 +224,7 @@ def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(p
         {"shut_m": (0.08, 0.07)},
         {"lead_m": (0.02, 0.03)},
         {"lead_m": (0.08, -0.01)},
+        {"lead_rad": (0.05, 0.06)},
         {"shut_between": (0.05, 0.03)},
         {"release": -0.1},
         {"release": float("nan")},

@@ -151,10 +151,13 @@ class FineConfig:
     """How far the target of the tool may be ahead of the tool at the first and at the last of
     ``done_between`` [m]; what is more is taken back. A part is slow then when it meets its end, and
     is not pressed on with the sum of what was ever said."""
+    lead_rad: tuple[float, float] = (0.3, 0.06)
+    """The same of the joint whose target is farthest ahead [rad]: where the arm is nearly straight,
+    little of it presses hard."""
     shut_between: tuple[float, float] = (0.03, 0.05)
     """Fractions of the part's way beyond the target between which the last of that falls to 0: a
     part that closes is shut there, and is not pressed on at all."""
-    release: float = 1.0
+    release: float = 2.0
     """Motion, as a share of the largest, that a tick takes back for each 5 cm or 0.2 rad of it."""
     rest_m_s: float = 0.05
     """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
@@ -175,11 +178,12 @@ class FineConfig:
                     f"fine.{name} is {begin} {end}; it must be two growing fractions in "
                     f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
                 )
-        if not math.inf > self.lead_m[0] >= self.lead_m[1] >= 0.0:
-            first, last = self.lead_m
-            raise ConfigError(
-                f"fine.lead_m is {first} {last}; it must be finite and fall, not below 0"
-            )
+        for name in ("lead_m", "lead_rad"):
+            first, last = getattr(self, name)
+            if not math.inf > first >= last >= 0.0:
+                raise ConfigError(
+                    f"fine.{name} is {first} {last}; it must be finite and fall, not below 0"
+                )
         if not 0.0 <= self.release < math.inf:
             raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
         begin, end = self.shut_m

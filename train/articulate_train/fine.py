@@ -16,10 +16,12 @@ drawer that is shut, would press with more each second.
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
 from articulate.observe import (
     ACTION,
+    BENT_UNIT_RAD,
     BEYOND_UNIT,
     HANDLE_UNIT_M,
     LEAD_UNIT_M,
@@ -30,6 +32,7 @@ from articulate.observe import (
 from articulate_train.config import FineConfig
 
 _HANDLE = OBSERVATION.slice("handle_aimed")
+_BENT, JOINTS = OBSERVATION.slice("target_lead"), 7
 _LEAD = OBSERVATION.slice("tool_lead")
 _BEYOND = OBSERVATION.slice("part_beyond")
 _COMMAND = OBSERVATION.slice("hand_command").start
@@ -37,7 +40,8 @@ _WISH = slice(_COMMAND + 1, _COMMAND + 2)
 _WIDTH, _SPEED = OBSERVATION.slice("hand_width"), OBSERVATION.slice("hand_speed")
 SOON = 0.1
 """From this share of the way on which a part counts as done on, all that is too much is taken."""
-TINY_M = 1e-6
+TINY = 1e-6
+"""Of leads [m and rad], that none is divided by."""
 ELBOW = ACTION.slice("hand").start - 1
 """Numbers of an action before this one move and turn the tool; this one moves the elbow."""
 MOTIONS = ELBOW + 1
@@ -64,13 +68,20 @@ def shares(fine: FineConfig, observation: Any) -> Any:
 
 def taken_back(fine: FineConfig, observation: Any) -> Any:
     """Motions of the tool (N, 6) that are taken off again at observations (N, size), raw."""
-    lead = observation[:, _LEAD]
-    ahead = (lead[:, :3] * lead[:, :3]).sum(-1, keepdims=True) ** 0.5 * LEAD_UNIT_M
+    lead, bent = observation[:, _LEAD], observation[:, _BENT]
     done, shut = _between(observation, fine.done_between), _between(observation, fine.shut_between)
-    first, last = fine.lead_m
-    allowed = (first + done * (last - first)) * (1.0 - shut)
-    much = (1.0 - allowed / (ahead + TINY_M)).clip(0.0, 1.0)
+    moved = (lead[:, :3] * lead[:, :3]).sum(-1, keepdims=True) ** 0.5 * LEAD_UNIT_M
+    turned = reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(JOINTS))) * BENT_UNIT_RAD
+    much: Any = 0.0
+    for ahead, (first, last) in ((moved, fine.lead_m), (turned, fine.lead_rad)):
+        allowed = (first + done * (last - first)) * (1.0 - shut)
+        much = _larger(much, (1.0 - allowed / (ahead + TINY)).clip(0.0, 1.0))
     return lead * fine.release * much * (done / SOON).clip(0.0, 1.0)
+
+
+def _larger(a: Any, b: Any) -> Any:
+    """The larger of two numbers, of arrays and of tensors alike."""
+    return (a + b + abs(a - b)) / 2.0
 
 
 def _between(observation: Any, fractions: tuple[float, float]) -> Any:
