@@ -100,6 +100,8 @@ class VideoCritic:
     """Judges the joint of a clip."""
 
     name: str = "geometric"
+    tracks: bool = True
+    """Whether followed points are asked beside edges."""
 
     def judge(self, evidence: Evidence, prediction: Prediction) -> Verdict:
         """What is wrong with the prediction, if anything is."""
@@ -112,20 +114,28 @@ class VideoCritic:
         if not scene.change.any():
             reason = "nothing changes in the clip that could tell"
             return Verdict(failure="success", rating=NOTHING_SHOWS, reason=reason)
-        return _judged(scene, moving[0], prediction, evidence)
+        return _judged(scene, moving[0], prediction, self._tracks(scene, evidence))
+
+    def _tracks(self, scene: Scene, evidence: Evidence) -> PointTracks:
+        """Points that are followed where something changes, or those that were handed in."""
+        if not self.tracks:
+            n_frames = len(scene.clip)
+            nowhere = np.zeros((n_frames, 0), dtype=np.bool_)
+            return PointTracks(uv=np.zeros((n_frames, 0, 2)), visible=nowhere)
+        if evidence.tracks is not None:
+            return PointTracks(uv=evidence.tracks.uv, visible=evidence.tracks.visible)
+        near = cv2.dilate(scene.change.astype(np.uint8), np.ones((9, 9))).astype(np.bool_)
+        return follow_points(scene.clip, mask=near)
 
 
 def _judged(
-    scene: Scene, joint: PredictedJoint, prediction: Prediction, evidence: Evidence
+    scene: Scene, joint: PredictedJoint, prediction: Prediction, tracks: PointTracks
 ) -> Verdict:
     look = scene.look(JUDGED_PX, JUDGED_FRAMES)
     fit = _placed(joint, _moving(scene, joint, prediction), look)
     look = replace(look, light=better_light(look, fit, look.shot))
     fit = _placed(joint, fit.parts, look)
     layers = look.layers(fit.parts)
-    tracks = None
-    if evidence.tracks is not None:
-        tracks = PointTracks(uv=evidence.tracks.uv, visible=evidence.tracks.visible)
     witness = _heard(scene, look, layers, fit, tracks)
     failure, better = _failure(scene, look, layers, fit, joint)
     rating = _rating(witness)
@@ -227,9 +237,7 @@ def _settled(fit: Fit, layers: Layers, ends: tuple[float, float] | None) -> Fit:
     return with_gain(refined, layers)
 
 
-def _heard(
-    scene: Scene, look: Look, layers: Layers, fit: Fit, tracks: PointTracks | None
-) -> Witness:
+def _heard(scene: Scene, look: Look, layers: Layers, fit: Fit, tracks: PointTracks) -> Witness:
     """What edges and followed points say."""
     error, n = _track_error(scene, look, layers, fit, tracks)
     return Witness(
@@ -260,12 +268,9 @@ def _edges(picture: Floats) -> Array:
 
 
 def _track_error(
-    scene: Scene, look: Look, layers: Layers, fit: Fit, tracks: PointTracks | None
+    scene: Scene, look: Look, layers: Layers, fit: Fit, tracks: PointTracks
 ) -> tuple[float, int]:
     """Median error of points on the part as a share of their motion, and their number."""
-    if tracks is None:
-        near = cv2.dilate(scene.change.astype(np.uint8), np.ones((9, 9))).astype(np.bool_)
-        tracks = follow_points(scene.clip, mask=near)
     frames = look.shot.indices
     poses = fit.motion.T_o(fit.q)
     shares: list[float] = []

@@ -25,7 +25,9 @@ UNSEEN = 0.1
 """Confidence where nothing shows in the clip."""
 
 
-def video_actor(*, max_turns: int = MAX_TURNS, critic: bool = True, calibrate: bool = True) -> Loop:
+def video_actor(
+    *, max_turns: int = MAX_TURNS, critic: bool = True, calibrate: bool = True, tracks: bool = True
+) -> Loop:
     """The geometric actor for clips, with its critic.
 
     Args:
@@ -33,10 +35,11 @@ def video_actor(*, max_turns: int = MAX_TURNS, critic: bool = True, calibrate: b
         critic: Whether proposals are judged; without, the first is the answer.
         calibrate: Whether the camera is sought near the one that was told; without, that one is
             taken for the true one, and for one that stands still.
+        tracks: Whether the critic asks points that are followed, beside edges.
     """
     return Loop(
         proposer=VideoProposer(),
-        critic=VideoCritic() if critic else None,
+        critic=VideoCritic(tracks=tracks) if critic else None,
         max_turns=max_turns,
         prepare=calibrated if calibrate else None,
         rest=rest_of,

@@ -5,6 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from articulate.actors.geometric.ablations import (
+    without_calibration,
+    without_critic,
+    without_tracks,
+)
 from articulate.actors.geometric.critic import CAPS, DOUBTED, VideoCritic
 from articulate.actors.geometric.video import VideoProposer, video_actor
 from articulate.actors.protocol import Evidence, PredictedJoint, Prediction
@@ -181,6 +186,22 @@ def test_a_joint_of_the_wrong_kind_is_rated_below_one_that_is_only_doubted(drawe
     turn = replace(DRAWER, kind="revolute", pivot_o=(0.0, 0.0, 0.8))
     rating = VideoCritic().judge(drawer, Prediction(joints=(turn,))).rating
     assert rating <= CAPS["joint_type"] < DOUBTED < CAPS["joint_axis"]
+
+
+def test_without_tracks_edges_alone_are_asked(drawer):
+    critics = (VideoCritic(), without_tracks().critic)
+    with_tracks, without = (one.judge(drawer, Prediction(joints=(DRAWER,))) for one in critics)
+    assert with_tracks.figures["tracks"] > 0.0 == without.figures["tracks"]
+    assert "track_error" not in without.figures
+    assert without.failure == with_tracks.failure == "success"
+    assert without.figures["edges"] == with_tracks.figures["edges"]
+
+
+def test_ablations_leave_out_one_part_each():
+    assert without_critic().critic is None
+    assert without_critic().prepare is not None
+    assert without_calibration().prepare is None
+    assert without_calibration().critic == VideoCritic()
 
 
 @pytest.mark.parametrize(
