@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from articulate.errors import ConfigError
 from articulate.observe import ACTION
 from articulate_train.config import ShowConfig
-from articulate_train.fine import MOTIONS
+from articulate_train.fine import ELBOW, MOTIONS
 from articulate_train.policy import read_checkpoint
 from articulate_train.ppo import Learner
 from articulate_train.shown import LEAST_SHARE, imitate, said
@@ -26,7 +26,7 @@ def learner_of(tiny, **show):
 def test_what_has_to_be_said_gives_what_is_asked_as_far_as_words_reach():
     rng = np.random.default_rng(0)
     asked, left = rng.uniform(-0.3, 0.3, (50, ACTION.size)), rng.uniform(0.05, 1.0, (50, 1))
-    words = said(asked, left)
+    words = said(asked, left, np.zeros((50, ELBOW)))
     assert_array_equal(words[:, MOTIONS:], asked[:, MOTIONS:])
     assert np.abs(words[:, :MOTIONS]).max() <= 1.0
     enough = left[:, 0] >= LEAST_SHARE
