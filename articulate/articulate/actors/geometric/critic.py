@@ -323,7 +323,8 @@ def _failure(
         return "joint_type", gains
     if gains.get("other_axis", 0.0) > MUCH * pivot + floor:
         return "joint_axis", gains
-    if pivot > 1.06 * wide.gain + floor and _pivot_shift(fit, rivals["other_pivot"]) > FAR_PIVOT_M:
+    other, shifted = rivals.get("other_pivot"), pivot > 1.06 * wide.gain + floor
+    if shifted and other is not None and _pivot_shift(fit, other) > FAR_PIVOT_M:
         return "joint_origin", gains
     if wide.gain > 1.04 * fit.gain + floor or _unused(fit, joint):
         return "joint_limit", gains

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from articulate.actors.geometric import critic
 from articulate.actors.geometric.ablations import (
     without_calibration,
     without_critic,
@@ -180,6 +181,14 @@ def test_a_prediction_that_nothing_moves_is_rated_worst(drawer):
     assert VideoCritic().judge(drawer, Prediction(joints=())).rating == 0.0
     still = Prediction(joints=(replace(DRAWER, lower=0.1, upper=0.1),))
     assert VideoCritic().judge(drawer, still).rating < DOUBTED
+
+
+def test_a_joint_without_rivals_is_judged(drawer, monkeypatch):
+    """Also one that explains less than if nothing moved."""
+    monkeypatch.setattr(critic, "_rivals", lambda *_: {})
+    verdict = VideoCritic().judge(drawer, Prediction(joints=(DOOR,)))
+    assert verdict.figures["gain_as_predicted"] < 0.0
+    assert verdict.rating <= 5.0
 
 
 def test_a_joint_of_the_wrong_kind_is_rated_below_one_that_is_only_doubted(drawer):
