@@ -132,7 +132,9 @@ def test_where_next_to_nothing_shows_the_part_that_changes_most_turns():
 
 def test_a_round_part_is_not_said_to_turn_where_a_slide_is_asked_for():
     scene = scene_from(clip_of(5.0, (0.1, 0.1, 0.1)))
-    assert find_motion(scene).motion.kind == "turn"
+    turn = find_motion(scene)
+    assert turn is not None
+    assert turn.motion.kind == "turn"
     slide = find_motion(scene, Wish(kind="slide"))
     assert slide is None or slide.motion.kind == "slide"
 
@@ -143,6 +145,7 @@ def test_where_no_motion_explains_anything_the_round_part_that_changes_turns(mon
     monkeypatch.setattr(fit, "_spun", lambda *_: None)
     monkeypatch.setattr(fit, "moves", lambda *_: False)
     found = find_motion(scene)
+    assert found is not None
     assert ([scene.parts[k].name for k in found.parts], found.motion.kind) == (["left"], "turn")
     other = find_motion(scene, Wish(not_parts=found.parts))
     assert other is None or found.parts[0] not in other.parts[:1]

@@ -198,7 +198,9 @@ def test_a_joint_of_the_wrong_kind_is_rated_below_one_that_is_only_doubted(drawe
 
 
 def test_without_tracks_edges_alone_are_asked(drawer):
-    critics = (VideoCritic(), without_tracks().critic)
+    edges_alone = without_tracks().critic
+    assert edges_alone is not None
+    critics = (VideoCritic(), edges_alone)
     with_tracks, without = (one.judge(drawer, Prediction(joints=(DRAWER,))) for one in critics)
     assert with_tracks.figures["tracks"] > 0.0 == without.figures["tracks"]
     assert "track_error" not in without.figures
