@@ -14,8 +14,11 @@ from numba import njit
 
 from articulate.draw import COLUMNS
 from articulate.observe import (
+    BENT_UNIT_RAD,
     BEYOND_UNIT,
     HANDLE_UNIT_M,
+    LEAD_UNIT_M,
+    LEAD_UNIT_RAD,
     NEAR_UNIT_M,
     OBSERVATION,
     SINCE_S,
@@ -225,17 +228,17 @@ def _write_arm(seen, i, out):  # type: ignore[no-untyped-def]
     for j in range(7):
         out[j] = seen.q[i, j]
         out[7 + j] = seen.dq[i, j]
-        out[14 + j] = 10.0 * (seen.target[i, j] - seen.q[i, j])
+        out[14 + j] = (seen.target[i, j] - seen.q[i, j]) / BENT_UNIT_RAD
     T, led = seen.T_wt[i], seen.T_wt_target[i]
     turn = np.empty((3, 3))
     for r in range(3):
         out[21 + r] = 0.0
         for j in range(3):
             turn[r, j] = T[0, r] * led[0, j] + T[1, r] * led[1, j] + T[2, r] * led[2, j]
-            out[21 + r] += 20.0 * T[j, r] * (led[j, 3] - T[j, 3])
-    out[24] = 2.5 * (turn[2, 1] - turn[1, 2])
-    out[25] = 2.5 * (turn[0, 2] - turn[2, 0])
-    out[26] = 2.5 * (turn[1, 0] - turn[0, 1])
+            out[21 + r] += T[j, r] * (led[j, 3] - T[j, 3]) / LEAD_UNIT_M
+    out[24] = 0.5 / LEAD_UNIT_RAD * (turn[2, 1] - turn[1, 2])
+    out[25] = 0.5 / LEAD_UNIT_RAD * (turn[0, 2] - turn[2, 0])
+    out[26] = 0.5 / LEAD_UNIT_RAD * (turn[1, 0] - turn[0, 1])
     return 27
 
 

@@ -142,11 +142,13 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     layers = fine.layers(moving)
     fits = _spread(_distinct(fits, layers), FINAL)
     finals = [finished(fit, layers, coarse.shot, fine.shot) for fit in fits]
-    told = [chosen(finals), *sorted(finals, key=lambda fit: -fit.worth)]
-    wholes = (_whole(scene, fine, layers, fit, wish) for fit in told)
-    whole = next((fit for fit in wholes if moves(fit, layers)), None)
+    wholes: list[Fit] = []
+    for fit in [chosen(finals), *sorted(finals, key=lambda fit: -fit.worth)]:
+        wholes.append(_whole(scene, fine, layers, fit, wish))
+        if moves(wholes[-1], layers):
+            return wholes[-1]
     # What the model gets wrong may make it cheapest to hide a part all the time.
-    return whole or _last(scene, quick, wish) or _whole(scene, fine, layers, told[0], wish)
+    return _last(scene, quick, wish) or wholes[0]
 
 
 def _whole(scene: Scene, fine: Look, layers: Layers, fit: Fit, wish: Wish) -> Fit:
