@@ -68,6 +68,11 @@ class Fit:
     """Whether it was found as an even motion through the whole shot."""
 
     @property
+    def share(self) -> float:
+        """What it explains of what it costs that nothing moves, 1 at most."""
+        return self.gain / max(self.gain + self.price, 1e-12)
+
+    @property
     def worth(self) -> float:
         """Its gain, less what a turn has to make up that never comes near where the part rests."""
         away = self.motion.kind == "turn" and np.abs(wrapped(self.q)).min() > FROM_REST_RAD
