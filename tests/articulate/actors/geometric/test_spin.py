@@ -149,3 +149,40 @@ def test_where_no_motion_explains_anything_the_round_part_that_changes_turns(mon
     assert ([scene.parts[k].name for k in found.parts], found.motion.kind) == (["left"], "turn")
     other = find_motion(scene, Wish(not_parts=found.parts))
     assert other is None or found.parts[0] not in other.parts[:1]
+
+
+def test_a_square_drawer_that_begins_half_open_slides():
+    """All that changes lies where it is at rest, and turned it looks nearly as it did."""
+    legs = [
+        trimesh.creation.box(bounds=[(x, y, 0.0), (x + 0.05, y + 0.05, 0.9)])
+        for x in (-0.3, 0.25)
+        for y in (-0.5, 0.45)
+    ]
+    top = trimesh.creation.box(bounds=[(-0.35, -0.55, 0.9), (0.35, 0.55, 0.95)])
+    table = trimesh.util.concatenate([*legs, top])
+    wood = (0.6, 0.6, 0.6)
+    walls = [
+        trimesh.creation.box(bounds=bounds)
+        for bounds in (
+            [(-0.05, -0.26, 0.76), (0.47, 0.26, 0.78)],
+            [(-0.05, -0.26, 0.78), (0.47, -0.24, 0.88)],
+            [(-0.05, 0.24, 0.78), (0.47, 0.26, 0.88)],
+            [(-0.05, -0.24, 0.78), (-0.03, 0.24, 0.88)],
+            [(0.45, -0.24, 0.78), (0.47, 0.24, 0.88)],
+        )
+    ]
+    drawer = trimesh.util.concatenate(walls)
+    parts = (
+        plain_part("table", table.vertices, table.faces, wood),
+        plain_part("drawer", drawer.vertices, drawer.faces, wood),
+    )
+    T_o = np.tile(np.eye(4), (FRAMES, 1, 1))
+    T_o[:, 0, 3] = np.linspace(-0.2, 0.2, FRAMES)
+    camera = front_camera(320, 240)
+    clip = film(PartScene(parts), camera, poses_of_parts(2, [1], T_o))
+    evidence = Evidence(
+        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+    )
+    (said,) = [j for j in video_actor().predict(evidence).joints if j.kind != "fixed"]
+    assert (said.part, said.kind) == ("drawer", "prismatic")
+    assert said.upper - said.lower == pytest.approx(0.4, abs=0.02)
