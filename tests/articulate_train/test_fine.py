@@ -21,6 +21,7 @@ from articulate.observe import (
     SPEED_UNIT_M_S,
     WIDTH_UNIT_M,
 )
+from articulate.task import Task
 from articulate_train.config import FineConfig
 from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.policy import Policy
@@ -207,6 +208,16 @@ def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(p
     at = fine.at(progress)
     assert_allclose(at.closing, closing, rtol=1e-12)
     assert dataclasses.replace(at, closing=fine.closing) == fine
+
+
+@pytest.mark.parametrize(
+    ("target", "stop", "heard"),
+    [(0.05, 0.0, True), (0.95, 1.0, True), (0.41, 1.0, False), (0.8, None, False)],
+)
+def test_leads_are_taken_back_where_the_stop_is_near_the_target(target, stop, heard):
+    task = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=target, stop=stop)
+    want = LEADS if heard else dataclasses.replace(LEADS, release=0.0)
+    assert LEADS.of(task) == want
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Literal
 
 from articulate.errors import ConfigError, nearest
 from articulate.settings import SEEN_BEYOND, DrawConfig, FollowConfig
+from articulate.task import Task
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.settings import RewardConfig, StartConfig
 
@@ -35,9 +36,9 @@ class PpoConfig:
     """Samples in a minibatch."""
     n_epochs: int = 4
     """Passes over the samples of an update."""
-    learning_rate: float = 4e-4
+    learning_rate: float = 2e-4
     """Learning rate at the beginning."""
-    learning_rate_last: float = 4e-5
+    learning_rate_last: float = 2e-5
     """Learning rate at the end; it falls linearly."""
     gamma: float = 0.99
     """Discount per tick."""
@@ -158,7 +159,8 @@ class FineConfig:
     """Fractions of the part's way beyond the target between which the last of that falls to 0: a
     part that closes is shut there, and is not pressed on at all."""
     release: float = 2.0
-    """Motion, as a share of the largest, that a tick takes back for each 5 cm or 0.2 rad of it."""
+    """Motion, as a share of the largest, that a tick takes back for each 5 cm or 0.2 rad of it;
+    nothing in tasks whose stop is far beyond the target."""
     rest_m_s: float = 0.05
     """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
 
@@ -196,6 +198,15 @@ class FineConfig:
             )
         if not self.rest_m_s > 0.0:
             raise ConfigError(f"fine.rest_m_s is {self.rest_m_s}; it must be above 0")
+
+    def of(self, task: Task) -> FineConfig:
+        """What counts for ``task``.
+
+        Leads are taken back where a part meets its stop; one that is farther beyond the target than
+        policies see presses on nothing, and a lid that is held open sags by what is taken back.
+        """
+        stop = math.inf if task.stop is None else abs(task.stop - task.target)
+        return self if stop <= SEEN_BEYOND[1] else replace(self, release=0.0)
 
     def at(self, progress: float) -> FineConfig:
         """What counts when ``progress`` in [0, 1] of the training is done."""

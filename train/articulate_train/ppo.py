@@ -37,6 +37,7 @@ class Learner:
     def __init__(self, scene: Scene, config: TrainConfig, seed: int, *, threads: int) -> None:
         """Build everything from ``config`` and ``seed``; nothing is stepped yet."""
         self.config = config
+        self.fine = config.fine.of(scene.task)
         ppo = config.ppo
         engine = ThreadEngine(scene, ppo.n_envs, threads=threads)
         self.episodes = Episodes(
@@ -46,7 +47,7 @@ class Learner:
             starts=config.starts,
             seed=np.random.SeedSequence([seed, TRAINING]),
         )
-        self.envs = EpisodesVecEnv(self.episodes, config.fine)
+        self.envs = EpisodesVecEnv(self.episodes, self.fine)
         self._guide = guide_of(scene)
         self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
         self.model = make_ppo(self.normalise, ppo, seed)
@@ -65,7 +66,7 @@ class Learner:
         total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
         while model.num_timesteps < total:
             self.episodes.progress = model.num_timesteps / total
-            self.envs.fine = self.config.fine.at(self.episodes.progress)
+            self.envs.fine = self.fine.at(self.episodes.progress)
             self._show()
             with torch.no_grad():
                 bound = self.config.ppo.log_std_bound(self.episodes.progress)
@@ -124,7 +125,7 @@ class Learner:
             "policy": model.policy.state_dict(),
             "optimizer": model.policy.optimizer.state_dict(),
             "net": list(self.config.ppo.net),
-            "fine": asdict(self.config.fine.at(model.num_timesteps / self.config.steps)),
+            "fine": asdict(self.fine.at(model.num_timesteps / self.config.steps)),
             "normalise": _running(norm.obs_rms),
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
