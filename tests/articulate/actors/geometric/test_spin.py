@@ -185,5 +185,6 @@ def test_a_square_drawer_that_begins_half_open_slides():
     )
     (said,) = [j for j in video_actor().predict(evidence).joints if j.kind != "fixed"]
     assert (said.part, said.kind) == ("drawer", "prismatic")
-    assert said.lower is not None and said.upper is not None
+    assert said.lower is not None
+    assert said.upper is not None
     assert said.upper - said.lower == pytest.approx(0.4, abs=0.02)
