@@ -142,7 +142,7 @@ class FineConfig:
     shut_m: tuple[float, float] = (0.072, 0.078)
     """Openings between which fingers come to count as closed, if they rest [m]: a hand opens to
     0.08 m, and holds what is at most 0.07 m thick."""
-    done: float = 0.2
+    done: float = 0.1
     """Share of a motion that is left, wherever the hand is, where the part is at its target: a
     hand that holds on to the end would drift by what a policy says without meaning it, and one
     that runs a drawer shut at 0.1 m/s presses on with 40 N, by the way that its target is ahead."""
