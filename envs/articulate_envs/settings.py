@@ -55,13 +55,9 @@ class RewardConfig:
     """Half as wide is that way at the handle, as a share of the room between the fingers."""
     aside_from_m: float = 0.07
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
-    deep_m: float = 0.004
-    """So far beyond the handle's middle a hand holds it as well as there [m]: what is known of its
-    place is off by 4 mm, and a hand that aims at the middle holds it by the tips one time in six,
-    and loses it."""
-    beyond_m: float = 0.002
-    """So far beyond that the hand may be [m]: tips have 5 mm there, where there is as much room,
-    and a hand that may use them up presses on what stands behind."""
+    beyond_m: float = 0.003
+    """So far beyond the handle the hand may be [m]: tips have 5 mm there, where there is as much
+    room, and a hand that may use them up presses on what stands behind."""
     open: float = 0.6
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
     the hand on the way and pulls before it has closed."""

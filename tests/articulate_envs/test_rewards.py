@@ -100,20 +100,17 @@ def handle(along_m):
 
 
 def test_distance_to_a_long_handle_is_that_to_its_nearest_point():
-    """Along the bar the first 4 cm are free and beyond it 3 mm; across it nothing is."""
+    """Along the bar the first 4 cm are free; across it nothing is."""
     T_wh = tool_pose(PANDA, HOME)
     for offset, expected in (
         ([0.04, 0.0, 0.0], 0.0),
         ([-0.04, 0.0, 0.0], 0.0),
         ([0.05, 0.0, 0.0], 0.01),
         ([0.0, 0.03, 0.0], 0.03),
-        ([-0.07, 0.0, -0.04], 0.05),
-        ([-0.07, 0.0, 0.043], 0.05),
-        ([0.0, 0.0, 0.003], 0.0),
-        ([0.0, 0.0, -0.001], 0.001),
+        ([-0.07, 0.0, 0.04], 0.05),
     ):
         T_wt = T_wh @ pose(np.array(offset))
-        distance = np.linalg.norm(grip_offset(T_wt[0], T_wh[0], 0.04, 0.003))
+        distance = np.linalg.norm(grip_offset(T_wt[0], T_wh[0], 0.04))
         assert_allclose(distance, expected, atol=1e-12)
 
 
@@ -154,7 +151,7 @@ def test_approach_counts_the_way_across_the_fingers_and_the_turn_by_their_weight
     ],
 )
 def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, thick, out):
-    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035, beyond_m=0.01, deep_m=0.0)
+    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035, beyond_m=0.01)
     for along in (0.0, 0.03):
         after = state(offset=[along, across, ahead])
         cost = terms(after, config=config, along_m=0.03, thick_m=thick, progress=1.0)["aside"]

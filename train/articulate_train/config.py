@@ -126,7 +126,7 @@ class ShowConfig:
 class FineConfig:
     """How much finer a hand that holds nothing moves near the handle."""
 
-    share: float = 0.6
+    share: float = 0.35
     """Share of a motion that is left there to an open hand; 1 changes nothing."""
     closing: float = 0.05
     """Share that is left there from when closing is told until the fingers have closed."""
@@ -148,17 +148,17 @@ class FineConfig:
     that runs a drawer shut at 0.1 m/s presses on with 40 N, by the way that its target is ahead."""
     done_between: tuple[float, float] = (-0.2, 0.0)
     """Fractions of the part's way beyond the target between which that begins and is all of it."""
-    lead_m: tuple[float, float] = (0.08, 0.03)
+    lead_m: tuple[float, float] = (0.06, 0.01)
     """How far the target of the tool may be ahead of the tool at the first and at the last of
     ``done_between`` [m]; what is more is taken back. A part is slow then when it meets its end, and
     is not pressed on with the sum of what was ever said."""
-    lead_rad: tuple[float, float] = (0.3, 0.06)
+    lead_rad: tuple[float, float] = (0.2, 0.03)
     """The same of the joint whose target is farthest ahead [rad]: where the arm is nearly straight,
     little of it presses hard."""
     shut_between: tuple[float, float] = (0.03, 0.05)
     """Fractions of the part's way beyond the target between which the last of that falls to 0: a
     part that closes is shut there, and is not pressed on at all."""
-    release: float = 2.0
+    release: float = 3.0
     """Motion, as a share of the largest, that a tick takes back for each 5 cm or 0.2 rad of it;
     nothing in tasks whose stop is far beyond the target."""
     rest_m_s: float = 0.05

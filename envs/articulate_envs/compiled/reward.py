@@ -104,18 +104,17 @@ def way_of(config: RewardConfig, task: Task) -> Way:
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
-def grip_offset(T_wt, T_wh, along_m, deep_m):  # type: ignore[no-untyped-def]
+def grip_offset(T_wt, T_wh, along_m):  # type: ignore[no-untyped-def]
     """Place (3) [m] of a tool in the axes of a handle, from the nearest point as good to grip.
 
-    ``T_wt`` and ``T_wh`` (4, 4) are poses of tool and handle, whose x axis is the long one and
-    whose z axis the way of a hand that comes; half as long as the segment about its middle that
-    counts as its middle is ``along_m``, and as far beyond the middle as there is ``deep_m``.
+    ``T_wt`` and ``T_wh`` (4, 4) are poses of tool and handle, whose x axis is the long one; half as
+    long as the segment about its middle that counts as its middle is ``along_m``.
     """
     dx, dy, dz = T_wt[0, 3] - T_wh[0, 3], T_wt[1, 3] - T_wh[1, 3], T_wt[2, 3] - T_wh[2, 3]
     x = T_wh[0, 0] * dx + T_wh[1, 0] * dy + T_wh[2, 0] * dz
     y = T_wh[0, 1] * dx + T_wh[1, 1] * dy + T_wh[2, 1] * dz
     z = T_wh[0, 2] * dx + T_wh[1, 2] * dy + T_wh[2, 2] * dz
-    return x - min(max(x, -along_m), along_m), y, z - min(max(z, 0.0), deep_m)
+    return x - min(max(x, -along_m), along_m), y, z
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
@@ -202,8 +201,8 @@ def _write_row(  # type: ignore[no-untyped-def]
     i, w, way, along_m, thick_m, progress, before, after, action, out
 ):
     T_wt, T_wh, width, closing = after.T_wt[i], after.T_wh[i], after.width[i], after.closing[i]
-    turned, offset = _turned(T_wt, T_wh), grip_offset(T_wt, T_wh, along_m, w.deep_m)
-    first = grip_offset(before.T_wt[i], before.T_wh[i], along_m, w.deep_m)
+    turned, offset = _turned(T_wt, T_wh), grip_offset(T_wt, T_wh, along_m)
+    first = grip_offset(before.T_wt[i], before.T_wh[i], along_m)
     nearer = _away(w, first, _turned(before.T_wt[i], before.T_wh[i])) - _away(w, offset, turned)
     distance = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
     near = 1.0 / (1.0 + (distance / w.reach_m[0]) ** 2)
