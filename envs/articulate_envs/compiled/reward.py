@@ -24,6 +24,9 @@ from articulate_envs.settings import RewardConfig
 HELD_SHARE = 0.6
 """Fingers at the handle that are at least this share of its thickness apart have it between them,
 or are still open; closer ones have closed on nothing."""
+AWAY = 2.2
+"""A hand counts as away from the handle, to 63 %, at so many times the distance at which ``grip``
+has fallen to 1/e; both narrow while training goes on."""
 TOUCH_M = 0.008
 """Fingers farther apart than a handle's thickness and this do not both touch it [m]."""
 
@@ -215,7 +218,7 @@ def _write_row(  # type: ignore[no-untyped-def]
     if closing > 0.0:
         told += 0.5
     if not (empty and closing > 0.0):
-        away = 1.0 - np.exp(-((distance / (2.2 * w.grip_m)) ** 2))
+        away = 1.0 - np.exp(-((distance / (AWAY * grip_m)) ** 2))
     row = after.samples[i]
     spoiled = row[_CODE] > 0.0
     left = 1.0 + progress * (w.spoiled - 1.0) if spoiled else 1.0
