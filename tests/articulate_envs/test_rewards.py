@@ -244,6 +244,15 @@ def test_closing_away_from_the_handle_grows_dearer_with_the_training(progress, s
     assert cost == pytest.approx(-0.2 - 0.8 * share)
 
 
+@pytest.mark.parametrize("progress", [0.0, 1.0])
+def test_what_counts_as_away_narrows_with_what_counts_as_at_the_handle(progress):
+    config = dataclasses.replace(CONFIG, early=-0.2, early_last=-0.2)
+    at_m = CONFIG.grip_last_m if progress else CONFIG.grip_m
+    away = state(offset=[0, 0.02, 0], smooth=1.0, closing=1.0)
+    cost = terms(away, action=SHUT, config=config, progress=progress * config.until)["early"]
+    assert cost == pytest.approx(-0.2 * (1.0 - np.exp(-((0.02 / (2.2 * at_m)) ** 2))))
+
+
 @pytest.mark.parametrize(
     ("width", "thick", "share"),
     [(0.02, 0.04, 0.0), (0.03, 0.04, 1.0), (0.08, 0.04, 1.0), (0, 0, 1.0)],
