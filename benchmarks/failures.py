@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +91,9 @@ def slip(width: Array, closed: Mask, thick: float) -> int | None:
     return None
 
 
-def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[Failure], int]:
+def failures(
+    folder: Path, seed: int, episodes: int, draws: int, ranges: float = 1.0
+) -> tuple[list[Failure], int]:
     """The failed ones of ``episodes`` drawn episodes from home, and how many ticks each has.
 
     Args:
@@ -99,8 +101,10 @@ def failures(folder: Path, seed: int, episodes: int, draws: int) -> tuple[list[F
         seed: Which of its policies, by its last checkpoint.
         episodes: So many.
         draws: Seed of what is drawn.
+        ranges: So many times as wide is every range of the randomisation.
     """
     run = open_run(folder)
+    run = replace(run, config=replace(run.config, draw=run.config.draw.widened(ranges)))
     scene, policy = run.scene(), load_policy(run.seed_folder(seed))
     engine = ThreadEngine(scene, episodes, threads=2)
     runs = Episodes(engine, draws=run.config.draw, reward=RewardConfig(), starts=None, seed=draws)
@@ -176,10 +180,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="policy of the run")
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--draws", type=int, default=77, help="seed of what is drawn")
+    parser.add_argument("--ranges", type=float, default=1.0, help="as wide as --ranges of evaluate")
     parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
     flags = parser.parse_args()
     torch.set_num_threads(1)
-    found, ticks = failures(flags.run, flags.seed, flags.episodes, flags.draws)
+    found, ticks = failures(flags.run, flags.seed, flags.episodes, flags.draws, flags.ranges)
     if flags.json:
         rows = [asdict(f) for f in found]
         print(json.dumps({"episodes": flags.episodes, "ticks": ticks, "failed": rows}, indent=1))
