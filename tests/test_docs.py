@@ -49,6 +49,7 @@ FOLDERS = [
     "benchmarks",
     "docs",
     "docs/commands",
+    "docs/results",
 ]
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(p for folder in FOLDERS for p in ROOT.glob(f"{folder}/*.md"))]
