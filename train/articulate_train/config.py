@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from articulate.errors import ConfigError, nearest
 from articulate.settings import SEEN_BEYOND, DrawConfig, FollowConfig
-from articulate.task import Task
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.settings import RewardConfig, StartConfig
+
+if TYPE_CHECKING:
+    from articulate.task import Task
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
