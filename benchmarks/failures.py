@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -103,8 +103,7 @@ def failures(
         draws: Seed of what is drawn.
         ranges: So many times as wide is every range of the randomisation.
     """
-    run = open_run(folder)
-    run = replace(run, config=replace(run.config, draw=run.config.draw.widened(ranges)))
+    run = open_run(folder).widened(ranges)
     scene, policy = run.scene(), load_policy(run.seed_folder(seed))
     engine = ThreadEngine(scene, episodes, threads=2)
     runs = Episodes(engine, draws=run.config.draw, reward=RewardConfig(), starts=None, seed=draws)

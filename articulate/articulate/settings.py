@@ -89,13 +89,15 @@ class DrawConfig:
 
         Factors are widened about 1, those drawn over the logarithm there; what begins at 0 still
         does; other ranges are widened about their middle and do not fall below 0; whole ticks are
-        rounded up from a half on.
+        rounded up from a half on. At a factor of 1 all is as it was, to the bit.
 
         Raises:
             ConfigError: A range would hold what cannot be, such as a negative friction.
         """
         if not (math.isfinite(factor) and factor > 0.0):
             raise ConfigError(f"ranges are to be {factor:g} times as wide; it must be above 0")
+        if factor == 1.0:
+            return self
         wide: dict[str, Any] = {"scales": 1 + round((self.scales - 1) * factor)}
         for f in fields(self):
             value = getattr(self, f.name)

@@ -44,7 +44,7 @@ class RewardConfig:
     training opens and closes the hand and the mean action that is deployed does neither."""
     early_last: float = -0.75
     """The same at the end of training; linear between (dear at first, closing is given up before
-    it has been learnt what it is good for)."""
+    it has been learnt what it is good for). What counts as away narrows as ``grip_m`` does."""
     aside: float = -150.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for

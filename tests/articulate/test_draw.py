@@ -137,6 +137,13 @@ def test_ranges_are_widened_about_their_nominal_values():
     assert wide.part_noise == pytest.approx(1.5 * CONFIG.part_noise)
 
 
+def test_ranges_that_are_once_as_wide_are_the_same_to_the_bit():
+    assert CONFIG.widened(1.0) == CONFIG
+    for name in (f.name for f in dataclasses.fields(DrawConfig)):
+        nearly = getattr(CONFIG.widened(1.0 + 1e-9), name)
+        assert_allclose(nearly, getattr(CONFIG, name), rtol=1e-8, atol=1e-8)
+
+
 @given(st.floats(0.3, 1.6))
 def test_each_widened_range_holds_the_narrower_one(factor):
     narrow, wide = CONFIG.widened(factor), CONFIG.widened(1.2 * factor)

@@ -8,8 +8,8 @@ where the hand will be when it has done what was said before (``handle_aimed``),
 fingers do, and by whether the part is where it should be, in training and in the network that is
 exported alike: no engine and no robot knows of it.
 
-Near the part's target there is something more: what the arm's target is ahead by more than needed
-is taken back (:func:`taken_back`). A drawer that comes at 0.16 m/s has 6 cm of that, which alone
+Where a part is stopped near its target there is something more: what the arm's target is ahead by
+more than needed is taken back (:func:`taken_back`). A drawer that comes at 0.16 m/s has 6 cm of that, which alone
 would run it shut; and motions add up, so that a hand which says a little without meaning it, at a
 drawer that is shut, would press with more each second.
 """

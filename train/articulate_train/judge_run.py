@@ -7,7 +7,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -81,10 +81,7 @@ def judge_run(
         ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
     """
     trained, folder = run, report_folder(run, ranges, on)
-    run = on or run
-    if ranges != 1.0:
-        wide = replace(run.config, draw=run.config.draw.widened(ranges))
-        run = replace(run, config=wide)
+    run = (on or run).widened(ranges)
     results, rollouts = [], []
     for seed in run.config.seeds:
         load_policy(run.seed_folder(seed))  # what is missing is told before the work

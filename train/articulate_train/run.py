@@ -66,6 +66,15 @@ class Run:
         """Folder of one seed."""
         return self.folder / f"seed_{seed}"
 
+    def widened(self, ranges: float) -> Run:
+        """The run with every range of its randomisation ``ranges`` times as wide.
+
+        Raises:
+            ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
+        """
+        wide = dataclasses.replace(self.config, draw=self.config.draw.widened(ranges))
+        return dataclasses.replace(self, config=wide)
+
     def scene(self, scales: tuple[float, ...] | None = None) -> Scene:
         """The run's scene, compiled for ``scales`` (the drawn sizes by default)."""
         return build_scene(
