@@ -107,7 +107,8 @@ LIBFRANKA_STIFFNESS: Seven = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 LIBFRANKA_DAMPING: Seven = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
 """Damping of the same example [Nm s/rad]."""
 STIFFNESS_SHARE = 0.15
-"""Share of the example's stiffness that we ask for: ``benchmarks/gains.py``, docs/results/engine.md."""
+"""Share of the example's stiffness that we ask for: ``benchmarks/gains.py``,
+docs/results/engine.md."""
 DAMPING_SHARE = 1.1 * STIFFNESS_SHARE**0.5
 """Share of its damping: a tenth more than keeps the damping ratio."""
 

@@ -9,9 +9,9 @@ fingers do, and by whether the part is where it should be, in training and in th
 exported alike: no engine and no robot knows of it.
 
 Where a part is stopped near its target there is something more: what the arm's target is ahead by
-more than needed is taken back (:func:`taken_back`). A drawer that comes at 0.16 m/s has 6 cm of that, which alone
-would run it shut; and motions add up, so that a hand which says a little without meaning it, at a
-drawer that is shut, would press with more each second.
+more than needed is taken back (:func:`taken_back`). A drawer that comes at 0.16 m/s has 6 cm of
+that, which alone would run it shut; and motions add up, so that a hand which says a little without
+meaning it, at a drawer that is shut, would press with more each second.
 """
 
 from __future__ import annotations
