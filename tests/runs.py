@@ -19,7 +19,7 @@ from articulate.settings import DrawConfig
 from articulate.task import make_task
 from articulate_envs.place import find_place
 from articulate_envs.settings import StartConfig
-from articulate_train.config import FineConfig, PpoConfig, TrainConfig
+from articulate_train.config import FineConfig, PpoConfig, SelectConfig, TrainConfig
 from articulate_train.policy import CHECKPOINT
 from articulate_train.run import Run, open_run, write_scene
 
@@ -32,7 +32,8 @@ TINY_PPO = PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=2, net=(8, 8))
 def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) -> Run:
     """A run of one seed, not begun yet, of ``updates`` updates of 32 steps that take milliseconds.
 
-    Its episodes take a second, its objects come in three sizes, and every second update is kept.
+    Its episodes take a second, its objects come in three sizes, every second update is kept, and
+    the last state is its policy.
     """
     plan: dict[str, Any] = {
         "seeds": (0,),
@@ -43,6 +44,7 @@ def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) ->
         "ppo": TINY_PPO,
         "draw": replace(DrawConfig(), scales=3),
         "starts": StartConfig(bank=16),
+        "select": SelectConfig(states=1),
     }
     config = TrainConfig(asset=str(asset.folder), **({"joint": JOINT} | plan | changes))
     _write_run(folder, asset, config, episode_s=1.0)

@@ -59,6 +59,9 @@ TOGETHER = 0.75
 much farther: what it holds would turn in its fingers else, and spread them."""
 STEP = 0.01
 """Fraction of the part's way from which it is told how far the handle goes."""
+SHUT, BEYOND = 0.2, 1.08
+"""Where a part is led, as a share of the target: one that closes well within it, one that opens
+beyond it, at most half the way to its stop."""
 
 
 @dataclass(frozen=True)
@@ -153,10 +156,10 @@ def guide_of(scene: Scene) -> Guide:
     way = way_of(scene.asset, task.joint, flip=scene.place.flip)
     grasp = grasp_of(scene.asset.handle_of(task.joint))
     if task.closes:
-        aim = 0.2 * task.target
+        aim = SHUT * task.target
     else:
         stop = task.target * 1.1 if task.stop is None else 0.5 * (task.target + task.stop)
-        aim = min(1.08 * task.target, stop)
+        aim = min(BEYOND * task.target, stop)
     return Guide(scene, way, grasp, aim)
 
 

@@ -67,6 +67,9 @@ class PpoConfig:
     def __post_init__(self) -> None:
         counts = {f"ppo.{name}": getattr(self, name) for name in ("n_envs", "n_steps", "n_epochs")}
         check_least(1, counts | {"ppo.net": min(self.net, default=1)})
+        for name in ("learning_rate", "learning_rate_last"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ConfigError(f"ppo.{name} is {getattr(self, name)}; it must be above 0")
         size = self.n_envs * self.n_steps
         if self.batch_size < 2 or size % self.batch_size:
             raise ConfigError(
@@ -219,6 +222,39 @@ class FineConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SelectConfig:
+    """Which state of a training is kept as its policy.
+
+    What a policy has learnt it can lose again while training goes on. States of the second half are
+    judged as an evaluation would, on draws that are neither training's nor the evaluation's, and
+    the best is kept: each first on a few episodes, then the best of them on more.
+    """
+
+    states: int = 10
+    """States that are judged, the last of training among them; 1 takes the last unseen."""
+    since: float = 0.5
+    """Share of the training after which the first of them is; the others follow evenly."""
+    episodes: int = 100
+    """Drawn episodes that each of them is judged on first."""
+    finalists: int = 4
+    """So many go on."""
+    more: int = 300
+    """Drawn episodes that these are judged on besides; the better counts over both."""
+
+    def __post_init__(self) -> None:
+        counts = {f"select.{name}": getattr(self, name) for name in ("states", "episodes")}
+        check_least(1, counts | {"select.finalists": self.finalists, "select.more": self.more})
+        if not 0.0 < self.since < 1.0:
+            raise ConfigError(f"select.since is {self.since}; it must be in (0, 1)")
+
+    def moments(self, steps: int) -> tuple[int, ...]:
+        """Ticks after which states are kept in a training of ``steps``, but for the last."""
+        between = self.states - 1
+        first = self.since * steps
+        return tuple(round(first + (steps - first) * k / between) for k in range(between))
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """What is trained on what, and how."""
 
@@ -253,6 +289,8 @@ class TrainConfig:
     """What training begins with."""
     fine: FineConfig = field(default_factory=FineConfig)
     """Finer motions near the handle."""
+    select: SelectConfig = field(default_factory=SelectConfig)
+    """Which state of the training is kept."""
     draw: DrawConfig = field(default_factory=DrawConfig)
     """Randomisation."""
     reward: RewardConfig = field(default_factory=RewardConfig)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from articulate_envs.scene import Scene
 from articulate_envs.settings import RewardConfig
 from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
-from articulate_train.policy import Policy, checkpoint_sha256, load_policy
+from articulate_train.policy import Policy, checkpoint_sha256, load_policy, policy_steps
 from articulate_train.ppo import EVALUATION
 from articulate_train.report import SeedEvaluation, Timeline
 from articulate_train.run import Run
@@ -56,7 +57,7 @@ class Rollout:
 def evaluate_seed(
     run: Run, seed: int, *, episodes: int, threads: int
 ) -> tuple[SeedEvaluation, Rollout]:
-    """Evaluate the last checkpoint of one seed on ``episodes`` drawn episodes and nominal ones.
+    """Evaluate the policy of one seed on ``episodes`` drawn episodes and nominal ones.
 
     Nominal episodes keep only the noise of the start pose, without which they would all be the
     same; they are so alike that :data:`NOMINAL` are enough.
@@ -83,6 +84,7 @@ def evaluate_seed(
         nominal_codes=nominal.ended.code,
         nominal_opened=nominal.ended.opened,
         checkpoint_sha256=judged,
+        policy_steps=policy_steps(run.seed_folder(seed)),
     )
     return result, drawn
 
@@ -97,13 +99,57 @@ def roll_out(
     threads: int,
 ) -> Rollout:
     """Run ``episodes`` episodes from home side by side, with the policy's mean action."""
+    qpos = np.zeros((scene.ticks, episodes, scene.nominal.nq))
+    force, speed, opened = (np.zeros((scene.ticks, episodes)) for _ in range(3))
+
+    def trace(t: int, engine: ThreadEngine) -> None:
+        state = engine.state()
+        for i in range(episodes):
+            qpos[t, i] = engine.physics_state(i)[1].qpos
+        force[t] = np.linalg.norm(state.samples[:, :3], axis=1)
+        speed[t] = np.max(np.abs(state.dq) / scene.arm.dq_max, axis=1)
+        opened[t] = state.opened
+
+    ended, drawn = run_episodes(
+        scene, policy, draws, stream, episodes=episodes, threads=threads, after_tick=trace
+    )
+    T_wo = scene.T_wo(drawn)
+    for array in (qpos, force, speed, opened):
+        array[-1] = array[-2]
+    return Rollout(
+        ended=ended,
+        draws=drawn,
+        traces=Traces(qpos=qpos, force=force, speed_share=speed, opened=opened),
+        poses=T_wo,
+    )
+
+
+def run_episodes(
+    scene: Scene,
+    policy: Policy,
+    draws: DrawConfig,
+    stream: np.random.SeedSequence,
+    *,
+    episodes: int,
+    threads: int,
+    after_tick: Callable[[int, ThreadEngine], None] = lambda *_: None,
+) -> tuple[Ended, Draw]:
+    """Ends of ``episodes`` episodes from home with the policy's mean action, and their draws.
+
+    Args:
+        scene: Where.
+        policy: Whose actions.
+        draws: Randomisation.
+        stream: Decides what is drawn; each call with it draws anew.
+        episodes: How many, side by side.
+        threads: Threads of the engine.
+        after_tick: Told each tick but the last, which begins episodes anew, and the engine.
+    """
     first, second = stream.spawn(2)
     drawn = draw(draws, np.random.default_rng(first), episodes, begin=scene.task.begin)
     engine = ThreadEngine(scene, episodes, threads=threads)
     env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=second)
     seen = env.reset(start=home_start(scene, drawn))
-    qpos = np.zeros((scene.ticks, episodes, scene.nominal.nq))
-    force, speed, opened = (np.zeros((scene.ticks, episodes)) for _ in range(3))
     ended: list[Ended] = []
     try:
         for t in range(scene.ticks):
@@ -111,25 +157,11 @@ def roll_out(
             seen = tick.observation
             if tick.ended is not None:
                 ended.append(tick.ended)
-            if t + 1 == scene.ticks:
-                break
-            state = engine.state()
-            for i in range(episodes):
-                qpos[t, i] = engine.physics_state(i)[1].qpos
-            force[t] = np.linalg.norm(state.samples[:, :3], axis=1)
-            speed[t] = np.max(np.abs(state.dq) / scene.arm.dq_max, axis=1)
-            opened[t] = state.opened
+            if t + 1 < scene.ticks:
+                after_tick(t, engine)
     finally:
         engine.close()
-    T_wo = scene.T_wo(drawn)
-    for array in (qpos, force, speed, opened):
-        array[-1] = array[-2]
-    return Rollout(
-        ended=first_ends(ended, episodes),
-        draws=drawn,
-        traces=Traces(qpos=qpos, force=force, speed_share=speed, opened=opened),
-        poses=T_wo,
-    )
+    return first_ends(ended, episodes), drawn
 
 
 def first_ends(ended: list[Ended], episodes: int) -> Ended:

@@ -57,6 +57,7 @@ from articulate_train.policy import (
     CHECKPOINT,
     Policy,
     checkpoint_sha256,
+    judged_file,
     of_this_version,
     policy_of,
     read_checkpoint,
@@ -117,8 +118,9 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
     if out.exists():
         raise UsageError(f"{out}: exists; choose another --out")
     require_space(out, BUNDLE_BYTES, "a bundle")
-    checkpoint = read_checkpoint(run.seed_folder(chosen))
-    with of_this_version(run.seed_folder(chosen)):
+    path = judged_file(run.seed_folder(chosen))
+    checkpoint = read_checkpoint(path.parent, path.name)
+    with of_this_version(path):
         policy, steps = policy_of(checkpoint), trained_steps(checkpoint)
     scene = run.scene((1.0,))
     files = bundle_files(scene, policy, draws_of(run, scene))

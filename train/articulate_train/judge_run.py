@@ -63,7 +63,7 @@ def judge_run(
     on: Run | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Evaluated:
-    """Evaluate the last checkpoints of all seeds and write ``report.json`` and ``report.html``.
+    """Evaluate the policies of all seeds and write ``report.json`` and ``report.html``.
 
     Args:
         run: What is evaluated.

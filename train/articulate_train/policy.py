@@ -23,6 +23,8 @@ from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
+CHOSEN = "policy.pt"
+"""File of a seed's folder that holds the policy which was chosen at the end of its training."""
 MOST_LETTERS = 160
 """Letters that are told of why a checkpoint does not fit."""
 
@@ -64,28 +66,34 @@ class Policy(nn.Module):
         return np.asarray(out.numpy(), dtype=np.float64)
 
 
-def read_checkpoint(folder: Path) -> dict[str, Any]:
-    """The checkpoint of a seed's folder; only tensors and plain values are read from the file.
+def judged_file(folder: Path) -> Path:
+    """File that holds the policy of a seed's folder: the chosen one, else the last checkpoint."""
+    chosen = folder / CHOSEN
+    return chosen if chosen.exists() else folder / CHECKPOINT
+
+
+def read_checkpoint(folder: Path, name: str = CHECKPOINT) -> dict[str, Any]:
+    """A checkpoint of a seed's folder; only tensors and plain values are read from the file.
 
     Raises:
         RunError: There is none, or it is not whole.
     """
-    path = folder / CHECKPOINT
+    path = folder / name
     try:
         content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError:
         raise RunError(f"{folder}: no checkpoint; train first, or go on with --resume") from None
     except (OSError, RuntimeError, ValueError, EOFError, pickle.UnpicklingError) as error:
         raise RunError(f"{path}: cannot be read ({type(error).__name__}); train again") from None
-    with of_this_version(folder):
+    with of_this_version(path):
         if not isinstance(content, dict):
             raise TypeError(f"it holds a {type(content).__name__}")
     return content
 
 
 @contextmanager
-def of_this_version(folder: Path) -> Iterator[None]:
-    """Inside, a checkpoint of ``folder`` that lacks something, or has another size, is a RunError.
+def of_this_version(path: Path) -> Iterator[None]:
+    """Inside, a checkpoint that lacks something, or has another size, is a RunError of its path.
 
     Raises:
         RunError: What was read does not fit what this version trains.
@@ -95,31 +103,35 @@ def of_this_version(folder: Path) -> Iterator[None]:
     except (KeyError, RuntimeError, ValueError, TypeError) as error:
         said = " ".join(f"{type(error).__name__}: {error}".split())
         why = said if len(said) <= MOST_LETTERS else f"{said[:MOST_LETTERS]}..."
-        raise RunError(
-            f"{folder / CHECKPOINT}: made by another version ({why}); train again"
-        ) from error
+        raise RunError(f"{path}: made by another version ({why}); train again") from error
 
 
 def load_policy(folder: Path) -> Policy:
-    """The policy of the last checkpoint in a seed's folder.
+    """The policy of a seed's folder: the one chosen, else that of its last checkpoint.
 
     Raises:
         RunError: There is none, it is not whole, or another version made it.
     """
-    content = read_checkpoint(folder)
-    with of_this_version(folder):
+    path = judged_file(folder)
+    content = read_checkpoint(folder, path.name)
+    with of_this_version(path):
         return policy_of(content)
 
 
 def checkpoint_sha256(folder: Path) -> str:
-    """Sum of the checkpoint in a seed's folder; empty if there is none."""
-    path = folder / CHECKPOINT
+    """Sum of the file in a seed's folder that holds its policy; empty if there is none."""
+    path = judged_file(folder)
     return sha256(path) if path.exists() else ""
 
 
 def trained_steps(checkpoint: dict[str, Any]) -> int:
     """Ticks of experience that a checkpoint was made after; 0 where it does not say."""
     return int(json.loads(checkpoint.get("plain", "{}")).get("num_timesteps", 0))
+
+
+def policy_steps(folder: Path) -> int:
+    """Ticks of experience that the policy of a seed's folder was made after; 0: not known."""
+    return trained_steps(read_checkpoint(folder, judged_file(folder).name))
 
 
 def policy_of(checkpoint: dict[str, Any]) -> Policy:

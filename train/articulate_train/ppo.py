@@ -121,12 +121,8 @@ class Learner:
         # SB3 shuffles minibatches with numpy's global generator.
         state: Any = np.random.get_state()  # noqa: NPY002
         name, keys, *rest = state
-        content = {
-            "policy": model.policy.state_dict(),
+        content = self.acting() | {
             "optimizer": model.policy.optimizer.state_dict(),
-            "net": list(self.config.ppo.net),
-            "fine": asdict(self.fine.at(model.num_timesteps / self.config.steps)),
-            "normalise": _running(norm.obs_rms),
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
             "episodes": {k: torch.from_numpy(np.asarray(v).copy()) for k, v in snapshot.items()},
@@ -148,6 +144,17 @@ class Learner:
         }
         with whole_file(folder / CHECKPOINT) as temporary:
             torch.save(content, temporary)
+
+    def acting(self) -> dict[str, Any]:
+        """What a checkpoint holds of the policy alone, for :func:`.policy.policy_of`."""
+        steps = self.model.num_timesteps
+        return {
+            "policy": {k: v.clone() for k, v in self.model.policy.state_dict().items()},
+            "net": list(self.config.ppo.net),
+            "fine": asdict(self.fine.at(steps / self.config.steps)),
+            "normalise": _running(self.normalise.obs_rms),
+            "plain": json.dumps({"num_timesteps": steps}),
+        }
 
     def restore(self, content: dict[str, Any]) -> None:
         """Continue from what :meth:`save` wrote."""
@@ -185,8 +192,8 @@ class Learner:
 
 UPDATE_FIGURES = ("approx_kl", "clip_fraction", "explained_variance", "value_loss")
 """How far an update moved the policy, and how well the value function does."""
-TRAINING, EVALUATION = 0, 1
-"""Second word of seeds: training and evaluation never share a stream."""
+TRAINING, EVALUATION, SELECTION = 0, 1, 2
+"""Last word of seeds: training, evaluation and the choice of a state never share a stream."""
 
 
 def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:

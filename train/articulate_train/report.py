@@ -60,7 +60,9 @@ class SeedEvaluation:
     nominal_opened: Mask
     """Whether those held the part open (E_n,)."""
     checkpoint_sha256: str = ""
-    """Sum of the checkpoint that was evaluated; a training that goes on replaces it."""
+    """Sum of the file that was evaluated; a training that goes on replaces it."""
+    policy_steps: int = 0
+    """Ticks of experience that the policy was made after; 0 where it is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +153,9 @@ class SeedReport:
     nominal_opened: Share | None
     nominal_reasons: Mapping[str, int]
     checkpoint_sha256: str
-    """Sum of the checkpoint that the figures are of."""
+    """Sum of the file with the policy that the figures are of."""
+    policy_steps: int
+    """Ticks of experience that this policy was made after; 0 where it is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,6 +292,7 @@ def _seed_report(seed: SeedEvaluation) -> SeedReport:
         nominal_opened=wilson(int(np.sum(seed.nominal_opened)), m) if m else None,
         nominal_reasons=_reasons(seed.nominal_codes),
         checkpoint_sha256=seed.checkpoint_sha256,
+        policy_steps=seed.policy_steps,
     )
 
 

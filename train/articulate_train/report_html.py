@@ -323,12 +323,16 @@ def _seeds(page: Page, report: Report) -> None:
     page.section("Seeds", "Shares with 95 % intervals (Wilson).")
     nominal = any(s.nominal_success is not None for s in report.seeds)
     word = done_word(report.info.task)
+    known = any(s.policy_steps for s in report.seeds)
     header = ["seed", "success", word, *(["not randomised"] if nominal else [])]
+    header += ["policy after"] if known else []
     rows: list[list[str]] = []
     for s in report.seeds:
         row = [str(s.seed), _interval(s.success), _interval(s.opened)]
         if nominal:
             row.append("–" if s.nominal_success is None else _interval(s.nominal_success))
+        if known:
+            row.append(f"{s.policy_steps / 1e6:.2f}M ticks" if s.policy_steps else "–")
         rows.append(row)
     page.table(header, rows)
     seen = [r for r in REASONS if any(r in s.reasons for s in report.seeds)]

@@ -1,7 +1,8 @@
 """One seed in a process of its own: ``python -m articulate_train.seed RUN SEED THREADS [PARENT]``.
 
-It writes ``progress.jsonl`` (a line every ten updates and at the end), TensorBoard events and
-``checkpoint.pt``, and at the end ``done.json``. SIGINT or SIGTERM saves and stops with 130, and so
+It writes ``progress.jsonl`` (a line every ten updates and at the end), TensorBoard events,
+``checkpoint.pt`` and states of the policy, and at the end the best of these as ``policy.pt``, and
+``done.json``. SIGINT or SIGTERM saves and stops with 130, and so
 does the end of the process PARENT, which started it.
 """
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import shutil
 import signal
 import sys
 import time
@@ -24,9 +26,10 @@ from articulate.errors import ArticulateError, DivergedError, UsageError
 from articulate.files import whole_file, write_json, write_text
 from articulate.judgement import REASONS
 from articulate_envs.rewards import TERMS
-from articulate_train.policy import CHECKPOINT, of_this_version, read_checkpoint
+from articulate_train.policy import CHECKPOINT, CHOSEN, of_this_version, read_checkpoint
 from articulate_train.ppo import Learner
 from articulate_train.run import Run, open_run
+from articulate_train.select import STATES, choose_state, is_due, keep_state, told
 from articulate_train.vecenv import Finished
 
 log = logging.getLogger(__name__)
@@ -51,6 +54,7 @@ class SeedProcess:
                 one that is the parent now.
         """
         self.folder = run.seed_folder(seed)
+        self._run, self._seed, self._threads = run, seed, threads
         self.folder.mkdir(exist_ok=True)
         self._every = run.config.checkpoint_updates
         self._stop = False
@@ -60,9 +64,10 @@ class SeedProcess:
         self._updates = 0
         if (self.folder / CHECKPOINT).exists():
             content = read_checkpoint(self.folder)
-            with of_this_version(self.folder):
+            with of_this_version(self.folder / CHECKPOINT):
                 self.learner.restore(content)
             self._updates = self.learner.model._n_updates // run.config.ppo.n_epochs
+        (self.folder / CHOSEN).unlink(missing_ok=True)  # of a shorter training that goes on
         self._cut_progress()
         self._board = SummaryWriter(
             str(self.folder / "tensorboard"), purge_step=self.learner.model.num_timesteps
@@ -100,20 +105,42 @@ class SeedProcess:
         if done and self._updates % REPORT_UPDATES:
             self._report()  # the last updates, without which a short training has no figures
         self.learner.save(self.folder)
-        if not done:
+        return done and self._choose()
+
+    def _choose(self) -> bool:
+        """Take the best state as the policy, and say that the seed is done; False if stopped."""
+        keep_state(self.folder, self.learner.acting())
+        found = choose_state(
+            self._run, self._seed, threads=self._threads, goes_on=lambda: not self._is_stopped
+        )
+        if found is None:
             return False
-        write_json(self.folder / DONE, {"steps": self.learner.model.num_timesteps})
+        state, judged = found
+        with whole_file(self.folder / CHOSEN) as temporary:
+            torch.save(state, temporary)
+        steps = self.learner.model.num_timesteps
+        chosen = json.loads(state["plain"])["num_timesteps"]
+        write_json(self.folder / DONE, {"steps": steps, "chosen": chosen, "judged": told(judged)})
+        shutil.rmtree(self.folder / STATES)
         return True
+
+    @property
+    def _is_stopped(self) -> bool:
+        """Whether it was told to stop, or its run was killed, and may be taken up again."""
+        self._stop = self._stop or self.is_orphan
+        return self._stop
 
     def _after_update(self, learner: Learner) -> bool:
         self._updates += 1
         if self._updates % REPORT_UPDATES == 0:
             self._report()
+        steps, update = learner.model.num_timesteps, learner.model.rollout_buffer
+        before = steps - update.buffer_size * update.n_envs
+        if is_due(learner.config.select, learner.config.steps, before, steps):
+            keep_state(self.folder, learner.acting())
         if self._updates % self._every == 0:
             learner.save(self.folder)
-        if self.is_orphan:  # its run was killed, and may be taken up again any moment
-            self._stop = True
-        return not self._stop
+        return not self._is_stopped
 
     @property
     def is_orphan(self) -> bool:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateFlags:
-    """Evaluate the last checkpoints of runs on fresh episodes, and compare them if they are many.
+    """Evaluate the policies of runs on fresh episodes, and compare them if they are many.
 
     Example: evaluate runs/cabinet --episodes 200
     """

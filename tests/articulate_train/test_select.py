@@ -1,0 +1,137 @@
+import json
+
+import numpy as np
+import pytest
+from tests.runs import tiny_run
+
+from articulate.errors import ConfigError
+from articulate_train import select
+from articulate_train.config import SelectConfig
+from articulate_train.policy import CHOSEN, load_policy, read_checkpoint
+from articulate_train.seed import DONE, SeedProcess
+from articulate_train.select import STATES, Judged, choose_state, is_due
+
+THREE = SelectConfig(states=3, episodes=2, finalists=2, more=3)
+
+
+@pytest.fixture
+def scored(monkeypatch):
+    """Episodes whose successes are said by the test, by ticks of the policy, round by round."""
+    asked = []
+
+    def use(rates):
+        def episodes(scene, policy, draws, stream, *, episodes, threads):
+            steps = policy.steps
+            asked.append((steps, episodes, tuple(stream.entropy)))
+            code = np.ones(episodes, dtype=int)
+            code[: round(rates[steps] * episodes)] = 0
+            return type("Ended", (), {"code": code}), None
+
+        monkeypatch.setattr(select, "run_episodes", episodes)
+        monkeypatch.setattr(
+            select,
+            "policy_of",
+            lambda state: type(
+                "Policy", (), {"steps": json.loads(state["plain"])["num_timesteps"]}
+            ),
+        )
+        return asked
+
+    return use
+
+
+def trained(folder, asset, config):
+    """A seed's process after its training of 192 ticks, before a state is chosen."""
+    run = tiny_run(folder / "run", asset, select=config)
+    process = SeedProcess(run, 0, threads=1)
+    return run, process
+
+
+def test_moments_begin_at_a_share_and_leave_out_the_end():
+    assert SelectConfig(states=5, since=0.6).moments(1000) == (600, 700, 800, 900)
+    assert SelectConfig(states=1).moments(1000) == ()
+
+
+def test_a_moment_is_due_once_whatever_the_length_of_updates():
+    config = SelectConfig(states=4, since=0.25)
+    for update in (7, 32, 100):
+        ends = range(update, 1000 + update, update)
+        due = [e for e in ends if is_due(config, 1000, e - update, e)]
+        assert len(due) == 3
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"states": 0}, {"episodes": 0}, {"finalists": 0}, {"more": 0}, {"since": 1.0}]
+)
+def test_settings_that_cannot_be_are_refused(wrong):
+    name = next(iter(wrong))
+    with pytest.raises(ConfigError, match=f"select.{name}"):
+        SelectConfig(**wrong)
+
+
+def test_the_best_of_the_states_is_the_policy_and_the_others_are_deleted(cabinet, tmp_path, scored):
+    asked = scored({96: 1.0, 160: 0.5, 192: 1.0})
+    run, process = trained(tmp_path, cabinet, SelectConfig(states=3, episodes=2, finalists=2))
+    assert process.train()
+    process.close()
+    folder = run.seed_folder(0)
+    assert not (folder / STATES).exists()
+    said = json.loads((folder / DONE).read_text())
+    assert said["chosen"] == 192  # of equals the later
+    assert [j["episodes"] for j in said["judged"]] == [302, 2, 302]
+    assert {e for e in asked if e[0] == 160} == {(160, 2, (run.config.evaluation_seed, 0, 2, 0))}
+
+
+def test_what_is_lost_at_the_end_of_training_is_not_the_policy(cabinet, tmp_path, scored):
+    scored({96: 1.0, 160: 0.0, 192: 0.0})
+    run, process = trained(tmp_path, cabinet, THREE)
+    assert process.train()
+    process.close()
+    folder = run.seed_folder(0)
+    assert json.loads((folder / DONE).read_text())["chosen"] == 96
+    chosen = read_checkpoint(folder, CHOSEN)
+    assert json.loads(chosen["plain"])["num_timesteps"] == 96
+    seen = np.zeros((1, load_policy(folder).mean.numel()))
+    last = select.policy_of  # patched: what is loaded must be the chosen file
+    assert last is not None
+    weights = read_checkpoint(folder)["policy"]["action_net.weight"]
+    assert not np.array_equal(chosen["policy"]["action_net.weight"], weights)
+    assert load_policy(folder).act(seen).shape == (1, 8)
+
+
+def test_states_are_really_judged_on_episodes(cabinet, tmp_path):
+    run, process = trained(tmp_path, cabinet, THREE)
+    assert process.train()
+    process.close()
+    said = json.loads((run.seed_folder(0) / DONE).read_text())
+    assert sorted(j["episodes"] for j in said["judged"]) == [2, 5, 5]
+
+
+def test_choosing_that_is_interrupted_is_done_again_with_the_same_choice(cabinet, tmp_path):
+    run, first = trained(tmp_path, cabinet, THREE)
+    first._stop = False
+    after = first._after_update
+    first._after_update = after
+    first.learner.run(first._after_update)
+    select.keep_state(first.folder, first.learner.acting())
+    assert choose_state(run, 0, threads=1, goes_on=lambda: False) is None
+    once, again = (choose_state(run, 0, threads=1) for _ in range(2))
+    first.close()
+    assert once is not None
+    assert again is not None
+    assert once[1] == again[1]
+    assert once[0]["plain"] == again[0]["plain"]
+
+
+def test_a_training_that_goes_on_forgets_the_policy_of_the_shorter_one(cabinet, tmp_path):
+    run, process = trained(tmp_path, cabinet, THREE)
+    assert process.train()
+    process.close()
+    assert (run.seed_folder(0) / CHOSEN).exists()
+    SeedProcess(run, 0, threads=1).close()
+    assert not (run.seed_folder(0) / CHOSEN).exists()
+
+
+def test_rate_of_what_was_not_judged_is_zero():
+    assert Judged(5).rate == 0.0
+    assert Judged(5, 4, 3).rate == 0.75
