@@ -55,6 +55,9 @@ class RewardConfig:
     """Half as wide is that way at the handle, as a share of the room between the fingers."""
     aside_from_m: float = 0.07
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
+    aside_most_m: float = 0.02
+    """What lies farther beside costs as this much [m]: an episode that begins 12 cm beside the
+    handle of a lid lost 280 by it, ten times what its success is worth."""
     beyond_m: float = 0.003
     """So far beyond the handle the hand may be [m]: tips have 5 mm there, where there is as much
     room, and a hand that may use them up presses on what stands behind."""
@@ -149,6 +152,17 @@ class StartConfig:
     cut_share: float = 0.5
     """Share of the environments in which episodes are cut, in [0, 1). In the others the part is
     held to the end, which has to be learnt too; what training says of successes is of these."""
+
+    again_from: float = 0.5
+    """Share of the training from which draws that failed come again (Jiang, Grefenstette and
+    Rocktäschel, 2021, replay levels by what there is to learn): the last of 100 that fail are
+    hardly met else."""
+    again_times: int = 3
+    """So many episodes from home get each of them, and each in which it fails as many more."""
+    again_share: float = 0.25
+    """Largest share of the episodes from home that are such."""
+    again_most: int = 512
+    """So many wait at most; the oldest are forgotten."""
 
     def __post_init__(self) -> None:
         check_until("starts", self.until)

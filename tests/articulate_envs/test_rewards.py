@@ -32,7 +32,7 @@ from articulate_envs.rewards import (
 )
 from articulate_envs.settings import RewardConfig, StartConfig
 
-CONFIG = RewardConfig()
+CONFIG = RewardConfig(aside_most_m=1.0)
 TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)
 HOME = np.asarray(PANDA.home)[None]
 FAR_M = 10.0
@@ -181,6 +181,16 @@ def test_what_one_finger_touches_costs_from_half_way_on(share, part):
     assert cost == pytest.approx(-50.0 * share * part * (0.012 - 0.45 * 0.01), abs=1e-9)
     held = dataclasses.replace(after, hand_width=np.full(1, 0.037))
     assert terms(held, config=config, thick_m=0.03, progress=share)["aside"] == 0.0
+
+
+def test_a_handle_that_lies_far_beside_costs_no_more_than_one_that_does_so_a_little():
+    config = RewardConfig(aside=-50.0, aside_most_m=0.02)
+    costs = [
+        terms(state(offset=[0.0, y, 0.0]), config=config, thick_m=0.02, progress=1.0)["aside"]
+        for y in (0.03, 0.06, 0.3)
+    ]
+    assert costs[0] > costs[1]
+    assert costs[1:] == pytest.approx([-1.0, -1.0])
 
 
 def test_the_way_is_the_narrower_the_less_the_hand_is_open():

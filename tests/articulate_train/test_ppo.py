@@ -171,7 +171,7 @@ def test_learning_rate_and_curriculum_follow_the_share_of_all_steps(learner, tin
     one = learner()
     train(one, 3)
     ppo, share = tiny.config.ppo, 3 * STEPS / tiny.config.steps
-    expected = ppo.learning_rate + share * (ppo.learning_rate_last - ppo.learning_rate)
+    expected = ppo.learning_rate ** (1.0 - share) * ppo.learning_rate_last**share
     assert one.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(expected)
     assert one.episodes.progress == pytest.approx(2 * STEPS / tiny.config.steps)
 

@@ -40,8 +40,9 @@ class PpoConfig:
     """Passes over the samples of an update."""
     learning_rate: float = 2e-4
     """Learning rate at the beginning."""
-    learning_rate_last: float = 2e-5
-    """Learning rate at the end; it falls linearly."""
+    learning_rate_last: float = 1e-5
+    """Learning rate at the end; it falls by the same factor in the same time, so that it is small
+    for long: noise falls too, and updates as large as before undo then what was learnt."""
     gamma: float = 0.99
     """Discount per tick."""
     gae_lambda: float = 0.95

@@ -201,7 +201,7 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
     last, first = config.learning_rate_last, config.learning_rate
 
     def learning_rate(remaining: float) -> float:
-        return last + (first - last) * remaining
+        return float(first * (last / first) ** (1.0 - remaining))
 
     return PPO(
         AsymmetricPolicy,

@@ -8,7 +8,8 @@
       scene.json     task, place and arm
       versions.json  versions at the beginning
       seed_K.log     what its process said
-      seed_K/        checkpoint.pt, progress.jsonl, tensorboard/, done.json or diverged.npz
+      seed_K/        checkpoint.pt, policy.pt, progress.jsonl, tensorboard/, done.json or
+                     diverged.npz
       sessions.json  seconds of each call of train that worked on it
       summary.json   what each seed reached, seconds of all calls, versions
       report.json, report.html, videos/
@@ -192,8 +193,8 @@ def run_bytes(config: TrainConfig, asset: Asset) -> int:
     return object_bytes + len(config.seeds) * (SEED_BYTES + config.steps // 10) + REPORT_BYTES
 
 
-SEED_BYTES = 4_000_000
-"""A seed's checkpoint, twice while it is written, and its log."""
+SEED_BYTES = 6_000_000
+"""A seed's checkpoint, twice while it is written, the states of its policy, and its log."""
 REPORT_BYTES = 20_000_000
 """The report with its clips."""
 

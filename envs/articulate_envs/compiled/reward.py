@@ -179,7 +179,7 @@ def _aside(w, offset, T_wt, T_wh, width, thick_m, progress):  # type: ignore[no-
         ahead -= T_wt[r, 2] * along_r
     room = max(width - thick_m, 0.0) / 2.0
     allowed = w.aside_share * room + max(ahead - w.aside_from_m, 0.0)
-    beside = max(abs(across) - allowed, 0.0)
+    beside = min(max(abs(across) - allowed, 0.0), w.aside_most_m)
     if _not_empty(width, thick_m) and ahead <= PAD_M and abs(across) <= thick_m / 2.0:
         untouched = width > thick_m + TOUCH_M
         beside *= max(2.0 * progress - 1.0, 0.0) if untouched else 0.0
