@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ BELIEF = 0.004
 """Weight of that thought against all pixels together."""
 FEWEST = 30
 """Fewer pixels say nothing of the light."""
+REST_FRAMES = 8
+"""Frames that may show the object at 0."""
 MOST = 1500
 """Pixels that are looked at."""
 SOFT = 0.02
@@ -34,14 +38,38 @@ def plain_light() -> Array:
 
 
 def fit_light(shot: Shot, everything: Surface, change: NDArray[np.bool_]) -> Array:
-    """How the object is lit (LIGHT_ROWS, 3), from what does not change.
+    """How the object is lit (LIGHT_ROWS, 3), from what does not change, if anything does not.
 
     Args:
         shot: The frames.
         everything: All parts at 0.
         change: Pixels that change (H, W).
     """
-    return solve_light(*still_samples(shot, everything, change))
+    views, albedo, colours = still_samples(shot, everything, change)
+    if len(views) < FEWEST:
+        return _light_at_rest(shot, everything)
+    return solve_light(views, albedo, colours)
+
+
+def _light_at_rest(shot: Shot, everything: Surface) -> Array:
+    """The light of the frame that it makes look most like the object with all parts at 0.
+
+    A door that sweeps over all of a cabinet leaves nothing that stands still, and under a light
+    that is only thought of it is cheaper to hide the door than to see it.
+    """
+    nowhere = np.zeros(shot.size, dtype=np.bool_)
+    best, best_cost = plain_light(), np.inf
+    for t in np.unique(np.linspace(0, len(shot.frames) - 1, REST_FRAMES).round().astype(int)):
+        one = replace(shot, frames=shot.frames[t : t + 1], indices=shot.indices[t : t + 1])
+        views, albedo, colours = still_samples(one, everything, nowhere)
+        light = solve_light(views, albedo, colours)
+        lamp = np.maximum(views[:, :3] @ light[3], 0.0)[:, None]
+        shade = light[0] + light[1] * views[:, 3:] + light[2] * lamp
+        off = np.abs(albedo * shade - colours) / 255.0
+        cost = float(np.minimum(off, 5.0 * SOFT).sum())
+        if cost < best_cost:
+            best, best_cost = light, cost
+    return best
 
 
 def still_samples(

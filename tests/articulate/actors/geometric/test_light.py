@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
+import trimesh
 
-from articulate.actors.geometric.light import FIRST, solve_light
+from articulate.actors.geometric.layers import draw
+from articulate.actors.geometric.light import FIRST, fit_light, solve_light
+from articulate.actors.geometric.shot import Shot
+from articulate.actors.geometric.surface import Surface
+from articulate.actors.geometric.sweep import face_colours
+from articulate.render.camera import front_camera
+from articulate.transforms import pose
 
 RNG = np.random.default_rng(0)
 NORMALS = RNG.normal(size=(200, 3))
@@ -24,3 +31,26 @@ def test_a_light_is_found_again():
 def test_of_a_black_object_the_first_belief_stays():
     light = solve_light(VIEWS, np.zeros((200, 3)), np.full((200, 3), 3.0))
     assert np.allclose(light[:3].mean(axis=1), FIRST, atol=1e-6)
+
+
+def test_where_nothing_stands_still_the_frame_that_shows_the_object_at_0_tells_the_light():
+    body = trimesh.creation.icosphere(subdivisions=3, radius=0.4)
+    surface = Surface(
+        points_o=np.asarray(body.vertices) + np.array([0.0, 0.0, 0.5]),
+        faces=np.asarray(body.faces, dtype=np.int64),
+        albedo=np.full((len(body.faces), 3), 150.0),
+        part_ids=np.zeros(len(body.faces), dtype=np.int64),
+    )
+    camera = front_camera(96, 72)
+    pinhole = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    blank = Shot(np.zeros((4, 72, 96, 3)), np.arange(4), pinhole, camera.T_cw)
+    light = np.array([[0.2] * 3, [0.1] * 3, [0.6] * 3, [0.6, -0.8, 0.0]])
+    frames = np.full((4, 72, 96, 3), 255.0, dtype=np.float32)
+    for t, aside_m in enumerate((0.3, 0.2, 0.0, -0.2)):
+        seen = draw(surface, blank, pose(np.array([0.0, aside_m, 0.0])))
+        colours = face_colours(seen.points_c, surface.faces, surface.albedo, light)
+        frames[t][seen.face_ids >= 0] = colours[seen.face_ids[seen.face_ids >= 0]]
+    shot = Shot(frames, np.arange(4), pinhole, camera.T_cw)
+    found = fit_light(shot, surface, np.ones((72, 96), dtype=np.bool_))
+    assert found[3] @ light[3] > 0.98
+    assert found[2].mean() == pytest.approx(0.6, abs=0.05)
