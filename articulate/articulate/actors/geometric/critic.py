@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.fit import REACH, slides_in_sight
+from articulate.actors.geometric.fit import REACH, leaves_in_sight
 from articulate.actors.geometric.layers import Layers, draw
 from articulate.actors.geometric.look import (
     QUICK_FRAMES,
@@ -176,7 +176,7 @@ def _marked(scene: Scene, look: Look, joint: PredictedJoint, fit: Fit) -> Failur
     spin = None if motion is None else clear_spin(scene, look, part, motion)
     if motion is None or spin is None:
         return None
-    if slides_in_sight(scene.look(QUICK_PX, QUICK_FRAMES), part, REACH * scene.size_m):
+    if leaves_in_sight(scene.look(QUICK_PX, QUICK_FRAMES), part, REACH * scene.size_m):
         return None
     if joint.kind == "prismatic":
         return "joint_type"

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.actors.geometric import fit
-from articulate.actors.geometric.fit import Wish, find_motion
+from articulate.actors.geometric.fit import Wish, find_motion, leaves_in_sight
+from articulate.actors.geometric.look import QUICK_FRAMES, QUICK_PX
 from articulate.actors.geometric.spin import Marks, Spin, spin_of
 from articulate.actors.geometric.video import scene_from, video_actor
 from articulate.actors.protocol import Evidence
@@ -188,3 +189,25 @@ def test_a_square_drawer_that_begins_half_open_slides():
     assert said.lower is not None
     assert said.upper is not None
     assert said.upper - said.lower == pytest.approx(0.4, abs=0.02)
+
+
+def test_a_square_door_is_seen_to_leave_its_place_and_a_knob_is_not():
+    """It is round about the direction that it faces, and is hinged about another."""
+    block = trimesh.creation.box(bounds=[(-0.5, -0.6, 0.0), (0.1, 0.6, 1.0)])
+    leaf = trimesh.creation.box(bounds=[(0.1, -0.4, 0.1), (0.14, 0.4, 0.9)])
+    parts = (
+        plain_part("body", block.vertices, block.faces, (0.6, 0.6, 0.6)),
+        plain_part("door", leaf.vertices, leaf.faces, (0.6, 0.6, 0.6)),
+    )
+    pivot, T_o = np.array([0.1, 0.4, 0.0]), np.tile(np.eye(4), (FRAMES, 1, 1))
+    T_o[:, :3, :3] = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), np.linspace(0, 1.6, FRAMES))
+    T_o[:, :3, 3] = pivot - T_o[:, :3, :3] @ pivot
+    camera = front_camera(320, 240)
+    clip = film(PartScene(parts), camera, poses_of_parts(2, [1], T_o))
+    door = Evidence(
+        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+    )
+    for evidence, leaves in ((door, True), (clip_of(5.0, (0.1, 0.1, 0.1)), False)):
+        scene = scene_from(evidence)
+        look = scene.look(QUICK_PX, QUICK_FRAMES)
+        assert leaves_in_sight(look, 1, 0.5 * scene.size_m) == leaves
