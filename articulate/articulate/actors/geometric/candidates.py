@@ -45,7 +45,9 @@ class Motion:
 def axes_of(part: Surface) -> list[tuple[str, Array]]:
     """Directions (unit, with their source) along or about which a part may move."""
     found: list[tuple[str, Array]] = [(f"frame {n}", np.eye(3)[k]) for k, n in enumerate("xyz")]
-    _add(found, (("box", axis) for axis in _box_axes(part)))
+    boxes = _box_axes(part)
+    _add(found, (("box", axis) for axis in boxes))
+    _add(found, (("box, across", axis) for axis in _across(boxes)))
     _add(found, (("face", axis) for axis in _face_axes(part, 3)))
     return found
 
@@ -157,6 +159,20 @@ def _box_axes(part: Surface) -> list[Array]:
         if min(abs(values[k] - other) for other in others) > 0.08 * values[2]:
             axes.append(vectors[:, k])
     return axes
+
+
+def _across(axes: list[Array]) -> list[Array]:
+    """Directions across one of ``axes`` and one of the frame's that is square to it.
+
+    A lever that leans is as wide as it is high, so that its box has one direction alone; it is
+    as a rule symmetrical about a plane of the frame.
+    """
+    return [
+        normalised(np.cross(axis, frame))
+        for axis in axes
+        for frame in np.eye(3)
+        if abs(float(axis @ frame)) < np.sin(SAME_AXIS_RAD)
+    ]
 
 
 def _face_axes(part: Surface, n: int) -> list[Array]:

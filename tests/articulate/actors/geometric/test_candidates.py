@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 
-from articulate.actors.geometric.candidates import pivots_of
+from articulate.actors.geometric.candidates import axes_of, pivots_of
+from articulate.actors.geometric.surface import Surface
+from articulate.transforms import axis_angle_to_matrix
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.4, 0.8, 2.0])
@@ -24,3 +27,14 @@ def test_candidates_lie_no_nearer_to_each_other_than_was_said():
     spots = np.array([pivot[:2] for _, pivot in pivots_of(points, points[:50], axis, 0.1)])
     apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1)
     assert apart[~np.eye(len(spots), dtype=bool)].min() >= 0.1
+
+
+@pytest.mark.parametrize("tilt", [0.3, -0.6])
+def test_a_lever_that_leans_and_is_as_wide_as_high_may_turn_across_itself(tilt):
+    lever = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+    lean = axis_angle_to_matrix(np.array([0.0, 1.0, 0.0]), tilt)
+    points = np.asarray(lever.vertices) * [0.5, 0.1, 0.1] @ lean.T
+    n = len(lever.faces)
+    surface = Surface(points, np.asarray(lever.faces), np.zeros((n, 3)), np.zeros(n, dtype=int))
+    across = lean @ [0.0, 0.0, 1.0]
+    assert max(abs(float(axis @ across)) for _, axis in axes_of(surface)) > 0.999
