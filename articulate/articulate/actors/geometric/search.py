@@ -135,11 +135,16 @@ def positions(motion: Motion, layers: Layers, reach_m: float) -> Array:
     """
     if motion.kind == "turn":
         return np.arange(TURN_STEPS, dtype=np.float64) * (2.0 * np.pi / TURN_STEPS)
-    ends = layers.shot.project(motion.pivot_o + np.outer([-0.1, 0.1], motion.axis_o))
-    px_per_m = float(np.linalg.norm(ends[1] - ends[0])) / 0.2
-    step = max(SLIDE_STEP_PX / max(px_per_m, 1e-6), 2.0 * reach_m / (MOST_SLIDE_STEPS - 1))
+    step = max(slide_step(motion, layers), 2.0 * reach_m / (MOST_SLIDE_STEPS - 1))
     half = max(1, round(reach_m / step))
     return np.arange(-half, half + 1, dtype=np.float64) * step
+
+
+def slide_step(motion: Motion, layers: Layers) -> float:
+    """How far a slide goes while its part's middle moves by `SLIDE_STEP_PX` in the picture [m]."""
+    ends = layers.shot.project(motion.pivot_o + np.outer([-0.1, 0.1], motion.axis_o))
+    px_per_m = float(np.linalg.norm(ends[1] - ends[0])) / 0.2
+    return SLIDE_STEP_PX / max(px_per_m, 1e-6)
 
 
 def coarse_fit(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float) -> Fit:
@@ -151,6 +156,18 @@ def coarse_fits(
     motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float
 ) -> tuple[Fit, Fit]:
     """The cheapest path of ``motion`` through the shot, and the cheapest even one."""
+    fits = _tried(motion, layers, parts, reach_m)
+    near_m = 0.5 * (MOST_SLIDE_STEPS - 1) * slide_step(motion, layers)
+    if motion.kind == "slide" and near_m < reach_m:
+        # Steps that reach so far may be longer than all of a short slide.
+        fits += _tried(motion, layers, parts, near_m)
+    fits = on_one_scale(fits)
+    free, even = ([fit for fit in fits if fit.even is is_even] for is_even in (False, True))
+    return min(free, key=lambda fit: fit.price), min(even, key=lambda fit: fit.price)
+
+
+def _tried(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float) -> list[Fit]:
+    """The cheapest path through positions that go as far as ``reach_m``, and the cheapest even."""
     q = positions(motion, layers, reach_m)
     costs = np.ascontiguousarray(layers.costs(motion.T_o(q)).T)
     turning = motion.kind == "turn"
@@ -162,7 +179,7 @@ def coarse_fits(
         fit = Fit(motion, q[0] + path * (q[1] - q[0]), cost, parts, even=is_even)
         bends = unevenness(fit, layers)
         found.append(replace(fit, bends=bends, gain=rest - cost - bends))
-    return found[0], found[1]
+    return found
 
 
 def path_again(fit: Fit, layers: Layers, step: float) -> Fit:

@@ -4,11 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
 from articulate.actors.geometric.candidates import Motion
-from articulate.actors.geometric.search import Fit, without_jumps, wrapped
+from articulate.actors.geometric.look import COARSE_FRAMES, COARSE_PX, scene_of
+from articulate.actors.geometric.search import Fit, coarse_fits, without_jumps, wrapped
+from articulate.render.camera import front_camera
+from articulate.render.clip import film, poses_of_parts
+from articulate.render.parts import plain_part
+from articulate.render.scene import PartScene
 
 
 def test_a_path_without_a_jump_stays_as_it_is():
@@ -61,3 +67,23 @@ def test_a_turn_that_never_comes_near_rest_is_worth_less(kind, q, worth):
     fit = Fit(motion, np.array(q), cost=1.0, parts=(0,), gain=8.0)
     assert fit.worth == pytest.approx(worth)
     assert replace(fit, gain=-8.0).worth == pytest.approx(worth - 16.0)
+
+
+def test_a_slide_shorter_than_the_steps_of_its_reach_is_found():
+    lifted_m, reach_m = 0.02, 1.0
+    bounds = {
+        "pot": ((-0.5, -0.5, 0.0), (0.5, 0.5, 0.8)),
+        "lid": ((-0.4, -0.4, 0.8), (0.4, 0.4, 1)),
+    }
+    meshes = {name: trimesh.creation.box(bounds=ends) for name, ends in bounds.items()}
+    parts = [
+        plain_part(name, mesh.vertices, mesh.faces, (0.8, 0.1 + 0.5 * k, 0.2))
+        for k, (name, mesh) in enumerate(meshes.items())
+    ]
+    lift = Motion("slide", np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 0.9]), "truth")
+    camera, q = front_camera(640, 480), np.linspace(0.0, lifted_m, 12)
+    clip = film(PartScene(parts), camera, poses_of_parts(2, [1], lift.T_o(q)))
+    look = scene_of(clip.frames, camera, parts).look(COARSE_PX, COARSE_FRAMES)
+    free, _ = coarse_fits(lift, look.layers([1]), (1,), reach_m)
+    assert np.ptp(free.q) == pytest.approx(lifted_m, abs=0.01)
+    assert free.gain > 0.0
