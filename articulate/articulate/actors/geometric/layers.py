@@ -23,6 +23,8 @@ TRUST = 0.35
 SLACK, LEAST_SLACK = 4.0, 3.0
 """How far from the model a still pixel may be where things move: in units of what is usual where
 nothing does, and at least, 0 to 255."""
+LEAST_THICKNESS_PX = 2.0
+"""What is thinner is as thick as this: more positions would not meet its picture oftener."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,24 @@ class Layers:
     @cached_property
     def own_px(self) -> int:
         """Number of pixels in which what moves is seen, in its pose at 0 and alone."""
-        return int((draw(self.moving, self.shot).face_ids >= 0).sum())
+        return int(self._own.sum())
+
+    @cached_property
+    def thickness_px(self) -> float:
+        """How thick what moves is there, as a strip that is as far from its edges on average.
+
+        Two pixels at least; in pixels of the shot.
+        """
+        if not self._own.any():
+            return LEAST_THICKNESS_PX
+        depth_px = cv2.distanceTransform(self._own.astype(np.uint8), cv2.DIST_L2, 3)
+        # In a strip of w pixels it is w / 4 on average, and half a pixel more to pixels' middles.
+        return max(LEAST_THICKNESS_PX, 4.0 * float(depth_px[self._own].mean()) - 2.0)
+
+    @cached_property
+    def _own(self) -> NDArray[np.bool_]:
+        """Where what moves is seen (H, W), in its pose at 0 and alone."""
+        return np.asarray(draw(self.moving, self.shot).face_ids >= 0)
 
     @cached_property
     def _by_pixel(self) -> tuple[Floats, Floats]:

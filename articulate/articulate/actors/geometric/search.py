@@ -12,8 +12,8 @@ from articulate.actors.geometric.layers import CAP, Layers
 from articulate.actors.geometric.sweep import best_line, best_path
 from articulate.transforms import Array
 
-TURN_STEPS = 48
-"""Positions on a full turn."""
+TURN_STEPS, MOST_TURN_STEPS = 48, 144
+"""Positions on a full turn; and of what is thin, which else would not meet its picture between."""
 FINE_TURN_STEPS = 120
 """The same, when every frame is looked at."""
 SLIDE_STEP_PX = 1.6
@@ -134,10 +134,20 @@ def positions(motion: Motion, layers: Layers, reach_m: float) -> Array:
         reach_m: Farthest a slide may go [m].
     """
     if motion.kind == "turn":
-        return np.arange(TURN_STEPS, dtype=np.float64) * (2.0 * np.pi / TURN_STEPS)
+        n = turn_steps(motion, layers)
+        return np.arange(n, dtype=np.float64) * (2.0 * np.pi / n)
     step = max(slide_step(motion, layers), 2.0 * reach_m / (MOST_SLIDE_STEPS - 1))
     half = max(1, round(reach_m / step))
     return np.arange(-half, half + 1, dtype=np.float64) * step
+
+
+def turn_steps(motion: Motion, layers: Layers) -> int:
+    """Positions on a full turn so near to each other that what moves overlaps itself.
+
+    A handle of wire that passes between its pictures costs as much as one that is elsewhere.
+    """
+    round_px = 2.0 * np.pi / position_unit(motion, layers) * NUDGE_PX
+    return int(np.clip(round_px / layers.thickness_px, TURN_STEPS, MOST_TURN_STEPS))
 
 
 def slide_step(motion: Motion, layers: Layers) -> float:
@@ -171,7 +181,8 @@ def _tried(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: floa
     q = positions(motion, layers, reach_m)
     costs = np.ascontiguousarray(layers.costs(motion.T_o(q)).T)
     turning = motion.kind == "turn"
-    free = free_path(costs, layers, 1.0, LARGEST_STEP, circular=turning)
+    finer = len(q) / TURN_STEPS if turning else 1.0
+    free = free_path(costs, layers, 1.0 / finer, round(finer * LARGEST_STEP), circular=turning)
     even = even_path(costs, layers, circular=turning)
     rest = float(costs.sum(axis=0).min())
     found = []

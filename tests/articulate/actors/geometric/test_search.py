@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from articulate.actors.geometric.candidates import Motion
 from articulate.actors.geometric.look import COARSE_FRAMES, COARSE_PX, scene_of
-from articulate.actors.geometric.search import Fit, coarse_fits, without_jumps, wrapped
+from articulate.actors.geometric.search import (
+    TURN_STEPS,
+    Fit,
+    coarse_fits,
+    turn_steps,
+    without_jumps,
+    wrapped,
+)
 from articulate.render.camera import front_camera
 from articulate.render.clip import film, poses_of_parts
 from articulate.render.parts import plain_part
@@ -87,3 +94,23 @@ def test_a_slide_shorter_than_the_steps_of_its_reach_is_found():
     free, _ = coarse_fits(lift, look.layers([1]), (1,), reach_m)
     assert np.ptp(free.q) == pytest.approx(lifted_m, abs=0.01)
     assert free.gain > 0.0
+
+
+def test_a_wire_is_turned_in_steps_in_which_it_overlaps_itself():
+    """Between the positions of thick parts it would not meet its picture."""
+    bounds = {
+        "thick": ((-0.25, -0.5, 0.25), (0.25, 0.5, 0.75)),
+        "wire": ((-0.01, -0.5, 0.74), (0.01, 0.5, 0.76)),
+    }
+    turn = Motion("turn", np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.25]), "truth")
+    camera, q = front_camera(320, 240), 0.05 + np.linspace(0.0, 1.5, 12)
+    n_steps, found = {}, {}
+    for name, ends in bounds.items():
+        mesh = trimesh.creation.box(bounds=ends)
+        parts = [plain_part(name, mesh.vertices, mesh.faces, (0.3, 0.3, 0.3))]
+        clip = film(PartScene(parts), camera, poses_of_parts(1, [0], turn.T_o(q)))
+        layers = scene_of(clip.frames, camera, parts).look(COARSE_PX, COARSE_FRAMES).layers([0])
+        n_steps[name] = turn_steps(turn, layers)
+        found[name] = coarse_fits(turn, layers, (0,), 1.0)[0]
+    assert n_steps["thick"] == TURN_STEPS < n_steps["wire"]
+    assert wrapped(found["wire"].q - q) == pytest.approx(0.0, abs=0.06)
