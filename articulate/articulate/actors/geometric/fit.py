@@ -248,7 +248,17 @@ def _candidates(
     motions = motions_of(surface, rest, axes_of(look.surface.only(moving[:1])))
     if wish.near is not None:
         motions.append(wish.near)
-    pairs = [coarse_fits(motion, layers, moving, reach_m) for motion in motions]
+    own = round_axis(surface, axes_of(surface))  # marks that turn look like short slides across it
+    pairs = [
+        coarse_fits(
+            motion,
+            layers,
+            moving,
+            reach_m,
+            near=own is None or abs(float(motion.axis_o @ own.axis_o)) >= SAME_WISH,
+        )
+        for motion in motions
+    ]
     fits = on_one_scale([fit for pair in pairs for fit in pair])
     fits = [
         fit

@@ -163,12 +163,21 @@ def coarse_fit(motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: 
 
 
 def coarse_fits(
-    motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float
+    motion: Motion, layers: Layers, parts: tuple[int, ...], reach_m: float, *, near: bool = False
 ) -> tuple[Fit, Fit]:
-    """The cheapest path of ``motion`` through the shot, and the cheapest even one."""
+    """The cheapest path of ``motion`` through the shot, and the cheapest even one.
+
+    Args:
+        motion: What is tried.
+        layers: The shot and the parts that move.
+        parts: These parts.
+        reach_m: Farthest a slide may go [m].
+        near: Try slides near rest too, in steps of a pixel or two. Marks of a round part that turns
+            look like such slides across its axis.
+    """
     fits = _tried(motion, layers, parts, reach_m)
     near_m = 0.5 * (MOST_SLIDE_STEPS - 1) * slide_step(motion, layers)
-    if motion.kind == "slide" and near_m < reach_m:
+    if near and motion.kind == "slide" and near_m < reach_m:
         # Steps that reach so far may be longer than all of a short slide.
         fits += _tried(motion, layers, parts, near_m)
     fits = on_one_scale(fits)
