@@ -98,7 +98,7 @@ def failures(
 
     Args:
         folder: Run.
-        seed: Which of its policies, by its last checkpoint.
+        seed: Which of its policies.
         episodes: So many.
         draws: Seed of what is drawn.
         ranges: So many times as wide is every range of the randomisation.
