@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from articulate.actors.geometric.layers import draw
-from articulate.actors.geometric.light import FIRST, fit_light, solve_light
+from articulate.actors.geometric.light import FIRST, fit_light, plain_light, solve_light
 from articulate.actors.geometric.shot import Shot
 from articulate.actors.geometric.surface import Surface
 from articulate.actors.geometric.sweep import face_colours
@@ -33,7 +33,11 @@ def test_of_a_black_object_the_first_belief_stays():
     assert np.allclose(light[:3].mean(axis=1), FIRST, atol=1e-6)
 
 
-def test_where_nothing_stands_still_the_frame_that_shows_the_object_at_0_tells_the_light():
+LIGHT = np.array([[0.2] * 3, [0.1] * 3, [0.6] * 3, [0.6, -0.8, 0.0]])
+
+
+def light_of_a_ball_that_is(*aside_m):
+    """What is found where nothing stands still, of a ball that is so far from its place at 0."""
     body = trimesh.creation.icosphere(subdivisions=3, radius=0.4)
     surface = Surface(
         points_o=np.asarray(body.vertices) + np.array([0.0, 0.0, 0.5]),
@@ -43,14 +47,20 @@ def test_where_nothing_stands_still_the_frame_that_shows_the_object_at_0_tells_t
     )
     camera = front_camera(96, 72)
     pinhole = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
-    blank = Shot(np.zeros((4, 72, 96, 3)), np.arange(4), pinhole, camera.T_cw)
-    light = np.array([[0.2] * 3, [0.1] * 3, [0.6] * 3, [0.6, -0.8, 0.0]])
-    frames = np.full((4, 72, 96, 3), 255.0, dtype=np.float32)
-    for t, aside_m in enumerate((0.3, 0.2, 0.0, -0.2)):
-        seen = draw(surface, blank, pose(np.array([0.0, aside_m, 0.0])))
-        colours = face_colours(seen.points_c, surface.faces, surface.albedo, light)
-        frames[t][seen.face_ids >= 0] = colours[seen.face_ids[seen.face_ids >= 0]]
-    shot = Shot(frames, np.arange(4), pinhole, camera.T_cw)
-    found = fit_light(shot, surface, np.ones((72, 96), dtype=np.bool_))
-    assert found[3] @ light[3] > 0.98
+    frames = np.full((len(aside_m), 72, 96, 3), 255.0, dtype=np.float32)
+    shot = Shot(frames, np.arange(len(aside_m)), pinhole, camera.T_cw)
+    for frame, y in zip(frames, aside_m, strict=True):
+        seen = draw(surface, shot, pose(np.array([0.0, y, 0.0])))
+        colours = face_colours(seen.points_c, surface.faces, surface.albedo, LIGHT)
+        frame[seen.face_ids >= 0] = colours[seen.face_ids[seen.face_ids >= 0]]
+    return fit_light(shot, surface, np.ones((72, 96), dtype=np.bool_))
+
+
+def test_where_nothing_stands_still_the_frame_that_shows_the_object_at_0_tells_the_light():
+    found = light_of_a_ball_that_is(0.3, 0.2, 0.0, -0.2)
+    assert found[3] @ LIGHT[3] > 0.98
     assert found[2].mean() == pytest.approx(0.6, abs=0.05)
+
+
+def test_where_no_frame_shows_the_object_at_0_either_the_first_belief_stays():
+    assert np.array_equal(light_of_a_ball_that_is(0.3, 0.2, 0.15, -0.2), plain_light())
