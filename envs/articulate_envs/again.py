@@ -12,8 +12,8 @@ from articulate_envs.settings import StartConfig
 class Again:
     """A queue of draws in which the policy has failed.
 
-    A draw leaves it as it comes again, and comes back to it if it fails again: what is learnt
-    is forgotten here.
+    A draw leaves it as it comes again, for good: one in which nobody can succeed would else come
+    back for ever, and in the end nothing else.
     """
 
     def __init__(self, config: StartConfig) -> None:

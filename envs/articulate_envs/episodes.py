@@ -322,7 +322,8 @@ class Episodes:
         task = self.engine.scene.task
         code = verdict(self._judgement, task)[rows]
         if self._again is not None:
-            failed = self._home[rows] & ~cut[rows] & (code != 0)
+            fresh = self._home[rows] & ~self._repeated[rows]
+            failed = fresh & ~cut[rows] & (code != 0)
             self._again.failed(self._drawn.values[rows[failed]], self.progress)
         return Ended(
             rows=rows,

@@ -158,7 +158,7 @@ class StartConfig:
     Rocktäschel, 2021, replay levels by what there is to learn): the last of 100 that fail are
     hardly met else."""
     again_times: int = 3
-    """So many episodes from home get each of them, and each in which it fails as many more."""
+    """So many episodes from home each of them gets."""
     again_share: float = 0.25
     """Largest share of the episodes from home that are such."""
     again_most: int = 512

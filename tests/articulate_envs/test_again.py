@@ -78,6 +78,24 @@ def test_an_episode_that_fails_from_home_begins_again_as_it_was_drawn(drawer):
     for _ in range(drawer.ticks):
         tick = runs.step(np.zeros((3, 8)))
     assert not tick.ended.from_home.any()  # the figures of training are of fresh draws
+    assert_array_equal(runs.drawn.values[:, 0], np.repeat(failed[1:, 0], 3)[:3])
+
+
+def test_a_draw_that_fails_again_does_not_come_back_for_ever(drawer):
+    config = StartConfig(
+        share_first=0.0, bank=24, again_from=0.0, again_share=1.0, again_times=1, cut_share=0.0
+    )
+    runs = made(drawer, config)
+    runs.reset()
+    first = runs.drawn.values[:, 0]
+    seen = []
+    for _ in range(3):
+        for _ in range(drawer.ticks):
+            runs.step(np.zeros((3, 8)))
+        seen.append(runs.drawn.values[:, 0])
+    assert_array_equal(seen[0], first)
+    assert not np.isin(seen[1], first).any()
+    assert_array_equal(seen[2], seen[1])
 
 
 def test_what_waits_is_in_the_snapshot(drawer):
