@@ -19,7 +19,6 @@ from articulate.judgement import (
 from articulate.observe import ACTION
 from articulate.settings import DrawConfig
 from articulate.transforms import Array, Ints, Mask
-from articulate_envs.again import Again
 from articulate_envs.compiled.after import Judged, Rules, after
 from articulate_envs.compiled.judge import asked_of
 from articulate_envs.compiled.observe import Past, Scales, Seen, observations
@@ -42,8 +41,8 @@ class Ended:
     opened: Mask
     """Whether the part was held at its target at the end, limits aside (M,)."""
     from_home: Mask
-    """Whether the episode began at home with a fresh draw, to run its full length: never one that
-    training may cut off, nor one that comes again because it failed (M,)."""
+    """Whether the episode began at home, to run its full length: never one that training may cut
+    off (M,)."""
     cut: Mask
     """Whether training cut it off while the part rested at the target (M,)."""
     terms: Array
@@ -109,8 +108,6 @@ class Episodes:
         self._judgement = judgement_start(n)
         self._tick = np.zeros(n, dtype=np.int64)
         self._home = np.zeros(n, dtype=bool)
-        self._again = None if starts is None else Again(starts)
-        self._repeated = np.zeros(n, dtype=bool)
         self._last = np.zeros((n, ACTION.size))
         self._width = np.zeros(n)
         self._terms = np.zeros((n, len(TERMS)))
@@ -176,17 +173,6 @@ class Episodes:
         share = self.starts.share(self.progress)
         return mixed_start(scene, self._bank, drawn, share, self._rng)
 
-    def _repeat(self, start: Start) -> Mask:
-        """Let some that begin at home be such as failed before; which (M,)."""
-        if self._again is None:
-            return np.zeros(len(start.q), dtype=bool)
-        drawn = start.draw.values
-        repeated = self._again.take(drawn, start.home, self._rng)
-        if repeated.any():
-            home = home_start(self.engine.scene, Draw(drawn[repeated]))
-            start.q[repeated], start.opened[repeated] = home.q, home.opened
-        return repeated
-
     def reset(self, *, stagger: bool = False, start: Start | None = None) -> Array:
         """Begin all episodes and return the observations (N, size).
 
@@ -207,9 +193,7 @@ class Episodes:
 
     def _begin(self, rows: Ints, start: Start | None = None) -> State:
         """Begin episodes in environments ``rows`` (M,); what is then true of all."""
-        if start is None:
-            start = self.draw_start(len(rows))
-            self._repeated[rows] = self._repeat(start)
+        start = self.draw_start(len(rows)) if start is None else start
         self.engine.reset(rows, start)
         self._drawn.values[rows] = start.draw.values
         self._home[rows] = start.home
@@ -320,16 +304,11 @@ class Episodes:
 
     def _end(self, rows: Ints, seen: Array, cut: Mask) -> Ended:
         task = self.engine.scene.task
-        code = verdict(self._judgement, task)[rows]
-        if self._again is not None:
-            fresh = self._home[rows] & ~self._repeated[rows]
-            failed = fresh & ~cut[rows] & (code != 0)
-            self._again.failed(self._drawn.values[rows[failed]], self.progress)
         return Ended(
             rows=rows,
-            code=code,
+            code=verdict(self._judgement, task)[rows],
             opened=opened_at_end(self._judgement, task)[rows],
-            from_home=(self._home & ~self._repeated & ~self._may_cut())[rows],
+            from_home=(self._home & ~self._may_cut())[rows],
             cut=(cut & (self._tick < self.engine.scene.ticks))[rows],
             terms=self._terms[rows].copy(),
             peaks=self._judgement.samples[rows].copy(),
@@ -349,8 +328,6 @@ class Episodes:
             "judgement_diverged": j.diverged.copy(),
             "episode_tick": self._tick.copy(),
             "episode_home": self._home.copy(),
-            "episode_repeated": self._repeated.copy(),
-            "episode_waiting": np.zeros((0, 0)) if self._again is None else self._again.waiting,
             "episode_last": self._last.copy(),
             "episode_width": self._width.copy(),
             "episode_terms": self._terms.copy(),
@@ -374,9 +351,6 @@ class Episodes:
         )
         self._tick[:] = snapshot["episode_tick"]
         self._home[:] = snapshot["episode_home"]
-        self._repeated[:] = snapshot["episode_repeated"]
-        if self._again is not None:
-            self._again.waiting = snapshot["episode_waiting"].copy()
         self._last = snapshot["episode_last"].copy()
         self._width = snapshot["episode_width"].copy()
         self._terms[:] = snapshot["episode_terms"]

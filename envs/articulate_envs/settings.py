@@ -153,17 +153,6 @@ class StartConfig:
     """Share of the environments in which episodes are cut, in [0, 1). In the others the part is
     held to the end, which has to be learnt too; what training says of successes is of these."""
 
-    again_from: float = 0.5
-    """Share of the training from which draws that failed come again (Jiang, Grefenstette and
-    Rocktäschel, 2021, replay levels by what there is to learn): the last of 100 that fail are
-    hardly met else."""
-    again_times: int = 3
-    """So many episodes from home each of them gets."""
-    again_share: float = 0.25
-    """Largest share of the episodes from home that are such."""
-    again_most: int = 512
-    """So many wait at most; the oldest are forgotten."""
-
     def __post_init__(self) -> None:
         check_until("starts", self.until)
         if not 0.0 <= self.cut_share < 1.0:
