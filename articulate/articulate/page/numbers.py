@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 
 def shown(value: str | float | bool | None) -> str:
@@ -32,6 +33,8 @@ def ticks(low: float, high: float, count: int = 5) -> list[float]:
     if not high > low:
         return [low]
     rough = (high - low) / count
+    if rough < sys.float_info.min:  # so near to each other that nothing lies between
+        return [low]
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough * 0.7)
     first = math.ceil(low / step - 1e-9)

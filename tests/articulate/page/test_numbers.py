@@ -37,6 +37,7 @@ def test_ticks_are_short(value, text):
 def test_ticks_are_round():
     assert ticks(0.0, 1.0) == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
     assert ticks(-139.0, -38.0) == [-120.0, -100.0, -80.0, -60.0, -40.0]
+    assert ticks(0.0, 5e-324) == [0.0]
 
 
 @given(st.floats(-1e9, 1e9), st.floats(1e-3, 1e9))

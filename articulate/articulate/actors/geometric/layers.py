@@ -71,6 +71,8 @@ class Layers:
         """
         if not self._own.any():
             return LEAST_THICKNESS_PX
+        if self._own.all():  # no edge is in the picture
+            return float(max(self._own.shape))
         depth_px = cv2.distanceTransform(self._own.astype(np.uint8), cv2.DIST_L2, 3)
         # In a strip of w pixels it is w / 4 on average, and half a pixel more to pixels' middles.
         return max(LEAST_THICKNESS_PX, 4.0 * float(depth_px[self._own].mean()) - 2.0)
