@@ -17,7 +17,7 @@ from articulate_envs.scene import Scene
 from articulate_envs.settings import RewardConfig
 from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
-from articulate_train.policy import Policy, checkpoint_sha256, load_policy, policy_steps
+from articulate_train.policy import Policy, checkpoint_sha256, load_policy
 from articulate_train.ppo import EVALUATION
 from articulate_train.report import SeedEvaluation, Timeline
 from articulate_train.run import Run
@@ -84,7 +84,7 @@ def evaluate_seed(
         nominal_codes=nominal.ended.code,
         nominal_opened=nominal.ended.opened,
         checkpoint_sha256=judged,
-        policy_steps=policy_steps(run.seed_folder(seed)),
+        policy_steps=policy.steps,
     )
     return result, drawn
 

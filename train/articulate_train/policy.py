@@ -41,6 +41,8 @@ class Policy(nn.Module):
         """With the running mean and variance of observations and the widths of hidden layers."""
         super().__init__()
         self.fine = fine
+        self.steps = 0
+        """Ticks of experience it was made after; 0 where that is not known."""
         self.register_buffer("mean", mean.float())
         self.register_buffer("scale", torch.rsqrt(variance.double() + 1e-8).float())
         widths = (mean.numel(), *hidden)
@@ -129,11 +131,6 @@ def trained_steps(checkpoint: dict[str, Any]) -> int:
     return int(json.loads(checkpoint.get("plain", "{}")).get("num_timesteps", 0))
 
 
-def policy_steps(folder: Path) -> int:
-    """Ticks of experience that the policy of a seed's folder was made after; 0: not known."""
-    return trained_steps(read_checkpoint(folder, judged_file(folder).name))
-
-
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
     weights, mean = checkpoint["policy"], checkpoint["normalise"]["mean"]
@@ -149,6 +146,7 @@ def policy_of(checkpoint: dict[str, Any]) -> Policy:
     state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}
     state |= {f"head.{p}": weights[f"action_net.{p}"] for p in _PARTS}
     policy.load_state_dict(state | {"mean": policy.mean, "scale": policy.scale})
+    policy.steps = trained_steps(checkpoint)
     return policy.eval()
 
 
