@@ -5,7 +5,7 @@ numbers, and those of other sources in the order of their names, until enough of
 and can be reached over the run's randomisation. Nothing is trained here: the list is fixed before
 anything is, with every object that was skipped and the reason.
 
-    ARTICULATE_DATA=data python benchmarks/choose.py --out docs/results/assets_policies.json
+    ARTICULATE_DATA=data python benchmarks/choose.py --out docs/results/data/assets_policies.json
 
 The list is written after each object, and what it says of objects already is kept: the command goes
 on where it was stopped, by ``--minutes`` or by hand. A row is ``complete`` once it has all that it
@@ -162,7 +162,7 @@ def read(path: Path) -> dict[str, dict[str, Any]]:
 def main() -> int:
     """Choose for each row and write the list; 1 if the time was over before."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/results/assets_policies.json"))
+    parser.add_argument("--out", type=Path, default=Path("docs/results/data/assets_policies.json"))
     parser.add_argument("--only", nargs="*", default=None, help="tasks to choose for")
     parser.add_argument("--minutes", type=float, default=math.inf, help="stop after so many")
     flags = parser.parse_args()

@@ -1,6 +1,9 @@
 """Keep what a run found, small enough for the repository: figures and thinned learning curves.
 
-python benchmarks/collect.py runs/cabinet > docs/results/open_drawer_cabinet.json
+python benchmarks/collect.py runs/cabinet > docs/results/data/policies/open_drawer_cabinet.json
+
+Evaluations with wider ranges are taken along from where ``evaluate --ranges`` leaves them in the run's
+folder, and with ``--deploy FILE`` what ``deploy BUNDLE --robot mujoco pybullet --json`` printed.
 """
 
 from __future__ import annotations
@@ -8,11 +11,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+from articulate_train.run import CONFIG
+
 POINTS = 20
 """Points kept of a learning curve."""
+LEARNT, WINDOW = 0.9, 100
+"""Share of the last so many training episodes from home that is called learnt."""
 
 
 def thinned(curve: dict[str, Any]) -> dict[str, Any]:
@@ -28,7 +38,49 @@ def thinned(curve: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def kept(report: dict[str, Any]) -> dict[str, Any]:
+def when_learnt(rows: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
+    """Ticks and seconds until the last :data:`WINDOW` training episodes succeed often enough.
+
+    ``rows`` are those of a seed's ``progress.jsonl``. None if that never comes.
+    """
+    for end in range(1, len(rows) + 1):
+        episodes = successes = 0.0
+        for row in reversed(rows[:end]):
+            episodes += row["episodes"]
+            successes += row["episodes"] * (row["success"] or 0.0)
+            if episodes >= WINDOW:
+                break
+        if episodes >= WINDOW and successes >= LEARNT * episodes:
+            return {"steps": rows[end - 1]["steps"], "seconds": rows[end - 1]["seconds"]}
+    return None
+
+
+def until_learnt(run: Path, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """When each seed of ``run`` first had :data:`LEARNT` of its own episodes from home.
+
+    Episodes while a guide acts in some environments do not count.
+    """
+    config = yaml.safe_load((run / CONFIG).read_text(encoding="utf-8"))
+    shown = config["show"]["until"] * config["show"]["lead_until"] * config["steps"]
+    found = []
+    for seed in seeds:
+        lines = (run / f"seed_{seed}" / "progress.jsonl").read_text(encoding="utf-8").splitlines()
+        rows = [json.loads(line) for line in lines]
+        when = when_learnt([row for row in rows if row["steps"] > shown])
+        found.append({"seed": seed, **(when or {"steps": None, "seconds": None})})
+    return found
+
+
+def outcome(report: Mapping[str, Any]) -> dict[str, Any]:
+    """What an evaluation with other ranges says, without what describes the run."""
+    names = ("success_rate", "opened_rate", "worst_seed_success_rate", "success_iqm", "reasons")
+    return {
+        **{k: report[k] for k in names},
+        "seeds": [{"seed": s["seed"], "success": s["success"]} for s in report["seeds"]],
+    }
+
+
+def kept(report: Mapping[str, Any]) -> dict[str, Any]:
     """The figures of a report that the repository keeps."""
     info = report["info"]
     names = (
@@ -48,13 +100,29 @@ def kept(report: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def collected(run: Path, deploy: Path | None) -> dict[str, Any]:
+    """All that the repository keeps of a run."""
+    report = json.loads((run / "report.json").read_text(encoding="utf-8"))
+    found = kept(report)
+    found["learnt"] = until_learnt(run, [s["seed"] for s in report["seeds"]])
+    found["ranges"] = {
+        path.parent.name.removeprefix("ranges_"): outcome(
+            json.loads(path.read_text(encoding="utf-8"))
+        )
+        for path in sorted(run.glob("ranges_*/report.json"))
+    }
+    if deploy is not None:
+        found["deploy"] = json.loads(deploy.read_text(encoding="utf-8"))
+    return found
+
+
 def main() -> int:
     """Print the kept figures of one run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path)
+    parser.add_argument("--deploy", type=Path, help="what deploy --json printed of its bundle")
     flags = parser.parse_args()
-    report = json.loads((flags.run / "report.json").read_text(encoding="utf-8"))
-    print(json.dumps(kept(report), indent=1))
+    print(json.dumps(collected(flags.run, flags.deploy), indent=1))
     return 0
 
 

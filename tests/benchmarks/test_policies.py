@@ -1,0 +1,66 @@
+"""The table of policies is what the kept summaries say."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.collect import WINDOW, when_learnt
+from benchmarks.policies import FOLDER, failures, learnt_text, ratio_text, share, table
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def rows(*shares, episodes=WINDOW // 2):
+    """Rows of a progress file, half a window each."""
+    return [
+        {"steps": 100 * (i + 1), "seconds": 10.0 * (i + 1), "episodes": episodes, "success": s}
+        for i, s in enumerate(shares)
+    ]
+
+
+def test_the_page_holds_the_table_that_the_command_prints():
+    page = (ROOT / "docs" / "results" / "policies.md").read_text(encoding="utf-8")
+    assert table(FOLDER) in page
+
+
+@pytest.mark.parametrize(
+    ("shares", "steps"),
+    [
+        pytest.param((0.0, 0.8, 1.0, 1.0), 300, id="mean-of-two-rows-is-enough"),
+        pytest.param((1.0,), None, id="half-a-window-tells-nothing"),
+        pytest.param((0.5, 0.9, 0.89, 0.9), None, id="never"),
+        pytest.param((0.5, 0.9, 0.9), 300, id="exactly"),
+    ],
+)
+def test_learnt_is_when_the_last_window_of_episodes_succeeds(shares, steps):
+    found = when_learnt(rows(*shares))
+    assert (found and found["steps"]) == steps
+
+
+def test_rows_without_an_end_of_an_episode_do_not_count():
+    told = [*rows(1.0), {"steps": 150, "seconds": 15.0, "episodes": 0, "success": None}]
+    assert when_learnt(told) is None
+    assert when_learnt([*told, *rows(1.0)])
+
+
+def test_a_cell_is_bold_where_it_reaches_what_is_asked_and_rounded_down_where_not():
+    assert share(0.98, 0.98) == "**98.0 %**"
+    assert share(0.9797, 0.98) == "97.9 %"
+
+
+def test_failures_are_in_the_order_of_their_number():
+    told = failures({"success": 990, "moving": 3, "not_open": 7})
+    assert told == "not open 7, moving 3 of 1,000"
+
+
+def test_seeds_that_never_learn_are_told():
+    seen = {"steps": 4e5, "seconds": 60.0}
+    assert learnt_text([seen, {"steps": None, "seconds": None}]) == "1 of 2 seeds"
+    assert learnt_text([seen, seen]) == "0.40M, 1.0 min"
+
+
+def test_the_ratio_is_of_the_same_draws():
+    assert ratio_text(None) == "—"
+    robots = {"mujoco": {"successes": 198}, "pybullet": {"successes": 190}}
+    deploy = {"robots": robots, "ratios": {"pybullet": 190 / 198}}
+    assert ratio_text(deploy) == "190 ÷ 198: **96.0 %**"
