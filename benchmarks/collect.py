@@ -2,8 +2,9 @@
 
 python benchmarks/collect.py runs/cabinet > docs/results/data/policies/open_drawer_cabinet.json
 
-Evaluations with wider ranges are taken along from where ``evaluate --ranges`` leaves them in the run's
-folder, and with ``--deploy FILE`` what ``deploy BUNDLE --robot mujoco pybullet --json`` printed.
+Evaluations with wider ranges are taken along from where ``evaluate --ranges`` leaves them in the
+folder of the run, and with ``--deploy FILE`` what ``deploy BUNDLE --robot mujoco pybullet --json``
+printed.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def until_learnt(run: Path, seeds: Sequence[int]) -> list[dict[str, Any]]:
         lines = (run / f"seed_{seed}" / "progress.jsonl").read_text(encoding="utf-8").splitlines()
         rows = [json.loads(line) for line in lines]
         when = when_learnt([row for row in rows if row["steps"] > shown])
-        found.append({"seed": seed, **(when or {"steps": None, "seconds": None})})
+        found.append({"seed": seed, "steps": None, "seconds": None} | (when or {}))
     return found
 
 

@@ -2,8 +2,8 @@
 
 python benchmarks/policies.py
 
-Reads the summaries that ``benchmarks/collect.py`` wrote to ``docs/results/data/policies`` and prints
-the table of ``docs/results/policies.md``.
+Reads the summaries that ``benchmarks/collect.py`` wrote to ``docs/results/data/policies`` and
+prints the table of ``docs/results/policies.md``.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-
 from benchmarks.collect import WINDOW, when_learnt
 from benchmarks.policies import FOLDER, failures, learnt_text, ratio_text, share, table
 
