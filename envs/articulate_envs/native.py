@@ -10,13 +10,24 @@ import numpy as np
 
 from articulate.errors import MissingError
 from articulate.simulator import mujoco
-from articulate.transforms import Ints
+from articulate.transforms import Array, Ints
 
 SHARED = ("mesh_", "bvh_", "oct_", "hfield_", "tex_", "skin_")
 """Beginnings of the names of arrays that no environment changes: shapes and what is seen of them.
 They are most of a model's bytes."""
+DRAWN = (
+    "actuator_acc0", "actuator_biasprm", "actuator_gainprm", "actuator_length0",
+    "body_inertia", "body_invweight0", "body_mass", "body_pos", "body_quat", "body_subtreemass",
+    "dof_M0", "dof_armature", "dof_damping", "dof_frictionloss", "dof_invweight0", "dof_length",
+    "geom_friction", "tendon_invweight0", "tendon_length0",
+)  # fmt: skip
+"""Arrays in which models of one size differ by what is drawn: what draws write, and what
+``mj_setConst`` computes from that."""
 _WORDS = 600
 """So much of ``mjModel`` is looked at [8 bytes]: less than it has, more than up to those arrays."""
+
+_BEFORE_CENTER = 4
+"""Numbers of ``mjStatistic`` before its last, the center: mean inertia, mass and size, extent."""
 
 
 @cache
@@ -43,6 +54,20 @@ def step_address() -> int:
 def copy_model(to: mujoco.MjModel, source: mujoco.MjModel) -> None:
     """Write ``source`` over ``to``, which is of the same sizes, without allocating."""
     library().mj_copyModel(to._address, source._address)
+
+
+def drawn_arrays(model: mujoco.MjModel) -> tuple[Ints, Ints]:
+    """Addresses of the arrays :data:`DRAWN` of ``model`` and how many numbers each has (F,).
+
+    Empty ones are left out. The last are the numbers of ``mjStatistic``, by which the solver
+    measures when it is done.
+    """
+    arrays = [getattr(model, name) for name in DRAWN]
+    arrays = [array for array in arrays if array.size]
+    center: Array = model.stat.center
+    addresses = [*(a.ctypes.data for a in arrays), center.ctypes.data - 8 * _BEFORE_CENTER]
+    sizes = [*(a.size for a in arrays), _BEFORE_CENTER + center.size]
+    return np.array(addresses, dtype=np.int64), np.array(sizes, dtype=np.int64)
 
 
 class Lender:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from articulate.follow import discrete
+from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered import BufferedEngine
-from articulate_envs.compiled.advance import Aiming, Constants, Pointers, Where, advance
-from articulate_envs.native import step_address
+from articulate_envs.compiled.advance import Aiming, Constants, Desks, Pointers, Where, advance
+from articulate_envs.native import drawn_arrays, step_address
 from articulate_envs.scene import Scene
 
 
@@ -25,26 +27,41 @@ class ThreadEngine(BufferedEngine):
         self._taken = np.zeros(n_envs, dtype=np.int64)
         self._edges = np.linspace(0, n_envs, self.threads + 1).astype(int)
         self._mj_step = step_address()
-        self._pointers = self._addresses()
+        self._models_of = self._desk_models()
+        self._desk_data = [mujoco.MjData(scene.nominal) for _ in range(self.threads)]
+        self._pointers, self._desks = self._what_is_kept(), self._what_is_on_desks()
         self._where = _where(scene)
         self._constants = _constants(scene)
         self._aiming = Aiming(self._motion, self._tool, self._led)
 
-    def _addresses(self) -> Pointers:
-        def of(arrays: list[Array]) -> Ints:
-            return np.array([a.ctypes.data for a in arrays], dtype=np.int64)
+    def _desk_models(self) -> list[list[mujoco.MjModel]]:
+        """A model of each size for each thread; one environment alone is stepped with its own."""
+        if self.n_envs == 1:
+            return [self._models * len(self.scene.models)]
+        desks = [[copy.copy(model) for model in self.scene.models] for _ in range(self.threads)]
+        for models in desks:
+            for lender, model in zip(self._lenders, models, strict=True):
+                lender.lend(model)
+        return desks
 
-        data = self._data
+    def _what_is_kept(self) -> Pointers:
         return Pointers(
-            model=np.array([m._address for m in self._models], dtype=np.int64),
+            size=self._sizes,
+            doubles=drawn_arrays(self.scene.nominal)[1],
+            drawn=np.array([drawn_arrays(model)[0] for model in self._models]),
+            **_shared_addresses(self._data),
+        )
+
+    def _what_is_on_desks(self) -> Desks:
+        rows, data = self._models_of, self._desk_data
+        return Desks(
+            model=np.array([[m._address for m in models] for models in rows], dtype=np.int64),
+            drawn=np.array([[drawn_arrays(m)[0] for m in models] for models in rows]),
             data=np.array([d._address for d in data], dtype=np.int64),
-            ctrl=of([d.ctrl for d in data]),
-            qpos=of([d.qpos for d in data]),
-            qvel=of([d.qvel for d in data]),
-            torque=of([d.qfrc_actuator for d in data]),
-            sensors=of([d.sensordata for d in data]),
-            site=of([d.site_xpos for d in data]),
-            xfrc=of([d.xfrc_applied for d in data]),
+            torque=_addresses([d.qfrc_actuator for d in data]),
+            sensors=_addresses([d.sensordata for d in data]),
+            site=_addresses([d.site_xpos for d in data]),
+            **_shared_addresses(data),
         )
 
     def _advance(self) -> None:
@@ -53,6 +70,7 @@ class ThreadEngine(BufferedEngine):
             self._taken,
             self._mj_step,
             self._pointers,
+            self._desks,
             self._where,
             self._constants,
             self._chain,
@@ -62,10 +80,13 @@ class ThreadEngine(BufferedEngine):
         )
         self._taken[:] = 0
         if self._pool is None:
-            advance(0, *args)
+            advance(0, 0, *args)
             return
-        jobs = [self._pool.submit(advance, int(first), *args) for first in self._edges[1:-1]]
-        advance(0, *args)
+        jobs = [
+            self._pool.submit(advance, desk, int(first), *args)
+            for desk, first in enumerate(self._edges[1:-1], start=1)
+        ]
+        advance(0, 0, *args)
         for job in jobs:
             job.result()
 
@@ -75,9 +96,26 @@ class ThreadEngine(BufferedEngine):
             self._pool.shutdown()
 
 
+def _addresses(arrays: list[Array]) -> Ints:
+    return np.array([array.ctypes.data for array in arrays], dtype=np.int64)
+
+
+def _shared_addresses(data: list[mujoco.MjData]) -> dict[str, Ints]:
+    """Addresses of the arrays of each ``data`` that go from environments to desks and back."""
+    return {
+        "qpos": _addresses([d.qpos for d in data]),
+        "qvel": _addresses([d.qvel for d in data]),
+        "warm": _addresses([d.qacc_warmstart for d in data]),
+        "ctrl": _addresses([d.ctrl for d in data]),
+        "xfrc": _addresses([d.xfrc_applied for d in data]),
+    }
+
+
 def _where(scene: Scene) -> Where:
     at = scene.at
     return Where(
+        nq=scene.nominal.nq,
+        nv=scene.nominal.nv,
         arm_q=at.arm_q,
         finger_q=at.finger_q,
         arm_ctrl=at.arm_ctrl,

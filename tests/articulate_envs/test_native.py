@@ -1,14 +1,16 @@
 """Models that use the arrays of another one simulate as with their own."""
 
 import copy
+import ctypes
 import gc
 
+import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 from tests.scenes import drawer_scene
 
 from articulate.simulator import mujoco
-from articulate_envs.native import SHARED, Lender, _words, copy_model
+from articulate_envs.native import DRAWN, SHARED, Lender, _words, copy_model, drawn_arrays
 
 
 def shared(model):
@@ -71,3 +73,17 @@ def test_a_copy_of_what_was_lent_to_stands_alone(lender):
     assert not set(_words(again)) & addresses(lender)
     for name, array in shared(again).items():
         assert_array_equal(array, getattr(lender, name), err_msg=name)
+
+
+def test_arrays_that_are_drawn_are_told_by_where_they_lie(lender):
+    addresses, sizes = drawn_arrays(lender)
+    read = [
+        np.ctypeslib.as_array((ctypes.c_double * int(n)).from_address(int(address)))
+        for address, n in zip(addresses, sizes, strict=True)
+    ]
+    plain = [getattr(lender, name).ravel() for name in DRAWN if getattr(lender, name).size]
+    stat = lender.stat
+    told = [stat.meaninertia, stat.meanmass, stat.meansize, stat.extent, *stat.center]
+    assert {"body_mass", "geom_friction"} <= set(DRAWN)
+    for found, wanted in zip(read, [*plain, np.array(told)], strict=True):
+        assert_array_equal(found, wanted)

@@ -117,6 +117,29 @@ def test_an_environment_does_what_it_would_do_alone(drawer):
         assert_array_equal(only.samples[0], state.samples[1])
 
 
+def model_arrays(model):
+    """All arrays of a model, and its statistic, by name."""
+    names = [name for name in dir(model) if not name.startswith("_")]
+    found = {name: getattr(model, name) for name in names}
+    stat = {n: np.array(getattr(model.stat, n)) for n in ("meaninertia", "meanmass", "extent")}
+    return {k: v for k, v in found.items() if isinstance(v, np.ndarray)} | stat
+
+
+def test_a_thread_steps_each_environment_with_all_that_it_has_drawn(drawer):
+    """A thread's model of a size is that of the environment it stepped last, to the bit."""
+    engine = ThreadEngine(drawer, N)
+    engine.reset(np.arange(N), starts(drawer))
+    sizes = {int(engine._sizes[i]) for i in range(N)}
+    assert len(sizes) > 1
+    assert any(np.sum(engine._sizes == size) > 1 for size in sizes)
+    engine.step(actions()[0])
+    for size in sizes:
+        last = [i for i in engine._order if engine._sizes[i] == size][-1]
+        own, desk = (model_arrays(m) for m in (engine._models[last], engine._models_of[0][size]))
+        for name, value in own.items():
+            assert_array_equal(desk[name], value, err_msg=name)
+
+
 def test_engine_continues_from_a_snapshot_with_the_same_bits_in_another_engine(drawer):
     plan = actions()
     engine = ThreadEngine(drawer, N)

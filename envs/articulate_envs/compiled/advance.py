@@ -31,22 +31,55 @@ _TIME, _WHEN = COLUMN["time"], COLUMN["violation_time"]
 
 
 class Pointers(NamedTuple):
-    """Addresses of MuJoCo's structures and arrays, one per environment (N,)."""
+    """Addresses of what each of N environments keeps from tick to tick, and which size it has.
 
-    model: Ints
-    data: Ints
-    ctrl: Ints
+    ``drawn`` are the F arrays of its model in which models of one size differ, of ``doubles``
+    numbers each; the others are arrays of its ``mjData``.
+    """
+
+    size: Ints
+    """(N,)."""
+    doubles: Ints
+    """(F,)."""
+    drawn: Ints
+    """(N, F)."""
     qpos: Ints
     qvel: Ints
-    torque: Ints
-    sensors: Ints
-    site: Ints
+    warm: Ints
+    ctrl: Ints
     xfrc: Ints
 
 
-class Where(NamedTuple):
-    """Indices into those arrays, the same for all environments."""
+class Desks(NamedTuple):
+    """Addresses of what each of T threads steps environments with, one after the other.
 
+    That is one ``mjData``, and one model of each of S sizes, in which ``drawn`` are the arrays that
+    differ. What an environment keeps is laid there and taken away again, so that all that a step
+    reads and computes beside stays in the cache of a core. MuJoCo's time is not kept: nothing
+    depends on it.
+    """
+
+    model: Ints
+    """(T, S)."""
+    drawn: Ints
+    """(T, S, F)."""
+    data: Ints
+    """(T,), as all that follow."""
+    qpos: Ints
+    qvel: Ints
+    warm: Ints
+    ctrl: Ints
+    xfrc: Ints
+    torque: Ints
+    sensors: Ints
+    site: Ints
+
+
+class Where(NamedTuple):
+    """Sizes of those arrays and indices into them, the same for all environments."""
+
+    nq: int
+    nv: int
     arm_q: int
     finger_q: int
     arm_ctrl: int
@@ -137,14 +170,26 @@ def _take(typingctx: Any, address: Any) -> Any:
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the tuples above
-    first, order, taken, mj_step, pointers, where, constants, chain, aiming, buffers, shown
+    desk,
+    first,
+    order,
+    taken,
+    mj_step,
+    pointers,
+    desks,
+    where,
+    constants,
+    chain,
+    aiming,
+    buffers,
+    shown,
 ):
     """Step all environments that nobody else has ``taken`` (N,) through one tick.
 
-    Several threads run it at once, each from its own ``first`` in ``order`` (N,) on, which puts
-    those side by side that read the same arrays; who is done helps the others. One that diverges
-    stands still from then on, its last finite state in the buffers and a NaN in its samples, by
-    which the judgement knows it.
+    Several threads run it at once, each at its own ``desk`` and from its own ``first`` in ``order``
+    (N,) on, which puts those side by side that read the same arrays; who is done helps the others.
+    One that diverges stands still from then on, its last finite state in the buffers and a NaN in
+    its samples, by which the judgement knows it.
     """
     room = room_of()
     n = len(taken)
@@ -153,30 +198,55 @@ def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the
         if taken[i] != 0 or _take(taken.ctypes.data + 8 * i) != 0:
             continue
         aim(buffers.target[i], aiming.motion[i], buffers.q[i], chain, room)
-        _advance_one(i, mj_step, pointers, where, constants, buffers)
+        _advance_one(i, desk, mj_step, pointers, desks, where, constants, buffers)
         write_tool(buffers.q[i], chain, room[0], aiming.tool[i])
         write_tool(buffers.target[i], chain, room[0], aiming.led[i])
         write_part(i, buffers.rest, shown)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
-def _advance_one(i, mj_step, pointers, where, constants, buffers):  # type: ignore[no-untyped-def]
-    ctrl = carray(_doubles(pointers.ctrl[i]), where.finger_ctrl + 2)
-    qpos = carray(_doubles(pointers.qpos[i]), max(where.part_q, where.finger_q + 1) + 1)
-    qvel = carray(_doubles(pointers.qvel[i]), max(where.part_v, where.finger_q + 1) + 1)
-    torque = carray(_doubles(pointers.torque[i]), where.arm_q + 7)
-    sensors = carray(_doubles(pointers.sensors[i]), where.robot_sensor + 1)
-    tool = carray(_doubles(pointers.site[i] + 24 * where.tool_site), 3)
-    xfrc = carray(_doubles(pointers.xfrc[i] + 48 * where.push_row), 6)
+def _advance_one(i, desk, mj_step, pointers, desks, where, constants, buffers):  # type: ignore[no-untyped-def]
+    if buffers.rest[i, 3] == 0.0:
+        return
+    size = pointers.size[i]
+    for f in range(len(pointers.doubles)):
+        _copy(pointers.drawn[i, f], desks.drawn[desk, size, f], pointers.doubles[f])
+    _copy(pointers.qpos[i], desks.qpos[desk], where.nq)
+    _copy(pointers.qvel[i], desks.qvel[desk], where.nv)
+    _copy(pointers.warm[i], desks.warm[desk], where.nv)
+    push = carray(_doubles(pointers.xfrc[i] + 48 * where.push_row), 3)
     for k in range(3):
-        xfrc[k] = buffers.push[i, k]
+        push[k] = buffers.push[i, k]
+    _copy(pointers.xfrc[i] + 48 * where.push_row, desks.xfrc[desk] + 48 * where.push_row, 3)
+    _step(i, desk, desks.model[desk, size], mj_step, desks, where, constants, buffers)
+    _copy(desks.qpos[desk], pointers.qpos[i], where.nq)
+    _copy(desks.qvel[desk], pointers.qvel[i], where.nv)
+    _copy(desks.warm[desk], pointers.warm[i], where.nv)
+    _copy(desks.ctrl[desk], pointers.ctrl[i], where.finger_ctrl + 2)
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
+def _copy(source, to, n):  # type: ignore[no-untyped-def]
+    """Write ``n`` numbers from one address to another."""
+    read, write = carray(_doubles(source), n), carray(_doubles(to), n)
+    for k in range(n):
+        write[k] = read[k]
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
+def _step(i, desk, model, mj_step, desks, where, constants, buffers):  # type: ignore[no-untyped-def]
+    """Run the substeps of environment ``i`` at a desk, and write where they end."""
+    ctrl = carray(_doubles(desks.ctrl[desk]), where.finger_ctrl + 2)
+    qpos = carray(_doubles(desks.qpos[desk]), where.nq)
+    qvel = carray(_doubles(desks.qvel[desk]), where.nv)
+    torque = carray(_doubles(desks.torque[desk]), where.arm_q + 7)
+    sensors = carray(_doubles(desks.sensors[desk]), where.robot_sensor + 1)
+    tool = carray(_doubles(desks.site[desk] + 24 * where.tool_site), 3)
     rest = buffers.rest[i]
     for _ in range(constants.substeps):
-        if rest[3] == 0.0:
-            return
         _follow(i, ctrl, where, constants, buffers)
-        _call(mj_step, pointers.model[i], pointers.data[i])
-        for k in range(len(qvel)):
+        _call(mj_step, model, desks.data[desk])
+        for k in range(max(where.part_v, where.finger_q + 1) + 1):
             if not abs(qvel[k]) < DIVERGED:
                 rest[3] = 0.0
                 buffers.samples[i, 0] = np.nan  # not a peak: those stay as they were
