@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 
 from articulate.actors.geometric.layers import CAP, draw, plain_behind
 from articulate.actors.geometric.light import fit_light
-from articulate.actors.geometric.shot import Shot, change_map, shot_of
+from articulate.actors.geometric.look import scene_of
+from articulate.actors.geometric.posed import camera_of_motion
+from articulate.actors.geometric.shot import Shot, change_map, moved, object_box, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
 from articulate.actors.geometric.sweep import Floats, face_colours
 from articulate.actors.protocol import Evidence, Pixels, TraceStep
 from articulate.render.camera import Camera
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.transforms import Array, apply, axis_angle_to_matrix, inverse, pose
+from articulate.transforms import Array, inverse
 from articulate.vision.moving import camera_motion
 from articulate.vision.tracks import Tracking, follow_points
 
@@ -100,18 +102,6 @@ class Still:
 
 def _cost(residuals: Floats) -> float:
     return float(np.minimum(np.abs(residuals).sum(axis=-1), CAP).mean())
-
-
-def moved(T_co: Array, middle_o: Array, x: Array) -> Array:
-    """The camera ``T_co`` (4, 4) after the object seems to turn, shift and recede by ``x`` (6,)."""
-    turn = float(np.linalg.norm(x[:3]))
-    R = T_co[:3, :3]
-    if turn > 0.0:
-        R = axis_angle_to_matrix(x[:3] / turn, turn) @ R
-    middle_c = apply(T_co, middle_o)
-    depth = middle_c[2] * np.exp(x[5])
-    middle_c = np.array([*(middle_c[:2] / middle_c[2] + x[3:5]), 1.0]) * depth
-    return pose(middle_c - R @ middle_o, R)
 
 
 def refined_camera(
@@ -207,7 +197,7 @@ def _still(
     """The region about the object, as ``seen_by`` has it, in ``most_px`` pixels."""
     change = change_map(clip)
     middle_frame = np.median(clip[:: max(1, len(clip) // 16)], axis=0)
-    box = _box(seen_by or camera, parts)
+    box = object_box(seen_by or camera, parts)
     picture: Pixels = middle_frame.astype(np.uint8)[None]
     shot = shot_of(picture, camera, np.array([0]), box, most_px)
     left, right, top, bottom = box
@@ -222,22 +212,6 @@ def _still(
     room = 1 + round(most_px * (UNSURE if seen_by is None else FINER**2 * UNSURE))
     unsure = cv2.dilate(solid, np.ones((2 * room + 1, 2 * room + 1))) > 0
     return Still(shot, surface, mask, plain_behind(shot, unsure, ~mask), middle_o)
-
-
-def _box(camera: Camera, parts: Sequence[PartMesh]) -> tuple[int, int, int, int]:
-    """First column, column after the last, first row, row after the last about the object."""
-    low, high = joint_bounds(parts)
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    uv, _ = camera.project(low + corners * (high - low))
-    whole = (0, camera.width_px, 0, camera.height_px)
-    if not np.isfinite(uv).all():
-        return whole
-    margin = 0.15 * float(np.ptp(uv, axis=0).max()) + 4.0
-    first = np.floor(uv.min(axis=0) - margin).astype(int)
-    last = np.ceil(uv.max(axis=0) + margin).astype(int) + 1
-    left, top = max(0, int(first[0])), max(0, int(first[1]))
-    right, bottom = min(camera.width_px, int(last[0])), min(camera.height_px, int(last[1]))
-    return (left, right, top, bottom) if right - left >= 8 and bottom - top >= 8 else whole
 
 
 def steadied(clip: Pixels, box: tuple[int, int, int, int]) -> tuple[Pixels, float]:
@@ -291,17 +265,20 @@ def calibrated(evidence: Evidence) -> tuple[Evidence, tuple[TraceStep, ...]]:
     if clip is None or camera is None or len(clip) < 2 or not evidence.parts or not evidence.placed:
         return evidence, ()
     start = time.monotonic()
-    steady, shift_px = steadied(clip, _box(camera, evidence.parts))
-    better, gain = refined_camera(steady, camera, evidence.parts, seed=evidence.seed)
-    if not shift_px and not gain:
+    steady, shift_px = steadied(clip, object_box(camera, evidence.parts))
+    still, gain = refined_camera(steady, camera, evidence.parts, seed=evidence.seed)
+    scene = scene_of(steady, still, evidence.parts)
+    better, moving = camera_of_motion(scene) if scene.change.any() else (still, 0.0)
+    if not shift_px and not gain and not moving:
         return evidence, ()
     told = better.T_wc[:3, 3] - camera.T_wc[:3, 3]
     step = TraceStep(
         title="where the camera stood",
-        text="the camera was found anew from what does not move",
+        text="the camera was found anew from what does not move, and from what does",
         figures={
             "shake_px": shift_px,
             "explains_better": gain,
+            "explains_motion_better": moving,
             "moved_m": float(np.linalg.norm(told)),
         },
         seconds=time.monotonic() - start,

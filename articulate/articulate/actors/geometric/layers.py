@@ -173,12 +173,17 @@ def plain_behind(shot: Shot, solid: NDArray[np.bool_], change: NDArray[np.bool_]
         known = ~solid
     if known.sum() < 20:
         return np.full((*shot.size, 3), 255.0, dtype=np.float32)
+    return spread_behind(middle, known)
+
+
+def spread_behind(colours: Floats, known: NDArray[np.bool_]) -> Floats:
+    """Colours (H, W, 3) where they are ``known`` (H, W), and near those elsewhere."""
     weight = known.astype(np.float32)
-    total = np.zeros((*shot.size, 3), dtype=np.float32)
-    amount = np.zeros(shot.size, dtype=np.float32)
+    total = np.zeros(colours.shape, dtype=np.float32)
+    amount = np.zeros(known.shape, dtype=np.float32)
     for sigma, share in ((2.0, 1.0), (8.0, 1e-3), (40.0, 1e-6)):
-        blurred = cv2.GaussianBlur(middle.astype(np.float32) * weight[..., None], (0, 0), sigma)
+        blurred = cv2.GaussianBlur(colours.astype(np.float32) * weight[..., None], (0, 0), sigma)
         total += share * blurred
         amount += share * cv2.GaussianBlur(weight, (0, 0), sigma)
-    mean = middle[known].mean(axis=0)
+    mean = colours[known].mean(axis=0)
     return np.asarray((total + 1e-12 * mean) / (amount + 1e-12)[..., None], dtype=np.float32)

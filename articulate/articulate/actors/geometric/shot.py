@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from articulate.actors.geometric.sweep import Floats
 from articulate.actors.protocol import Pixels
 from articulate.render.camera import Camera
-from articulate.transforms import Array, Ints
+from articulate.render.parts import PartMesh, joint_bounds
+from articulate.transforms import Array, Ints, apply, axis_angle_to_matrix, pose
 
 LEAST_CHANGE = 3.0
 """Differences up to this are never a change, 0 to 255."""
@@ -98,3 +100,31 @@ def change_map(clip: Pixels) -> NDArray[np.bool_]:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(changed.astype(np.uint8))
     small = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] < SPECK_PX]
     return np.asarray(changed & ~np.isin(labels, small))
+
+
+def moved(T_co: Array, middle_o: Array, x: Array) -> Array:
+    """The camera ``T_co`` (4, 4) after the object seems to turn, shift and recede by ``x`` (6,)."""
+    turn = float(np.linalg.norm(x[:3]))
+    R = T_co[:3, :3]
+    if turn > 0.0:
+        R = axis_angle_to_matrix(x[:3] / turn, turn) @ R
+    middle_c = apply(T_co, middle_o)
+    depth = middle_c[2] * np.exp(x[5])
+    middle_c = np.array([*(middle_c[:2] / middle_c[2] + x[3:5]), 1.0]) * depth
+    return pose(middle_c - R @ middle_o, R)
+
+
+def object_box(camera: Camera, parts: Sequence[PartMesh]) -> tuple[int, int, int, int]:
+    """First column, column after the last, first row, row after the last about the object."""
+    low, high = joint_bounds(parts)
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    uv, _ = camera.project(low + corners * (high - low))
+    whole = (0, camera.width_px, 0, camera.height_px)
+    if not np.isfinite(uv).all():
+        return whole
+    margin = 0.15 * float(np.ptp(uv, axis=0).max()) + 4.0
+    first = np.floor(uv.min(axis=0) - margin).astype(int)
+    last = np.ceil(uv.max(axis=0) + margin).astype(int) + 1
+    left, top = max(0, int(first[0])), max(0, int(first[1]))
+    right, bottom = min(camera.width_px, int(last[0])), min(camera.height_px, int(last[1]))
+    return (left, right, top, bottom) if right - left >= 8 and bottom - top >= 8 else whole
