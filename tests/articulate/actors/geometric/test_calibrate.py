@@ -9,12 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.articulate.actors.geometric.test_video import DOOR, PARTS, evidence_of
 
-from articulate.actors.geometric.calibrate import (
-    calibrated,
-    moved,
-    refined_camera,
-    steadied,
-)
+from articulate.actors.geometric.calibrate import calibrated, refined_camera, steadied
+from articulate.actors.geometric.shot import moved
 from articulate.render.camera import front_camera
 from articulate.render.parts import joint_bounds
 from articulate.transforms import apply, axis_angle_to_matrix, pose
