@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
+from articulate.actors.geometric.fit import REACH
 from articulate.actors.geometric.layers import CAP, Drawn, draw, spread_behind
 from articulate.actors.geometric.light import solve_light
 from articulate.actors.geometric.look import QUICK_FRAMES, QUICK_PX, Look, Scene
@@ -75,8 +76,6 @@ WELL = 5.0
 """Motions that leave more than this unexplained are not the right ones, or the camera is off."""
 PASSES = 2
 """Times that motions are looked for, each under the camera that was found before."""
-REACH = 0.5
-"""Farthest a slide goes, as a share of the object's size."""
 SAME_COSINE, SAME_M = 0.99, 0.03
 """Axes nearer to each other are one."""
 
