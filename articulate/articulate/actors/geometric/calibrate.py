@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from articulate.actors.geometric.layers import CAP, draw, plain_behind
 from articulate.actors.geometric.light import fit_light
 from articulate.actors.geometric.look import scene_of
-from articulate.actors.geometric.posed import camera_of_motion
+from articulate.actors.geometric.posed import GAIN as GAIN_OF_MOTION
+from articulate.actors.geometric.posed import HINT, camera_of_motion
 from articulate.actors.geometric.shot import Shot, change_map, moved, object_box, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
 from articulate.actors.geometric.sweep import Floats, face_colours
@@ -267,8 +268,9 @@ def calibrated(evidence: Evidence) -> tuple[Evidence, tuple[TraceStep, ...]]:
     start = time.monotonic()
     steady, shift_px = steadied(clip, object_box(camera, evidence.parts))
     still, gain = refined_camera(steady, camera, evidence.parts, seed=evidence.seed)
-    scene = scene_of(steady, still, evidence.parts)
-    better, moving = camera_of_motion(scene) if scene.change.any() else (still, 0.0)
+    scene, better, moving = scene_of(steady, still, evidence.parts), still, 0.0
+    if scene.change.any():  # one that is known to be off may be off by more
+        better, moving = camera_of_motion(scene, HINT if gain else GAIN_OF_MOTION)
     if not shift_px and not gain and not moving:
         return evidence, ()
     told = better.T_wc[:3, 3] - camera.T_wc[:3, 3]

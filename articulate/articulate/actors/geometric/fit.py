@@ -127,11 +127,11 @@ def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
     reach = REACH * scene.size_m
     firsts = [_quick_fit(quick, part, reach) for part in suspects]
     firsts.sort(key=lambda fit: -fit.worth)
-    seeds = [_attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
+    seeds = [attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
     seed = max(seeds, key=lambda fit: fit.worth * (1.0 - BULKY * _bulk(quick, fit)))
     for _ in range(LIGHT_ROUNDS):
         quick = replace(quick, light=better_light(quick, seed, quick.shot))
-        seed = _attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
+        seed = attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
     moving = seed.parts
     coarse = replace(scene.look(COARSE_PX, COARSE_FRAMES), light=quick.light)
     layers = coarse.layers(moving)
@@ -221,7 +221,7 @@ def _bulk(look: Look, fit: Fit) -> float:
     return float(np.prod(size) / max(float(np.prod(np.ptp(look.surface.points_o, axis=0))), 1e-12))
 
 
-def _attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
+def attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
     """``seed`` with the parts that move as it does, itself first."""
     T_o = seed.motion.T_o(seed.q)
     best = seed

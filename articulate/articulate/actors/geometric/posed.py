@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.fit import REACH
+from articulate.actors.geometric.fit import REACH, attached
 from articulate.actors.geometric.layers import CAP, Drawn, draw, spread_behind
 from articulate.actors.geometric.light import solve_light
 from articulate.actors.geometric.look import QUICK_FRAMES, QUICK_PX, Look, Scene
@@ -59,7 +59,7 @@ FRAMES = 8
 SUSPECTS, HIDDEN = 3, 1
 """Parts whose motions are tried: of those seen where something changes, and of those that hide."""
 FEW, MOST = 2, 6
-"""Motions that are tried first, and at most where the first show that the camera is off."""
+"""Motions that are tried, and at most where none of the first explains the clip well."""
 SLOPE = 0.3
 """Differences for slopes, as a share of the steps."""
 LEAST_OFF = 6.0
@@ -68,12 +68,14 @@ DAMPED = 4
 """Times that a step is made shorter."""
 SETTLED = 0.002
 """A round that lowers the cost by less than this share is the last."""
-HINT, GAIN = 0.1, 0.35
-"""Shares by which a camera elsewhere must explain the clip better for more to be tried, and for it
-to be believed: where the right motion is not among those that are tried, a camera a little off may
+HINT, GAIN = 0.05, 0.35
+"""Shares by which a camera elsewhere must explain the clip better to be sought finely, and to be
+believed: where the right motion is not among those that are tried, a camera a little off may
 explain a clip better by a quarter."""
 WELL = 5.0
-"""Motions that leave more than this unexplained are not the right ones, or the camera is off."""
+"""Costs below this leave nothing large unexplained."""
+POSITIONS = 48
+"""Positions that are tried in each frame."""
 PASSES = 2
 """Times that motions are looked for, each under the camera that was found before."""
 SAME_COSINE, SAME_M = 0.99, 0.03
@@ -121,6 +123,15 @@ class Posed:
         sums = [np.minimum(np.abs(off).sum(axis=-1), self.level.cap) for off in residuals]
         return float(np.mean([s.mean() for s in sums]))
 
+    def nearest(self, x: Array, q: Array, tried: Array) -> Array:
+        """For each frame that of ``tried`` (Q,), or its own of ``q`` (T,), of least cost."""
+        best = q.copy()
+        for k, position in enumerate(q.tolist()):
+            positions = np.append(tried, position)
+            costs = [self.cost([self.residuals(k, x, float(value))]) for value in positions]
+            best[k] = positions[int(np.argmin(costs))]
+        return best
+
     def fitted(self, x: Array, q: Array) -> Posed:
         """With light and background as they follow from where the object is thought to be."""
         views, albedo, colours, covers = [], [], [], []
@@ -149,19 +160,24 @@ def _behind(frames: Floats, covers: NDArray[np.bool_]) -> Floats:
     return np.where(known[..., None], mean, spread_behind(mean, known)).astype(np.float32)
 
 
-def camera_of_motion(scene: Scene) -> tuple[Camera, float]:
+def camera_of_motion(scene: Scene, least: float = GAIN) -> tuple[Camera, float]:
     """The camera near that of ``scene`` under which the object moves as in the clip.
+
+    Args:
+        scene: The clip, and where the camera is thought to be.
+        least: Share by which another has to explain the clip better.
 
     Returns:
         That camera, and by which share what it draws differs less; the camera of ``scene`` and 0
         where no other explains the clip clearly better.
     """
     camera, gain = _camera_once(scene)
-    if gain < GAIN:
+    if gain < least:
         return scene.camera, 0.0
     for _ in range(PASSES - 1):
-        camera, more = _camera_once(replace(scene, camera=camera))
-        gain = 1.0 - (1.0 - gain) * (1.0 - more)
+        again, more = _camera_once(replace(scene, camera=camera))
+        if more > 0.0:
+            camera, gain = again, 1.0 - (1.0 - gain) * (1.0 - more)
     return camera, gain
 
 
@@ -170,13 +186,13 @@ def _camera_once(scene: Scene) -> tuple[Camera, float]:
     fits, frames = _motions(scene)
     best: tuple[float, float, Fit, Array, Array] | None = None
     for n, fit in enumerate(fits):
-        if n >= FEW and best is not None:
-            cost, told = best[:2]
-            if cost > (1.0 - HINT) * told and told < WELL:
+        if n >= FEW and best is not None and best[0] < WELL:
+            if best[0] > (1.0 - HINT) * best[1]:
                 return scene.camera, 0.0
+            break
         posed = _posed(scene, fit, frames, FIRST, np.zeros(6))
-        _, q, told = _sought(posed, np.zeros(6), fit.q, turned=False)
-        x, q, cost = _sought(posed, np.zeros(6), q)
+        _, q, told = _sought_far(posed, np.zeros(6), fit.q, turned=False)
+        x, q, cost = _sought_far(posed, np.zeros(6), q)
         if best is None or cost < best[0]:
             best = (cost, told, fit, x, q)
     if best is None:
@@ -184,7 +200,7 @@ def _camera_once(scene: Scene) -> tuple[Camera, float]:
     _, _, fit, x, q = best
     for level in LEVELS:
         posed = _posed(scene, fit, frames, level, x)
-        _, _, told = _sought(posed, np.zeros(6), fit.q, turned=False)
+        _, _, told = _sought_far(posed, np.zeros(6), fit.q, turned=False)
         x, q, cost = _sought(posed, x, q)
     gain = max(0.0, 1.0 - cost / max(told, 1e-9))
     return scene.camera.at(inverse(moved(scene.camera.T_cw, posed.middle_o, x))), gain
@@ -200,7 +216,8 @@ def _motions(scene: Scene) -> tuple[list[Fit], Ints]:
     for part in [*ranked[:SUSPECTS], *hidden[:HIDDEN]]:
         fits += _fits(look, part, REACH * scene.size_m)
     fits.sort(key=lambda fit: -fit.worth)
-    return [replace(fit, q=fit.q[few]) for fit in _distinct(fits)], look.shot.indices[few]
+    found = [attached(look, fit, ranked) for fit in _distinct(fits)]
+    return [replace(fit, q=fit.q[few]) for fit in found], look.shot.indices[few]
 
 
 def _fits(look: Look, part: int, reach_m: float) -> list[Fit]:
@@ -287,6 +304,30 @@ def _sought(posed: Posed, x: Array, q: Array, *, turned: bool = True) -> tuple[A
         off = posed.all_residuals(x, q)
         cost = posed.cost(off)
     return x, q, cost
+
+
+def _sought_far(
+    posed: Posed, x: Array, q: Array, *, turned: bool = True
+) -> tuple[Array, Array, float]:
+    """As :func:`_sought`; where much is left, positions far from ``q`` are tried too.
+
+    A path that was found under another camera may be wrong by half a turn in some frames, from
+    where no steps lead back.
+    """
+    found = _sought(posed, x, q, turned=turned)
+    if found[2] <= WELL:
+        return found
+    near, there = posed.fitted(*found[:2]), found[1]
+    far = near.nearest(found[0], there, _tried(posed.motion, there))
+    return min(found, _sought(posed, found[0], far, turned=turned), key=lambda one: one[2])
+
+
+def _tried(motion: Motion, q: Array) -> Array:
+    """Positions that are tried in each frame: a full turn, or twice as far as ``q`` (T,) goes."""
+    if motion.kind == "turn":
+        return np.arange(POSITIONS, dtype=np.float64) * (2.0 * np.pi / POSITIONS)
+    reach = 2.0 * float(np.abs(q).max())
+    return np.asarray(np.linspace(-reach, reach, POSITIONS))
 
 
 def _equations(
