@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from articulate.actors.geometric.layers import CAP, draw, plain_behind
 from articulate.actors.geometric.light import fit_light
 from articulate.actors.geometric.look import scene_of
+from articulate.actors.geometric.posed import DAMPED, HINT, LEAST_OFF, STEP, camera_of_motion
 from articulate.actors.geometric.posed import GAIN as GAIN_OF_MOTION
-from articulate.actors.geometric.posed import HINT, camera_of_motion
 from articulate.actors.geometric.shot import Shot, change_map, moved, object_box, shot_of
 from articulate.actors.geometric.surface import Surface, surface_of
 from articulate.actors.geometric.sweep import Floats, face_colours
@@ -33,9 +33,6 @@ from articulate.vision.tracks import Tracking, follow_points
 
 LEVELS_PX = (80, 160, 240)
 """Longest side of the object in pixels, from coarse to fine."""
-FIRST_STEP = np.array([0.06, 0.06, 0.06, 0.02, 0.02, 0.04])
-"""How far a camera is sought at first: turns about the object's middle [rad], where that is seen
-[tangent], logarithm of its distance."""
 TRIES = 96
 """Cameras that are drawn at random on the coarsest level, the best of which are refined."""
 KEPT = 3
@@ -43,12 +40,8 @@ ROUNDS = 8
 """Steps of a refinement."""
 SLOPE = 0.1
 """Differences for slopes, as a share of the steps of a level."""
-DAMPED = 4
-"""Times that a step is made shorter."""
 SOFT_PX = 1.0
 """Pictures are blurred by this before they are compared [px]."""
-LEAST_OFF = 6.0
-"""Differences below this count as squares, above it as absolute values, 0 to 255."""
 FINER = 0.35
 """Steps of a level, as a share of those of the level before."""
 GAIN = 0.08
@@ -126,12 +119,12 @@ def refined_camera(
         return camera, 0.0
     rng = np.random.default_rng(seed)
     light = _light(still, np.zeros(6))
-    drawn = FIRST_STEP * rng.uniform(-1.5, 1.5, (TRIES, 6))
+    drawn = STEP * rng.uniform(-1.5, 1.5, (TRIES, 6))
     costs = [still.cost(x, light) for x in drawn]
     starts = [np.zeros(6), *drawn[np.argsort(costs)[:KEPT]]]
-    found = [_lowest(still, x, FIRST_STEP) for x in starts]
+    found = [_lowest(still, x, STEP) for x in starts]
     x = min(found, key=lambda item: item[1])[0]
-    step = FIRST_STEP
+    step = STEP
     for most_px in LEVELS_PX[1:]:
         step = FINER * step
         nearby = camera.at(inverse(moved(camera.T_cw, still.middle_o, x)))

@@ -13,6 +13,7 @@ from articulate.actors.geometric.candidates import Motion
 from articulate.actors.geometric.look import scene_of
 from articulate.actors.geometric.posed import FIRST, GAIN, camera_of_motion
 from articulate.actors.geometric.search import Fit
+from articulate.actors.geometric.shot import moved
 from articulate.actors.protocol import Evidence
 from articulate.render.camera import front_camera
 from articulate.render.clip import film, poses_of_parts
@@ -81,7 +82,7 @@ def test_steps_lead_to_the_camera_and_the_positions_of_a_known_motion(laptop):
     _, _, still = posed._sought(first, np.zeros(6), fit.q, turned=False)
     x, q, cost = posed._sought(first, np.zeros(6), fit.q)
     assert cost < 0.5 * still
-    found = told.at(inverse(posed.moved(told.T_cw, first.middle_o, x)))
+    found = told.at(inverse(moved(told.T_cw, first.middle_o, x)))
     assert off(found, laptop.camera)[0] < 1.5
     np.testing.assert_allclose(q, LID_RAD[frames], atol=0.06)
 
@@ -99,8 +100,8 @@ def test_corners_of_what_moves_alone_are_moved(door):
     fit = Fit(DOOR_HINGE, np.zeros(1), 0.0, (3,))
     first = first_level(door, door.camera, fit, np.array([0]))
     rest, turned = (first.seen(np.zeros(6), q).points_c for q in (0.0, -1.0))
-    moved = np.flatnonzero(np.abs(turned - rest).max(axis=1) > 1e-9)
-    assert len(moved) > 0
-    assert set(moved) <= set(first.corners.tolist())
+    changed = np.flatnonzero(np.abs(turned - rest).max(axis=1) > 1e-9)
+    assert len(changed) > 0
+    assert set(changed) <= set(first.corners.tolist())
     assert len(first.corners) < len(rest)
     assert [PARTS[k].name for k in fit.parts] == ["door"]
