@@ -209,10 +209,14 @@ def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
 
 def _quick_fits(look: Look, part: int, reach_m: float) -> list[Fit]:
     layers = look.layers([part])
+    return [coarse_fit(motion, layers, (part,), reach_m) for motion in motions_in(look, part)]
+
+
+def motions_in(look: Look, part: int) -> list[Motion]:
+    """The motions of ``part`` along and about the axes of the frame."""
     surface = look.surface.only([part])
     rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k != part])
-    motions = motions_of(surface, rest, axes_of(surface)[:3])
-    return [coarse_fit(motion, layers, (part,), reach_m) for motion in motions]
+    return motions_of(surface, rest, axes_of(surface)[:3])
 
 
 def _bulk(look: Look, fit: Fit) -> float:

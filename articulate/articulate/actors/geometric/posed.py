@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.fit import REACH, attached
+from articulate.actors.geometric.candidates import Motion
+from articulate.actors.geometric.fit import REACH, attached, motions_in
 from articulate.actors.geometric.layers import CAP, Drawn, draw, spread_behind
 from articulate.actors.geometric.light import solve_light
 from articulate.actors.geometric.look import QUICK_FRAMES, QUICK_PX, Look, Scene
@@ -221,10 +221,8 @@ def _motions(scene: Scene) -> tuple[list[Fit], Ints]:
 
 
 def _fits(look: Look, part: int, reach_m: float) -> list[Fit]:
-    layers, surface = look.layers([part]), look.surface.only([part])
-    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k != part])
-    motions = motions_of(surface, rest, axes_of(surface)[:3])
-    return [fit for m in motions for fit in coarse_fits(m, layers, (part,), reach_m)]
+    layers, motions = look.layers([part]), motions_in(look, part)
+    return [fit for motion in motions for fit in coarse_fits(motion, layers, (part,), reach_m)]
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:
