@@ -7,7 +7,8 @@ For each object a clip of the joint that ``train`` would take is rendered, ``art
 the joint in it from the parts alone, and ``train`` learns twice: on what was made, and on the true
 object. ``evaluate --asset`` judges both in the scene of the true object. A step whose result lies
 below ``--out`` is not done again, so that the command goes on where it was stopped; ``--truth``
-takes a run on the true object that is there already.
+takes a run on the true object that is there already, or what ``benchmarks/collect.py`` wrote of
+one, whose evaluation then stands for the truth.
 """
 
 from __future__ import annotations
@@ -76,6 +77,26 @@ def judged(run: Path, asset: Path, joint: str, flags: argparse.Namespace) -> dic
     return report
 
 
+def on_truth(
+    asset: Path, folder: Path, task: str, joint: str, flags: argparse.Namespace
+) -> dict[str, Any]:
+    """The report of what is trained in ``folder`` on the true object, or the summary it is.
+
+    Raises:
+        UsageError: The summary is of something else.
+    """
+    if folder.suffix != ".json":
+        trained(asset, folder, flags, "--task", task, "--joint", joint)
+        return judged(folder, asset, joint, flags)
+    report: dict[str, Any] = json.loads(folder.read_text(encoding="utf-8"))
+    seeds = [seed["seed"] for seed in report["seeds"]]
+    told = (report["task"], report["joint"], report["steps"], seeds)
+    asked = (task, joint, flags.steps, list(flags.seeds))
+    if told != asked:
+        raise UsageError(f"{folder}: task, joint, steps and seeds are {told}, asked are {asked}")
+    return report
+
+
 def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     """One object, from its clip to the two rates."""
     index = json.loads(flags.index.read_text(encoding="utf-8"))["assets"]
@@ -97,12 +118,10 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     content = json.loads((made / "made.json").read_text(encoding="utf-8"))
     if content["urdf"] is None:
         return {"object": object_id, "task": task, "joint": joint, "made": content, "ratio": 0.0}
-    asked = ("--task", task)
-    trained(made / URDF_FILE, folder / "run_made", flags, *asked)
+    trained(made / URDF_FILE, folder / "run_made", flags, "--task", task)
     truth = flags.truth.get(object_id, folder / "run_true")
-    trained(asset, truth, flags, *asked, "--joint", joint)
+    on_true = on_truth(asset, truth, task, joint, flags)
     on_made = judged(folder / "run_made", asset, joint, flags)
-    on_true = judged(truth, asset, joint, flags)
     return {
         "object": object_id,
         "task": task,
@@ -131,7 +150,7 @@ def main() -> int:
     parser.add_argument("--index", type=Path, default=None, help="by default DATA/assets.json")
     parser.add_argument("--out", type=Path, required=True, help="gone on with if there")
     parser.add_argument("--objects", type=_pair, nargs="+", required=True, metavar="TASK=ID")
-    parser.add_argument("--truth", type=_pair, nargs="*", default=[], metavar="ID=RUN")
+    parser.add_argument("--truth", type=_pair, nargs="*", default=[], metavar="ID=RUN_OR_JSON")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--steps", type=int, default=2_000_000)
     parser.add_argument("--episodes", type=int, default=200)

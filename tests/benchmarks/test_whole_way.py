@@ -62,3 +62,17 @@ def test_policies_are_judged_on_the_true_object(whole_way, calls, flags, tmp_pat
 def test_a_command_that_fails_ends_the_way(whole_way):
     with pytest.raises(UsageError, match="articulate mak: exit 2"):
         whole_way.articulate("mak")
+
+
+def test_a_summary_may_stand_for_the_truth_if_it_is_of_the_same_training(
+    whole_way, calls, flags, tmp_path
+):
+    told = tmp_path / "open_door.json"
+    report = {"task": "open_door", "joint": "joint_0", "steps": 100, "success_rate": 0.9}
+    told.write_text(json.dumps(report | {"seeds": [{"seed": 0}, {"seed": 2}]}))
+    asset = tmp_path / "a.urdf"
+    assert whole_way.on_truth(asset, told, "open_door", "joint_0", flags)["success_rate"] == 0.9
+    assert calls == []
+    told.write_text(json.dumps(report | {"seeds": [{"seed": 0}]}))
+    with pytest.raises(UsageError, match="seeds"):
+        whole_way.on_truth(asset, told, "open_door", "joint_0", flags)

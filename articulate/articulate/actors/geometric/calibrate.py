@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.actors.geometric.layers import CAP, draw, plain_behind
+from articulate.actors.geometric.layers import CAP, draw, plain_behind, total
 from articulate.actors.geometric.light import fit_light
 from articulate.actors.geometric.look import scene_of
 from articulate.actors.geometric.posed import DAMPED, HINT, LEAST_OFF, STEP, camera_of_motion
@@ -95,7 +95,7 @@ class Still:
 
 
 def _cost(residuals: Floats) -> float:
-    return float(np.minimum(np.abs(residuals).sum(axis=-1), CAP).mean())
+    return float(np.minimum(total(residuals), CAP).mean())
 
 
 def refined_camera(
@@ -154,7 +154,7 @@ def _lowest(still: Still, x: Array, step: Array) -> tuple[Array, float]:
     cost, damping = _cost(off), 0.1
     for _ in range(ROUNDS):
         slopes = _slopes(still, x, SLOPE * step, light) / SLOPE
-        size = np.abs(off).sum(axis=-1)
+        size = total(off)
         weight = np.repeat((size < CAP) / np.maximum(size, LEAST_OFF), 3)
         normal = (slopes * weight) @ slopes.T
         force = (slopes * weight) @ off.ravel()

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from articulate.actors.geometric.candidates import Motion, axes_of, motions_of
-from articulate.actors.geometric.fit import REACH, leaves_in_sight
+from articulate.actors.geometric.fit import leaves_in_sight
 from articulate.actors.geometric.layers import Layers, draw
 from articulate.actors.geometric.look import (
     QUICK_FRAMES,
@@ -31,6 +31,7 @@ from articulate.actors.geometric.refine import Freedom, model_picture, refine
 from articulate.actors.geometric.round import round_axis
 from articulate.actors.geometric.search import (
     FINE,
+    REACH,
     Fit,
     coarse_fit,
     even_path,

@@ -38,6 +38,7 @@ from articulate.actors.geometric.look import (
 from articulate.actors.geometric.refine import Freedom, refine
 from articulate.actors.geometric.round import round_axis
 from articulate.actors.geometric.search import (
+    REACH,
     Fit,
     coarse_fit,
     coarse_fits,
@@ -71,8 +72,6 @@ IN_SIGHT = 0.25
 """A slide, or a hinge across the axis of a round part, that explains this share of what it costs
 that nothing moves is seen. Knobs and wheels of the data set have 0.17 at most, two drawers
 that were taken for knobs 0.37 and 0.64, a door 0.31."""
-REACH = 0.5
-"""Farthest a slide goes, as a share of the object's size."""
 
 
 @dataclass(frozen=True)

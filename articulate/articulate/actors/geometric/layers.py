@@ -117,6 +117,12 @@ class Drawn:
     """Corners in the camera's frame (V, 3)."""
 
 
+def total(off: Floats) -> Floats:
+    """Sum of the absolute differences of three colours (...) of ``off`` (..., 3)."""
+    size = np.abs(off)
+    return np.asarray(size[..., 0] + size[..., 1] + size[..., 2])  # many times faster than sum()
+
+
 def draw(surface: Surface, shot: Shot, T_o: Array | None = None) -> Drawn:
     """``surface``, moved by ``T_o`` (4, 4), before the camera of ``shot``."""
     nearness = np.zeros(shot.size, dtype=np.float32)
@@ -150,15 +156,15 @@ def layers_of(
     if solid.any():
         colours = face_colours(seen.points_c, rest.faces, rest.albedo, light)
         model[solid] = colours[seen.face_ids[solid]]
-    off = np.abs(shot.frames - model).sum(axis=-1)
+    off = total(shot.frames - model)
     nearest = off.argmin(axis=0)
     rows, columns = np.indices(shot.size)
     best = shot.frames[nearest, rows, columns]
     calm = ~change if (~change).sum() > 50 else np.ones_like(change)
     slack = SLACK * float(np.median(np.abs(best - model)[calm])) + LEAST_SLACK
     still = np.where(calm[..., None], best, model + np.clip(best - model, -slack, slack))
-    doubt = TRUST * np.minimum(np.abs(still - model).sum(axis=-1), CAP)
-    base = np.minimum(np.abs(shot.frames - still).sum(axis=-1), CAP) + doubt
+    doubt = TRUST * np.minimum(total(still - model), CAP)
+    base = np.minimum(total(shot.frames - still), CAP) + doubt
     return Layers(
         shot, moving, light, seen.nearness, still.astype(np.float32), base.astype(np.float32)
     )

@@ -105,37 +105,58 @@ def solve_light(views: Array, albedo: Array, colours: Array) -> Array:
     for directions in (_sphere(90), None):
         if directions is None:
             directions = normalised(best + 0.25 * _sphere(30))
-        for direction in directions:
-            strength, cost = _strengths(views, albedo, colours, direction, rounds=1)
-            if cost < best_cost:
-                best, best_cost = direction, cost
+        costs = _first_costs(views, albedo, colours, directions)
+        nearest = int(costs.argmin())
+        if costs[nearest] < best_cost:
+            best, best_cost = directions[nearest], costs[nearest]
     light = np.empty((LIGHT_ROWS, 3))
-    strength, _ = _strengths(views, albedo, colours, best, rounds=4)
-    light[:3] = strength[:, None]
+    light[:3] = _strengths(views, albedo, colours, best, rounds=4)[:, None]
     light[3] = best
     return light
 
 
+def _first_costs(views: Array, albedo: Array, colours: Array, directions: Array) -> Array:
+    """Sums of the residuals (D,) that the strengths of least squares leave for each direction."""
+    lamps = np.maximum(views[:, :3] @ directions.T, 0.0)
+    terms = np.empty((len(directions), 3, len(views)))
+    terms[:, 0], terms[:, 1], terms[:, 2] = 1.0, views[:, 3], lamps.T
+    pull = _pull(albedo)
+    normals = (terms * (albedo**2).sum(axis=1)) @ terms.transpose(0, 2, 1) + np.eye(3) * pull
+    forces = terms @ (albedo * colours).sum(axis=1) + np.array(FIRST) * pull
+    strengths = [_solved(*pair) for pair in zip(normals, forces, strict=True)]
+    shades = (np.array(strengths)[:, None] @ terms)[:, 0]
+    costs = np.zeros(len(directions))
+    for c in range(3):
+        costs += np.minimum(np.abs(albedo[:, c] * shades - colours[:, c]), 5 * SOFT).sum(axis=1)
+    return costs
+
+
 def _strengths(
     views: Array, albedo: Array, colours: Array, direction: Array, *, rounds: int
-) -> tuple[Array, float]:
-    """Strengths (3,) of ambient, camera and lamp light, and the sum of absolute residuals."""
+) -> Array:
+    """Strengths (3,) of ambient, camera and lamp light of the least absolute residuals."""
     lamp = np.maximum(views[:, :3] @ direction, 0.0)
     terms = np.stack([np.ones(len(views)), views[:, 3], lamp], axis=1)
     rows = (albedo[:, :, None] * terms[:, None, :]).reshape(-1, 3)
     target = colours.reshape(-1)
-    # What is black tells nothing of light: then it is what was believed at first.
-    pull = BELIEF * len(rows) * float((rows[:, 0] ** 2).mean()) + np.finfo(np.float64).eps
-    weight = np.ones(len(rows))
+    pull, weight = _pull(albedo), np.ones(len(rows))
     for _ in range(rounds):
         scaled = rows * weight[:, None]
-        normal = scaled.T @ rows + np.eye(3) * pull
-        force = scaled.T @ target + np.array(FIRST) * pull
-        root = np.linalg.cholesky(normal)
-        strength, _ = nnls(root.T, np.linalg.solve(root, force))
-        off = np.abs(rows @ strength - target)
-        weight = SOFT / np.maximum(off, SOFT)
-    return strength, float(np.minimum(off, 5 * SOFT).sum())
+        normal, force = scaled.T @ rows + np.eye(3) * pull, scaled.T @ target
+        strength = _solved(normal, force + np.array(FIRST) * pull)
+        weight = SOFT / np.maximum(np.abs(rows @ strength - target), SOFT)
+    return strength
+
+
+def _pull(albedo: Array) -> float:
+    """Weight of what is thought at first; what is black tells nothing of light, then it is all."""
+    return float(BELIEF * (albedo**2).sum() + np.finfo(np.float64).eps)
+
+
+def _solved(normal: Array, force: Array) -> Array:
+    """The ``x`` >= 0 (3,) of least ``x normal x - 2 force x``."""
+    root = np.linalg.cholesky(normal)
+    return np.asarray(nnls(root.T, np.linalg.solve(root, force))[0])
 
 
 def _sphere(n: int) -> Array:

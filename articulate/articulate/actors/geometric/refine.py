@@ -109,10 +109,10 @@ def _normal_equations(fit: Fit, layers: Layers, freedom: Freedom) -> tuple[Array
     pictures = np.empty((2 * n + 3, *shot.size, 3), dtype=np.float32)
     box = np.empty(4, dtype=np.int64)
     small, force = np.empty((n + 1, n + 1)), np.empty(n + 1)
+    poses_co = np.ascontiguousarray(shot.T_co @ _varied(fit, freedom, scales))
+    pinhole, near = shot.pinhole, layers.nearness
     for t in range(n_frames):
-        poses_co = np.ascontiguousarray(shot.T_co @ _varied(fit, freedom, t, scales))
-        pinhole, near = shot.pinhole, layers.nearness
-        pictures_in(shapes, layers.light, poses_co, pinhole, near, layers.still, box, pictures)
+        pictures_in(shapes, layers.light, poses_co[t], pinhole, near, layers.still, box, pictures)
         equations(pictures, box, shot.frames[t], SOFT, small, force)
         where = np.array([*range(n), n + t])
         hessian[np.ix_(where, where)] += small
@@ -120,19 +120,14 @@ def _normal_equations(fit: Fit, layers: Layers, freedom: Freedom) -> tuple[Array
     return hessian, gradient, scales
 
 
-def _varied(fit: Fit, freedom: Freedom, t: int, scales: Array) -> Array:
-    """Poses (2 n + 3, 4, 4) in frame t: as it is, and a step up and down of each parameter."""
-    n, q = freedom.size(fit.motion), fit.q[t]
-    poses = [fit.motion.T_o(q)]
-    for k in range(n + 1):
-        for sign in (1.0, -1.0):
-            if k < n:
-                change = np.zeros(n)
-                change[k] = sign * scales[k]
-                poses.append(shifted(fit.motion, change, freedom).T_o(q))
-            else:
-                poses.append(fit.motion.T_o(q + sign * scales[n + t]))
-    return np.stack(poses)
+def _varied(fit: Fit, freedom: Freedom, scales: Array) -> Array:
+    """Poses (T, 2 n + 3, 4, 4): as each frame is, and a step up and down of each parameter."""
+    n = freedom.size(fit.motion)
+    poses = [fit.motion.T_o(fit.q)]
+    for change in np.diag(scales[:n]):
+        poses += [shifted(fit.motion, sign * change, freedom).T_o(fit.q) for sign in (1.0, -1.0)]
+    poses += [fit.motion.T_o(fit.q + sign * scales[n:]) for sign in (1.0, -1.0)]
+    return np.stack(poses, axis=1)
 
 
 def model_picture(T_o: Array, layers: Layers) -> Floats:

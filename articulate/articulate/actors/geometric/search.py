@@ -27,6 +27,8 @@ FINE = 0.3
 BEND, MOST_BEND = 5e-4, 2e-2
 """The same of a position that lies a pixel beside the middle of its neighbours, squared: what shows
 little follows the motion before and after. And the most that one costs: motions begin and end."""
+REACH = 0.5
+"""Farthest a slide goes, as a share of the object's size."""
 LEAST_MOTION_PX = 2.0
 """What moves less does not explain a clip in which something changes."""
 NUDGE_PX = 0.8

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from articulate.actors.geometric import light
 from articulate.actors.geometric.layers import draw
 from articulate.actors.geometric.light import FIRST, fit_light, plain_light, solve_light
 from articulate.actors.geometric.shot import Shot
@@ -26,6 +27,19 @@ def test_a_light_is_found_again():
     light = solve_light(VIEWS, albedo, albedo * share[:, None])
     assert light[3] @ direction > 0.99
     assert light[:3].mean(axis=1) == pytest.approx(strength, abs=0.05)
+
+
+def test_costs_of_many_directions_are_those_of_each():
+    rng = np.random.default_rng(1)
+    albedo, colours = rng.uniform(0.1, 0.9, (2, 200, 3))
+    directions = NORMALS[:7]
+    many = light._first_costs(VIEWS, albedo, colours, directions)
+    for direction, cost in zip(directions, many, strict=True):
+        strength = light._strengths(VIEWS, albedo, colours, direction, rounds=1)
+        lamp = np.maximum(VIEWS[:, :3] @ direction, 0.0)
+        shade = strength[0] + strength[1] * VIEWS[:, 3] + strength[2] * lamp
+        off = np.abs(albedo * shade[:, None] - colours)
+        assert cost == pytest.approx(np.minimum(off, 5.0 * light.SOFT).sum(), rel=1e-9)
 
 
 def test_of_a_black_object_the_first_belief_stays():

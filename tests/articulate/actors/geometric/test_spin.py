@@ -89,16 +89,20 @@ def knob(name, y, radius, mark=None):
 
 
 def clip_of(end_rad, mark):
-    """A clip of the left, larger of two knobs, whose mark is not in its model."""
+    """A clip of the left, larger of two knobs, whose mark is not in its model, as it turns."""
+    pivot = np.array([0.15, -0.3, 0.5])
+    T_o = np.tile(np.eye(4), (FRAMES, 1, 1))
+    for k, turn in enumerate(np.linspace(0.0, end_rad, FRAMES)):
+        T_o[k, :3, :3] = axis_angle_to_matrix(np.array([1.0, 0.0, 0.0]), turn)
+        T_o[k, :3, 3] = pivot - T_o[k, :3, :3] @ pivot
+    return clip_of_knobs(T_o, mark)
+
+
+def clip_of_knobs(T_o, mark=None):
+    """A clip of two knobs, the left of which is moved by ``T_o`` (FRAMES, 4, 4)."""
     block = trimesh.creation.box(bounds=[(-0.5, -0.6, 0.0), (0.1, 0.6, 1.0)])
     body = plain_part("body", block.vertices, block.faces, (0.4, 0.4, 0.5))
     right = knob("right", 0.3, 0.12)
-    q = np.linspace(0.0, end_rad, FRAMES)
-    pivot = np.array([0.15, -0.3, 0.5])
-    T_o = np.tile(np.eye(4), (FRAMES, 1, 1))
-    for k, turn in enumerate(q):
-        T_o[k, :3, :3] = axis_angle_to_matrix(np.array([1.0, 0.0, 0.0]), turn)
-        T_o[k, :3, 3] = pivot - T_o[k, :3, :3] @ pivot
     camera = front_camera(320, 240)
     seen = PartScene((body, knob("left", -0.3, 0.16, mark), right))
     clip = film(seen, camera, poses_of_parts(3, [1], T_o))
@@ -129,6 +133,15 @@ def test_where_next_to_nothing_shows_the_part_that_changes_most_turns():
     """Not the smallest, though nothing of it is enough to be looked at as a change."""
     said = said_of(7.0, (0.61, 0.51, 0.41))
     assert (said.part, said.kind) == ("left", "continuous")
+
+
+def test_a_round_part_of_which_little_shows_may_be_pressed():
+    T_o = np.tile(np.eye(4), (FRAMES, 1, 1))
+    T_o[:, 0, 3] = np.linspace(0.0, -0.04, FRAMES)
+    prediction = video_actor().predict(clip_of_knobs(T_o))
+    (said,) = [j for j in prediction.joints if j.kind != "fixed"]
+    assert (said.part, said.kind) == ("left", "prismatic")
+    assert abs(said.axis_o[0]) == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_round_part_is_not_said_to_turn_where_a_slide_is_asked_for():
