@@ -2,7 +2,8 @@
 
 python benchmarks/made_assets.py runs/video --data data --out made --json
 
-Takes the records of a run of ``articulate benchmark`` on ``assets.json``. Where every joint of an
+Takes the records of a run of ``articulate benchmark`` on ``assets.json``, or what is kept of them
+(``joints_said.py``). Where every joint of an
 object came out right, its parts are joined by a program from the predicted joints, as ``articulate
 make`` does, and the URDF is proven; so is the object's own. Only those count whose own is proven. A
 proof that lies below ``--out`` is not made again.
@@ -19,6 +20,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from joints_said import SAID, records_of
+
 from articulate.actors.protocol import PredictedJoint
 from articulate.cache import cache_folder
 from articulate.errors import UsageError
@@ -30,8 +33,6 @@ from articulate.program.run import compile_program
 from articulate.proof import Proof
 from articulate.prove.batch import Batch, Item
 
-FIELDS = ("part", "parent", "kind", "axis_o", "pivot_o", "lower", "upper")
-"""What a record keeps of a predicted joint."""
 LIMIT_S = 600.0
 
 
@@ -54,7 +55,7 @@ def found_joints(record: Mapping[str, Any], protocol: str) -> list[PredictedJoin
     right = all(joint["failures"][protocol] == "success" for joint in joints)
     if record["error"] or not joints or not right or any(c["spurious"] for c in record["cases"]):
         return []
-    told = [{name: joint["predicted"][name] for name in FIELDS} for joint in joints]
+    told = [{name: joint["predicted"][name] for name in SAID} for joint in joints]
     return [
         PredictedJoint(**t | {"axis_o": tuple(t["axis_o"]), "pivot_o": tuple(t["pivot_o"])})
         for t in told
@@ -100,7 +101,9 @@ def summary(pairs: Sequence[Pair], protocol: str) -> dict[str, Any]:
 def main() -> int:
     """Print what was made and proven."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path, help="folder of articulate benchmark")
+    parser.add_argument(
+        "run", type=Path, help="folder of articulate benchmark, or joints_said.py's"
+    )
     parser.add_argument("--data", type=Path, required=True, help="folder with assets.json")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--protocol", default="paper", choices=("paper", "released_code", "strict"))
@@ -109,15 +112,14 @@ def main() -> int:
     index = json.loads((flags.data / "assets.json").read_text(encoding="utf-8"))["assets"]
     folders = {str(e["id"]): (flags.data / e["path"]).parent for e in index}
     pairs = []
-    for file in sorted((flags.run / "objects").glob("*.json")):
-        record = json.loads(file.read_text(encoding="utf-8"))
+    for name, record in records_of(flags.run):
         joints = found_joints(record, flags.protocol)
         if not joints:
             continue
         try:
-            pairs.append(pair(file.stem, folders[file.stem], joints, flags.out))
+            pairs.append(pair(name, folders[name], joints, flags.out))
         except UsageError as error:
-            pairs.append(Pair(file.stem, "proven", "refused", (str(error),)))
+            pairs.append(Pair(name, "proven", "refused", (str(error),)))
         if not flags.json:
             p = pairs[-1]
             print(f"{p.id}: its own {p.own}, made {p.made} {' '.join(p.reasons)}", flush=True)
