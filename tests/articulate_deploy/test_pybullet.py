@@ -110,7 +110,7 @@ def test_the_force_of_a_contact_is_the_weight_and_the_pull_on_top_of_it(order):
         pybullet.stepSimulation(**call)
     total = np.zeros(3)
     for contact in pybullet.getContactPoints(**call):
-        total += contact_force(contact) * (1.0 if contact[1] == made[0] else -1.0)
+        total += np.array(contact_force(contact)) * (1.0 if contact[1] == made[0] else -1.0)
     pybullet.disconnect(world)
     assert_allclose(total, [2.0, 0.0, -19.62], rtol=0, atol=0.02)
 
