@@ -55,7 +55,7 @@ from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -66,7 +66,7 @@ from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
 
 from articulate.follow import discrete, follow
 from articulate.simulator import mujoco
-from articulate.transforms import Array
+from articulate.transforms import Array, Ints
 from articulate_envs.compiled.advance import _call, _doubles
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene, build_scene
@@ -85,28 +85,41 @@ ALTERNATIONS = 4
 else the machine does comes and goes in seconds."""
 
 
+class Own(NamedTuple):
+    """Addresses (N,) of the model, the ``mjData`` and two of its arrays, of each environment.
+
+    The engine steps environments at its desks; ``mj_step`` alone stays with one of them, and what
+    that one has, for a whole episode, and finds all of it in the cache.
+    """
+
+    model: Ints
+    data: Ints
+    ctrl: Ints
+    xfrc: Ints
+
+
 @njit(nogil=True, error_model="numpy", boundscheck=False)
 def replay(
     first: int,
     last: int,
     mj_step: Any,
-    pointers: Any,
-    where: Any,
+    own: Any,
+    push_row: int,
     controls: Array,
     pushes: Array,
 ) -> None:
     """``mj_step`` of environments ``first`` to ``last`` - 1 with controls (N, T, substeps, nu)."""
     nu = controls.shape[3]
     for i in range(first, last):
-        ctrl = carray(_doubles(pointers.ctrl[i]), nu)
-        xfrc = carray(_doubles(pointers.xfrc[i] + 48 * where.push_row), 6)
+        ctrl = carray(_doubles(own.ctrl[i]), nu)
+        xfrc = carray(_doubles(own.xfrc[i] + 48 * push_row), 6)
         for t in range(controls.shape[1]):
             for k in range(3):
                 xfrc[k] = pushes[i, t, k]
             for s in range(controls.shape[2]):
                 for k in range(nu):
                     ctrl[k] = controls[i, t, s, k]
-                _call(mj_step, pointers.model[i], pointers.data[i])
+                _call(mj_step, own.model[i], own.data[i])
 
 
 @dataclass
@@ -160,7 +173,7 @@ class RecordingEngine(ThreadEngine):
     def replay_seconds(self, kept: dict[str, Array], controls: Array, pushes: Array) -> float:
         """Time that ``mj_step`` alone takes from the snapshot ``kept`` with those controls [s]."""
         self.restore(kept)
-        args = (self._mj_step, self._pointers, self._where, controls, pushes)
+        args = (self._mj_step, self._own(), self._where.push_row, controls, pushes)
         edges = [int(edge) for edge in self._edges]
         with ThreadPoolExecutor(self.threads) as pool:
             begin = time.perf_counter()
@@ -169,6 +182,15 @@ class RecordingEngine(ThreadEngine):
             for job in jobs:
                 job.result()
             return time.perf_counter() - begin
+
+    def _own(self) -> Own:
+        data = self._data
+        return Own(
+            model=np.array([model._address for model in self._models]),
+            data=np.array([one._address for one in data]),
+            ctrl=np.array([one.ctrl.ctypes.data for one in data]),
+            xfrc=np.array([one.xfrc_applied.ctypes.data for one in data]),
+        )
 
     def positions(self) -> Array:
         """Positions of all models (N, nq)."""
