@@ -1,6 +1,6 @@
 """Keep what an actor said of each joint, small enough for the repository.
 
-python benchmarks/joints_said.py runs/video > docs/results/data/joints_video_282.json
+python benchmarks/joints_said.py runs/video > docs/results/data/joints_video_281.json
 
 One line for each object of a run of ``articulate benchmark``: the joints as they were said, how
 they are judged, by how much they are off, and how far the part moves in the picture.
