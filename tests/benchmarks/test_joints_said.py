@@ -3,10 +3,11 @@
 import importlib
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-RECORD = {
+RECORD: dict[str, Any] = {
     "category": "Box",
     "error": "",
     "fingerprint": "0",
