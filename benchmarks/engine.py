@@ -184,12 +184,11 @@ class RecordingEngine(ThreadEngine):
             return time.perf_counter() - begin
 
     def _own(self) -> Own:
-        data = self._data
         return Own(
             model=np.array([model._address for model in self._models]),
-            data=np.array([one._address for one in data]),
-            ctrl=np.array([one.ctrl.ctypes.data for one in data]),
-            xfrc=np.array([one.xfrc_applied.ctypes.data for one in data]),
+            data=np.array([data._address for data in self._data]),
+            ctrl=self._pointers.ctrl,
+            xfrc=self._pointers.xfrc,
         )
 
     def positions(self) -> Array:

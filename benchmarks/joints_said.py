@@ -75,7 +75,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path, help="folder of articulate benchmark")
     flags = parser.parse_args()
-    lines = [f"{json.dumps(name)}: {json.dumps(kept(r))}" for name, r in records_of(flags.run)]
+    whole = flags.run / "objects"
+    records = records_of(flags.run) if whole.is_dir() else ()
+    lines = [f"{json.dumps(name)}: {json.dumps(kept(record))}" for name, record in records]
     if not lines:
         sys.stderr.write(f"{flags.run}: holds no records of articulate benchmark\n")
         return 2

@@ -39,13 +39,13 @@ MADE_EXITS = (0, 3)
 
 def articulate(*words: object) -> str:
     """Run a command of ours and return what it prints; what it says besides goes on to stderr."""
-    told = [str(word) for word in words]
-    sys.stderr.write(f"articulate {' '.join(told)}\n")
+    given = [str(word) for word in words]
+    sys.stderr.write(f"articulate {' '.join(given)}\n")
     done = subprocess.run(
-        [sys.executable, "-m", "articulate", *told], stdout=subprocess.PIPE, text=True, check=False
+        [sys.executable, "-m", "articulate", *given], stdout=subprocess.PIPE, text=True, check=False
     )
     if done.returncode not in MADE_EXITS:
-        raise UsageError(f"articulate {' '.join(told)}: exit {done.returncode}")
+        raise UsageError(f"articulate {' '.join(given)}: exit {done.returncode}")
     return done.stdout
 
 
@@ -77,23 +77,26 @@ def judged(run: Path, asset: Path, joint: str, flags: argparse.Namespace) -> dic
     return report
 
 
-def on_truth(
-    asset: Path, folder: Path, task: str, joint: str, flags: argparse.Namespace
+def told(
+    summary: Path, object_id: str, task: str, joint: str, flags: argparse.Namespace
 ) -> dict[str, Any]:
-    """The report of what is trained in ``folder`` on the true object, or the summary it is.
+    """The evaluation that ``summary`` keeps of a run on the true object.
 
     Raises:
-        UsageError: The summary is of something else.
+        UsageError: It is of something else, or of other draws.
     """
-    if folder.suffix != ".json":
-        trained(asset, folder, flags, "--task", task, "--joint", joint)
-        return judged(folder, asset, joint, flags)
-    report: dict[str, Any] = json.loads(folder.read_text(encoding="utf-8"))
-    seeds = [seed["seed"] for seed in report["seeds"]]
-    told = (report["task"], report["joint"], report["steps"], seeds)
-    asked = (task, joint, flags.steps, list(flags.seeds))
-    if told != asked:
-        raise UsageError(f"{folder}: task, joint, steps and seeds are {told}, asked are {asked}")
+    report: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
+    seeds = {seed["seed"]: seed["success"]["episodes"] for seed in report["seeds"]}
+    kept = {name: report[name] for name in ("asset", "task", "joint", "steps")} | {"seeds": seeds}
+    asked = {
+        "asset": object_id,
+        "task": task,
+        "joint": joint,
+        "steps": flags.steps,
+        "seeds": dict.fromkeys(flags.seeds, flags.episodes),
+    }
+    if kept != asked:
+        raise UsageError(f"{summary}: is of {kept}, asked is {asked} (seeds with their episodes)")
     return report
 
 
@@ -120,7 +123,11 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
         return {"object": object_id, "task": task, "joint": joint, "made": content, "ratio": 0.0}
     trained(made / URDF_FILE, folder / "run_made", flags, "--task", task)
     truth = flags.truth.get(object_id, folder / "run_true")
-    on_true = on_truth(asset, truth, task, joint, flags)
+    if truth.suffix == ".json":
+        on_true = told(truth, object_id, task, joint, flags)
+    else:
+        trained(asset, truth, flags, "--task", task, "--joint", joint)
+        on_true = judged(truth, asset, joint, flags)
     on_made = judged(folder / "run_made", asset, joint, flags)
     return {
         "object": object_id,

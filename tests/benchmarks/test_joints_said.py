@@ -81,7 +81,9 @@ def test_what_is_kept_is_read_as_the_run_is(said, run, capsys, monkeypatch):
     assert (joint.part, joint.pivot_o) == ("lid", (0.123457, 0.0, 0.2))
 
 
-def test_a_folder_without_records_is_told(said, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["joints_said", str(tmp_path)])
-    assert said.main() == 2
-    assert "no records" in capsys.readouterr().err
+def test_what_holds_no_records_is_told(said, tmp_path, capsys, monkeypatch):
+    (tmp_path / "kept.json").write_text("{}")
+    for place in (tmp_path, tmp_path / "kept.json"):
+        monkeypatch.setattr("sys.argv", ["joints_said", str(place)])
+        assert said.main() == 2
+        assert "no records" in capsys.readouterr().err

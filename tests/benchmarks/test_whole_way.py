@@ -64,15 +64,36 @@ def test_a_command_that_fails_ends_the_way(whole_way):
         whole_way.articulate("mak")
 
 
-def test_a_summary_may_stand_for_the_truth_if_it_is_of_the_same_training(
-    whole_way, calls, flags, tmp_path
-):
-    told = tmp_path / "open_door.json"
-    report = {"task": "open_door", "joint": "joint_0", "steps": 100, "success_rate": 0.9}
-    told.write_text(json.dumps(report | {"seeds": [{"seed": 0}, {"seed": 2}]}))
-    asset = tmp_path / "a.urdf"
-    assert whole_way.on_truth(asset, told, "open_door", "joint_0", flags)["success_rate"] == 0.9
+SUMMARY = {
+    "asset": "partnet_1",
+    "task": "open_door",
+    "joint": "joint_0",
+    "steps": 100,
+    "seeds": [{"seed": seed, "success": {"value": 0.9, "episodes": 7}} for seed in (0, 2)],
+    "success_rate": 0.9,
+}
+
+
+def test_a_summary_may_stand_for_the_truth(whole_way, calls, flags, tmp_path):
+    file = tmp_path / "open_door.json"
+    file.write_text(json.dumps(SUMMARY))
+    report = whole_way.told(file, "partnet_1", "open_door", "joint_0", flags)
+    assert report["success_rate"] == 0.9
     assert calls == []
-    told.write_text(json.dumps(report | {"seeds": [{"seed": 0}]}))
-    with pytest.raises(UsageError, match="seeds"):
-        whole_way.on_truth(asset, told, "open_door", "joint_0", flags)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"asset": "partnet_2"},
+        {"joint": "joint_1"},
+        {"steps": 200},
+        {"seeds": [{"seed": 0, "success": {"value": 0.9, "episodes": 7}}]},
+        {"seeds": [{"seed": seed, "success": {"value": 0.9, "episodes": 9}} for seed in (0, 2)]},
+    ],
+)
+def test_a_summary_of_something_else_does_not(whole_way, flags, tmp_path, other):
+    file = tmp_path / "open_door.json"
+    file.write_text(json.dumps(SUMMARY | other))
+    with pytest.raises(UsageError, match="is of"):
+        whole_way.told(file, "partnet_1", "open_door", "joint_0", flags)

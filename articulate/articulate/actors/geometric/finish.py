@@ -150,7 +150,7 @@ def everywhere(scene: Scene, fit: Fit, fine: Look, *, spins: bool = False) -> Fi
     A turn is also sought anew on the full circle: wheels look alike after a fraction of a turn,
     so that only frames close to each other tell which way they go.
     """
-    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+    look = _every_frame(scene, fine)
     layers = look.layers(fit.parts)
     start = replace(fit, q=np.interp(look.shot.indices, fine.shot.indices, fit.q))
     step = 1.5 * position_unit(start.motion, layers)
@@ -199,7 +199,7 @@ def round_or_not(scene: Scene, fine: Look, fit: Fit) -> Fit:
     """``fit``, or a turn of a round part about its own axis.
 
     Such a turn shows little, so that what explains a little more is no better; where next to
-    nothing shows, it is said to be endless.
+    nothing shows, see :func:`_faint`.
     """
     surface = fine.surface.only(fit.parts[:1])
     layers = fine.layers(fit.parts)
@@ -231,19 +231,15 @@ def _faint(scene: Scene, motion: Motion, parts: tuple[int, ...]) -> Fit:
     found = [*coarse_fits(slide, layers, parts, REACH * scene.size_m, near=True)]
     way = np.linspace(0.0, ENDLESS_RAD, len(scene.clip))
     for q in (way[fine.shot.indices], -way[fine.shot.indices]):
-        start = Fit(motion, q, 0.0, parts, even=True)
-        turn = refine(start, layers, Freedom(axis=False)).motion
-        cost = float(layers.path_cost(turn.T_o(q)).sum())
-        found.append(replace(start, motion=turn, cost=cost))
+        turn = refine(_even(motion, q, parts, layers), layers, Freedom(axis=False)).motion
+        found.append(_even(turn, q, parts, layers))
     best = max((with_gain(fit, layers) for fit in found), key=lambda fit: fit.share)
     if best.share < FAINT:
         return replace(best, motion=motion, q=way, gain=0.0)
     if best.motion.kind == "slide":
         return everywhere(scene, best, fine)
-    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
-    q, whole = float(np.sign(best.q[-1])) * way, look.layers(parts)
-    cost = float(whole.path_cost(best.motion.T_o(q)).sum())
-    return with_gain(replace(best, q=q, cost=cost), whole)
+    layers = _every_frame(scene, fine).layers(parts)
+    return with_gain(_even(best.motion, np.copysign(way, best.q[-1]), parts, layers), layers)
 
 
 def spinning(scene: Scene, part: int, *, marked: bool = False) -> Fit | None:
@@ -282,13 +278,22 @@ def by_its_marks(
     if spin is None or not (spin.sharp or blurred):
         return None
     end_rad = spin.end_rad if spin.sharp else float(np.copysign(ENDLESS_RAD, spin.end_rad))
-    look = replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
-    layers = look.layers(parts)
+    layers = _every_frame(scene, fine).layers(parts)
     way = np.linspace(0.0, end_rad, len(scene.clip))
     starts = np.linspace(0.0, 2.0 * np.pi, OFFSETS, endpoint=False)
-    costs = [float(layers.path_cost(motion.T_o(way + start)).sum()) for start in starts]
-    q = way + starts[int(np.argmin(costs))]
-    return with_gain(Fit(motion, q, min(costs), parts, even=True), layers)
+    even = [_even(motion, way + start, parts, layers) for start in starts]
+    return with_gain(min(even, key=lambda fit: fit.cost), layers)
+
+
+def _every_frame(scene: Scene, fine: Look) -> Look:
+    """All frames of the clip as finely as ``fine`` looks at some, under its light."""
+    return replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+
+
+def _even(motion: Motion, q: Array, parts: tuple[int, ...], layers: Layers) -> Fit:
+    """``parts`` moved to even positions ``q`` (T,) in the frames of ``layers``, and its cost."""
+    cost = float(layers.path_cost(motion.T_o(q)).sum())
+    return Fit(motion, q, cost, parts, even=True)
 
 
 def roundest(scene: Scene) -> Fit | None:
