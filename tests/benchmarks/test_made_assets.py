@@ -75,3 +75,43 @@ def test_share_is_of_those_whose_own_is_proven(made):
     assert told["share"] == 0.5
     assert [p["id"] for p in told["not_proven"]] == ["c"]
     assert made.summary([], "paper")["share"] is None
+
+
+def settled(made, monkeypatch, told, verdict):
+    """The pair of an object of which a summary says ``told``, and what its own was asked for."""
+    asked = []
+
+    class Own:
+        verdict = "repaired"
+
+    def proof_of(urdf, out):
+        asked.append(out.name)
+        return Own
+
+    monkeypatch.setattr(made, "made_of", lambda *_: (verdict, ()))
+    monkeypatch.setattr(made, "proof_of", proof_of)
+    return made.pair("a", Path("objects/a"), [], Path("out"), told), asked
+
+
+@pytest.mark.parametrize(
+    ("told", "verdict", "own", "asked"),
+    [
+        ("not refused", "proven", "not refused", []),
+        ("not refused", "refused", "repaired", ["own"]),
+        ("refused", "refused", "refused", []),
+        ("", "proven", "repaired", ["own"]),
+    ],
+)
+def test_own_is_proven_where_no_summary_settles_it(made, monkeypatch, told, verdict, own, asked):
+    pair, done = settled(made, monkeypatch, told, verdict)
+    assert (pair.own, pair.made, done) == (own, verdict, asked)
+
+
+def test_summary_of_the_own_tells_who_is_refused(made, tmp_path):
+    file = tmp_path / "assets.json"
+    file.write_text('{"asked": 2, "objects": 2, "refused": [{"id": "b"}]}')
+    assert made.own_verdicts(file, ["a", "b"]) == {"a": "not refused", "b": "refused"}
+    assert made.own_verdicts(None, ["a"]) == {}
+    file.write_text('{"asked": 3, "objects": 2, "refused": []}')
+    with pytest.raises(made.UsageError, match="not all objects"):
+        made.own_verdicts(file, ["a"])
