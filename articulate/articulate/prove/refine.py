@@ -28,6 +28,9 @@ PASSES = 4
 SURE_PASSES = 3
 """So often they are made in any case: the second finer pass halves what shapes may stray by once
 more, and opens what the first one hardly changed."""
+MORE = 2.0
+"""Each pass that is left may gain so many times what the last one did: the fourth pass over a bucket
+of thin walls gained more than the third."""
 PASS_S = 75.0
 """A finer pass may take so much time of the processor for each link that it makes finer [s] ..."""
 MOST_S = 200.0
@@ -156,10 +159,10 @@ def is_worth_it(history: Sequence[float], left: int) -> bool:
     """Whether to make a link finer once more.
 
     Args:
-        history: What it lacked after each pass; all passes that are left are expected to gain at
-            most what the last one did.
+        history: What it lacked after each pass; each pass that is left is expected to gain at
+            most ``MORE`` times what the last one did.
         left: Passes that are left.
     """
     if left == 0 or len(history) < SURE_PASSES:
         return left > 0
-    return history[-1] <= left * (history[-2] - history[-1])
+    return history[-1] <= MORE * left * (history[-2] - history[-1])

@@ -34,8 +34,9 @@ def test_two_finer_passes_are_always_worth_it_and_none_after_the_last():
 
 def test_a_pass_that_gained_little_is_the_last():
     assert is_worth_it([0.40, 0.30, 0.15], 1)
-    assert not is_worth_it([0.40, 0.30, 0.20], 1)
-    assert is_worth_it([0.40, 0.30, 0.19], 2)
+    assert is_worth_it([0.40, 0.30, 0.19], 1)
+    assert not is_worth_it([0.40, 0.30, 0.21], 1)
+    assert is_worth_it([0.40, 0.30, 0.21], 2)
     assert not is_worth_it([0.40, 0.30, 0.30], 3)
     assert not is_worth_it([0.40, 0.30, 0.35], 3)
 

@@ -12,6 +12,7 @@ from articulate.actors.geometric.calibrate import calibrated
 from articulate.actors.geometric.critic import VideoCritic
 from articulate.actors.geometric.finish import roundest
 from articulate.actors.geometric.fit import Wish, find_motion
+from articulate.actors.geometric.holder import holder_of
 from articulate.actors.geometric.look import Scene, scene_of
 from articulate.actors.geometric.pictures import compared
 from articulate.actors.geometric.rest import rest_of
@@ -92,6 +93,7 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
     """``fit`` as joints: the one that moves, and what is fixed to it."""
     names = [part.name for part in scene.parts]
     lead, *others = fit.parts
+    still = [part for k, part in enumerate(scene.parts) if k not in fit.parts]
     axis = tuple(float(x) for x in fit.motion.axis_o)
     pivot = tuple(float(x) for x in fit.motion.pivot_o)
     low, high = float(fit.q.min()), float(fit.q.max())
@@ -104,7 +106,7 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
             low, high = low - whole, high - whole
     moved = PredictedJoint(
         part=names[lead],
-        parent=_parent(scene, fit.parts),
+        parent=holder_of(scene.parts[lead], still, fit.motion, fit.q),
         kind=kind,  # type: ignore[arg-type]  # one of three literals
         axis_o=axis,  # type: ignore[arg-type]  # of length 3
         pivot_o=pivot,  # type: ignore[arg-type]  # of length 3
@@ -114,21 +116,6 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
     )
     fixed = [PredictedJoint(part=names[k], parent=names[lead], kind="fixed") for k in others]
     return (moved, *fixed)
-
-
-def _parent(scene: Scene, moving: Sequence[int]) -> str | None:
-    """The part that stands still whose box is nearest to the moved part's middle."""
-    middle = scene.parts[moving[0]].centre
-    best, best_off = None, np.inf
-    for k, part in enumerate(scene.parts):
-        if k in moving:
-            continue
-        low, high = part.bounds
-        off = float(np.linalg.norm(middle - np.clip(middle, low, high)))
-        off += 1e-3 * float(np.linalg.norm(middle - part.centre))
-        if off < best_off:
-            best, best_off = part.name, off
-    return best
 
 
 def _wish(evidence: Evidence, attempts: Sequence[Attempt]) -> Wish:
