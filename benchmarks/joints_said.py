@@ -20,7 +20,7 @@ SAID = ("part", "parent", "kind", "axis_o", "pivot_o", "lower", "upper")
 """What is kept of a predicted joint."""
 OFF = ("axis_rad", "origin_paper", "range_paper")
 """What is kept of its errors."""
-CASE = ("case", "moved_px", "seconds", "rating", "spurious")
+CASE = ("case", "moved_px", "seconds", "rating", "spurious", "fixed")
 """What is kept of the question."""
 DIGITS = 6
 

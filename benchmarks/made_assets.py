@@ -54,16 +54,21 @@ class Pair:
 
 
 def found_joints(record: Mapping[str, Any], protocol: str) -> list[PredictedJoint]:
-    """Predicted joints of an object of which all are right under ``protocol``; else none."""
+    """Predicted joints of an object of which all are right under ``protocol``; else none.
+
+    With them goes what was said to go along with a part that moves.
+    """
     joints = [joint for case in record["cases"] for joint in case["joints"]]
     right = all(joint["failures"][protocol] == "success" for joint in joints)
     if record["error"] or not joints or not right or any(c["spurious"] for c in record["cases"]):
         return []
     told = [{name: joint["predicted"][name] for name in SAID} for joint in joints]
-    return [
+    moved = [
         PredictedJoint(**t | {"axis_o": tuple(t["axis_o"]), "pivot_o": tuple(t["pivot_o"])})
         for t in told
     ]
+    fixed = [pair for case in record["cases"] for pair in case.get("fixed", ())]
+    return moved + [PredictedJoint(part=a, parent=b, kind="fixed") for a, b in fixed]
 
 
 def proof_of(urdf: Path, out: Path) -> Proof:

@@ -46,6 +46,13 @@ def test_joints_of_all_cases_are_taken_as_they_were_said(made):
     assert (joints[0].lower, joints[0].upper) == (0.0, 1.5)
 
 
+def test_what_goes_along_is_said_as_well(made):
+    one = record("success")
+    one["cases"][0]["fixed"] = [["handle", "door"]]
+    _, handle = made.found_joints(one, "paper")
+    assert (handle.part, handle.parent, handle.kind) == ("handle", "door", "fixed")
+
+
 @pytest.mark.parametrize(
     "one",
     [

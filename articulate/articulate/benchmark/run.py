@@ -82,6 +82,7 @@ def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
         "critic": None if prediction.verdict is None else prediction.verdict.failure,
         "placement": None if placement is None else _placement_record(subject, case, placement),
         "joints": joints,
+        "fixed": [[joint.part, joint.parent] for joint in kept if joint.kind == "fixed"],
     }
 
 

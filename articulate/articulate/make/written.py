@@ -20,14 +20,20 @@ def tree_of(
     """The part that stands still, and for every other part the joint that holds it.
 
     Parts of which nothing is said are fixed to the one that stands still; so is what an actor
-    hangs on itself, on nothing, or on a part that does not exist.
+    hangs on itself, on nothing, or on a part that does not exist. A part that moves and is said to
+    be fixed to another one as well, as a knob that goes along with its door, moves on that one.
 
     Args:
         joints: What an actor says.
         meshes: All parts.
     """
     names = [mesh.name for mesh in meshes]
-    said = {joint.part: joint for joint in joints if joint.part in names}
+    fixed = {joint.part: joint for joint in joints if joint.part in names and joint.kind == "fixed"}
+    moved = {joint.part: joint for joint in joints if joint.part in names and joint.kind != "fixed"}
+    both = {
+        name: replace(moved[name], parent=fixed[name].parent) for name in fixed if name in moved
+    }
+    said = fixed | moved | both
     free = [mesh for mesh in meshes if mesh.name not in said] or list(meshes)
     root = max(free, key=_room).name
     said.pop(root, None)

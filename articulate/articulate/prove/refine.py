@@ -29,8 +29,8 @@ SURE_PASSES = 3
 """So often they are made in any case: the second finer pass halves what shapes may stray by once
 more, and opens what the first one hardly changed."""
 MORE = 2.0
-"""Each pass that is left may gain so many times what the last one did: the fourth pass over a bucket
-of thin walls gained more than the third."""
+"""Each pass that is left may gain so many times what the last one did: the fourth pass over a
+bucket of thin walls gained more than the third."""
 PASS_S = 75.0
 """A finer pass may take so much time of the processor for each link that it makes finer [s] ..."""
 MOST_S = 200.0

@@ -68,6 +68,18 @@ def test_what_hangs_on_itself_or_on_nothing_hangs_on_the_root(parent):
     assert next(j.parent for j in found.joints if j.child == "door") == "body"
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_knob_that_goes_along_with_its_door_turns_on_it(order):
+    said = [
+        joint("knob", "body", "continuous", axis_o=(1.0, 0.0, 0.0)),
+        joint("door", "body", axis_o=(0.0, 0.0, 1.0)),
+        PredictedJoint(part="knob", parent="door", kind="fixed"),
+    ]
+    _, held = tree_of(said[::order], meshes())
+    assert (held["knob"].kind, held["knob"].parent) == ("continuous", "door")
+    assert (held["door"].kind, held["door"].parent) == ("revolute", "body")
+
+
 def test_if_all_parts_are_said_to_move_the_largest_stands_still():
     found = built([joint(name, "knob") for name in NAMES])
     assert found.root == "body"

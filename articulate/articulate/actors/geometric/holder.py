@@ -42,22 +42,16 @@ def holder_of(part: PartMesh, still: Sequence[PartMesh], motion: Motion, q: Arra
         return still[0].name if still else None
     bounds = np.concatenate([other.bounds for other in (part, *still)])
     size_m = float(np.linalg.norm(np.ptp(bounds, axis=0)))
-    own, T_o = _spread(part), motion.T_o(np.linspace(q.min(), q.max(), STATES))
+    own, T_o = spread(part), motion.T_o(np.linspace(q.min(), q.max(), STATES))
     places = [apply(T, own) for T in T_o]
-    gaps = [_gap(other, places) for other in still]
+    gaps = [max(gap_m(points, spread(other)) for points in places) for other in still]
     near = [k for k, gap in enumerate(gaps) if gap <= min(gaps) + AS_NEAR * size_m]
     return still[min(near, key=lambda k: _off(part, still[k]))].name
 
 
-def _gap(other: PartMesh, places: Sequence[Array]) -> float:
-    """Distance from ``other`` where a part is farthest from it [m].
-
-    Args:
-        other: What stands still.
-        places: Points (P, 3) of the part, at each of its positions.
-    """
-    tree = cKDTree(_spread(other))
-    return max(float(np.percentile(tree.query(points)[0], TOUCHING)) for points in places)
+def gap_m(points: Array, others: Array) -> float:
+    """Distance between two parts of which ``points`` (P, 3) and ``others`` (Q, 3) are known [m]."""
+    return float(np.percentile(cKDTree(others).query(points)[0], TOUCHING))
 
 
 def _off(part: PartMesh, other: PartMesh) -> float:
@@ -68,7 +62,7 @@ def _off(part: PartMesh, other: PartMesh) -> float:
     return beside + 1e-3 * float(np.linalg.norm(middle - other.centre))
 
 
-def _spread(part: PartMesh) -> Array:
+def spread(part: PartMesh) -> Array:
     """Points (P, 3) all over the surface of ``part``; its corners where it has no area."""
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
     if mesh.area <= 0.0:

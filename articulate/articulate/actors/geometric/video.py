@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.actors.geometric.calibrate import calibrated
+from articulate.actors.geometric.company import with_company
 from articulate.actors.geometric.critic import VideoCritic
 from articulate.actors.geometric.finish import roundest
 from articulate.actors.geometric.fit import Wish, find_motion
@@ -65,6 +66,7 @@ class VideoProposer:
             fit, note = (None if attempts else roundest(scene)), "nothing changes in the clip"
         else:
             fit, note = find_motion(scene, _wish(evidence, attempts)), ""
+            fit = None if fit is None else with_company(scene, fit)
         if fit is None:
             reason = note or "no part of the object explains what changes in the clip"
             return Prediction(joints=(), refusal=reason)
