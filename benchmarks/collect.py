@@ -113,8 +113,17 @@ def collected(run: Path, deploy: Path | None) -> dict[str, Any]:
         for path in sorted(run.glob("ranges_*/report.json"))
     }
     if deploy is not None:
-        found["deploy"] = json.loads(deploy.read_text(encoding="utf-8"))
+        found["deploy"] = compared(json.loads(deploy.read_text(encoding="utf-8")))
     return found
+
+
+def compared(told: dict[str, Any]) -> dict[str, Any]:
+    """What ``deploy --json`` printed, without its single episodes."""
+    robots = {
+        name: {key: value for key, value in robot.items() if key != "each"}
+        for name, robot in told["robots"].items()
+    }
+    return told | {"robots": robots}
 
 
 def main() -> int:

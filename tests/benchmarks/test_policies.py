@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from benchmarks.collect import WINDOW, when_learnt
+from benchmarks.collect import WINDOW, compared, when_learnt
 from benchmarks.policies import FOLDER, failures, learnt_text, ratio_text, share, table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,3 +63,9 @@ def test_the_ratio_is_of_the_same_draws():
     robots = {"mujoco": {"successes": 198}, "pybullet": {"successes": 190}}
     deploy = {"robots": robots, "ratios": {"pybullet": 190 / 198}}
     assert ratio_text(deploy) == "190 ÷ 198: **96.0 %**"
+
+
+def test_single_episodes_of_another_engine_are_not_kept():
+    robots = {"mujoco": {"successes": 1, "each": [{"reason": "success"}]}}
+    told = compared({"reference": "mujoco", "robots": robots})
+    assert told == {"reference": "mujoco", "robots": {"mujoco": {"successes": 1}}}
