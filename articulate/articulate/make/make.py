@@ -160,11 +160,22 @@ def _predicted(
         raise UsageError(f"{question.told}: {prediction.refusal}")
     if question.modality == "video" and order.joint == "all":
         rest = make_actor(TEXT_ACTOR).predict(replace(evidence, clip=None, modality="text"))
-        seen = {joint.part for joint in prediction.joints}
-        more = tuple(j for j in rest.joints if j.part not in seen and j.parent not in seen)
-        prediction = replace(prediction, joints=(*prediction.joints, *more))
+        prediction = replace(prediction, joints=_with_unseen(prediction.joints, rest.joints))
         name = f"{name} and {TEXT_ACTOR}"
     return prediction, name
+
+
+def _with_unseen(
+    seen: Sequence[PredictedJoint], named: Sequence[PredictedJoint]
+) -> tuple[PredictedJoint, ...]:
+    """``seen`` in the clip, and what is ``named`` for parts that do not move in it.
+
+    A knob that goes along with its door in the clip may turn on it all the same.
+    """
+    moved = {joint.part for joint in seen if joint.kind != "fixed"}
+    along = {joint.part for joint in seen if joint.kind == "fixed"}
+    more = [j for j in named if j.part not in (moved if j.kind != "fixed" else moved | along)]
+    return (*seen, *more)
 
 
 def _check_joint(wanted: str, given: Given) -> None:
