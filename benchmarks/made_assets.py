@@ -2,12 +2,13 @@
 
 python benchmarks/made_assets.py runs/video --data data --out made --json
 
-Takes the records of a run of ``articulate benchmark`` on ``assets.json``, or what is kept of them
-(``joints_said.py``). Where every joint of an object came out right, its parts are joined by a
-program from the predicted joints, as ``articulate make`` does, and the URDF is proven; so is the
-object's own. Only those count whose own is proven. With ``--own``, the summary of ``assets.py``,
-its verdict on the object's own is taken, which saves half of the time; where what was made is
-refused the own is proven here all the same. A proof that lies below ``--out`` is not made again.
+Takes the records of runs of ``articulate benchmark`` on ``assets.json``, or what is kept of them
+(``joints_said.py``); of an object in several, the last. Where every joint of an object came out
+right, its parts are joined by a program from the predicted joints, as ``articulate make`` does, and
+the URDF is proven; so is the object's own. Only those count whose own is proven. With ``--own``,
+the summary of ``assets.py``, its verdict on the object's own is taken, which saves half of the
+time; where what was made is refused the own is proven here all the same. A proof that lies below
+``--out`` is not made again.
 """
 
 from __future__ import annotations
@@ -136,7 +137,7 @@ def main() -> int:
     """Print what was made and proven."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "run", type=Path, help="folder of articulate benchmark, or joints_said.py's"
+        "runs", type=Path, nargs="+", help="folders of articulate benchmark, or joints_said.py's"
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with assets.json")
     parser.add_argument("--out", type=Path, required=True)
@@ -147,8 +148,9 @@ def main() -> int:
     index = json.loads((flags.data / "assets.json").read_text(encoding="utf-8"))["assets"]
     folders = {str(e["id"]): (flags.data / e["path"]).parent for e in index}
     own = own_verdicts(flags.own, list(folders))
+    records = {name: one for run in flags.runs for name, one in records_of(run)}
     pairs = []
-    for name, record in records_of(flags.run):
+    for name, record in records.items():
         joints = found_joints(record, flags.protocol)
         if not joints:
             continue
