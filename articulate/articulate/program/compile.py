@@ -12,10 +12,11 @@ import numpy as np
 
 from articulate.convert.inertia import Inertial
 from articulate.convert.presets import MASS_KG, joint_preset
-from articulate.convert.write import numbers, obj_bytes
+from articulate.convert.write import numbers
 from articulate.errors import AssetError, UsageError
-from articulate.files import write_bytes, write_text
+from articulate.files import write_text
 from articulate.program.built import Built, BuiltJoint
+from articulate.program.elements import elements_of, words_of, write_element
 from articulate.program.mass import inertial_of, scaled
 from articulate.program.materials import EFFORT, MATERIALS, VELOCITY
 from articulate.program.parts import Parts
@@ -125,15 +126,18 @@ def _link(link: LinkPlan, k: int, parts: Parts, inertial: Inertial | None, out: 
         lines += _inertial(inertial)
     origin = _origin(link.T_lp)
     pieces = parts[link.name].pieces if link.name in parts else ()
-    for i, piece in enumerate(pieces):
-        file = f"meshes/p{k:03d}_{i:03d}.obj"
-        write_bytes(out / file, obj_bytes(piece.mesh))
-        geometry = f'      <geometry><mesh filename="{file}"/></geometry>'
-        colour = (
-            f'<material name="m{k:03d}_{i:03d}"><color rgba="{numbers(piece.rgba)}"/></material>'
-        )
-        lines += ["    <visual>", f"      {origin}", geometry, f"      {colour}", "    </visual>"]
-        lines += ["    <collision>", f"      {origin}", geometry, "    </collision>"]
+    for i, element in enumerate(elements_of(pieces)):
+        stem = f"p{k:03d}_{i:03d}"
+        write_element(element, out / "meshes", stem)
+        name = f"name={quoteattr(words_of(element))}"
+        shown = [
+            f"      {origin}",
+            f'      <geometry><mesh filename="meshes/{stem}.obj"/></geometry>',
+        ]
+        colour = f'<color rgba="{numbers(element[0].rgba)}"/>'
+        painted = [f'      <material name="m{stem[1:]}">{colour}</material>'] * (len(element) == 1)
+        lines += [f"    <visual {name}>", *shown, *painted, "    </visual>"]
+        lines += [f"    <collision {name}>", *shown, "    </collision>"]
     return [*lines, "  </link>"]
 
 
