@@ -156,7 +156,7 @@ def test_a_urdf_is_never_beside_meshes_of_another_object(tmp_path, monkeypatch):
         seen.append(path.exists())
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("articulate.program.compile.write_bytes", killed)
+    monkeypatch.setattr("articulate.program.elements.write_bytes", killed)
     with pytest.raises(KeyboardInterrupt):
         write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
     assert seen == [False]
