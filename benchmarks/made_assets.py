@@ -19,6 +19,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from articulate.cache import cache_folder
 from articulate.errors import UsageError
 from articulate.library.partnet import URDF_NAME
 from articulate.make.given import library_parts
+from articulate.make.relief import Held, diagonal_of, relieved
 from articulate.make.written import program_of, tree_of
 from articulate.program.built import ProgramError
 from articulate.program.run import compile_program
@@ -84,14 +86,21 @@ def made_of(
     """Make an object of the parts in ``folder`` and of ``joints``: verdict and reasons."""
     given = library_parts(str(folder))
     root, held = tree_of(list(joints), given.meshes)
-    source = program_of(root, held, actor="the benchmark", question=object_id)
-    with tempfile.TemporaryDirectory() as place:
-        work = Path(place) / "program"
-        built = compile_program(source, given.parts, work)
-        if isinstance(built, ProgramError):
-            return REFUSED, (str(built),)
-        given.write_origin(work)
-        made = proof_of(built, out / object_id / "made")
+
+    def prove(others: Held, place: Path) -> Proof:
+        source = program_of(root, others, actor="the benchmark", question=object_id)
+        with tempfile.TemporaryDirectory() as work:
+            built = compile_program(source, given.parts, Path(work) / "program")
+            if isinstance(built, ProgramError):
+                raise UsageError(str(built))
+            given.write_origin(Path(work) / "program")
+            return proof_of(built, place)
+
+    made = prove(held, out / object_id / "made")
+    if made.verdict == REFUSED:
+        trial = partial(prove, place=out / object_id / "trial")
+        other = relieved(held, made, trial, diagonal_of(given.meshes))
+        made = made if other is None else prove(other, out / object_id / "eased")
     return made.verdict, tuple(made.reasons)
 
 

@@ -11,8 +11,9 @@ import json
 import re
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from articulate.files import copy_writable, write_json
 from articulate.make.given import Given
 from articulate.make.inputs import Question, foreground
 from articulate.make.recording import write_recording
+from articulate.make.relief import Held, diagonal_of, relieved, told
 from articulate.make.spoken import miscounted
 from articulate.make.story import (
     MADE_FILE,
@@ -69,25 +71,22 @@ def make(question: Question, given: Given, camera: Camera, order: Order) -> Made
     _check_joint(order.joint, given)
     prediction, actor_name = _predicted(question, given, camera, order)
     said = time.monotonic()
+    held: Held
     root, held = tree_of(_wanted(prediction.joints, order.joint), given.meshes)
     if all(joint.kind == "fixed" for joint in held.values()):
         raise UsageError(_nothing_moves(question, order.joint))
-    source = prediction.program
-    if not source or not _says_all(prediction, held):
-        source = program_of(root, held, actor=actor_name, question=question.told)
+    own = prediction.program if _says_all(prediction, held) else ""
+    bench = _Bench(given=given, order=order, actor=actor_name)
     with tempfile.TemporaryDirectory() as place:
         work = Path(place)
-        built = compile_program(source, given.parts, work / PROGRAM_FOLDER)
-        if isinstance(built, ProgramError):
-            raise UsageError(f"the program of {actor_name} cannot be compiled: {built}")
-        given.write_origin(work / PROGRAM_FOLDER)
-        compiled = time.monotonic()
-        proof = _proof(built, work / "asset", order)
-        seconds = {
-            "joints": said - start,
-            "program": compiled - said,
-            "proof": time.monotonic() - compiled,
-        }
+        if own:
+            proof = bench.proof(own, work)
+        else:
+            write = partial(program_of, root, actor=actor_name, question=question.told)
+            eased, proof = bench.eased(held, write, work)
+            if eased is not held:
+                prediction = replace(prediction, trace=(*prediction.trace, told(held, eased)))
+                held = eased
         story = Story(
             given=given,
             question=question,
@@ -96,9 +95,9 @@ def make(question: Question, given: Given, camera: Camera, order: Order) -> Made
             prediction=prediction,
             root=root,
             held=held,
-            program=source,
+            program=own or write(held),
             layers=_layers(work / PROGRAM_FOLDER),
-            seconds=seconds,
+            seconds={"joints": said - start, **bench.seconds},
         )
         made = _judged(story, proof, order, time.monotonic() - start)
         copy_writable(work / PROGRAM_FOLDER, work / "asset" / PROGRAM_FOLDER)
@@ -116,6 +115,46 @@ def dry_run(question: Question, given: Given, camera: Camera, order: Order, path
     evidence = _evidence(question, given, camera, order)
     told = f"{given.name}, {len(given.meshes)} parts, and {question.told}"
     return write_dry_run(_actor(order, question), evidence, path, told)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bench:
+    """Makes an object of a program and proves it."""
+
+    given: Given
+    order: Order
+    actor: str
+    seconds: dict[str, float] = field(default_factory=lambda: {"program": 0.0, "proof": 0.0})
+
+    def proof(self, source: str, work: Path) -> Proof:
+        """Check what is compiled, in a process of its own; the asset comes to lie in ``work``.
+
+        Raises:
+            UsageError: It cannot be compiled.
+        """
+        start = time.monotonic()
+        urdf = compile_program(source, self.given.parts, work / PROGRAM_FOLDER)
+        if isinstance(urdf, ProgramError):
+            raise UsageError(f"the program of {self.actor} cannot be compiled: {urdf}")
+        self.given.write_origin(work / PROGRAM_FOLDER)
+        compiled = time.monotonic()
+        order = self.order
+        batch = Batch(
+            out=work / "asset", cache=order.cache, options={}, limit_s=order.limit_s, single=True
+        )
+        proof = batch.one(Item(name=urdf.stem, file=urdf)).proof
+        self.seconds["program"] += compiled - start
+        self.seconds["proof"] += time.monotonic() - compiled
+        return proof
+
+    def eased(self, held: Held, write: Callable[[Held], str], work: Path) -> tuple[Held, Proof]:
+        """``held``, moved within what a picture leaves open if it is refused as it was said."""
+        proof = self.proof(write(held), work)
+        if proof.verdict != "refused":
+            return held, proof
+        size_m = diagonal_of(self.given.meshes)
+        other = relieved(held, proof, lambda h: self.proof(write(h), work / "trial"), size_m)
+        return (held, proof) if other is None else (other, self.proof(write(other), work))
 
 
 def _says_all(prediction: Prediction, held: Mapping[str, PredictedJoint]) -> bool:
@@ -203,12 +242,6 @@ def _nothing_moves(question: Question, wanted: str) -> str:
         f"{question.told}: no joint was found; name parts by what they are (door, drawer, lid, "
         "handle …), or give a clip"
     )
-
-
-def _proof(urdf: Path, out: Path, order: Order) -> Proof:
-    """Check the compiled URDF in a process of its own; the asset comes to lie in ``out``."""
-    batch = Batch(out=out, cache=order.cache, options={}, limit_s=order.limit_s, single=True)
-    return batch.one(Item(name=urdf.stem, file=urdf)).proof
 
 
 def _judged(story: Story, proof: Proof, order: Order, seconds: float) -> Made:

@@ -1,16 +1,17 @@
 """Repairs that need measuring: shapes cut back and limits shortened until parts pass each other.
 
-Where parts meet on a joint's way, two things are sound. What the collision shapes have too much
-is cut away, as long as what is seen stays covered. And where the parts meet as they were
-authored, deeper than a cut can mend, the way ends there: no real part goes through another one.
-Where too little of the way would be left, all stays as it is, and the proof refuses it: no cut
-opens a way through a wall, and none leaves slices so thin that they pass one unnoticed.
+Where parts meet on a joint's way, two things are sound. What the collision shapes have too much is
+cut away, as long as what is seen stays covered. And where the parts meet as authored, deeper than a
+cut can mend, the way ends there: no real part goes through another one. Where too little of the way
+would be left, all stays as it is, and the proof refuses it: no cut opens a way through a wall, and
+none leaves slices so thin that they pass one unnoticed.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -152,6 +153,8 @@ class Bench:
         self._barred = False
         """Whether the parts meet as authored where they were to be cut last."""
         self._shortened: dict[str, str] = {}
+        self._sparing: dict[str, tuple[dict[str, tuple[Any, ...]], Fault]] = {}
+        """By joint: what was before as little as had to be was cut on its way, and why."""
         self._eased: list[str] = []
 
     def ease(self, pull: Pull) -> None:
@@ -231,7 +234,8 @@ class Bench:
         if self._cut(fault):
             return True
         met = set(fault.authored)
-        return bool(met) and fault.alone and self._shorten(fault, met, model)
+        ended = bool(met) and fault.alone and self._shorten(fault, met, model)
+        return ended or self._cut_apart(fault.joint)
 
     def _is_deep(self, meeting: Meeting) -> bool:
         """Whether two parts meet deeper than their shapes may stray from what they show."""
@@ -303,6 +307,8 @@ class Bench:
                 self._restore(before)
                 return False
             if reached.whole:
+                if not whole:
+                    self._sparing.setdefault(fault.joint, (before, fault))
                 return sum(part.cut_count for part in self.parts.values()) > count
             tried.append(reached)
             self._restore(before)
@@ -313,6 +319,23 @@ class Bench:
         self._restore(best.states)
         return True
 
+    def _cut_apart(self, joint: str) -> bool:
+        """Take sparing cuts along a joint's way back and cut its shapes apart instead.
+
+        They leave less of an overlap at rest, beside which what is left on the way may be too much.
+        Cuts of other joints since then are gone with them, to be made again in the next round.
+        """
+        if joint not in self._sparing:
+            return False
+        now, (before, fault) = self._states(), self._sparing.pop(joint)
+        self._restore(before)
+        self._authored = set(fault.authored)
+        with suppress(OutOfTimeError):
+            if self._cut_along(fault, whole=True).whole:
+                return True
+        self._restore(now)
+        return False
+
     def _states(self) -> dict[str, tuple[Any, ...]]:
         """All parts as they are now, to come back to with :meth:`_restore`."""
         return {name: part.state() for name, part in self.parts.items()}
@@ -320,7 +343,7 @@ class Bench:
     def _restore(self, states: Mapping[str, tuple[Any, ...]]) -> None:
         """Go back to earlier states, which stay as they are."""
         for name, (*lists, gone, cuts, count, removed_m3) in states.items():
-            fresh = [list(each) for each in lists]
+            fresh = map(list, lists)
             self.parts[name].restore((*fresh, set(gone), set(cuts), count, removed_m3))
 
     def _cut_along(self, fault: Fault, *, whole: bool) -> _Reached:
