@@ -8,7 +8,14 @@ from scipy.spatial import ConvexHull
 from tests.articulate.prove.objects import Part, make_object
 
 from articulate.prove.model import load_model
-from articulate.prove.openness import cavity_points, hull_points, is_cavity, openness, width
+from articulate.prove.openness import (
+    cavity_points,
+    has_room,
+    hull_points,
+    is_cavity,
+    openness,
+    width,
+)
 
 TRAY = (
     ((0.0, 0.0, -0.09), (0.2, 0.2, 0.01)),
@@ -107,6 +114,13 @@ def test_gaps_in_which_no_small_ball_has_room_are_no_cavity(tmp_path, gap, outco
     assert clause.outcome == outcome
     if outcome == "not_applicable":
         assert "only gaps: a ball of 10 mm has room in 0.0% of its convex hull" in clause.message
+
+
+@pytest.mark.parametrize(
+    ("share", "count", "sure"), [(0.013, 2000, False), (0.013, 20000, True), (0.02, 2000, True)]
+)
+def test_room_counts_where_the_sample_is_sure_of_it(share, count, sure):
+    assert has_room(share, count) is sure
 
 
 def test_a_block_that_is_turned_inside_out_in_places_is_still_solid():
