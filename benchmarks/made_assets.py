@@ -7,7 +7,9 @@ Takes the records of runs of ``articulate benchmark`` on ``assets.json``, or wha
 right, its parts are joined by a program from the predicted joints, as ``articulate make`` does, and
 the URDF is proven; so is the object's own. Only those count whose own is proven. With ``--own``,
 the summary of ``assets.py``, its verdict on the object's own is taken, which saves half of the
-time; where what was made is refused the own is proven here all the same. A proof that lies below
+time; where what was made is refused the own is proven here all the same. Files of the data set
+freeze joints that it states: where what was made is refused and the own is not, it is also made of
+all stated joints, and where that is refused, too, the object is told apart. A proof that lies below
 ``--out`` is not made again.
 """
 
@@ -26,6 +28,7 @@ from typing import Any
 from joints_said import SAID, records_of
 
 from articulate.actors.protocol import PredictedJoint
+from articulate.benchmark.dataset import open_dataset
 from articulate.cache import cache_folder
 from articulate.errors import UsageError
 from articulate.library.partnet import URDF_NAME
@@ -54,6 +57,8 @@ class Pair:
     """Verdict on what was made."""
     reasons: tuple[str, ...]
     """Why what was made is refused."""
+    stated: str = ""
+    """Verdict on what is made of the joints as the data set states them; empty if not asked."""
 
 
 def found_joints(record: Mapping[str, Any], protocol: str) -> list[PredictedJoint]:
@@ -80,41 +85,62 @@ def proof_of(urdf: Path, out: Path) -> Proof:
     return batch.one(Item(name=urdf.stem, file=urdf)).proof
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where an object lies, and where what is made of it."""
+
+    id: str
+    data: Path
+    """Folder with ``assets.json``."""
+    folder: Path
+    """The object's own."""
+    out: Path
+
+
 def made_of(
-    object_id: str, folder: Path, joints: Sequence[PredictedJoint], out: Path
+    place: Place, joints: Sequence[PredictedJoint], name: str = "made"
 ) -> tuple[str, tuple[str, ...]]:
-    """Make an object of the parts in ``folder`` and of ``joints``: verdict and reasons."""
-    given = library_parts(str(folder))
+    """Make an object of the parts of one and of ``joints``: verdict and reasons."""
+    given = library_parts(str(place.folder))
     root, held = tree_of(list(joints), given.meshes)
 
-    def prove(others: Held, place: Path) -> Proof:
-        source = program_of(root, others, actor="the benchmark", question=object_id)
+    def prove(others: Held, where: str) -> Proof:
+        source = program_of(root, others, actor="the benchmark", question=place.id)
         with tempfile.TemporaryDirectory() as work:
             built = compile_program(source, given.parts, Path(work) / "program")
             if isinstance(built, ProgramError):
                 raise UsageError(str(built))
             given.write_origin(Path(work) / "program")
-            return proof_of(built, place)
+            return proof_of(built, place.out / place.id / where)
 
-    made = prove(held, out / object_id / "made")
+    made = prove(held, name)
     if made.verdict == REFUSED:
-        trial = partial(prove, place=out / object_id / "trial")
+        trial = partial(prove, where="trial")
         other = relieved(held, made, trial, diagonal_of(given.meshes))
-        made = made if other is None else prove(other, out / object_id / "eased")
+        made = made if other is None else prove(other, f"{name}_eased")
     return made.verdict, tuple(made.reasons)
 
 
-def pair(
-    object_id: str, folder: Path, joints: Sequence[PredictedJoint], out: Path, told: str = ""
-) -> Pair:
+def stated_of(place: Place) -> str:
+    """Verdict on the object made of all joints that the data set states."""
+    true = open_dataset(str(place.data / "assets.json"), place.data).load(place.id)
+    return made_of(place, [joint.joint for joint in true.joints], "stated")[0]
+
+
+def pair(place: Place, joints: Sequence[PredictedJoint], told: str = "") -> Pair:
     """Prove what is made of ``joints``, and the object's own where ``told`` does not settle it."""
     try:
-        made, reasons = made_of(object_id, folder, joints, out)
+        made, reasons = made_of(place, joints)
     except UsageError as error:
         made, reasons = REFUSED, (str(error),)
     settled = told == REFUSED or (told and made != REFUSED)
-    own = told if settled else proof_of(folder / URDF_NAME, out / object_id / "own").verdict
-    return Pair(object_id, own, made, reasons)
+    own = (
+        told
+        if settled
+        else proof_of(place.folder / URDF_NAME, place.out / place.id / "own").verdict
+    )
+    asked = made == REFUSED and own != REFUSED
+    return Pair(place.id, own, made, reasons, stated_of(place) if asked else "")
 
 
 def own_verdicts(file: Path | None, ids: Sequence[str]) -> dict[str, str]:
@@ -138,6 +164,7 @@ def summary(pairs: Sequence[Pair], protocol: str) -> dict[str, Any]:
         "own_proven": len(counted),
         "made_proven": len(counted) - len(lost),
         "share": (len(counted) - len(lost)) / len(counted) if counted else None,
+        "refused_as_stated": sum(p.stated == REFUSED for p in lost),
         "not_proven": [asdict(p) for p in lost],
     }
 
@@ -163,7 +190,8 @@ def main() -> int:
         joints = found_joints(record, flags.protocol)
         if not joints:
             continue
-        pairs.append(pair(name, folders[name], joints, flags.out, own.get(name, "")))
+        place = Place(name, flags.data, folders[name], flags.out)
+        pairs.append(pair(place, joints, own.get(name, "")))
         if not flags.json:
             p = pairs[-1]
             print(f"{p.id}: its own {p.own}, made {p.made} {' '.join(p.reasons)}", flush=True)

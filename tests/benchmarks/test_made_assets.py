@@ -84,8 +84,8 @@ def test_share_is_of_those_whose_own_is_proven(made):
     assert made.summary([], "paper")["share"] is None
 
 
-def settled(made, monkeypatch, told, verdict):
-    """The pair of an object of which a summary says ``told``, and what its own was asked for."""
+def settled(made, monkeypatch, told, verdict, stated="proven"):
+    """The pair of an object of which a summary says ``told``, and what was asked besides."""
     asked = []
 
     class Own:
@@ -95,16 +95,22 @@ def settled(made, monkeypatch, told, verdict):
         asked.append(out.name)
         return Own
 
+    def stated_of(place):
+        asked.append("stated")
+        return stated
+
     monkeypatch.setattr(made, "made_of", lambda *_: (verdict, ()))
     monkeypatch.setattr(made, "proof_of", proof_of)
-    return made.pair("a", Path("objects/a"), [], Path("out"), told), asked
+    monkeypatch.setattr(made, "stated_of", stated_of)
+    place = made.Place("a", Path("data"), Path("objects/a"), Path("out"))
+    return made.pair(place, [], told), asked
 
 
 @pytest.mark.parametrize(
     ("told", "verdict", "own", "asked"),
     [
         ("not refused", "proven", "not refused", []),
-        ("not refused", "refused", "repaired", ["own"]),
+        ("not refused", "refused", "repaired", ["own", "stated"]),
         ("refused", "refused", "refused", []),
         ("", "proven", "repaired", ["own"]),
     ],
@@ -112,6 +118,12 @@ def settled(made, monkeypatch, told, verdict):
 def test_own_is_proven_where_no_summary_settles_it(made, monkeypatch, told, verdict, own, asked):
     pair, done = settled(made, monkeypatch, told, verdict)
     assert (pair.own, pair.made, done) == (own, verdict, asked)
+
+
+def test_what_is_refused_as_the_data_set_states_it_is_told_apart(made, monkeypatch):
+    pair, _ = settled(made, monkeypatch, "", "refused", stated="refused")
+    told = made.summary([pair], "paper")
+    assert (told["own_proven"], told["made_proven"], told["refused_as_stated"]) == (1, 0, 1)
 
 
 def test_summary_of_the_own_tells_who_is_refused(made, tmp_path):
