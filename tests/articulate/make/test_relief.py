@@ -1,11 +1,15 @@
 """A hinge that grazes as it was said is moved a little, never far, and only for that."""
 
+import types
+
 import numpy as np
 import pytest
 
 from articulate.actors.protocol import PredictedJoint
+from articulate.make.make import _Bench
 from articulate.make.relief import STEP, graze_m, relieved, told
 from articulate.proof import Clause, Proof
+from articulate.render.parts import plain_part
 
 SIZE_M = 2.0
 STEP_M = STEP * SIZE_M
@@ -95,3 +99,28 @@ def test_nothing_else_is_tried(kind, proof):
 
 def test_depths_are_by_part():
     assert graze_m(refused(grazes(0.01), grazes(0.02, "door"))) == {"lid": 0.01, "door": 0.02}
+
+
+@pytest.mark.parametrize("helps", [True, False])
+def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_path, helps):
+    """Trials lie apart: what is handed over is made in its own place at the end."""
+    said = held()
+    asked = []
+
+    def proof(self, source, work):
+        asked.append((source, work.name))
+        moved = source != str(said["lid"].pivot_o)
+        return Proof(asset="box", verdict="proven") if moved and helps else refused(grazes(0.01))
+
+    monkeypatch.setattr(_Bench, "proof", proof)
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]])
+    given = types.SimpleNamespace(meshes=[plain_part("lid", corners, np.array([[0, 1, 2]]))])
+    bench = _Bench(given=given, order=None, actor="me")  # type: ignore[arg-type]  # all it asks for
+    found, told_ = bench.eased(said, lambda joints: str(joints["lid"].pivot_o), tmp_path)
+    assert told_.verdict == ("proven" if helps else "refused")
+    assert (found is said) is not helps
+    places = [place for _, place in asked]
+    trials = ["trial", tmp_path.name] if helps else ["trial"] * 4
+    assert places == [tmp_path.name, *trials]
+    assert asked[0][0] == str(said["lid"].pivot_o)
+    assert not helps or asked[-1] == (str(found["lid"].pivot_o), tmp_path.name)
