@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from articulate.actors.geometric.candidates import plane_of
 from articulate.actors.protocol import PredictedJoint, TraceStep
 from articulate.proof import Proof
 from articulate.render.parts import PartMesh, joint_bounds
@@ -42,7 +43,7 @@ def relieved(
     if part not in held or held[part].kind not in {"revolute", "continuous"}:
         return None
     towards = np.zeros(3)
-    for way in _across(np.asarray(held[part].axis_o)):
+    for way in plane_of(normalised(held[part].axis_o)):
         for sign in (1.0, -1.0):
             moved = _moved(held, part, sign * STEP * size_m * way)
             proof = prove(moved)
@@ -85,14 +86,6 @@ def told(said: Held, moved: Held) -> TraceStep:
         f"the hinge of {names} lies a little beside where it was said: parts graze each other there"
     )
     return TraceStep(title="where parts pass each other", text=text, figures=off)
-
-
-def _across(axis_o: Array) -> tuple[Array, Array]:
-    """Two directions across an axis and each other, the first along the frame's nearest."""
-    axis = normalised(axis_o)
-    first = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    first = normalised(first - axis * float(first @ axis))
-    return first, np.cross(axis, first)
 
 
 def _moved(held: Held, part: str, shift: Array) -> Held:

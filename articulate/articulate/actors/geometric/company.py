@@ -41,9 +41,11 @@ def with_company(scene: Scene, fit: Fit) -> Fit:
     look = scene.look(FINE_PX, FINE_FRAMES)
     here = replace(fit, q=fit.q[look.shot.indices])
     look = replace(look, light=better_light(look, here, look.shot))
+    stays = _cost(look, here)
     joined = []
     for k in near:
-        saved = _saved(look, here, k)
+        goes = _cost(look, replace(here, parts=(*here.parts, k)))
+        saved = (stays - goes) / max(look.layers([k]).own_px, 1)
         if abs(saved) < TELLS:
             away = gap_m(spread(scene.parts[k]), rest) if len(rest) else 0.0
             saved = away - gaps[k] - NEARER * scene.size_m
@@ -57,9 +59,6 @@ def _points(scene: Scene, parts: Sequence[int]) -> Array:
     return np.concatenate([np.zeros((0, 3)), *(spread(scene.parts[k]) for k in parts)])
 
 
-def _saved(look: Look, fit: Fit, part: int) -> float:
-    """How much less it costs for each pixel of ``part`` that it goes along than that it stays."""
-    T_o = fit.motion.T_o(fit.q)
-    stays = look.layers(fit.parts).path_cost(T_o).sum()
-    goes = look.layers((*fit.parts, part)).path_cost(T_o).sum()
-    return float(stays - goes) / max(look.layers([part]).own_px, 1)
+def _cost(look: Look, fit: Fit) -> float:
+    """What the pictures cost where its parts, and no others, move as ``fit`` says."""
+    return float(look.layers(fit.parts).path_cost(fit.motion.T_o(fit.q)).sum())

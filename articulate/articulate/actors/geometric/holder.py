@@ -13,6 +13,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from articulate.actors.geometric.candidates import Motion
+from articulate.convert.shapes import sample_surface
 from articulate.render.parts import PartMesh
 from articulate.transforms import Array, apply
 
@@ -67,4 +68,4 @@ def spread(part: PartMesh) -> Array:
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
     if mesh.area <= 0.0:
         return part.vertices
-    return np.asarray(trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0])
+    return sample_surface(mesh, POINTS)[0]
