@@ -41,7 +41,7 @@ from articulate.files import write_text
 from articulate.swap import is_asset, take_place
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "26"
+VERSION = "27"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""

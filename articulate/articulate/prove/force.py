@@ -103,8 +103,8 @@ def force(
         opened = move(model, plant, pull, _start(model, plant, proof), closing=False)
         clauses.append(_clause("open", pull, opened, model, plant, proof))
         if opened.share >= WANTED:
-            closed = move(model, plant, pull, opened.data, closing=True)
-            clauses.append(_clause("close", pull, closed, model, plant, proof))
+            closed, shut = _close(asset, model, plant, pull, opened.data)
+            clauses.append(_clause("close", pull, closed, model, plant, proof, shut))
         out.append(dataclasses.replace(proof, opened=opened.share))
     return tuple(clauses), tuple(out)
 
@@ -167,10 +167,15 @@ def held(model: ObjectModel, proof: JointProof) -> Model:
     at = {name: asset.joint(name).closed for name in _carriers(asset, proof.name)}
     at.update({name: asset.joint(name).open for name in proof.needs})
     for name, position in at.items():
-        index = model.joints[name]
-        plant.jnt_limited[index] = 1
-        plant.jnt_range[index] = position  # both limits at once: it cannot leave
+        _hold(model, plant, name, position)
     return plant
+
+
+def _hold(model: ObjectModel, plant: Model, name: str, position: float) -> None:
+    """Hold the joint called ``name`` at ``position`` in ``plant``."""
+    index = model.joints[name]
+    plant.jnt_limited[index] = 1
+    plant.jnt_range[index] = position  # both limits at once: it cannot leave
 
 
 def _carriers(asset: Asset, name: str) -> list[str]:
@@ -231,6 +236,49 @@ def move(model: ObjectModel, plant: Model, pull: Pull, start: Data, *, closing: 
     )
 
 
+def _close(
+    asset: Asset, model: ObjectModel, plant: Model, pull: Pull, opened: Data
+) -> tuple[Moved, tuple[str, ...]]:
+    """Push the joint shut; where that fails, another hand shuts what has gone along and holds it.
+
+    A leaf that overlaps another takes it along as it opens, and a flap may hang open by its weight
+    once what lay over it has gone; neither can be passed.
+
+    Args:
+        asset: The object.
+        model: Its model.
+        plant: Model to simulate.
+        pull: What the hand does.
+        opened: State in which the joint has been opened.
+
+    Returns:
+        What came of it, and the joints that were held shut for it.
+    """
+    closed = move(model, plant, pull, opened, closing=True)
+    along = () if closed.share >= WANTED else _along(model, plant, pull.joint.name, opened)
+    data, two_handed = opened, copy.copy(plant)
+    for name in along:
+        moved = move(model, two_handed, pull_of(asset, model, name), data, closing=True)
+        if moved.share < WANTED:
+            return closed, ()
+        data = moved.data
+        _hold(model, two_handed, name, asset.joint(name).closed)
+    again = move(model, two_handed, pull, data, closing=True) if along else closed
+    return (again, along) if again.share > closed.share else (closed, ())
+
+
+def _along(model: ObjectModel, plant: Model, opened: str, state: Data) -> tuple[str, ...]:
+    """Free joints but ``opened`` that are open in ``state`` and held by nothing."""
+    out = []
+    for name in model.free_joints:
+        joint, index = model.asset.joint(name), model.joints[name]
+        is_held = bool(plant.jnt_limited[index]) and not np.ptp(plant.jnt_range[index])
+        way = float(state.qpos[model.qpos_address(name)]) - joint.closed
+        if name != opened and not is_held and abs(way) > (1.0 - WANTED) * abs(joint.span):
+            out.append(name)
+    return tuple(out)
+
+
 def _no_way(pull: Pull) -> Clause:
     return Clause(
         name="open",
@@ -244,11 +292,18 @@ def _no_way(pull: Pull) -> Clause:
 
 
 def _clause(
-    name: str, pull: Pull, moved: Moved, model: ObjectModel, plant: Model, proof: JointProof
+    name: str,
+    pull: Pull,
+    moved: Moved,
+    model: ObjectModel,
+    plant: Model,
+    proof: JointProof,
+    shut: tuple[str, ...] = (),
 ) -> Clause:
     passed = moved.share >= WANTED and not moved.diverged
     verb = "closes" if name == "close" else "opens"
     with_ = f" with {' and '.join(proof.needs)} open" if proof.needs else ""
+    with_ += f", {' and '.join(shut)} held shut" if shut else ""
     message = (
         f"{FORCE_N:g} N at {pull.where} {verb} {100.0 * moved.share:.0f} % of the way in "
         f"{moved.time_s:.1f} s{with_}"

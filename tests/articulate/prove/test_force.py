@@ -229,3 +229,20 @@ def test_what_shuts_by_itself_counts_as_closed(tmp_path):
     sprung: dict[str, Any] = {"more": 'stiffness="60" springref="0"', "mass_kg": 0.5}
     clauses, _ = forced(slide(tmp_path / "a", **sprung))
     assert {c.outcome for c in clauses.values()} == {"passed"}
+
+
+@pytest.mark.parametrize(("mass_kg", "outcome"), [(0.5, "passed"), (4.0, "failed")])
+def test_what_hangs_open_in_the_way_is_held_shut_by_another_hand(tmp_path, mass_kg, outcome):
+    # a shelf slides away, what lay on it sinks into its place; 30 N lift up to 3.1 kg
+    shelf = Part(name="shelf", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(BLOCK,))
+    load = Part(name="load", kind="slide", axis=(0.0, 0.0, -1.0), pos=(0.0, 0.0, 0.105), span=0.1,
+                boxes=(BLOCK,), mass_kg=mass_kg)  # fmt: skip
+    slippery = '<default><geom friction="0.05 0.005 0.0001"/></default>'
+    clauses, _ = forced(
+        make_object(tmp_path / "a", shelf, load, excluded=False, options=slippery)
+    )
+    assert clauses["open", "shelf_joint"].outcome == "passed"
+    assert clauses["close", "shelf_joint"].outcome == outcome
+    message = clauses["close", "shelf_joint"].message
+    assert ("load_joint held shut" in message) == (outcome == "passed")
+    assert ("stopped by shelf against load" in message) == (outcome == "failed")
