@@ -12,6 +12,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from articulate.errors import AssetError
 from articulate.files import write_text
@@ -112,7 +113,7 @@ def differences(a: mujoco.MjModel, b: mujoco.MjModel, tolerance: float = TOLERAN
         if not _close(getattr(a, name)[plain], getattr(b, name)[plain], tolerance):
             wrong.append(name)
     for i in np.flatnonzero(~plain):
-        if not _close(_points(a, int(i)), _points(b, int(i)), tolerance):
+        if not _same_points(_points(a, int(i)), _points(b, int(i)), tolerance):
             wrong.append(f"points of geom {a.geom(int(i)).name}")
     return wrong
 
@@ -137,11 +138,20 @@ def _close(a: object, b: object, tolerance: float) -> bool:
 
 
 def _points(model: mujoco.MjModel, geom: int) -> Array:
-    """Points of a geom's mesh in the frame of its body (P, 3), sorted."""
+    """Points of a geom's mesh in the frame of its body (P, 3)."""
     mesh = int(model.geom_dataid[geom])
     points = _vertices(model, mesh) @ quat_to_matrix(model.geom_quat[geom]).T
-    points = points + model.geom_pos[geom]
-    return np.asarray(points[np.lexsort(np.round(points, 5).T)])
+    return np.asarray(points + model.geom_pos[geom])
+
+
+def _same_points(a: Array, b: Array, tolerance: float) -> bool:
+    """Whether as many points lie in the same places, in whatever order.
+
+    They are not put in an order: noise in the last digits may change it.
+    """
+    near = tolerance * (1.0 + float(np.abs(a).max(initial=0.0)))
+    ways = (cKDTree(a).query(b)[0], cKDTree(b).query(a)[0]) if len(a) == len(b) else ()
+    return bool(ways) and all(bool((away <= near).all()) for away in ways)
 
 
 def _vertices(model: mujoco.MjModel, mesh: int) -> Array:

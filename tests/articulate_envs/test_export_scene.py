@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from articulate.errors import AssetError
 from articulate.simulator import mujoco
-from articulate_envs.export_scene import differences, export_scene, scene_files
+from articulate_envs.export_scene import _points, differences, export_scene, scene_files
 
 
 @pytest.fixture(scope="module", params=["drawer", "door"])
@@ -79,3 +79,20 @@ def test_what_would_be_lost_is_found(tmp_path):
     )
     with pytest.raises(AssetError, match="differs"):
         export_scene(spec.compile(), tmp_path)
+
+
+def test_points_whose_order_hangs_on_the_last_digits_are_the_same():
+    # a turn of 1e-9 lifts two points over the edge of what 5 digits tell, and lowers two below it
+    def model(turn, z=0.0):
+        return mujoco.MjModel.from_xml_string(
+            "<mujoco><compiler angle='radian'/><asset><mesh name='m' vertex='0.1 1 0  0.3 -1 0  "
+            "0.2 1 0  0 -1 0  0 0 1'/></asset><worldbody><body><joint/>"
+            "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+            f"<geom type='mesh' mesh='m' pos='0 0 {z!r}' euler='{turn!r} 0 0'/>"
+            "</body></worldbody></mujoco>"
+        )
+
+    # the compiler moves a mesh to its middle
+    z = 0.000005 - float(_points(model(0.0), 0)[:, 2].min())
+    assert differences(model(-1e-9, z), model(1e-9, z)) == []
+    assert any("points of geom" in item for item in differences(model(0.0), model(1e-6)))
