@@ -75,13 +75,21 @@ def ratio_text(deploy: Mapping[str, Any] | None) -> str:
     return f"{other} ÷ {own}: {share(ratio, ASKED_RATIO)}"
 
 
+def object_text(summary: Mapping[str, Any]) -> str:
+    """Name of the object, with the data set that it is of: the folder below ``assets``."""
+    name = str(summary["asset"]).replace("_", " ")
+    _, known, path = str(summary["command"]).partition("/assets/")
+    source = path.split("/")[0] if known else ""
+    return name if name.startswith(source) else f"{source} {name}"
+
+
 def row(summary: Mapping[str, Any]) -> tuple[str, ...]:
     """Cells of one object's row."""
     mean, worst = ASKED[summary["task"].split("_")[0]]
     seeds = ", ".join(f"{100 * s['success']['value']:.1f}" for s in summary["seeds"])
     wide = summary["ranges"].get("1.5")
     return (
-        f"{summary['task']}, {summary['asset'].replace('_', ' ')}",
+        f"{summary['task']}, {object_text(summary)}",
         f"{share(summary['success_rate'], mean)} ({seeds})",
         share(summary["worst_seed_success_rate"], worst),
         failures(summary["reasons"]),

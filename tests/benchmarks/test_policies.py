@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks.collect import WINDOW, compared, when_learnt
-from benchmarks.policies import FOLDER, failures, learnt_text, ratio_text, share, table
+from benchmarks.policies import FOLDER, failures, learnt_text, object_text, ratio_text, share, table
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -40,6 +40,18 @@ def test_rows_without_an_end_of_an_episode_do_not_count():
     told = [*rows(1.0), {"steps": 150, "seconds": 15.0, "episodes": 0, "success": None}]
     assert when_learnt(told) is None
     assert when_learnt([*told, *rows(1.0)])
+
+
+@pytest.mark.parametrize(
+    ("asset", "path", "told"),
+    [
+        ("microwave", "data/assets/libero/articulated_objects/microwave.xml", "libero microwave"),
+        ("partnet_9748", "data/assets/partnet/9748/mobility.urdf", "partnet 9748"),
+        ("cabinet", "cabinet.urdf", "cabinet"),
+    ],
+)
+def test_an_object_is_told_with_its_data_set(asset, path, told):
+    assert object_text({"asset": asset, "command": f"train --asset {path} --seeds 0"}) == told
 
 
 def test_a_cell_is_bold_where_it_reaches_what_is_asked_and_rounded_down_where_not():
