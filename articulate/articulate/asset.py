@@ -200,6 +200,14 @@ class Asset:
             raise AssetError(f"{self.name}: joint {joint_name} has no handle; take another joint")
         return self.T_ol(joint_name, q) @ handle_frame(handle)
 
+    def handle_way(self, joint_name: str) -> float | None:
+        """How far the handle of ``joint_name`` goes from closed to open [m]; None without one."""
+        handle, joint = self.handle_of(joint_name), self.joint(joint_name)
+        if handle is None or joint.kind == "slide":
+            return None if handle is None else abs(joint.span)
+        arm = self.T_oh(joint_name, 0.0)[:3, 3] - np.asarray(joint.pivot_o)
+        return float(abs(joint.span) * np.linalg.norm(np.cross(joint.axis_o, arm)))
+
     def content_id(self) -> str:
         """SHA-256 over every file of the folder, names included, but for those about it."""
         digest = hashlib.sha256()

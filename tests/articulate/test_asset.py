@@ -101,6 +101,17 @@ def test_hand_frame_of_a_handle_approaches_against_its_normal(tmp_path):
     assert_allclose(asset.T_oh("slide", 0.1)[:3, 3], [-0.4, 0.0, 0.5], atol=1e-15)
 
 
+def test_the_way_of_a_handle_is_that_of_its_joint_or_an_arc(tmp_path):
+    asset = box(tmp_path)
+    assert asset.handle_way("slide") == pytest.approx(0.4)
+    assert asset.handle_way("hinge") is None
+    on_door = dataclasses.replace(
+        asset.handles[0], link="door", joint="hinge", pos_l=(0.3, -0.4, 7.0)
+    )
+    asset = dataclasses.replace(asset, handles=(on_door,))
+    assert asset.handle_way("hinge") == pytest.approx(0.5 * np.pi / 2)  # 0.5 m from its axis
+
+
 def test_span_has_the_sign_of_opening(tmp_path):
     slide = dataclasses.replace(box(tmp_path).joint("slide"), closed=0.4, open=0.0)
     assert slide.span == -0.4

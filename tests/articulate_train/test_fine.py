@@ -217,7 +217,14 @@ def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(p
 def test_leads_are_taken_back_where_the_stop_is_near_the_target(target, stop, heard):
     task = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=target, stop=stop)
     want = LEADS if heard else dataclasses.replace(LEADS, release=0.0)
-    assert LEADS.of(task) == want
+    assert LEADS.of(task, None) == want
+
+
+@pytest.mark.parametrize(("way_m", "begin"), [(0.2, -0.2), (0.5, -0.1), (1.0, -0.05), (None, -0.2)])
+def test_motions_are_finer_over_at_most_so_long_a_way_of_the_handle(way_m, begin):
+    fine = FineConfig(done_between=(-0.2, 0.0), done_m=0.05)
+    task = Task(name="open_door", joint="j", kind="hinge", span=1.5, target=0.8)
+    assert_allclose(fine.of(task, way_m).done_between, (begin, 0.0), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -242,6 +249,7 @@ def test_leads_are_taken_back_where_the_stop_is_near_the_target(target, stop, he
         {"rest_m_s": 0.0},
         {"share": float("nan")},
         {"done": 0.0},
+        {"done_m": 0.0},
         {"done_between": (0.0, 0.0)},
         {"done_between": (-0.3, 0.0)},
     ],

@@ -78,8 +78,30 @@ def test_the_best_of_the_states_is_the_policy_and_the_others_are_deleted(cabinet
     assert not (folder / STATES).exists()
     said = json.loads((folder / DONE).read_text())
     assert said["chosen"] == 192  # of equals the later
-    assert [j["episodes"] for j in said["judged"]] == [302, 2, 302]
+    assert [j["episodes"] for j in said["judged"]] == [302, 2, 302]  # 2 finalists, none as good
     assert {e for e in asked if e[0] == 160} == {(160, 2, (run.config.evaluation_seed, 0, 2, 0))}
+
+
+def test_states_that_tie_with_the_last_finalist_are_judged_once_more(
+    cabinet, tmp_path, scored, monkeypatch
+):
+    rates = {96: 1.0, 160: 1.0, 192: 1.0}
+    asked = scored(rates)
+    policy_of = select.policy_of
+
+    def lost_later(state):  # after the first round the later states turn out worse
+        if len(asked) == 3:
+            rates.update({160: 0.5, 192: 0.0})
+        return policy_of(state)
+
+    monkeypatch.setattr(select, "policy_of", lost_later)
+    run, process = trained(tmp_path, cabinet, THREE)
+    assert process.train()
+    process.close()
+    said = json.loads((run.seed_folder(0) / DONE).read_text())
+    assert said["chosen"] == 96
+    assert [j["episodes"] for j in said["judged"]] == [7, 7, 4]
+    assert [entropy[-1] for _, _, entropy in asked] == [0, 0, 0, 2, 2, 2, 1, 1]
 
 
 def test_what_is_lost_at_the_end_of_training_is_not_the_policy(cabinet, tmp_path, scored):
@@ -102,7 +124,7 @@ def test_states_are_really_judged_on_episodes(cabinet, tmp_path):
     assert process.train()
     process.close()
     said = json.loads((run.seed_folder(0) / DONE).read_text())
-    assert sorted(j["episodes"] for j in said["judged"]) == [2, 5, 5]
+    assert sorted(j["episodes"] for j in said["judged"]) == [4, 7, 7]  # all fail alike
 
 
 def test_choosing_that_is_interrupted_is_done_again_with_the_same_choice(cabinet, tmp_path):

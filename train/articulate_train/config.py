@@ -154,6 +154,9 @@ class FineConfig:
     that runs a drawer shut at 0.1 m/s presses on with 40 N, by the way that its target is ahead."""
     done_between: tuple[float, float] = (-0.2, 0.0)
     """Fractions of the part's way beyond the target between which that begins and is all of it."""
+    done_m: float = 0.05
+    """It begins at most so far before its end, along the handle's way [m]: a fifth of the way of a
+    door is 10 cm, which a hand that turns with it takes four of its ten seconds for."""
     lead_m: tuple[float, float] = (0.06, 0.01)
     """How far the target of the tool may be ahead of the tool at the first and at the last of
     ``done_between`` [m]; what is more is taken back. A part is slow then when it meets its end, and
@@ -186,6 +189,8 @@ class FineConfig:
                     f"fine.{name} is {begin} {end}; it must be two growing fractions in "
                     f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
                 )
+        if not self.done_m > 0.0:
+            raise ConfigError(f"fine.done_m is {self.done_m}; it must be above 0")
         for name in ("lead_m", "lead_rad"):
             first, last = getattr(self, name)
             if not math.inf > first >= last >= 0.0:
@@ -205,14 +210,22 @@ class FineConfig:
         if not self.rest_m_s > 0.0:
             raise ConfigError(f"fine.rest_m_s is {self.rest_m_s}; it must be above 0")
 
-    def of(self, task: Task) -> FineConfig:
+    def of(self, task: Task, way_m: float | None) -> FineConfig:
         """What counts for ``task``.
 
         Leads are taken back where a part meets its stop; one that is farther beyond the target than
         policies see presses on nothing, and a lid that is held open sags by what is taken back.
+
+        Args:
+            task: The task.
+            way_m: How far the handle goes from closed to open [m]; None if there is none.
         """
         stop = math.inf if task.stop is None else abs(task.stop - task.target)
-        return self if stop <= SEEN_BEYOND[1] else replace(self, release=0.0)
+        release = self.release if stop <= SEEN_BEYOND[1] else 0.0
+        begin, end = self.done_between
+        if way_m is not None:
+            begin = max(begin, end - self.done_m / way_m)
+        return replace(self, release=release, done_between=(begin, end))
 
     def at(self, progress: float) -> FineConfig:
         """What counts when ``progress`` in [0, 1] of the training is done."""

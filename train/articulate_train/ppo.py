@@ -37,7 +37,8 @@ class Learner:
     def __init__(self, scene: Scene, config: TrainConfig, seed: int, *, threads: int) -> None:
         """Build everything from ``config`` and ``seed``; nothing is stepped yet."""
         self.config = config
-        self.fine = config.fine.of(scene.task)
+        way_m = scene.asset.handle_way(scene.task.joint)
+        self.fine = config.fine.of(scene.task, way_m)
         ppo = config.ppo
         engine = ThreadEngine(scene, ppo.n_envs, threads=threads)
         self.episodes = Episodes(

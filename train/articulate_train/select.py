@@ -63,7 +63,9 @@ def choose_state(
 ) -> tuple[dict[str, Any], list[Judged]] | None:
     """The best of the states that a seed's folder keeps, and how all did; None if stopped.
 
-    All are judged on the same draws. Ties go to the later state.
+    All are judged on the same draws. States as good as the last finalist are judged once more, as
+    states that are lost later on are often as good at first; what is then still equal goes to the
+    later one.
 
     Args:
         run: The run.
@@ -76,24 +78,45 @@ def choose_state(
     if len(judged) == 1:
         return read_checkpoint(folder, f"{judged[0].steps}.pt"), judged
     scene, left = run.scene(), judged
-    for k, episodes in enumerate((config.episodes, config.more)):
-        left = left if k == 0 else _best(left, config.finalists)
-        for state in left if len(left) > 1 else ():
+
+    def judge(states: list[Judged], episodes: int, k: int) -> bool:
+        stream = [run.config.evaluation_seed, seed, SELECTION, k]
+        for state in states if len(states) > 1 else ():
             if not goes_on():
-                return None
-            stream = np.random.SeedSequence([run.config.evaluation_seed, seed, SELECTION, k])
+                return False
             policy = policy_of(read_checkpoint(folder, f"{state.steps}.pt"))
             ended, _ = run_episodes(
-                scene, policy, run.config.draw, stream, episodes=episodes, threads=threads
+                scene,
+                policy,
+                run.config.draw,
+                np.random.SeedSequence(stream),
+                episodes=episodes,
+                threads=threads,
             )
             state.episodes += episodes
             state.successes += int((ended.code == 0).sum())
+        return True
+
+    if not judge(left, config.episodes, 0):
+        return None
+    left = _not_worse(left, config.finalists)
+    if len(left) > config.finalists and not judge(left, config.episodes, 2):
+        return None
+    left = _best(left, config.finalists)
+    if not judge(left, config.more, 1):
+        return None
     return read_checkpoint(folder, f"{_best(left, 1)[0].steps}.pt"), judged
 
 
 def _kept(folder: Path) -> list[int]:
     """Ticks of the states that a folder holds, growing."""
     return sorted(int(path.stem) for path in folder.glob("*.pt"))
+
+
+def _not_worse(judged: list[Judged], most: int) -> list[Judged]:
+    """What was judged no worse than the last of the ``most`` best."""
+    last = _best(judged, most)[-1].rate
+    return [j for j in judged if j.rate >= last]
 
 
 def _best(judged: list[Judged], most: int) -> list[Judged]:
