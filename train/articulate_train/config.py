@@ -189,16 +189,6 @@ class FineConfig:
                     f"fine.{name} is {begin} {end}; it must be two growing fractions in "
                     f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
                 )
-        if not self.done_m > 0.0:
-            raise ConfigError(f"fine.done_m is {self.done_m}; it must be above 0")
-        for name in ("lead_m", "lead_rad"):
-            first, last = getattr(self, name)
-            if not math.inf > first >= last >= 0.0:
-                raise ConfigError(
-                    f"fine.{name} is {first} {last}; it must be finite and fall, not below 0"
-                )
-        if not 0.0 <= self.release < math.inf:
-            raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
         begin, end = self.shut_m
         if not 0.0 <= begin < end:
             raise ConfigError(f"fine.shut_m is {begin} {end}; it must be two growing openings")
@@ -207,8 +197,20 @@ class FineConfig:
             raise ConfigError(
                 f"fine.closing_between is {begin} {end}; it must be two growing shares in [0, 1]"
             )
-        if not self.rest_m_s > 0.0:
-            raise ConfigError(f"fine.rest_m_s is {self.rest_m_s}; it must be above 0")
+        for name in ("done_m", "rest_m_s"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"fine.{name} is {getattr(self, name)}; it must be above 0")
+        self._check_leads()
+
+    def _check_leads(self) -> None:
+        for name in ("lead_m", "lead_rad"):
+            first, last = getattr(self, name)
+            if not math.inf > first >= last >= 0.0:
+                raise ConfigError(
+                    f"fine.{name} is {first} {last}; it must be finite and fall, not below 0"
+                )
+        if not 0.0 <= self.release < math.inf:
+            raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
 
     def of(self, task: Task, way_m: float | None) -> FineConfig:
         """What counts for ``task``.

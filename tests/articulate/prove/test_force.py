@@ -238,9 +238,7 @@ def test_what_hangs_open_in_the_way_is_held_shut_by_another_hand(tmp_path, mass_
     load = Part(name="load", kind="slide", axis=(0.0, 0.0, -1.0), pos=(0.0, 0.0, 0.105), span=0.1,
                 boxes=(BLOCK,), mass_kg=mass_kg)  # fmt: skip
     slippery = '<default><geom friction="0.05 0.005 0.0001"/></default>'
-    clauses, _ = forced(
-        make_object(tmp_path / "a", shelf, load, excluded=False, options=slippery)
-    )
+    clauses, _ = forced(make_object(tmp_path / "a", shelf, load, excluded=False, options=slippery))
     assert clauses["open", "shelf_joint"].outcome == "passed"
     assert clauses["close", "shelf_joint"].outcome == outcome
     message = clauses["close", "shelf_joint"].message
