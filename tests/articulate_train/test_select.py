@@ -87,7 +87,7 @@ def test_states_that_tie_with_the_last_finalist_are_judged_once_more(
 ):
     rates = {96: 1.0, 160: 1.0, 192: 1.0}
     asked = scored(rates)
-    policy_of = select.policy_of
+    policy_of = vars(select)["policy_of"]
 
     def lost_later(state):  # after the first round the later states turn out worse
         if len(asked) == 3:
