@@ -97,6 +97,7 @@ def choose_state(
             state.successes += int((ended.code == 0).sum())
         return True
 
+    # Draws of the first and the last round are numbered 0 and 1, those of the one for ties 2.
     if not judge(left, config.episodes, 0):
         return None
     left = _not_worse(left, config.finalists)
