@@ -47,10 +47,11 @@ class RewardConfig:
     it has been learnt what it is good for). What counts as away narrows as ``grip_m`` does."""
     aside: float = -150.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
-    beyond the handle, at the end of training; in proportion before. ``approach`` pays the same for
-    every path; this is what bends it: across first, then ahead, so that no finger comes down on
-    the handle. What fingers may already have between them costs it from half way there on, until
-    both can touch it: one that closes on a knob from one side pushes it out of the hand."""
+    beyond a handle that it does not hold, at the end of training; in proportion before.
+    ``approach`` pays the same for every path; this is what bends it: across first, then ahead, so
+    that no finger comes down on the handle. What fingers may already have between them costs it
+    from half way there on, until both can touch it: one that closes on a knob from one side pushes
+    it out of the hand."""
     aside_share: float = 0.45
     """Half as wide is that way at the handle, as a share of the room between the fingers."""
     aside_from_m: float = 0.07
@@ -60,7 +61,8 @@ class RewardConfig:
     handle of a lid lost 280 by it, ten times what its success is worth."""
     beyond_m: float = 0.003
     """So far beyond the handle the hand may be [m]: tips have 5 mm there, where there is as much
-    room, and a hand that may use them up presses on what stands behind."""
+    room, and a hand that may use them up presses on what stands behind. One that holds the handle
+    cannot change it any more, and would pay for it to the end of the episode."""
     open: float = 0.6
     """For the fraction of the way to the target. Dearer time makes a policy impatient: it closes
     the hand on the way and pulls before it has closed."""

@@ -172,6 +172,23 @@ def test_what_is_between_closed_fingers_costs_nothing(width, across, ahead, free
     assert (terms(after, thick_m=0.03, progress=1.0)["aside"] == 0.0) == free
 
 
+@pytest.mark.parametrize(
+    ("width", "thick", "free"),
+    [
+        (0.08, 0.03, False),  # open
+        (0.039, 0.03, False),  # one finger may touch it
+        (0.03, 0.03, True),
+        (0.0, 0.03, False),  # closed on nothing
+        (0.005, 0.0, False),  # there is no handle to hold
+    ],
+)
+def test_a_hand_that_holds_a_handle_may_be_beyond_it(width, thick, free):
+    config = dataclasses.replace(CONFIG, aside=-50.0, beyond_m=0.01)
+    after = dataclasses.replace(state(offset=[0.0, 0.0, -0.03]), hand_width=np.full(1, width))
+    cost = terms(after, config=config, thick_m=thick, progress=1.0)["aside"]
+    assert cost == pytest.approx(0.0 if free else -50.0 * 0.02, abs=1e-9)
+
+
 @pytest.mark.parametrize(("share", "part"), [(0.25, 0.0), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)])
 def test_what_one_finger_touches_costs_from_half_way_on(share, part):
     """Fingers 20 mm wider than the handle leave it 4.5 mm to either side."""

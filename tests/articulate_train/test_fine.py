@@ -28,7 +28,13 @@ from articulate_train.policy import Policy
 from articulate_train.shown import said
 
 FINE = FineConfig(
-    share=0.4, closing=0.2, near_m=0.03, far_m=0.10, done=0.2, done_between=(-0.06, 0.02)
+    share=0.4,
+    waiting=0.3,
+    closing=0.2,
+    near_m=0.03,
+    far_m=0.10,
+    done=0.2,
+    done_between=(-0.06, 0.02),
 )
 OPEN_M = 0.08
 NO_LEAD, NO_BEND = np.zeros(6), np.zeros(7)
@@ -60,12 +66,13 @@ def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
 @pytest.mark.parametrize(
     ("width_m", "speed_m_s", "share"),
     [
-        (0.08, 0.0, 0.2),  # told, and nothing has moved yet
+        (0.08, 0.0, 0.3),  # told, and nothing has moved yet
         (0.06, -0.2, 0.2),  # closing
         (0.04, 0.0, 1.0),  # closed on something
         (0.0, 0.0, 1.0),  # closed on nothing
         (0.04, 0.025, 0.6),  # coming to rest
-        (0.075, 0.0, 0.6),
+        (0.075, 0.0, 0.65),  # as good as open, and half closed on something
+        (0.075, -0.2, 0.25),  # beginning to close
     ],
 )
 def test_motions_are_finest_from_telling_the_hand_to_close_until_it_has(width_m, speed_m_s, share):
@@ -98,12 +105,15 @@ def test_far_from_the_handle_nothing_is_finer(wish):
     width_m=st.floats(0.0, 0.08),
     speed_m_s=st.floats(-0.3, 0.3),
     share=st.floats(0.05, 1.0),
+    waiting=st.floats(0.05, 1.0),
     closing=st.floats(0.05, 1.0),
 )
-def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m_s, share, closing):
+def test_shares_lie_between_the_least_and_one(
+    distance_m, wish, width_m, speed_m_s, share, waiting, closing
+):
     row = seen(distance_m, wish=wish, width_m=width_m, speed_m_s=speed_m_s)
-    got = shares(FineConfig(share=share, closing=closing), row)[0, 0]
-    assert min(share, closing) - 1e-12 <= got <= 1.0
+    got = shares(FineConfig(share=share, waiting=waiting, closing=closing), row)[0, 0]
+    assert min(share, waiting, closing) - 1e-12 <= got <= 1.0
 
 
 AHEAD = np.array([0.0, 0.06, 0.08, 0.1, 0.0, 0.0])
@@ -234,6 +244,7 @@ def test_motions_are_finer_over_at_most_so_long_a_way_of_the_handle(way_m, begin
         {"share": 1.5},
         {"near_m": 0.2},
         {"near_m": -0.1},
+        {"waiting": 0.0},
         {"closing": 0.0},
         {"closing": 1.01},
         {"closing_first": 0.0},

@@ -134,8 +134,11 @@ class FineConfig:
 
     share: float = 0.35
     """Share of a motion that is left there to an open hand; 1 changes nothing."""
+    waiting: float = 0.25
+    """Share that is left there from when closing is told until the fingers begin: that takes up to
+    1.2 s, and a hand that stood still meanwhile would close where the handle was seen before."""
     closing: float = 0.05
-    """Share that is left there from when closing is told until the fingers have closed."""
+    """Share that is left there while the fingers close, until they rest."""
     closing_first: float = 0.25
     """The same at the beginning of training: where a hand is all but still while it closes, it is
     not learnt how to come to stand well."""
@@ -174,7 +177,7 @@ class FineConfig:
     """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
 
     def __post_init__(self) -> None:
-        for name in ("share", "closing", "closing_first", "done"):
+        for name in ("share", "waiting", "closing", "closing_first", "done"):
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
                 raise ConfigError(f"fine.{name} is {value}; it must be above 0 and at most 1")

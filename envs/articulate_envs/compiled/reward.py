@@ -183,6 +183,8 @@ def _aside(w, offset, T_wt, T_wh, width, thick_m, progress):  # type: ignore[no-
     if _not_empty(width, thick_m) and ahead <= PAD_M and abs(across) <= thick_m / 2.0:
         untouched = width > thick_m + TOUCH_M
         beside *= max(2.0 * progress - 1.0, 0.0) if untouched else 0.0
+    if 0.0 < HELD_SHARE * thick_m <= width <= thick_m + TOUCH_M:  # held
+        return beside
     return beside + max(-ahead - w.beyond_m, 0.0)
 
 
