@@ -28,13 +28,7 @@ from articulate_train.policy import Policy
 from articulate_train.shown import said
 
 FINE = FineConfig(
-    share=0.4,
-    waiting=0.3,
-    closing=0.2,
-    near_m=0.03,
-    far_m=0.10,
-    done=0.2,
-    done_between=(-0.06, 0.02),
+    share=0.4, closing=0.2, near_m=0.03, far_m=0.10, done=0.2, done_between=(-0.06, 0.02)
 )
 OPEN_M = 0.08
 NO_LEAD, NO_BEND = np.zeros(6), np.zeros(7)
@@ -66,13 +60,12 @@ def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
 @pytest.mark.parametrize(
     ("width_m", "speed_m_s", "share"),
     [
-        (0.08, 0.0, 0.3),  # told, and nothing has moved yet
+        (0.08, 0.0, 0.2),  # told, and nothing has moved yet
         (0.06, -0.2, 0.2),  # closing
         (0.04, 0.0, 1.0),  # closed on something
         (0.0, 0.0, 1.0),  # closed on nothing
         (0.04, 0.025, 0.6),  # coming to rest
-        (0.075, 0.0, 0.65),  # as good as open, and half closed on something
-        (0.075, -0.2, 0.25),  # beginning to close
+        (0.075, 0.0, 0.6),
     ],
 )
 def test_motions_are_finest_from_telling_the_hand_to_close_until_it_has(width_m, speed_m_s, share):
@@ -105,15 +98,12 @@ def test_far_from_the_handle_nothing_is_finer(wish):
     width_m=st.floats(0.0, 0.08),
     speed_m_s=st.floats(-0.3, 0.3),
     share=st.floats(0.05, 1.0),
-    waiting=st.floats(0.05, 1.0),
     closing=st.floats(0.05, 1.0),
 )
-def test_shares_lie_between_the_least_and_one(
-    distance_m, wish, width_m, speed_m_s, share, waiting, closing
-):
+def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m_s, share, closing):
     row = seen(distance_m, wish=wish, width_m=width_m, speed_m_s=speed_m_s)
-    got = shares(FineConfig(share=share, waiting=waiting, closing=closing), row)[0, 0]
-    assert min(share, waiting, closing) - 1e-12 <= got <= 1.0
+    got = shares(FineConfig(share=share, closing=closing), row)[0, 0]
+    assert min(share, closing) - 1e-12 <= got <= 1.0
 
 
 AHEAD = np.array([0.0, 0.06, 0.08, 0.1, 0.0, 0.0])
@@ -211,16 +201,6 @@ def test_policy_scales_motions_and_leaves_the_hands_command():
 
 
 @pytest.mark.parametrize(
-    ("progress", "closing"), [(0.0, 0.3), (0.4, 0.3), (0.5, 0.2), (0.6, 0.1), (1.0, 0.1)]
-)
-def test_what_a_closing_hand_may_move_falls_between_two_shares_of_the_training(progress, closing):
-    fine = FineConfig(share=0.4, closing=0.1, closing_first=0.3, closing_between=(0.4, 0.6))
-    at = fine.at(progress)
-    assert_allclose(at.closing, closing, rtol=1e-12)
-    assert dataclasses.replace(at, closing=fine.closing) == fine
-
-
-@pytest.mark.parametrize(
     ("target", "stop", "heard"),
     [(0.05, 0.0, True), (0.95, 1.0, True), (0.41, 1.0, False), (0.8, None, False)],
 )
@@ -244,12 +224,8 @@ def test_motions_are_finer_over_at_most_so_long_a_way_of_the_handle(way_m, begin
         {"share": 1.5},
         {"near_m": 0.2},
         {"near_m": -0.1},
-        {"waiting": 0.0},
         {"closing": 0.0},
         {"closing": 1.01},
-        {"closing_first": 0.0},
-        {"closing_between": (0.8, 0.5)},
-        {"closing_between": (0.5, 1.1)},
         {"shut_m": (0.08, 0.07)},
         {"lead_m": (0.02, 0.03)},
         {"lead_m": (0.08, -0.01)},

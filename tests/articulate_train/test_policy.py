@@ -6,13 +6,7 @@ from tests.runs import write_checkpoint
 
 from articulate.errors import RunError
 from articulate.observe import OBSERVATION
-from articulate_train.policy import (
-    CHECKPOINT,
-    load_policy,
-    policy_of,
-    read_checkpoint,
-    trained_steps,
-)
+from articulate_train.policy import CHECKPOINT, load_policy, read_checkpoint, trained_steps
 
 POINTER = """version https://git-lfs.github.com/spec/v1
 oid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393
@@ -47,13 +41,6 @@ def test_a_checkpoint_that_lacks_something_is_of_another_version(folder, key):
     del content[key]
     torch.save(content, folder / CHECKPOINT)
     refused(folder, f"made by another version .*{key}")
-
-
-def test_a_checkpoint_of_when_waiting_was_closing_moves_as_it_did(folder):
-    content = read_checkpoint(folder)
-    del content["fine"]["waiting"]
-    content["fine"]["closing"] = 0.125
-    assert policy_of(content).fine.waiting == 0.125
 
 
 @pytest.mark.parametrize("more", [-1, 1])

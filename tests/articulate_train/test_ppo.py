@@ -1,5 +1,4 @@
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from numpy.testing import assert_array_equal
 from articulate.errors import ConfigError, DivergedError
 from articulate.observe import OBSERVATION
 from articulate_envs.critic import PRIVILEGED
-from articulate_train.config import FineConfig, PpoConfig
+from articulate_train.config import PpoConfig
 from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner
@@ -138,20 +137,6 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     expected = np.clip(mean.numpy(), -1, 1)
     expected[:, :MOTIONS] *= shares(policy.fine, seen_raw)
     np.testing.assert_allclose(policy.act(seen_raw), expected, atol=1e-5)
-
-
-def test_what_a_closing_hand_may_move_is_that_of_the_moment_in_training_and_checkpoint(
-    tiny, tmp_path
-):
-    """Six updates, over all of which it falls; after four of them two thirds of it are done."""
-    fine = FineConfig(closing=0.1, closing_first=0.4, closing_between=(0.0, 1.0))
-    one = Learner(tiny.scene(), replace(tiny.config, fine=fine), 0, threads=1)
-    train(one, 4)
-    one.save(tmp_path)
-    one.close()
-    assert one.config.steps == 6 * STEPS
-    assert one.envs.fine.closing == pytest.approx(0.4 - 0.3 * 3 / 6)  # of the last roll-out
-    assert read_checkpoint(tmp_path)["fine"]["closing"] == pytest.approx(0.4 - 0.3 * 4 / 6)
 
 
 def test_policy_does_not_see_what_only_the_value_function_may(learner):

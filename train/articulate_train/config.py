@@ -134,16 +134,9 @@ class FineConfig:
 
     share: float = 0.35
     """Share of a motion that is left there to an open hand; 1 changes nothing."""
-    waiting: float = 0.25
-    """Share that is left there from when closing is told until the fingers begin: that takes up to
-    1.2 s, and a hand that stood still meanwhile would close where the handle was seen before."""
-    closing: float = 0.05
-    """Share that is left there while the fingers close, until they rest."""
-    closing_first: float = 0.25
-    """The same at the beginning of training: where a hand is all but still while it closes, it is
-    not learnt how to come to stand well."""
-    closing_between: tuple[float, float] = (0.5, 0.8)
-    """Shares of the training between which it falls from the first to the last, linear."""
+    closing: float = 0.25
+    """Share that is left there from when closing is told until the fingers have closed: that takes
+    up to 2 s, and a hand that stood still meanwhile would hold the handle where it was seen."""
     near_m: float = 0.03
     """Distance of the handle up to which all of it counts [m]."""
     far_m: float = 0.10
@@ -177,7 +170,7 @@ class FineConfig:
     """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
 
     def __post_init__(self) -> None:
-        for name in ("share", "waiting", "closing", "closing_first", "done"):
+        for name in ("share", "closing", "done"):
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
                 raise ConfigError(f"fine.{name} is {value}; it must be above 0 and at most 1")
@@ -195,11 +188,6 @@ class FineConfig:
         begin, end = self.shut_m
         if not 0.0 <= begin < end:
             raise ConfigError(f"fine.shut_m is {begin} {end}; it must be two growing openings")
-        begin, end = self.closing_between
-        if not 0.0 <= begin < end <= 1.0:
-            raise ConfigError(
-                f"fine.closing_between is {begin} {end}; it must be two growing shares in [0, 1]"
-            )
         for name in ("done_m", "rest_m_s"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"fine.{name} is {getattr(self, name)}; it must be above 0")
@@ -231,13 +219,6 @@ class FineConfig:
         if way_m is not None:
             begin = max(begin, end - self.done_m / way_m)
         return replace(self, release=release, done_between=(begin, end))
-
-    def at(self, progress: float) -> FineConfig:
-        """What counts when ``progress`` in [0, 1] of the training is done."""
-        begin, end = self.closing_between
-        done = min(max((progress - begin) / (end - begin), 0.0), 1.0)
-        closing = self.closing_first + done * (self.closing - self.closing_first)
-        return replace(self, closing=closing)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,9 +60,8 @@ def shares(fine: FineConfig, observation: Any) -> Any:
     begin, end = fine.shut_m
     shut = ((end - observation[:, _WIDTH] * WIDTH_UNIT_M) / (end - begin)).clip(0.0, 1.0)
     change = abs(observation[:, _SPEED]) * SPEED_UNIT_M_S
-    rest = (1.0 - change / fine.rest_m_s).clip(0.0, 1.0)
-    waits, closes = (1.0 - shut) * (1.0 - fine.waiting), shut * (1.0 - rest) * (1.0 - fine.closing)
-    taken = (1.0 - told) * (1.0 - fine.share) + told * (waits + closes)
+    closed = shut * (1.0 - change / fine.rest_m_s).clip(0.0, 1.0)
+    taken = (1.0 - told) * (1.0 - fine.share) + told * (1.0 - closed) * (1.0 - fine.closing)
     done = _between(observation, fine.done_between)
     return (1.0 - near * taken) * (1.0 - done * (1.0 - fine.done))
 

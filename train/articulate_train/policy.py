@@ -134,7 +134,6 @@ def trained_steps(checkpoint: dict[str, Any]) -> int:
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
     weights, mean = checkpoint["policy"], checkpoint["normalise"]["mean"]
-    fine = checkpoint["fine"]
     if mean.numel() < OBSERVATION.size:
         raise ValueError(f"observations of {mean.numel()} numbers, not {OBSERVATION.size}")
     names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
@@ -142,7 +141,7 @@ def policy_of(checkpoint: dict[str, Any]) -> Policy:
         mean[: OBSERVATION.size],  # the rest is the value function's
         checkpoint["normalise"]["var"][: OBSERVATION.size],
         tuple(int(v) for v in checkpoint["net"]),
-        FineConfig(**{"waiting": fine["closing"], **fine}),  # older ones have one share for both
+        FineConfig(**checkpoint["fine"]),
     )
     state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}
     state |= {f"head.{p}": weights[f"action_net.{p}"] for p in _PARTS}

@@ -67,7 +67,6 @@ class Learner:
         total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
         while model.num_timesteps < total:
             self.episodes.progress = model.num_timesteps / total
-            self.envs.fine = self.fine.at(self.episodes.progress)
             self._show()
             with torch.no_grad():
                 bound = self.config.ppo.log_std_bound(self.episodes.progress)
@@ -152,7 +151,7 @@ class Learner:
         return {
             "policy": {k: v.clone() for k, v in self.model.policy.state_dict().items()},
             "net": list(self.config.ppo.net),
-            "fine": asdict(self.fine.at(steps / self.config.steps)),
+            "fine": asdict(self.fine),
             "normalise": _running(self.normalise.obs_rms),
             "plain": json.dumps({"num_timesteps": steps}),
         }
