@@ -180,10 +180,10 @@ def _aside(w, offset, T_wt, T_wh, width, thick_m, progress):  # type: ignore[no-
     room = max(width - thick_m, 0.0) / 2.0
     allowed = w.aside_share * room + max(ahead - w.aside_from_m, 0.0)
     beside = min(max(abs(across) - allowed, 0.0), w.aside_most_m)
-    if _not_empty(width, thick_m) and ahead <= PAD_M and abs(across) <= thick_m / 2.0:
-        untouched = width > thick_m + TOUCH_M
-        beside *= max(2.0 * progress - 1.0, 0.0) if untouched else 0.0
-    if 0.0 < HELD_SHARE * thick_m <= width <= thick_m + TOUCH_M:  # held
+    not_empty, touched = _not_empty(width, thick_m), width <= thick_m + TOUCH_M
+    if not_empty and ahead <= PAD_M and abs(across) <= thick_m / 2.0:
+        beside *= 0.0 if touched else max(2.0 * progress - 1.0, 0.0)
+    if not_empty and touched and thick_m > 0.0:  # held
         return beside
     return beside + max(-ahead - w.beyond_m, 0.0)
 
