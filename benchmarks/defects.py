@@ -22,14 +22,13 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from lxml import etree
-from planted import KINDS, Damaged, Names
 
 from articulate.asset import load_asset
 from articulate.convert.config import ConvertConfig
@@ -39,6 +38,7 @@ from articulate.prove.batch import Item
 from articulate.prove.origin import Origin, origin_of_reading
 from articulate.prove.prove import prove
 from assets import items_of
+from planted import KINDS, Damaged, Names
 
 UNTOUCHED = "untouched"
 """Stands for no defect: what is refused then is a false alarm."""
@@ -142,7 +142,7 @@ def chosen(checked: Path, data: Path, count: int) -> list[Item]:
     return [good[i] for i in np.linspace(0, len(good) - 1, min(count, len(good))).astype(int)]
 
 
-def summed(rows: dict[str, Sequence[Row]]) -> dict[str, Any]:
+def summed(rows: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
     """Counts over the results of each asset."""
     kinds = {}
     for kind in KINDS:

@@ -60,9 +60,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from numba import carray, njit  # type: ignore[attr-defined]  # numba says no __all__
-from robosuite_cabinet import Fixture, make_env
 from stable_baselines3.common.vec_env import SubprocVecEnv
-from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
 
 from articulate.follow import discrete, follow
 from articulate.simulator import mujoco
@@ -73,6 +71,8 @@ from articulate_envs.scene import Scene, build_scene
 from articulate_envs.settings import StartConfig
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import TrainConfig
+from robosuite_cabinet import Fixture, make_env
+from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
 
 ROBOSUITE_STEP_S = 0.002
 """Physics step of robosuite [s]."""

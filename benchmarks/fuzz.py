@@ -25,10 +25,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
-from mutants import Mutant, drawn, write_mutant
 
 from articulate.errors import ArticulateError
 from articulate.prove.prove import check
+from mutants import Mutant, drawn, write_mutant
 
 LIMIT_S = 60.0
 """A check that runs longer hangs [s]."""

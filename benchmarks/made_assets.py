@@ -25,8 +25,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from joints_said import SAID, records_of
-
 from articulate.actors.protocol import PredictedJoint
 from articulate.benchmark.dataset import open_dataset
 from articulate.cache import cache_folder
@@ -39,6 +37,7 @@ from articulate.program.built import ProgramError
 from articulate.program.run import compile_program
 from articulate.proof import Proof
 from articulate.prove.batch import Batch, Item
+from joints_said import SAID, records_of
 
 LIMIT_S = 600.0
 REFUSED = "refused"

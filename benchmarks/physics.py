@@ -46,7 +46,6 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from gains import motion_to
 
 from articulate.arm import PANDA
 from articulate.asset import Asset
@@ -73,6 +72,7 @@ from articulate_envs.threads import ThreadEngine
 from articulate_train.config import TrainConfig
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run, prepare_asset
+from gains import motion_to
 
 PACKAGES = ("mujoco", "numpy", "numba")
 SHIPPED = "shipped"

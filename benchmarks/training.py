@@ -38,7 +38,6 @@ from typing import Any, Protocol
 
 import numpy as np
 import torch
-from robosuite_cabinet import CONTROL_HZ, Fixture, fixture_of, make_env
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecNormalize
 
@@ -48,6 +47,7 @@ from articulate_envs.scene import Scene
 from articulate_train.config import TrainConfig
 from articulate_train.ppo import Learner
 from articulate_train.run import create_run
+from robosuite_cabinet import CONTROL_HZ, Fixture, fixture_of, make_env
 
 WARM_UP_STEPS = 20
 """Steps of each robosuite environment before the clock starts; numba compiles in the first ones."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from tests.articulate.prove.objects import Part, make_object
 
+import assets
 from articulate.simulator import mujoco
 
 TRAY = tuple(
@@ -17,20 +16,7 @@ TRAY = tuple(
 )
 
 
-@pytest.fixture(scope="module")
-def assets() -> ModuleType:
-    path = Path(__file__).parents[2] / "benchmarks" / "assets.py"
-    spec = importlib.util.spec_from_file_location("assets_benchmark", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_the_first_of_a_category_by_number_are_timed(
-    assets: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_first_of_a_category_by_number_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(assets, "step_ratio", lambda folder: float(len(folder.name)))
     rows = [
         {"id": f"partnet_{k}", "category": category, "source": "partnet", "verdict": verdict}
@@ -51,7 +37,7 @@ def test_the_first_of_a_category_by_number_are_timed(
     assert found["partnet_45"] == 10.0
 
 
-def test_each_connected_component_becomes_one_box(assets: ModuleType, tmp_path: Path) -> None:
+def test_each_connected_component_becomes_one_box(tmp_path: Path) -> None:
     drawer = Part(name="drawer", kind="slide", axis=(-1.0, 0.0, 0.0), boxes=TRAY)
     made = make_object(tmp_path / "a", drawer)
     model = assets.boxes_only(made.folder)
@@ -61,7 +47,7 @@ def test_each_connected_component_becomes_one_box(assets: ModuleType, tmp_path: 
 
 
 def test_an_object_of_boxes_costs_what_boxes_cost(
-    assets: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(assets, "STEPS", 50)
     drawer = Part(name="drawer", kind="slide", axis=(-1.0, 0.0, 0.0), boxes=TRAY)
@@ -76,5 +62,5 @@ def test_an_object_of_boxes_costs_what_boxes_cost(
         ("/tmp/kettle.xml: a scene with 8 free bodies, not one object", "unreadable"),
     ],
 )
-def test_reasons_are_counted_by_their_clause(assets: ModuleType, reason: str, clause: str) -> None:
+def test_reasons_are_counted_by_their_clause(reason: str, clause: str) -> None:
     assert assets.clause_of(reason) == clause

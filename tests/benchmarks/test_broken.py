@@ -1,24 +1,16 @@
 """Broken files: a verdict or one line of each, and the end of a process is neither."""
 
-import importlib
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
+import broken
 from articulate.library.procedural.cabinet import embedded_cabinet
 
 
-@pytest.fixture
-def broken(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    yield importlib.import_module("broken")
-    sys.modules.pop("broken", None)
-
-
-def test_each_file_gets_a_row(broken, tmp_path, monkeypatch, capsys):
+def test_each_file_gets_a_row(tmp_path, monkeypatch, capsys):
     data = tmp_path / "data"
     urdf = embedded_cabinet(data / "cabinet")
     (data / "text.urdf").write_text("no XML")
@@ -44,7 +36,7 @@ def test_each_file_gets_a_row(broken, tmp_path, monkeypatch, capsys):
         (1, None, "a bug"),
     ],
 )
-def test_what_is_no_clear_verdict(broken, tmp_path, monkeypatch, code, shown, said):
+def test_what_is_no_clear_verdict(tmp_path, monkeypatch, code, shown, said):
     out = json.dumps(shown) if shown else ""
     done = subprocess.CompletedProcess([], code, stdout=out, stderr=said)
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)

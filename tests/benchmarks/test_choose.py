@@ -1,13 +1,12 @@
 """The list of objects is in order, tells what was skipped, and goes on where it was stopped."""
 
-import importlib
 import json
 import sys
-from pathlib import Path
+from typing import Any
 
-import pytest
+import choose
 
-INDEX = [
+INDEX: list[dict[str, Any]] = [
     {"id": "partnet_20", "partnet_id": "20", "source": "partnet", "category": "Box"},
     {"id": "partnet_3", "partnet_id": "3", "source": "partnet", "category": "Box"},
     {"id": "partnet_100", "partnet_id": "100", "source": "partnet", "category": "Box"},
@@ -18,13 +17,6 @@ INDEX = [
 GOOD = {"partnet_20", "partnet_100", "a_box", "b_box"}
 
 
-@pytest.fixture
-def choose():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-        yield importlib.import_module("choose")
-
-
 def recorder(tried):
     def attempt(row, item):
         tried.append(item["id"])
@@ -33,7 +25,7 @@ def recorder(tried):
     return attempt
 
 
-def test_the_lowest_number_that_passes_is_taken_and_those_before_it_are_told(choose):
+def test_the_lowest_number_that_passes_is_taken_and_those_before_it_are_told():
     row = choose.Row(task="open_lid", categories=("Box",), first=("b_box",))
     tried: list[str] = []
     *partly, last = choose.progress(row, INDEX, {}, recorder(tried))
@@ -44,7 +36,7 @@ def test_the_lowest_number_that_passes_is_taken_and_those_before_it_are_told(cho
     assert [state["complete"] for state in partly] == [False, False, False]
 
 
-def test_what_is_known_is_not_tried_again(choose):
+def test_what_is_known_is_not_tried_again():
     row = choose.Row(task="open_lid", categories=("Box",), partnet=2, others=0)
     known = {"partnet_3": {"id": "partnet_3", "reason": "refused"}}
     tried: list[str] = []
@@ -53,7 +45,7 @@ def test_what_is_known_is_not_tried_again(choose):
     assert last["skipped"] == [known["partnet_3"]]
 
 
-def test_a_list_that_was_stopped_goes_on(choose, tmp_path, monkeypatch):
+def test_a_list_that_was_stopped_goes_on(tmp_path, monkeypatch):
     (tmp_path / "assets.json").write_text(json.dumps({"assets": INDEX}))
     monkeypatch.setenv("ARTICULATE_DATA", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -1,16 +1,15 @@
 """Every kind of defect is planted, concerns what it names, and is counted as it was judged."""
 
-import importlib
 import json
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
 import trimesh
 from lxml import etree
 from tests.articulate.convert.cabinets import write_cabinet
 
+import defects
+import planted
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.convert.convert import read_input
@@ -19,25 +18,6 @@ from articulate.prove.clauses import CLAUSES
 from articulate.prove.origin import origin_of_reading
 
 CONFIG = ConvertConfig(decompose=False, size_m=0.4)
-
-
-@pytest.fixture(scope="module")
-def modules():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-        yield importlib.import_module("defects"), importlib.import_module("planted")
-        for name in ("defects", "planted", "assets"):
-            sys.modules.pop(name, None)
-
-
-@pytest.fixture
-def defects(modules):
-    return modules[0]
-
-
-@pytest.fixture
-def planted(modules):
-    return modules[1]
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +30,7 @@ def folder(tmp_path_factory, source):
     return convert(source, tmp_path_factory.mktemp("made") / "cabinet", CONFIG).folder
 
 
-def damage(planted, folder, copy, kind):
+def damage(folder, copy, kind):
     """What the defect concerns, and whether object.xml or a mesh differs from before."""
     shutil.copytree(folder, copy)
     tree = etree.parse(str(copy / "object.xml"))
@@ -64,16 +44,16 @@ def damage(planted, folder, copy, kind):
     return names, meshes or etree.tostring(tree, method="c14n") != before
 
 
-def test_every_kind_damages_a_cabinet_and_says_what_it_concerns(planted, folder, tmp_path):
+def test_every_kind_damages_a_cabinet_and_says_what_it_concerns(folder, tmp_path):
     asset = load_asset(folder)
     known = {x.name for x in asset.links} | {x.name for x in asset.joints}
     for k, kind in enumerate(planted.KINDS):
-        names, differs = damage(planted, folder, tmp_path / str(k), kind)
+        names, differs = damage(folder, tmp_path / str(k), kind)
         assert (kind, bool(names), differs) == (kind, True, True)
         assert set(names) <= known
 
 
-def test_a_kind_that_does_not_apply_changes_nothing(planted, folder, tmp_path):
+def test_a_kind_that_does_not_apply_changes_nothing(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     tree = etree.parse(str(copy / "object.xml"))
@@ -86,11 +66,11 @@ def test_a_kind_that_does_not_apply_changes_nothing(planted, folder, tmp_path):
     assert etree.tostring(tree) == before
 
 
-def test_clauses_that_name_a_kind_are_clauses_of_the_proof(planted):
+def test_clauses_that_name_a_kind_are_clauses_of_the_proof():
     assert {c for kind in planted.KINDS.values() for c in kind.named_by} <= set(CLAUSES)
 
 
-def test_a_lost_link_is_refused_and_named(defects, folder, source, tmp_path):
+def test_a_lost_link_is_refused_and_named(folder, source, tmp_path):
     origin = origin_of_reading(read_input(source, CONFIG), CONFIG)
     names, proof = defects.judged(folder, "link lost", tmp_path, origin)
     row = defects.row_of("link lost", names, proof, 1.0)
@@ -112,12 +92,12 @@ def failed(name, subject):
         ("open", "door_1", False),  # another clause
     ],
 )
-def test_a_defect_is_named_by_its_clause_and_its_joint(defects, clause, subject, named):
+def test_a_defect_is_named_by_its_clause_and_its_joint(clause, subject, named):
     row = defects.row_of("limits absent", ("door_1", "door"), failed(clause, subject), 1.0)
     assert (row["found"], row["named"]) == (True, named)
 
 
-def test_sums_tell_missed_from_not_named_and_false_alarms(defects):
+def test_sums_tell_missed_from_not_named_and_false_alarms():
     def row(kind, clauses, *, named=False):
         return {
             "kind": kind,
@@ -148,8 +128,8 @@ def test_sums_tell_missed_from_not_named_and_false_alarms(defects):
     assert (result["assets"], result["complete"]) == (2, 0)
 
 
-def test_results_are_gone_on_with_after_a_kill(defects, folder, source, tmp_path, monkeypatch):
-    monkeypatch.setattr(defects, "KINDS", {"link lost": defects.KINDS["link lost"]})
+def test_results_are_gone_on_with_after_a_kill(folder, source, tmp_path, monkeypatch):
+    monkeypatch.setattr(defects, "KINDS", {"link lost": planted.KINDS["link lost"]})
     path = defects.results_of(tmp_path, folder.name)
     first = {"kind": "untouched", "planted": True, "found": False}
     path.write_text(json.dumps(first) + '\n{"kind": "link l')
@@ -160,20 +140,24 @@ def test_results_are_gone_on_with_after_a_kill(defects, folder, source, tmp_path
     assert defects.noted(path)[1]["found"]
 
 
-def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(planted, folder, tmp_path):
+def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     tree = etree.parse(str(copy / "object.xml"))
     d = planted.Damaged(copy, load_asset(copy), tree)
-    first = d.largest()[0]
+    found = d.largest()
+    assert found
+    first = found[0]
     first.addnext(etree.fromstring(etree.tostring(first)))  # the same mesh once more hides both
-    second = d.largest()[0]
+    found = d.largest()
+    assert found
+    second = found[0]
     assert first.get("mesh") != second.get("mesh")
     assert first.getparent().get("name") == "body"
     assert second.getparent().get("name") in {"drawer", "door"}
 
 
-def test_a_mirror_image_that_looks_the_same_is_no_defect(planted, tmp_path):
+def test_a_mirror_image_that_looks_the_same_is_no_defect(tmp_path):
     path = tmp_path / "pot.obj"
     pot = trimesh.creation.cylinder(radius=0.2, height=0.1, sections=500)
     pot.apply_translation((0.0, 0.0, 0.05))

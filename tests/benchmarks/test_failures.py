@@ -1,25 +1,11 @@
 """The failed episodes of a policy that learned nothing are all there, and told as they were."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.assets import make_cabinet
 from tests.runs import make_run
 
-
-@pytest.fixture(scope="module")
-def failures():
-    path = Path(__file__).parents[2] / "benchmarks" / "failures.py"
-    spec = importlib.util.spec_from_file_location("failures", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["failures"] = module
-    spec.loader.exec_module(module)
-    return module
+import failures
 
 
 @pytest.mark.parametrize(
@@ -32,12 +18,12 @@ def failures():
         ([41, 41, 41, 41, 41, 33, 26, 24], 1, 7),  # 0.6 of 41 mm are 24.6
     ],
 )
-def test_a_hold_is_lost_when_the_fingers_come_together(failures, width_mm, closed, when):
+def test_a_hold_is_lost_when_the_fingers_come_together(width_mm, closed, when):
     width = 1e-3 * np.array(width_mm, dtype=float)
     assert failures.slip(width, np.full(8, bool(closed)), 0.041) == when
 
 
-def test_every_episode_of_a_policy_that_learned_nothing_is_listed(failures, tmp_path):
+def test_every_episode_of_a_policy_that_learned_nothing_is_listed(tmp_path):
     run = make_run(tmp_path / "run", make_cabinet(tmp_path / "cabinet"), episode_s=1.0)
     found, ticks = failures.failures(run, 0, 3, 5)
     assert ticks == 20

@@ -1,11 +1,11 @@
 """A policy is judged at finer steps on the draws that it had at its own."""
 
 import pytest
-from benchmarks.finer import line, rows
 from tests.assets import make_cabinet
 from tests.runs import make_run
 
 from articulate.errors import ConfigError
+from finer import line, rows
 
 
 @pytest.fixture(scope="module")

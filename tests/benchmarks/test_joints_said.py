@@ -2,10 +2,11 @@
 
 import importlib
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
+
+import joints_said as said
 
 RECORD: dict[str, Any] = {
     "category": "Box",
@@ -47,19 +48,13 @@ RECORD: dict[str, Any] = {
 
 
 @pytest.fixture
-def said(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    return importlib.import_module("joints_said")
-
-
-@pytest.fixture
 def run(tmp_path):
     (tmp_path / "objects").mkdir()
     (tmp_path / "objects" / "box_1.json").write_text(json.dumps(RECORD))
     return tmp_path
 
 
-def test_what_is_kept_is_read_as_the_run_is(said, run, capsys, monkeypatch):
+def test_what_is_kept_is_read_as_the_run_is(run, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["joints_said", str(run)])
     assert said.main() == 0
     file = run / "kept.json"
@@ -81,7 +76,7 @@ def test_what_is_kept_is_read_as_the_run_is(said, run, capsys, monkeypatch):
     assert (joint.part, joint.pivot_o) == ("lid", (0.123457, 0.0, 0.2))
 
 
-def test_what_holds_no_records_is_told(said, tmp_path, capsys, monkeypatch):
+def test_what_holds_no_records_is_told(tmp_path, capsys, monkeypatch):
     (tmp_path / "kept.json").write_text("{}")
     for place in (tmp_path, tmp_path / "kept.json"):
         monkeypatch.setattr("sys.argv", ["joints_said", str(place)])

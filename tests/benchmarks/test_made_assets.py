@@ -1,9 +1,11 @@
 """Of objects whose joints are all right, those count whose own URDF is proven."""
 
-import importlib
 from pathlib import Path
 
 import pytest
+
+import made_assets as made
+from articulate.errors import UsageError
 
 JOINT = {
     "part": "door",
@@ -15,13 +17,6 @@ JOINT = {
     "upper": 1.5,
     "confidence": 0.8,
 }
-
-
-@pytest.fixture
-def made():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-        yield importlib.import_module("made_assets")
 
 
 def record(*failures, spurious=0, error=""):
@@ -38,7 +33,7 @@ def record(*failures, spurious=0, error=""):
     }
 
 
-def test_joints_of_all_cases_are_taken_as_they_were_said(made):
+def test_joints_of_all_cases_are_taken_as_they_were_said():
     joints = made.found_joints(record("success", "success"), "paper")
     assert len(joints) == 2
     assert joints[0].part == "door"
@@ -46,7 +41,7 @@ def test_joints_of_all_cases_are_taken_as_they_were_said(made):
     assert (joints[0].lower, joints[0].upper) == (0.0, 1.5)
 
 
-def test_what_goes_along_is_said_as_well(made):
+def test_what_goes_along_is_said_as_well():
     one = record("success")
     one["cases"][0]["fixed"] = [["handle", "door"]]
     _, handle = made.found_joints(one, "paper")
@@ -62,15 +57,15 @@ def test_what_goes_along_is_said_as_well(made):
         record(),
     ],
 )
-def test_object_with_anything_wrong_does_not_count(made, one):
+def test_object_with_anything_wrong_does_not_count(one):
     assert made.found_joints(one, "paper") == []
 
 
-def test_protocol_decides_what_is_right(made):
+def test_protocol_decides_what_is_right():
     assert made.found_joints(record("success"), "strict") == []
 
 
-def test_share_is_of_those_whose_own_is_proven(made):
+def test_share_is_of_those_whose_own_is_proven():
     pairs = [
         made.Pair("a", "proven", "repaired", ()),
         made.Pair("b", "refused", "refused", ("no",)),
@@ -84,7 +79,7 @@ def test_share_is_of_those_whose_own_is_proven(made):
     assert made.summary([], "paper")["share"] is None
 
 
-def settled(made, monkeypatch, told, verdict, stated="proven"):
+def settled(monkeypatch, told, verdict, stated="proven"):
     """The pair of an object of which a summary says ``told``, and what was asked besides."""
     asked = []
 
@@ -115,22 +110,22 @@ def settled(made, monkeypatch, told, verdict, stated="proven"):
         ("", "proven", "repaired", ["own"]),
     ],
 )
-def test_own_is_proven_where_no_summary_settles_it(made, monkeypatch, told, verdict, own, asked):
-    pair, done = settled(made, monkeypatch, told, verdict)
+def test_own_is_proven_where_no_summary_settles_it(monkeypatch, told, verdict, own, asked):
+    pair, done = settled(monkeypatch, told, verdict)
     assert (pair.own, pair.made, done) == (own, verdict, asked)
 
 
-def test_what_is_refused_as_the_data_set_states_it_is_told_apart(made, monkeypatch):
-    pair, _ = settled(made, monkeypatch, "", "refused", stated="refused")
+def test_what_is_refused_as_the_data_set_states_it_is_told_apart(monkeypatch):
+    pair, _ = settled(monkeypatch, "", "refused", stated="refused")
     told = made.summary([pair], "paper")
     assert (told["own_proven"], told["made_proven"], told["refused_as_stated"]) == (1, 0, 1)
 
 
-def test_summary_of_the_own_tells_who_is_refused(made, tmp_path):
+def test_summary_of_the_own_tells_who_is_refused(tmp_path):
     file = tmp_path / "assets.json"
     file.write_text('{"asked": 2, "objects": 2, "refused": [{"id": "b"}]}')
     assert made.own_verdicts(file, ["a", "b"]) == {"a": "not refused", "b": "refused"}
     assert made.own_verdicts(None, ["a"]) == {}
     file.write_text('{"asked": 3, "objects": 2, "refused": []}')
-    with pytest.raises(made.UsageError, match="not all objects"):
+    with pytest.raises(UsageError, match="not all objects"):
         made.own_verdicts(file, ["a"])

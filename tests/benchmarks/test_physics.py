@@ -1,29 +1,21 @@
 """The study of physics settings replays the same actions, and measures what it says."""
 
-import importlib
 import json
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.assets import make_cabinet
 from tests.runs import make_run
 
+import physics
+from articulate.draw import draw
 from articulate.settings import NO_DRAW
 from articulate.simulator import mujoco
 from articulate_envs.starts import home_start
-
-
-@pytest.fixture(scope="module")
-def physics():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-        patch.delitem(sys.modules, "physics", raising=False)
-        module = importlib.import_module("physics")
-
-        yield module
+from articulate_train.run import open_run
+from gains import motion_to
 
 
 @pytest.fixture(scope="module")
@@ -33,14 +25,14 @@ def run(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def stage(physics, run, tmp_path_factory):
-    found = physics.open_run(run)
+def stage(run, tmp_path_factory):
+    found = open_run(run)
     config = replace(found.config, draw=NO_DRAW)
     cache = tmp_path_factory.mktemp("cache")
     return physics.Stage(config, found.asset.folder, found.asset, found.task, found.place, cache)
 
 
-def test_every_candidate_is_written_into_every_model(physics, stage):
+def test_every_candidate_is_written_into_every_model(stage):
     named = {c.name: c for c in physics.candidates([])}
     assert len(named) == len(physics.candidates([]))
     euler = stage.scene(named["2 ms, Euler"]).models[0].opt
@@ -55,15 +47,15 @@ def test_every_candidate_is_written_into_every_model(physics, stage):
     assert not shipped.disableflags & mujoco.mjtDisableBit.mjDSBL_WARMSTART
 
 
-def test_a_replay_of_what_was_taken_is_the_episode_itself(physics, stage):
+def test_a_replay_of_what_was_taken_is_the_episode_itself(stage):
     scene = stage.scene(physics.Candidate(name="shipped"))
-    drawn = physics.draw(NO_DRAW, np.random.default_rng(0), 2, begin=scene.task.begin)
+    drawn = draw(NO_DRAW, np.random.default_rng(0), 2, begin=scene.task.begin)
     start = home_start(scene, drawn)
     engine = physics.TimedEngine(scene, 2)
     goals, hand = physics.script(scene, start, np.random.default_rng(1))
 
     def act(t):
-        motion = physics.motion_to(scene, engine.state().target, goals[t])
+        motion = motion_to(scene, engine.state().target, goals[t])
         return np.column_stack([motion, hand[t]])
 
     first, taken = physics.replay(engine, start, act, scene.ticks)
@@ -76,9 +68,7 @@ def test_a_replay_of_what_was_taken_is_the_episode_itself(physics, stage):
     assert again.tick_us > 0.0
 
 
-def test_a_longer_step_is_told_to_be_farther_from_the_reference(
-    physics, run, monkeypatch, tmp_path, capsys
-):
+def test_a_longer_step_is_told_to_be_farther_from_the_reference(run, monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     flags = ["--episodes", "2", "--ticks", "6", "--rounds", "1", "--only", "10", "1", "--json"]
     monkeypatch.setattr(sys, "argv", ["physics.py", "--run", str(run), *flags, "--budgets"])

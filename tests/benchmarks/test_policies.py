@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import pytest
-from benchmarks.collect import WINDOW, compared, when_learnt
-from benchmarks.policies import FOLDER, failures, learnt_text, object_text, ratio_text, share, table
+
+from collect import WINDOW, compared, when_learnt
+from policies import FOLDER, failures, learnt_text, object_text, ratio_text, share, table
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -1,7 +1,7 @@
 """What another converter made is judged by the same proof, once, and a crash is a row."""
 
-import importlib
 import json
+import multiprocessing
 import os
 import re
 import sys
@@ -13,20 +13,13 @@ import trimesh
 from numpy.testing import assert_allclose
 from tests.articulate.convert.cabinets import write_cabinet
 
+import rivals
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
+from articulate.prove.fk import InputFrame
 from articulate.simulator import mujoco
 
 CONFIG = ConvertConfig(decompose=False)
-
-
-@pytest.fixture(scope="module")
-def rivals():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-        yield importlib.import_module("rivals")
-        for name in ("rivals", "assets"):
-            sys.modules.pop(name, None)
 
 
 def plain(urdf: Path, *, solid: bool) -> Path:
@@ -46,7 +39,7 @@ def plain(urdf: Path, *, solid: bool) -> Path:
     return urdf
 
 
-def jobs_on(rivals, folder: Path, source: Path):
+def jobs_on(folder: Path, source: Path):
     convert(source, folder / "checked/cabinet", CONFIG)
 
     def make(tool: str):
@@ -57,9 +50,9 @@ def jobs_on(rivals, folder: Path, source: Path):
 
 
 @pytest.fixture(scope="module")
-def job(rivals, tmp_path_factory):
+def job(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rivals")
-    return jobs_on(rivals, folder, plain(write_cabinet(folder / "source"), solid=True))
+    return jobs_on(folder, plain(write_cabinet(folder / "source"), solid=True))
 
 
 def test_our_own_conversion_is_judged_without_its_input(job):
@@ -81,9 +74,9 @@ def test_convex_hulls_of_a_hollow_cabinet_are_found_sealed(job):
     assert row["openness_min"] < 0.5
 
 
-def test_parts_that_collide_with_nothing_are_not_good(rivals, tmp_path):
+def test_parts_that_collide_with_nothing_are_not_good(tmp_path):
     """Nothing stands in the way of a drawer without collision shapes, and nothing can pull it."""
-    bare = jobs_on(rivals, tmp_path, plain(write_cabinet(tmp_path / "source"), solid=False))
+    bare = jobs_on(tmp_path, plain(write_cabinet(tmp_path / "source"), solid=False))
     bare("mujoco with flags").run()
     row = json.loads((tmp_path / "mujoco with flags.json").read_text())
     assert row["loads"], row["reason"]
@@ -91,13 +84,13 @@ def test_parts_that_collide_with_nothing_are_not_good(rivals, tmp_path):
     assert row["reason"] == "drawer, door: no collision shapes"
 
 
-def test_floor_and_place_that_a_tool_adds_are_no_part_of_the_object(rivals, job, tmp_path):
+def test_floor_and_place_that_a_tool_adds_are_no_part_of_the_object(job, tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text("""<mujoco><default><default class="floor"><geom type="plane" size="0 0 1"/>
     </default></default><worldbody><geom name="floor" class="floor"/><light/>
     <body name="base" pos="0 0 3"><freejoint/><geom size="1"/></body></worldbody></mujoco>""")
     asset = load_asset(job("ours").checked / "cabinet")
-    frame = rivals.InputFrame(scale=1.0, T_os=np.eye(4))
+    frame = InputFrame(scale=1.0, T_os=np.eye(4))
     found = rivals.adopted(path, asset, frame, tmp_path / "asset")
     model = mujoco.MjModel.from_xml_path(str(found.folder / "object.xml"))
     assert (model.njnt, model.ngeom) == (0, 1)
@@ -105,7 +98,7 @@ def test_floor_and_place_that_a_tool_adds_are_no_part_of_the_object(rivals, job,
     assert_allclose(model.body(int(model.geom_bodyid[0])).pos, 0.0)
 
 
-def test_a_tool_that_writes_beside_no_urdf_gets_a_folder(rivals, tmp_path):
+def test_a_tool_that_writes_beside_no_urdf_gets_a_folder(tmp_path):
     """urdf-to-mjcf writes elsewhere if it is asked to write into the folder of the URDF."""
     tool = tmp_path / "tools/urdf-to-mjcf/bin/urdf-to-mjcf"
     tool.parent.mkdir(parents=True)
@@ -116,7 +109,7 @@ def test_a_tool_that_writes_beside_no_urdf_gets_a_folder(rivals, tmp_path):
     assert made.path is not None, made.reason
 
 
-def test_a_tool_that_is_not_there_is_a_row_with_the_reason(rivals, job):
+def test_a_tool_that_is_not_there_is_a_row_with_the_reason(job):
     absent = job("mujoco")
     made = rivals._run([sys.executable, "-c", "raise SystemExit('no such thing')"], absent.note)
     assert made.path is None
@@ -130,11 +123,11 @@ def test_a_row_that_is_noted_is_not_made_again(job):
 
 
 @pytest.mark.parametrize("wrote", [False, True])
-def test_a_crash_is_a_row(rivals, job, monkeypatch, wrote):
+def test_a_crash_is_a_row(job, monkeypatch, wrote):
     """It keeps whether the tool had written something before its proof ended."""
     crashing = job(f"crashing {wrote}")
-    context = rivals.multiprocessing.get_context("fork")
-    monkeypatch.setattr(rivals.multiprocessing, "get_context", lambda _: context)
+    context = multiprocessing.get_context("fork")
+    monkeypatch.setattr(multiprocessing, "get_context", lambda _: context)
     tool = rivals.unmodified if wrote else lambda *_: os._exit(9)
     monkeypatch.setitem(rivals.TOOLS, crashing.tool, tool)
     monkeypatch.setattr(rivals, "adopted", lambda *_: os._exit(9))

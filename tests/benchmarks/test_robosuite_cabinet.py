@@ -1,8 +1,6 @@
 """The rival of the training benchmark runs, and its cabinet is ours."""
 
-import importlib.util
-import sys
-from pathlib import Path
+import importlib
 
 import numpy as np
 import pytest
@@ -13,18 +11,7 @@ from articulate.simulator import mujoco
 pytest.importorskip("robosuite", reason="robosuite is not installed; scripts/install does that")
 
 
-def _load(name):
-    path = Path(__file__).parents[2] / "benchmarks" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-rival = _load("robosuite_cabinet")
+rival = importlib.import_module("robosuite_cabinet")
 
 
 @pytest.fixture(scope="module")

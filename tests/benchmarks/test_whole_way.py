@@ -1,23 +1,16 @@
 """The way from a clip to a policy that is judged goes on where it was stopped."""
 
 import argparse
-import importlib
 import json
-from pathlib import Path
 
 import pytest
 
+import whole_way
 from articulate.errors import UsageError
 
 
 @pytest.fixture
-def whole_way(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    return importlib.import_module("whole_way")
-
-
-@pytest.fixture
-def calls(whole_way, monkeypatch):
+def calls(monkeypatch):
     made = []
 
     def articulate(*words):
@@ -33,7 +26,7 @@ def flags():
     return argparse.Namespace(steps=100, seeds=[0, 2], episodes=7)
 
 
-def test_a_run_is_begun_gone_on_with_and_left_when_it_is_done(whole_way, calls, flags, tmp_path):
+def test_a_run_is_begun_gone_on_with_and_left_when_it_is_done(calls, flags, tmp_path):
     run = tmp_path / "run"
     whole_way.trained(tmp_path / "a.urdf", run, flags, "--task", "open_door")
     assert calls[-1] == [
@@ -48,7 +41,7 @@ def test_a_run_is_begun_gone_on_with_and_left_when_it_is_done(whole_way, calls, 
     assert len(calls) == 2
 
 
-def test_policies_are_judged_on_the_true_object(whole_way, calls, flags, tmp_path):
+def test_policies_are_judged_on_the_true_object(calls, flags, tmp_path):
     report = whole_way.judged(tmp_path / "run", tmp_path / "a.urdf", "joint_0", flags)
     assert report["success_rate"] == 0.5
     assert calls == [
@@ -59,7 +52,7 @@ def test_policies_are_judged_on_the_true_object(whole_way, calls, flags, tmp_pat
     ]
 
 
-def test_a_command_that_fails_ends_the_way(whole_way):
+def test_a_command_that_fails_ends_the_way():
     with pytest.raises(UsageError, match="articulate mak: exit 2"):
         whole_way.articulate("mak")
 
@@ -74,7 +67,7 @@ SUMMARY = {
 }
 
 
-def test_a_summary_may_stand_for_the_truth(whole_way, calls, flags, tmp_path):
+def test_a_summary_may_stand_for_the_truth(calls, flags, tmp_path):
     file = tmp_path / "open_door.json"
     file.write_text(json.dumps(SUMMARY))
     report = whole_way.told(file, "partnet_1", "open_door", "joint_0", flags)
@@ -92,7 +85,7 @@ def test_a_summary_may_stand_for_the_truth(whole_way, calls, flags, tmp_path):
         {"seeds": [{"seed": seed, "success": {"value": 0.9, "episodes": 9}} for seed in (0, 2)]},
     ],
 )
-def test_a_summary_of_something_else_does_not(whole_way, flags, tmp_path, other):
+def test_a_summary_of_something_else_does_not(flags, tmp_path, other):
     file = tmp_path / "open_door.json"
     file.write_text(json.dumps(SUMMARY | other))
     with pytest.raises(UsageError, match="is of"):

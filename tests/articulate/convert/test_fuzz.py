@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.mutants import BYTE_KINDS, ENCODINGS, MESHES, MOST, TREE_KINDS, Mutant, write_mutant
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
@@ -20,6 +19,7 @@ from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.errors import ArticulateError
 from articulate.simulator import mujoco
+from mutants import BYTE_KINDS, ENCODINGS, MESHES, MOST, TREE_KINDS, Mutant, write_mutant
 
 TIME_S = 60
 """Longest time of one conversion [s]."""

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.roundtrip import difference, read, round_trip
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.articulate.program import scenes
@@ -15,6 +14,7 @@ from tests.articulate.program import scenes
 from articulate.errors import AssetError
 from articulate.program.decompile import decompile
 from articulate.program.parts import parts_of
+from roundtrip import difference, read, round_trip
 
 ROOT = Path(__file__).resolve().parents[3]
 MESH = '<geometry><mesh filename="box.obj" scale="{}"/></geometry>'
