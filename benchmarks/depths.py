@@ -12,7 +12,6 @@ deeper.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections import Counter
@@ -37,6 +36,7 @@ from articulate_envs.starts import home_start
 from articulate_envs.threads import ThreadEngine
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run
+from policy_flags import policy_parser
 
 SOON, LATE = 8, 20
 """Ticks from the first one of closing fingers to that of the depth, and to that of what they have:
@@ -178,14 +178,8 @@ def line(row: Row) -> str:
 
 def main() -> int:
     """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path)
-    parser.add_argument("--seed", type=int, default=0, help="policy of the run")
-    parser.add_argument("--episodes", type=int, default=400)
-    parser.add_argument("--draws", type=int, default=77, help="seed of what is drawn")
-    parser.add_argument("--ranges", type=float, default=1.0, help="as wide as --ranges of evaluate")
+    parser = policy_parser(__doc__, episodes=400)
     parser.add_argument("--deeper-mm", type=float, default=0.0, help="the handle is told deeper")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
     flags = parser.parse_args()
     torch.set_num_threads(1)
     deeper_m = 1e-3 * flags.deeper_mm

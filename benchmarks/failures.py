@@ -11,7 +11,6 @@ that end open but moving, or a little short of the target, have slipped long aft
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from dataclasses import asdict, dataclass
@@ -31,6 +30,7 @@ from articulate_envs.settings import RewardConfig
 from articulate_envs.threads import ThreadEngine
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run
+from policy_flags import policy_parser
 
 BEFORE = 3
 """The handle's place is told so many ticks before the moment."""
@@ -174,14 +174,7 @@ def line(failure: Failure) -> str:
 
 def main() -> int:
     """Print the failed episodes."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path)
-    parser.add_argument("--seed", type=int, default=0, help="policy of the run")
-    parser.add_argument("--episodes", type=int, default=200)
-    parser.add_argument("--draws", type=int, default=77, help="seed of what is drawn")
-    parser.add_argument("--ranges", type=float, default=1.0, help="as wide as --ranges of evaluate")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
-    flags = parser.parse_args()
+    flags = policy_parser(__doc__, episodes=200).parse_args()
     torch.set_num_threads(1)
     found, ticks = failures(flags.run, flags.seed, flags.episodes, flags.draws, flags.ranges)
     if flags.json:

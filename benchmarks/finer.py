@@ -8,7 +8,6 @@ many episodes end otherwise than with the run's own step.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections import Counter
@@ -23,6 +22,7 @@ from articulate.judgement import REASONS
 from articulate_train.evaluate import run_episodes
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run
+from policy_flags import policy_parser
 
 
 def rows(
@@ -86,14 +86,8 @@ def line(row: dict[str, Any]) -> str:
 
 def main() -> int:
     """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path)
-    parser.add_argument("--seed", type=int, default=0, help="policy of the run")
-    parser.add_argument("--episodes", type=int, default=300)
-    parser.add_argument("--draws", type=int, default=77, help="seed of what is drawn")
-    parser.add_argument("--ranges", type=float, default=1.0, help="as wide as --ranges of evaluate")
+    parser = policy_parser(__doc__, episodes=300)
     parser.add_argument("--timesteps-ms", type=float, nargs="+", default=[2.5, 1.0])
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
     flags = parser.parse_args()
     torch.set_num_threads(1)
     found = rows(
