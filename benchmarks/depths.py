@@ -158,13 +158,15 @@ def rows(seen: Seen, edges_mm: Sequence[float] = EDGES_MM) -> list[Row]:
 
 
 def result(seen: Seen) -> dict[str, Any]:
-    """Rows, and how all episodes ended."""
+    """Rows, and how all episodes ended; a range without a bound has None there."""
     reasons = Counter(REASONS[int(code)] for code in seen.code if code)
     return {
         "episodes": len(seen.code),
         "successes": int((seen.code == 0).sum()),
         "reasons": dict(reasons),
-        "rows": [asdict(row) for row in rows(seen)],
+        "rows": [
+            {k: v if np.isfinite(v) else None for k, v in asdict(row).items()} for row in rows(seen)
+        ],
     }
 
 

@@ -37,6 +37,11 @@ def test_each_hand_is_in_the_range_of_its_depth_at_the_time_it_has_closed():
     assert [row.force_n for row in (short, at, deep)] == [30.0, 40.0, 50.0]
 
 
+def test_a_range_without_a_bound_is_told_as_json_can():
+    short, *_ = depths.result(seen())["rows"]
+    assert (short["from_mm"], short["to_mm"]) == (None, -6.0)
+
+
 def test_a_hand_that_never_closes_is_left_out():
     assert sum(row.episodes for row in depths.rows(seen(closes=(10, 20, T)))) == 2
 
