@@ -14,23 +14,16 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
 from articulate.judgement import REASONS
-from articulate.kinematics import tool_pose
 from articulate.task import beyond_target
 from articulate.transforms import Array, Mask
 from articulate_envs.compiled.reward import HELD_SHARE
-from articulate_envs.episodes import Episodes, Tick
-from articulate_envs.rewards import grasp_of
-from articulate_envs.settings import RewardConfig
-from articulate_envs.threads import ThreadEngine
-from articulate_train.policy import load_policy
-from articulate_train.run import open_run
 from policy_flags import policy_parser
+from watched import Watched, watch
 
 BEFORE = 3
 """The handle's place is told so many ticks before the moment."""
@@ -91,68 +84,33 @@ def slip(width: Array, closed: Mask, thick: float) -> int | None:
     return None
 
 
-def failures(
-    folder: Path, seed: int, episodes: int, draws: int, ranges: float = 1.0
-) -> tuple[list[Failure], int]:
-    """The failed ones of ``episodes`` drawn episodes from home, and how many ticks each has.
+def failure(seen: Watched, i: int) -> Failure:
+    """What happened in episode ``i``, which failed."""
+    forces = seen.force[:, i]
+    over = first(forces > seen.scene.task.limits.force_n)
+    t = int(forces.argmax()) if over is None else over
+    along, across, ahead = 1e3 * seen.place_t[max(t - BEFORE, 0), i]
+    return Failure(
+        episode=i,
+        reason=REASONS[int(seen.code[i])],
+        tick=t,
+        force_n=round(float(forces.max()), 1),
+        across_mm=round(float(across), 1),
+        ahead_mm=round(float(ahead), 1),
+        along_mm=round(float(along), 1),
+        width_mm=round(1e3 * float(seen.width[t, i]), 1),
+        told_to_close=bool(seen.closing[t, i]),
+        opened=round(float(seen.opened[t, i]), 3),
+        opened_end=round(float(seen.opened[-1, i]), 3),
+        reached=first(beyond_target(seen.scene.task, seen.opened[:, i])),
+        slipped=slip(seen.width[:, i], seen.closing[:, i], float(seen.thick[i])),
+        drawn={name: round(float(seen.drawn[name][i]), 3) for name in DRAWN},
+    )
 
-    Args:
-        folder: Run.
-        seed: Which of its policies.
-        episodes: So many.
-        draws: Seed of what is drawn.
-        ranges: So many times as wide is every range of the randomisation.
-    """
-    run = open_run(folder).widened(ranges)
-    scene, policy = run.scene(), load_policy(run.seed_folder(seed))
-    engine = ThreadEngine(scene, episodes, threads=2)
-    runs = Episodes(engine, draws=run.config.draw, reward=RewardConfig(), starts=None, seed=draws)
-    seen, drawn = runs.reset(), runs.drawn
-    place, closing, opened, width, force = [], [], [], [], []
-    tick: Tick | None = None
-    for _ in range(scene.ticks):
-        tick = runs.step(policy.act(seen))
-        seen = tick.observation
-        if tick.ended is None:
-            state = engine.state()
-            T_wt = tool_pose(scene.arm, state.q)
-            offset_w = state.T_wh[:, :3, 3] - T_wt[:, :3, 3]
-            place.append(np.einsum("nij,ni->nj", T_wt[:, :3, :3], offset_w))
-            closing.append(state.hand.closing > 0.0)
-            opened.append(state.opened.copy())
-            width.append(state.hand_width.copy())
-            force.append(np.linalg.norm(state.samples[:, :3], axis=1))
-    engine.close()
-    assert tick is not None
-    assert tick.ended is not None
-    thick = grasp_of(scene.asset.handle_of(scene.task.joint)).thick_m * drawn["scale"]
-    widths, closed = np.array(width), np.array(closing)
-    at = beyond_target(scene.task, np.array(opened))
-    out = []
-    for i in np.flatnonzero(tick.ended.code != 0).tolist():
-        forces = np.array([f[i] for f in force])
-        over = np.flatnonzero(forces > scene.task.limits.force_n)
-        t = int(over[0]) if len(over) else int(forces.argmax())
-        along, across, ahead = 1e3 * place[max(t - BEFORE, 0)][i]
-        out.append(
-            Failure(
-                episode=i,
-                reason=REASONS[int(tick.ended.code[i])],
-                tick=t,
-                force_n=round(float(forces.max()), 1),
-                across_mm=round(float(across), 1),
-                ahead_mm=round(float(ahead), 1),
-                along_mm=round(float(along), 1),
-                width_mm=round(1e3 * float(width[t][i]), 1),
-                told_to_close=bool(closing[t][i]),
-                opened=round(float(opened[t][i]), 3),
-                opened_end=round(float(opened[-1][i]), 3),
-                reached=first(at[:, i]),
-                slipped=slip(widths[:, i], closed[:, i], float(thick[i])),
-                drawn={name: round(float(drawn[name][i]), 3) for name in DRAWN},
-            )
-        )
-    return out, scene.ticks
+
+def failures(seen: Watched) -> list[Failure]:
+    """The failed ones of the episodes."""
+    return [failure(seen, i) for i in np.flatnonzero(seen.code != 0).tolist()]
 
 
 def _tick(tick: int | None) -> str:
@@ -176,13 +134,16 @@ def main() -> int:
     """Print the failed episodes."""
     flags = policy_parser(__doc__, episodes=200).parse_args()
     torch.set_num_threads(1)
-    found, ticks = failures(flags.run, flags.seed, flags.episodes, flags.draws, flags.ranges)
+    seen = watch(
+        flags.run, flags.seed, episodes=flags.episodes, draws=flags.draws, ranges=flags.ranges
+    )
+    found, ticks = failures(seen), seen.scene.ticks
     if flags.json:
         rows = [asdict(f) for f in found]
         print(json.dumps({"episodes": flags.episodes, "ticks": ticks, "failed": rows}, indent=1))
         return 0
-    for failure in found:
-        print(line(failure))
+    for failed in found:
+        print(line(failed))
     print(f"{len(found)} of {flags.episodes} failed; an episode has {ticks} ticks")
     return 0
 

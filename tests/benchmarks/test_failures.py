@@ -6,6 +6,7 @@ from tests.assets import make_cabinet
 from tests.runs import make_run
 
 import failures
+from watched import watch
 
 
 @pytest.mark.parametrize(
@@ -25,14 +26,12 @@ def test_a_hold_is_lost_when_the_fingers_come_together(width_mm, closed, when):
 
 def test_every_episode_of_a_policy_that_learned_nothing_is_listed(tmp_path):
     run = make_run(tmp_path / "run", make_cabinet(tmp_path / "cabinet"), episode_s=1.0)
-    found, ticks = failures.failures(run, 0, 3, 5)
-    assert ticks == 20
+    seen = watch(run, 0, episodes=3, draws=5)
+    found = failures.failures(seen)
     assert [f.episode for f in found] == [0, 1, 2]
-    again, _ = failures.failures(run, 0, 3, 5)
-    assert again == found
     for failure in found:
         assert failure.reason != "success"
-        assert 0 <= failure.tick < ticks - 1
+        assert 0 <= failure.tick < seen.scene.ticks - 1
         assert 0.0 <= failure.width_mm <= 82.0
         assert failure.drawn["hand_latency_s"] >= 0.1
         assert failures.line(failure).startswith(f"{failure.episode:4d} {failure.reason}")

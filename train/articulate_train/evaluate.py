@@ -147,8 +147,34 @@ def run_episodes(
     """
     first, second = stream.spawn(2)
     drawn = draw(draws, np.random.default_rng(first), episodes, begin=scene.task.begin)
-    engine = ThreadEngine(scene, episodes, threads=threads)
-    env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=second)
+    ended = run_drawn(scene, policy, draws, drawn, second, threads=threads, after_tick=after_tick)
+    return ended, drawn
+
+
+def run_drawn(
+    scene: Scene,
+    policy: Policy,
+    draws: DrawConfig,
+    drawn: Draw,
+    stream: np.random.SeedSequence,
+    *,
+    threads: int,
+    after_tick: Callable[[int, ThreadEngine], None] = lambda *_: None,
+) -> Ended:
+    """Ends of one episode from home for each row of ``drawn``, with the policy's mean action.
+
+    Args:
+        scene: Where.
+        policy: Whose actions.
+        draws: Randomisation, for the noise of what is observed.
+        drawn: What is drawn, a row an episode.
+        stream: Decides that noise.
+        threads: Threads of the engine.
+        after_tick: Told each tick but the last, which begins episodes anew, and the engine.
+    """
+    count = len(drawn.values)
+    engine = ThreadEngine(scene, count, threads=threads)
+    env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=stream)
     seen = env.reset(start=home_start(scene, drawn))
     ended: list[Ended] = []
     try:
@@ -161,7 +187,7 @@ def run_episodes(
                 after_tick(t, engine)
     finally:
         engine.close()
-    return first_ends(ended, episodes), drawn
+    return first_ends(ended, count)
 
 
 def first_ends(ended: list[Ended], episodes: int) -> Ended:
