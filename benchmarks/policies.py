@@ -47,7 +47,8 @@ def failures(reasons: Mapping[str, int]) -> str:
     """Reasons of failure, the commonest first."""
     told = sorted(((n, r) for r, n in reasons.items() if r != "success"), reverse=True)
     total = sum(reasons.values())
-    return ", ".join(f"{r.replace('_', ' ')} {n}" for n, r in told) + f" of {total:,}"
+    text = ", ".join(f"{r.replace('_', ' ')} {n}" for n, r in told) or "none"
+    return f"{text} of {total:,}"
 
 
 def learnt_text(rows: Iterable[Mapping[str, Any]]) -> str:
