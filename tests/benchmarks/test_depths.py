@@ -4,8 +4,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from tests.assets import make_cabinet
+from tests.runs import make_run
 
 import depths
+from watched import watch
 
 T = 60
 
@@ -40,3 +43,10 @@ def test_a_range_without_a_bound_is_told_as_json_can():
 
 def test_a_hand_that_never_closes_is_left_out():
     assert sum(row.episodes for row in depths.rows(hands(closes=(10, 20, T)))) == 2
+
+
+def test_hands_of_a_policy_that_learned_nothing_are_told(tmp_path):
+    run = make_run(tmp_path / "run", make_cabinet(tmp_path / "cabinet"), episode_s=1.0)
+    told = depths.result(watch(run, 0, episodes=3, draws=5))
+    assert (told["episodes"], told["successes"]) == (3, 0)
+    assert sum(told["reasons"].values()) == 3
