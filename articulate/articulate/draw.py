@@ -23,8 +23,13 @@ COLUMNS = (
     "start_1", "start_2", "start_3", "start_4", "start_5", "start_6", "start_7",
     "delay_ticks", "hand_latency_s", "bias_x_m", "bias_y_m", "bias_z_m", "bias_yaw_rad",
     "estimate_delay_ticks", "push_x_n", "push_y_n", "push_z_n", "push_time", "part_open",
+    "force_bias_x_n", "force_bias_y_n", "force_bias_z_n",
 )  # fmt: skip
 """Names of a draw's numbers; ``part_open`` is the fraction open at which the part begins."""
+BLOCKS = {
+    "start": slice(11, 18), "bias": slice(20, 23), "push": slice(25, 28), "force_bias": slice(30, 33),
+}  # fmt: skip
+"""Columns that belong together."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +39,9 @@ class Draw:
     values: Array
 
     def __getitem__(self, name: str) -> Array:
-        """Column ``name`` (N,); ``"start"`` and ``"push"`` and ``"bias"`` give their blocks."""
-        blocks = {"start": slice(11, 18), "bias": slice(20, 23), "push": slice(25, 28)}
-        if name in blocks:
-            return np.asarray(self.values[:, blocks[name]])
+        """Column ``name`` (N,); names of :data:`BLOCKS` give their blocks."""
+        if name in BLOCKS:
+            return np.asarray(self.values[:, BLOCKS[name]])
         return np.asarray(self.values[:, COLUMNS.index(name)])
 
 
@@ -84,6 +88,7 @@ def draw(
         *push.T,
         rng.uniform(*(PUSHED_OPEN if begin[0] < begin[1] else PUSHED), n),
         rng.uniform(*begin, n) if begin[0] < begin[1] else np.full(n, begin[0]),
+        *(config.force_bias_n * rng.normal(size=(3, n))),
     ]
     return Draw(np.stack(columns, axis=1))
 

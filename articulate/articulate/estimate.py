@@ -70,6 +70,22 @@ class NoisyEstimator:
         self.speed[:] = snapshot["estimate_speed"]
 
 
+def felt(force_w: Array, drawn: Draw, noise_n: float, rng: np.random.Generator) -> Array:
+    """What an arm says of the forces (N, 3) on its hand, world axes [N].
+
+    An arm tells them from its torques, and is wrong by what its joints' friction and the weight
+    that it believes in are wrong: at rest by 2 N in a recording of libfranka's issue 112.
+
+    Args:
+        force_w: What is true (N, 3) [N].
+        drawn: The constant errors (N rows).
+        noise_n: Standard deviation of what is added anew, each axis [N].
+        rng: Where that comes from.
+    """
+    noise = rng.normal(size=force_w.shape)
+    return np.asarray(force_w + drawn["force_bias"] + noise_n * noise)
+
+
 def _turn(T: Array, yaw_rad: Array) -> None:
     """Turn the axes of poses (N, 4, 4) by yaws (N,) [rad] about the vertical, in place."""
     c, s = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]

@@ -11,6 +11,10 @@ same at 1 ms and at the simulator's step. Its output is the set point of a joint
 controller with target velocity 0. Because a target moves by at most so much per tick
 (:func:`joint_steps`), speed, acceleration and jerk of the output are bounded for every sequence
 of targets (:func:`worst_case`).
+
+A hand that feels more force than it has reason to (:func:`presses`) takes its targets back instead:
+an arm that is soft and late goes on for a third of a second after its policy could have felt
+anything, and that is 20 to 60 N at what it came to touch.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ from articulate.arm import Arm, Hand
 from articulate.errors import ConfigError
 from articulate.kinematics import resolve_motion, self_motion, tool_jacobian_t
 from articulate.settings import FollowConfig
-from articulate.transforms import Array
+from articulate.transforms import Array, Mask
 
 
 def response(omega_rad_s: float, t: Array) -> Array:
@@ -140,12 +144,35 @@ def joint_step(target: Array, motion: Array, config: FollowConfig, arm: Arm) -> 
     return np.asarray(step / np.maximum(longest, 1.0))
 
 
-def next_target(target: Array, motion: Array, q: Array, config: FollowConfig, arm: Arm) -> Array:
+OPEN_M = 0.07
+"""A hand that is wider open than this has not begun to close on anything [m]."""
+
+
+def presses(force: Array, wish: Array, width: Array, config: FollowConfig) -> Mask:
+    """Whether hands press harder than they have reason to (N,).
+
+    An open hand has nothing to press for; one that closes may pull at what it holds.
+
+    Args:
+        force: Net forces on the hands as they are felt (N, 3) [N].
+        wish: What the hands were told, +1 close, -1 open (N,).
+        width: Openings between the fingers (N,) [m].
+        config: The two bounds.
+    """
+    closes = (wish > 0.0) & (width < OPEN_M)
+    most = np.where(closes, config.guard_held_n, config.guard_n)
+    return np.asarray(np.sum(force * force, axis=1) > most * most)
+
+
+def next_target(
+    target: Array, motion: Array, q: Array, config: FollowConfig, arm: Arm, yields: Mask
+) -> Array:
     """Targets (N, 7) of the next tick [rad].
 
     The motion's joint step is added, the lead over the measured joint and the joint limits are
     clipped, and last the change itself, so that it never exceeds a joint's step whatever the
-    joints do.
+    joints do. Where a hand ``yields``, what is asked for is left out, and the targets go back to
+    the measured joints, by no more than that step.
 
     Args:
         target: Targets of this tick (N, 7) [rad].
@@ -153,9 +180,11 @@ def next_target(target: Array, motion: Array, q: Array, config: FollowConfig, ar
         q: Measured joints (N, 7) [rad].
         config: Step, lead and margin.
         arm: Joint limits.
+        yields: Hands that press too hard (N,), see :func:`presses`.
     """
     low, high = arm.bounds(config.margin_rad)
     wish = target + joint_step(target, motion, config, arm)
+    wish = np.where(yields[:, None], q, wish)
     wish = np.clip(wish, q - config.lead_rad, q + config.lead_rad)
     wish = np.clip(wish, low, high)
     most = joint_steps(config, arm)

@@ -31,7 +31,7 @@ from articulate.settings import DrawConfig, FollowConfig
 from articulate.task import Task
 
 SCHEMA = "articulate.policy-bundle"
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 MANIFEST_FILE, POLICY_FILE = "manifest.json", "policy.onnx"
 GOLDEN_FILE, SCENE_FILE = "golden.npz", "scene/scene.xml"
 DRAWS_FILE, OBJECT_FILE = "draws.npz", "object/object.urdf"

@@ -48,6 +48,7 @@ OBSERVATION = Layout(
         ),
         Field(name="hand_width", size=1, unit="0.05 m", frame="-", source="robot"),
         Field(name="hand_speed", size=1, unit="0.1 m/s", frame="-", source="robot"),
+        Field(name="hand_force", size=3, unit="10 N", frame="tool", source="robot"),
         Field(name="hand_command", size=3, unit="1", frame="-", source="plant"),
         Field(
             name="motions_due", size=7, unit="move_m, turn_rad, step_rad", frame="tool",
@@ -67,6 +68,9 @@ the hand is up to half a second behind; one who steers by where it *is* comes to
 predictor of O. J. M. Smith, 1957, without its model of the plant, as targets are known).
 ``part_beyond`` is ``part_open`` again, by how much the part is beyond the task's target, finer and
 only near it, for the same reason; it is above 0 where the task is done, whichever way that is.
+``hand_force`` is the net force of the surroundings on the hand as the arm feels it, filtered as
+the judgement filters it (50 ms): an arm that stands a little ahead of its joints may be pressing,
+or held by its own friction, and only this tells which.
 ``motions_due`` is the sum of the motions that were said but not used yet, as they come late:
 without it a policy cannot tell where its own words will lead the hand. What keeps them waiting
 counts them; a link that is slow without saying so is not seen in it.
@@ -90,6 +94,8 @@ WIDTH_UNIT_M = 0.05
 """Unit of ``hand_width`` [m]."""
 SPEED_UNIT_M_S = 0.1
 """Unit of ``hand_speed`` [m/s]."""
+FORCE_UNIT_N = 10.0
+"""Unit of ``hand_force`` [N]."""
 SINCE_S = 2.0
 """Time after a hand's command that is told apart [s]: its latency and its dwell lie within."""
 
@@ -114,6 +120,7 @@ def observation(
     target: Array,
     hand_width: Array,
     hand_speed: Array,
+    hand_force: Array,
     hand: HandState,
     estimate: Estimate,
     last_action: Array,
@@ -135,6 +142,7 @@ def observation(
         hand_width: Opening between the fingers (N,) [m].
         hand_speed: Its change over the last tick, positive opening (N,) [m/s]; it tells a hand
             that has closed on something from one that is still closing.
+        hand_force: Net force of the surroundings on the hand, filtered, world axes (N, 3) [N].
         hand: What the hand was told.
         estimate: The object.
         last_action: The policy's last action (N, 8).
@@ -171,6 +179,7 @@ def observation(
             "part_speed": 10.0 * estimate.speed,
             "hand_width": hand_width / WIDTH_UNIT_M,
             "hand_speed": hand_speed / SPEED_UNIT_M_S,
+            "hand_force": np.einsum("nji,nj->ni", T_wt[:, :3, :3], hand_force) / FORCE_UNIT_N,
             "hand_command": np.stack([hand.smooth, hand.wish, since], axis=1),
             "motions_due": motions_due,
             "last_action": last_action,

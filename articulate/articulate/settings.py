@@ -69,6 +69,10 @@ class DrawConfig:
     """Age of the object's state, whole ticks, both ends included."""
     push_n: Range = (0.0, 5.0)
     """Force of a push on the moving part, once in an episode, any direction [N]."""
+    force_bias_n: float = 1.5
+    """Standard deviation of the constant error of the force that is felt, each axis [N]."""
+    force_noise_n: float = 0.5
+    """Standard deviation of its error anew each tick, each axis [N]."""
 
     def __post_init__(self) -> None:
         if self.scales < 1:
@@ -150,6 +154,8 @@ NO_DRAW = DrawConfig(
     part_noise=0.0,
     estimate_delay_ticks=(0, 0),
     push_n=(0.0, 0.0),
+    force_bias_n=0.0,
+    force_noise_n=0.0,
 )
 """Nothing is randomised."""
 
@@ -173,9 +179,16 @@ class FollowConfig:
     """Largest distance of a target from its measured joint [rad]."""
     margin_rad: float = 0.05
     """Distance that targets keep from the joint limits [rad]."""
+    guard_n: float = 15.0
+    """Force on an open hand from which on its targets are taken back instead of moved [N]."""
+    guard_held_n: float = 30.0
+    """The same of a hand that closes: as much as an object may ask of who opens it [N]."""
 
     def __post_init__(self) -> None:
-        for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad"):
+        for name in (
+            "rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad",
+            "guard_n", "guard_held_n",
+        ):  # fmt: skip
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigError(f"follow.{name} is {getattr(self, name)}; it must be above 0")
         if not 0.0 <= self.margin_rad < math.inf:

@@ -109,14 +109,14 @@ def _run(
     manifest, results = bundle.manifest, []
     with stand_in:
         for k in range(len(plan.draws.values)):
-            drawn = plan.draw(k)
-            stand_in.set_draw(drawn)
+            drawn, noise = plan.draw(k), plan.noise(k)
+            stand_in.set_draw(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
             stand_in.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
             recording = None if out is None else Recording()
             result = run_episode(
                 policy,
                 stand_in,
-                TruthEstimator(stand_in, plan.config, manifest.task, drawn, plan.noise(k)),
+                TruthEstimator(stand_in, plan.config, manifest.task, drawn, noise),
                 manifest,
                 delay_ticks=int(drawn["delay_ticks"][0]),
                 recording=recording,

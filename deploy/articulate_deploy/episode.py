@@ -22,7 +22,14 @@ from articulate.transforms import Array
 from articulate_deploy.estimators.estimator import Estimator
 from articulate_deploy.plant import Plant
 from articulate_deploy.policy import Policy
-from articulate_deploy.robots.robot import HAND_KEY, SPEED_KEYS, Robot, action_of, joints_of
+from articulate_deploy.robots.robot import (
+    FORCE_KEYS,
+    HAND_KEY,
+    SPEED_KEYS,
+    Robot,
+    action_of,
+    joints_of,
+)
 from articulate_deploy.safety import check_start, was_clipped
 
 PEAKS = (
@@ -114,7 +121,9 @@ def run_episode(
         observed = _observation(manifest, (before, seen), plant, estimate, last, 1.0 - tick / ticks)
         before = seen
         action = policy.act(observed)[0]
-        wish, width = plant.tick(action, joints_of(seen))
+        wish, width = plant.tick(
+            action, q=joints_of(seen), width_m=seen[HAND_KEY], force=joints_of(seen, FORCE_KEYS)
+        )
         sent = joints_of(robot.send_action(action_of(wish, width)))
         clipped += was_clipped(wish, sent)
         plant.sent(sent)
@@ -131,6 +140,7 @@ def run_episode(
                 joint_pos=joints_of(seen),
                 joint_vel=joints_of(seen, SPEED_KEYS),
                 hand_width_m=seen[HAND_KEY],
+                hand_force_n=joints_of(seen, FORCE_KEYS),
                 estimate_T_wh=estimate.T_wh[0],
                 estimate_open=estimate.opened[0],
                 part_open=truth.opened[0],
@@ -173,6 +183,7 @@ def _observation(
         target=plant.target[None],
         hand_width=np.array([seen[HAND_KEY]]),
         hand_speed=np.array([seen[HAND_KEY] - before[HAND_KEY]]) / tick_s,
+        hand_force=joints_of(seen, FORCE_KEYS)[None],
         hand=plant.hand,
         estimate=estimate,
         last_action=last[None],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.follow import HandState, hand_start, hand_tick, next_target
+from articulate.follow import HandState, hand_start, hand_tick, next_target, presses
 from articulate.manifest import Manifest
 from articulate.transforms import Array
 
@@ -35,13 +35,23 @@ class Plant:
         """Sum of the motions that were said but have not been used yet (7,)."""
         return np.sum(self._late, axis=0) if self._late else np.zeros(7)
 
-    def tick(self, action: Array, q: Array) -> tuple[Array, float]:
-        """Targets (7,) [rad] and opening of the hand [m] for an action (8,), at angles (7,)."""
+    def tick(self, action: Array, *, q: Array, width_m: float, force: Array) -> tuple[Array, float]:
+        """Targets (7,) [rad] and opening of the hand [m] for an action (8,).
+
+        Args:
+            action: What the policy says.
+            q: Angles of the arm (7,) [rad].
+            width_m: Opening between the fingers [m].
+            force: Net force on the hand as it is felt (3,) [N].
+        """
         self._late.append(action[:7])
         motion = self._late.pop(0)
-        target = next_target(self.target[None], motion[None], q[None], self._follow, self._arm)
         self.hand = hand_tick(
             self.hand, action[7:8], _NO_LATENCY, self._arm.hand, self._follow.tick_s
+        )
+        yields = presses(force[None], self.hand.wish, np.array([width_m]), self._follow)
+        target = next_target(
+            self.target[None], motion[None], q[None], self._follow, self._arm, yields
         )
         width = 0.0 if self.hand.wish[0] > 0.0 else self._arm.hand.max_width_m
         return target[0], width

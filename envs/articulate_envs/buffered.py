@@ -74,9 +74,10 @@ class BufferedEngine(ABC):
         self._buffers = _buffers(n_envs)
         start = hand_start(n_envs)
         self._hand = Hands(*(getattr(start, name) for name in Hands._fields))
-        self._times = times_of(scene.arm.hand, scene.follow.tick_s, scene.task.episode_s)
+        self._times = times_of(scene.arm.hand, scene.follow, scene.task.episode_s)
         self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
         self._motion = np.zeros((n_envs, 7))
+        self._yields = np.zeros(n_envs, dtype=bool)
         self._chain = chain_of(scene.arm, scene.follow)
         self._tool, self._led = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(2))
         self._draw = np.zeros((n_envs, len(COLUMNS)))
@@ -200,6 +201,7 @@ class BufferedEngine(ABC):
             self._actions,
             self._delay,
             self._motion,
+            self._yields,
             self._due,
             self._hand,
             self._draw,

@@ -21,7 +21,7 @@ from articulate.settings import DrawConfig
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.compiled.after import Judged, Rules, after
 from articulate_envs.compiled.judge import asked_of
-from articulate_envs.compiled.observe import Past, Scales, Seen, observations
+from articulate_envs.compiled.observe import NOISES, Past, Scales, Seen, observations
 from articulate_envs.compiled.reward import view_of, way_of, weights_of
 from articulate_envs.critic import privileged
 from articulate_envs.engine import Engine, Start, State
@@ -124,6 +124,7 @@ class Episodes:
             closes=scene.task.closes,
             noise_m=self.draws.estimate_noise_m,
             noise_open=self._estimator.part_noise,
+            noise_n=self.draws.force_noise_n,
         )
         return Rules(
             weights=weights_of(self.reward),
@@ -221,6 +222,7 @@ class Episodes:
             hand.smooth,
             hand.wish,
             hand.since_s,
+            state.samples,
             state.T_wt,
             state.T_wt_target,
             state.motions_due,
@@ -229,7 +231,7 @@ class Episodes:
         )
 
     def _noise(self) -> Array:
-        return self._rng.normal(size=(self.engine.n_envs, 4))
+        return self._rng.normal(size=(self.engine.n_envs, NOISES))
 
     def _observe(self) -> Array:
         given = (self._past, self._drawn.values, self._noise(), self._rules.scales)

@@ -42,10 +42,15 @@ NO_GRASP = Grasp()
 
 
 def grasp_of(handle: Handle | None) -> Grasp:
-    """What ``handle`` asks of a hand; None asks for a point."""
+    """What ``handle`` asks of a hand; None asks for a point.
+
+    Any place along a bar or an edge is as good as its middle; a knob is held at its middle, beside
+    which its sides lean outward and push fingers off.
+    """
     if handle is None:
         return NO_GRASP
-    along_m = min(max(0.0, 0.9 * (handle.extent[0] - FINGER_M) / 2.0), MOST_ALONG_M)
+    long_m = 0.0 if handle.kind == "knob" else handle.extent[0] - FINGER_M
+    along_m = min(max(0.0, 0.9 * long_m / 2.0), MOST_ALONG_M)
     return Grasp(along_m=along_m, thick_m=handle.extent[1])
 
 

@@ -42,7 +42,7 @@ class SingleEngine(BufferedEngine):
 
     def _advance(self) -> None:
         b = self._buffers
-        aim(b.target[0], self._motion[0], b.q[0], self._chain, self._room)
+        aim(b.target[0], self._motion[0], b.q[0], self._yields[0], self._chain, self._room)
         self._substeps()
         self._see(np.zeros(1, dtype=np.int64))
 

@@ -32,7 +32,7 @@ class ThreadEngine(BufferedEngine):
         self._pointers, self._desks = self._what_is_kept(), self._what_is_on_desks()
         self._where = _where(scene)
         self._constants = _constants(scene)
-        self._aiming = Aiming(self._motion, self._tool, self._led)
+        self._aiming = Aiming(self._motion, self._yields, self._tool, self._led)
 
     def _desk_models(self) -> list[list[mujoco.MjModel]]:
         """A model of each size for each thread; one environment alone is stepped with its own."""

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from articulate.draw import COLUMNS, draw, nominal_draw
+from articulate.draw import BLOCKS, COLUMNS, draw, nominal_draw
 from articulate.errors import ConfigError
 from articulate.settings import NO_DRAW, DrawConfig
 
@@ -86,9 +86,14 @@ def test_constant_errors_of_the_estimate_have_their_deviation():
     assert_allclose(MANY["bias_yaw_rad"].std(), CONFIG.estimate_yaw_rad, rtol=0.05)
 
 
-@pytest.mark.parametrize("name", ["start", "bias", "push"])
+def test_constant_errors_of_the_force_have_their_deviation():
+    assert_allclose(MANY["force_bias"].std(axis=0), CONFIG.force_bias_n, rtol=0.05)
+    assert np.abs(np.corrcoef(MANY["force_bias"].T, MANY["bias"].T)[:3, 3:]).max() < 0.06
+
+
+@pytest.mark.parametrize("name", BLOCKS)
 def test_blocks_are_the_columns_of_their_name(name):
-    units = {"start": "", "bias": "_m", "push": "_n"}
+    units = {"start": "", "bias": "_m", "push": "_n", "force_bias": "_n"}
     parts = [f"start_{i}" for i in range(1, 8)] if name == "start" else None
     parts = parts or [f"{name}_{axis}{units[name]}" for axis in "xyz"]
     assert_array_equal(MANY[name], MANY.values[:, [COLUMNS.index(p) for p in parts]])
@@ -103,7 +108,7 @@ def test_nominal_draw_changes_nothing():
     row = nominal_draw(3)
     for name in ("friction", "joint_damping", "armature", "mass", "stiffness", "scale"):
         assert_array_equal(row[name], 1.0)
-    for name in ("x_m", "yaw_rad", "start", "bias", "push", "delay_ticks"):
+    for name in ("x_m", "yaw_rad", "start", "bias", "push", "delay_ticks", "force_bias"):
         assert_array_equal(row[name], 0.0)
 
 

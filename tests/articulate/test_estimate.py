@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.draw import COLUMNS, Draw, nominal_draw
-from articulate.estimate import NoisyEstimator
+from articulate.estimate import NoisyEstimator, felt
 from articulate.settings import NO_DRAW
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -89,3 +89,16 @@ def test_snapshot_restored_into_another_gives_the_same_bits():
     a, b = (e.estimate(values, np.random.default_rng(1)) for e in (estimator, other))
     assert_array_equal(a.T_wh, b.T_wh)
     assert_array_equal(a.opened, b.opened)
+
+
+def test_without_errors_the_force_is_felt_as_it_is():
+    force = np.arange(9.0).reshape(N, 3)
+    assert_array_equal(felt(force, drawn(), 0.0, np.random.default_rng(0)), force)
+
+
+def test_the_felt_force_is_wrong_by_what_was_drawn_and_by_noise():
+    errors = drawn(force_bias_x_n=[1.0, -2.0, 0.0], force_bias_z_n=3.0)
+    rng = np.random.default_rng(0)
+    seen = np.stack([felt(np.zeros((N, 3)), errors, 0.5, rng) for _ in range(4000)])
+    assert_allclose(seen.mean(axis=0), [[1, 0, 3], [-2, 0, 3], [0, 0, 3]], atol=0.05)
+    assert_allclose(seen.std(axis=0), 0.5, rtol=0.05)

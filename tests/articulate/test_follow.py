@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from articulate.arm import PANDA, Hand
 from articulate.follow import (
+    OPEN_M,
     check_follow,
     discrete,
     finger_command,
@@ -20,6 +21,7 @@ from articulate.follow import (
     joint_step,
     joint_steps,
     next_target,
+    presses,
     response,
     worst_case,
 )
@@ -137,11 +139,15 @@ def joints(low=-3.0, high=3.0):
     return arrays(np.float64, (3, 7), elements=st.floats(low, high))
 
 
-@given(target=joints(), motion=joints(-5, 5), q=joints(-4, 4))
-def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, motion, q):
+FREE = np.zeros(1, dtype=bool)
+"""Hands that touch nothing."""
+
+
+@given(target=joints(), motion=joints(-5, 5), q=joints(-4, 4), yields=arrays(bool, 3))
+def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, motion, q, yields):
     low, high = PANDA.bounds(CONFIG.margin_rad)
     target = np.clip(target, low, high)
-    new = next_target(target, motion, q, CONFIG, PANDA)
+    new = next_target(target, motion, q, CONFIG, PANDA, yields)
     assert np.all(np.abs(new - target) <= joint_steps(CONFIG, PANDA) + 1e-12)
     assert np.all((new >= low - 1e-12) & (new <= high + 1e-12))
 
@@ -149,8 +155,36 @@ def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, mo
 @given(motion=joints(-1, 1), lead=joints(-1, 1))
 def test_target_does_not_run_away_from_a_joint_that_is_held(motion, lead):
     q = np.tile(PANDA.home, (3, 1))
-    new = next_target(q + CONFIG.lead_rad * lead, motion, q, CONFIG, PANDA)
+    new = next_target(q + CONFIG.lead_rad * lead, motion, q, CONFIG, PANDA, FREE)
     assert np.all(np.abs(new - q) <= CONFIG.lead_rad + 1e-12)
+
+
+@given(motion=joints(-1, 1), lead=joints(-1, 1))
+def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead):
+    """By a step a tick, and no further than the joints."""
+    q = np.tile(PANDA.home, (3, 1))
+    ahead, most = CONFIG.lead_rad * lead, joint_steps(CONFIG, PANDA)
+    new = next_target(q + ahead, motion, q, CONFIG, PANDA, np.ones(3, dtype=bool))
+    assert_allclose(new - q, np.sign(ahead) * np.maximum(np.abs(ahead) - most, 0.0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("force_n", "wish", "width_m", "much"),
+    [
+        (CONFIG.guard_n - 0.1, -1.0, 0.08, False),
+        (CONFIG.guard_n + 0.1, -1.0, 0.08, True),
+        (CONFIG.guard_n + 0.1, 1.0, OPEN_M + 1e-3, True),  # told to close, and has not begun
+        (CONFIG.guard_n + 0.1, -1.0, 0.02, True),  # told to let go
+        (CONFIG.guard_n + 0.1, 1.0, 0.02, False),
+        (CONFIG.guard_held_n - 0.1, 1.0, 0.02, False),
+        (CONFIG.guard_held_n + 0.1, 1.0, 0.02, True),
+    ],
+)
+def test_a_hand_that_closes_may_pull_and_an_open_one_has_nothing_to_press_for(
+    force_n, wish, width_m, much
+):
+    force = force_n * np.array([[0.6, 0.0, -0.8]])
+    assert presses(force, np.array([wish]), np.array([width_m]), CONFIG)[0] == much
 
 
 HOME = np.asarray(PANDA.home)[None]
@@ -160,7 +194,7 @@ def moved(motion, config=CONFIG):
     """What a motion of one field does to the tool at home (6,), in its own frame."""
     vector = np.zeros((1, ACTION.size))
     vector[:, ACTION.slice(motion[0])] = motion[1]
-    new = next_target(HOME, vector[:, :7], HOME, config, PANDA)
+    new = next_target(HOME, vector[:, :7], HOME, config, PANDA, FREE)
     return small_twist(relative(tool_pose(PANDA, HOME), tool_pose(PANDA, new)))[0]
 
 
@@ -174,7 +208,7 @@ def test_tool_moves_and_turns_along_its_own_axes_by_what_is_asked(axis):
 
 
 def test_elbow_moves_by_its_step_and_leaves_the_tool_where_it_is():
-    new = next_target(HOME, np.eye(7)[6][None], HOME, CONFIG, PANDA)
+    new = next_target(HOME, np.eye(7)[6][None], HOME, CONFIG, PANDA, FREE)
     assert np.linalg.norm(new - HOME) == pytest.approx(CONFIG.step_rad)
     assert_allclose(moved(("elbow", 1.0)), 0, atol=3e-4)
 

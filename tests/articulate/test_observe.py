@@ -20,6 +20,7 @@ def observe(*, T_wh=None, q=HOME, **values):
         "target": q,
         "hand_width": np.array([0.08]),
         "hand_speed": np.zeros(1),
+        "hand_force": np.zeros((1, 3)),
         "hand": hand_start(1),
         "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
         "last_action": np.zeros((1, 8)),
@@ -140,6 +141,15 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
 )
 def test_each_field_has_the_unit_that_its_layout_says(name, values, expected):
     assert_allclose(field(observe(**values), name), expected, atol=1e-12)
+
+
+def test_force_is_felt_in_the_axes_of_the_tool():
+    """At home the tool points ahead along x: what pushes the hand back pushes against its z."""
+    T_wt = tool_pose(PANDA, HOME)[0]
+    back = field(observe(hand_force=np.array([[-20.0, 0.0, 0.0]])), "hand_force")
+    assert_allclose(back, [0, 0, -2], atol=5e-3)
+    along_y = observe(hand_force=5.0 * T_wt[:3, 1][None])
+    assert_allclose(field(along_y, "hand_force"), [0, 0.5, 0], atol=1e-12)
 
 
 def test_hand_command_shows_the_time_since_it_was_sent():

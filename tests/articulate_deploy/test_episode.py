@@ -24,6 +24,7 @@ def late_draw(seed):
     config = dataclasses.replace(
         QUIET, delay_ticks=(1, 2), estimate_delay_ticks=(1, 2), estimate_bias_m=0.003,
         estimate_yaw_rad=0.02, position_m=0.02, yaw_rad=0.1, push_n=(2.0, 5.0),
+        force_bias_n=1.5,
     )  # fmt: skip
     return draw(config, np.random.default_rng(seed))
 

@@ -16,6 +16,7 @@ from articulate_deploy.plant import Plant
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (
     HAND_KEY,
+    FORCE_KEYS,
     SPEED_KEYS,
     action_of,
     joints_of,
@@ -47,10 +48,12 @@ def compare(engine, robot, manifest, start, actions, atol):
     robot.reset_to(start.q[0], float(start.width[0]))
     delay = int(start.draw["delay_ticks"][0])
     plant = Plant(manifest, start.q[0], delay_ticks=delay)
-    rows, torque = judgement_start(1).samples, np.zeros(7)
+    rows, torque, bias = judgement_start(1).samples, np.zeros(7), start.draw["force_bias"][0]
     for tick, action in enumerate(actions):
         state = engine.step(action[None])
-        wish, width = plant.tick(action, joints_of(robot.get_observation()))
+        seen = robot.get_observation()
+        force = joints_of(seen, FORCE_KEYS)
+        wish, width = plant.tick(action, q=joints_of(seen), width_m=seen[HAND_KEY], force=force)
         plant.sent(joints_of(robot.send_action(action_of(wish, width))))
         for sample in robot.take_samples():
             rows = judge_sample(
@@ -71,6 +74,7 @@ def compare(engine, robot, manifest, start, actions, atol):
             ("dq", joints_of(seen, SPEED_KEYS), state.dq[0]),
             ("target", plant.target, state.target[0]),
             ("width", seen[HAND_KEY], state.hand_width[0]),
+            ("force", joints_of(seen, FORCE_KEYS) - bias, rows[0, :3]),
             ("handle", truth.T_wh, state.T_wh),
             ("opened", truth.opened, state.opened),
             ("speed", truth.speed, state.speed),

@@ -10,6 +10,7 @@ from articulate.follow import joint_steps
 from articulate_deploy.robots import ROBOTS, robot_named
 from articulate_deploy.robots.robot import (
     ACTION_FEATURES,
+    FORCE_KEYS,
     HAND_KEY,
     OBSERVATION_FEATURES,
     NotConnectedError,
@@ -70,6 +71,20 @@ def test_a_robot_at_rest_is_where_it_was_brought(robot, bundle):
     assert_allclose(joints_of(seen), bundle.manifest.start.q, rtol=0, atol=1e-12)
     assert_allclose(seen[HAND_KEY], 0.08, rtol=0, atol=1e-12)
     assert_allclose(robot.object_state().opened, 0.0, rtol=0, atol=1e-12)
+    assert [seen[key] for key in FORCE_KEYS] == [0.0, 0.0, 0.0]
+
+
+def test_a_stand_in_feels_with_the_errors_that_were_drawn(robot, bundle):
+    drawn, q = nominal_draw(), np.asarray(bundle.manifest.start.q)
+    drawn["force_bias"][:] = (1.0, -2.0, 3.0)
+    robot.set_draw(drawn)
+    robot.reset_to(q, 0.08)
+    assert [robot.get_observation()[key] for key in FORCE_KEYS] == [1.0, -2.0, 3.0]
+    robot.set_draw(drawn, force_noise_n=0.5, noise=np.random.default_rng(0))
+    robot.reset_to(q, 0.08)
+    seen = np.array([joints_of(robot.get_observation(), FORCE_KEYS) for _ in range(400)])
+    assert_allclose(seen.mean(axis=0), (1.0, -2.0, 3.0), rtol=0, atol=0.1)
+    assert_allclose(seen.std(axis=0), 0.5, rtol=0.15)
 
 
 def test_an_arm_that_is_told_nothing_new_stays_where_it_is(robot, bundle):

@@ -121,6 +121,13 @@ def test_fingers_must_fit_on_the_part_of_a_handle_that_counts_as_its_middle():
     assert grasp_of(handle(0.6)).thick_m == 0.01
 
 
+def test_a_knob_is_held_at_its_middle():
+    """Beside it the sides of a ball lean outward and push fingers off."""
+    knob = dataclasses.replace(handle(0.1), kind="knob")
+    assert grasp_of(knob).along_m == 0.0
+    assert grasp_of(knob).thick_m == grasp_of(handle(0.1)).thick_m
+
+
 def test_approach_pays_for_coming_nearer_and_takes_it_back():
     near, far = state(offset=[0, 0, 0.1]), state(offset=[0, 0, 0.13])
     gained = terms(near, before=far)["approach"]

@@ -24,7 +24,7 @@ from articulate_envs.threads import ThreadEngine
 from articulate_envs.vector import ArticulateVectorEnv
 
 TICKS, TOLERANCE = 200, 1e-6
-EXACT = dataclasses.replace(DRAWS, estimate_noise_m=0.0, part_noise=0.0)
+EXACT = dataclasses.replace(DRAWS, estimate_noise_m=0.0, part_noise=0.0, force_noise_n=0.0)
 """Without what is drawn anew each tick, of which N environments draw N times as much."""
 
 

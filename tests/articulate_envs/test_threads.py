@@ -14,7 +14,15 @@ from tests.scenes import DRAWS, rows_of
 from articulate.asset import handle_frame
 from articulate.draw import COLUMNS, PUSH_S, Draw, draw, nominal_draw
 from articulate.errors import EngineError
-from articulate.follow import discrete, follow, follow_start, hand_start, hand_tick, next_target
+from articulate.follow import (
+    discrete,
+    follow,
+    follow_start,
+    hand_start,
+    hand_tick,
+    next_target,
+    presses,
+)
 from articulate.judgement import COLUMN, REASONS, WIDTH, judge_sample
 from articulate.simulator import mujoco
 from articulate.task import Limits
@@ -194,7 +202,6 @@ class Reference:
         scene, at, data = self.scene, self.scene.at, self.data
         self.past = [action[None, :7], *self.past[:-1]]
         delta = self.past[int(self.drawn["delay_ticks"][0])]
-        self.target = next_target(self.target, delta, self.q, scene.follow, scene.arm)
         self.hand = hand_tick(
             self.hand,
             action[None, 7],
@@ -202,8 +209,11 @@ class Reference:
             scene.arm.hand,
             scene.follow.tick_s,
         )
+        width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
+        felt = self.samples[:, :3] + self.drawn["force_bias"]
+        yields = presses(felt, self.hand.wish, np.array([width]), scene.follow)
+        self.target = next_target(self.target, delta, self.q, scene.follow, scene.arm, yields)
         if self.hand.closing[0] < 0.0:  # it opens from where it is, not from where it pressed
-            width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
             self.finger = np.maximum(self.finger, width / 2)
         self._push()
         for _ in range(scene.substeps):

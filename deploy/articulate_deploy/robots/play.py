@@ -65,12 +65,12 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
     bundle = load_bundle(path)
     manifest = bundle.manifest
     plan = plan_of(bundle, episode + 1, seed=None, randomise=randomise)
-    drawn = plan.draw(episode)
+    drawn, noise = plan.draw(episode), plan.noise(episode)
     robot, recording = _Seen(bundle), Recording()
     with robot:
-        robot.set_draw(drawn)
+        robot.set_draw(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
         robot.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
-        estimator = TruthEstimator(robot, plan.config, manifest.task, drawn, plan.noise(episode))
+        estimator = TruthEstimator(robot, plan.config, manifest.task, drawn, noise)
         result = run_episode(
             Policy(bundle),
             robot,

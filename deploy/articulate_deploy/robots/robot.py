@@ -20,9 +20,14 @@ from articulate.transforms import Array
 
 JOINT_KEYS = tuple(f"joint_{i}.pos" for i in range(1, 8))
 SPEED_KEYS = tuple(f"joint_{i}.vel" for i in range(1, 8))
+FORCE_KEYS = ("force.x", "force.y", "force.z")
+"""Net force of the surroundings on hand and fingers as the arm feels it, world axes [N], filtered
+over the ``filter_s`` of the task's limits as the judgement filters it."""
 HAND_KEY = "gripper.pos"
 """Opening between the fingers [m]."""
-OBSERVATION_FEATURES: dict[str, type] = dict.fromkeys((*JOINT_KEYS, *SPEED_KEYS, HAND_KEY), float)
+OBSERVATION_FEATURES: dict[str, type] = dict.fromkeys(
+    (*JOINT_KEYS, *SPEED_KEYS, HAND_KEY, *FORCE_KEYS), float
+)
 ACTION_FEATURES: dict[str, type] = dict.fromkeys((*JOINT_KEYS, HAND_KEY), float)
 
 
@@ -77,7 +82,7 @@ class Robot(Protocol):
         """Write settings to the robot."""
 
     def get_observation(self) -> dict[str, float]:
-        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m]."""
+        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m], force on it [N]."""
 
     def send_action(self, action: dict[str, float]) -> dict[str, float]:
         """Send targets [rad] and an opening [m]; returns what was really sent."""
@@ -119,15 +124,23 @@ class StandIn(Robot, Protocol):
     def notes(self) -> tuple[str, ...]:
         """What of a draw it takes otherwise than the simulator of training, or not at all."""
 
-    def set_draw(self, drawn: Draw) -> None:
-        """What the next episodes are like (one row); takes effect at :meth:`Robot.reset_to`."""
+    def set_draw(
+        self, drawn: Draw, *, force_noise_n: float = 0.0, noise: np.random.Generator | None = None
+    ) -> None:
+        """What the next episodes are like (one row); takes effect at :meth:`Robot.reset_to`.
+
+        Args:
+            drawn: The draw.
+            force_noise_n: Standard deviation of the error of the felt force, each reading [N].
+            noise: Where that comes from; None reads without it.
+        """
 
     def object_state(self) -> Estimate:
         """The true state of the object (one row)."""
 
 
 def joints_of(values: dict[str, float], keys: tuple[str, ...] = JOINT_KEYS) -> Array:
-    """The numbers under ``keys`` in their order (7,)."""
+    """The numbers under ``keys`` in their order (len(keys),)."""
     return np.array([values[key] for key in keys], dtype=np.float64)
 
 

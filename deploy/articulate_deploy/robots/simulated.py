@@ -13,6 +13,7 @@ import numpy as np
 
 from articulate.draw import PUSH_S, Draw, nominal_draw
 from articulate.errors import ConfigError, nearest
+from articulate.estimate import felt
 from articulate.follow import ROUNDING_S, discrete, finger_command, follow, follow_start
 from articulate.observe import Estimate
 from articulate.placing import handle_in_world, object_pose
@@ -20,6 +21,7 @@ from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import (
     ACTION_FEATURES,
+    FORCE_KEYS,
     HAND_KEY,
     JOINT_KEYS,
     OBSERVATION_FEATURES,
@@ -41,6 +43,7 @@ class SimulatedRobot(StandIn, ABC):
         self._bundle = bundle
         self._manifest = bundle.manifest
         self._drawn = nominal_draw(begin=bundle.manifest.task.begin)
+        self._force_noise_n, self._noise = 0.0, np.random.default_rng(0)
         self._is_open = False
         self._stopped = True
 
@@ -130,8 +133,10 @@ class SimulatedRobot(StandIn, ABC):
         self._is_open = False
         self._shut()
 
-    def set_draw(self, drawn: Draw) -> None:
-        """What the next episodes are like.
+    def set_draw(
+        self, drawn: Draw, *, force_noise_n: float = 0.0, noise: np.random.Generator | None = None
+    ) -> None:
+        """What the next episodes are like; see :meth:`StandIn.set_draw`.
 
         Raises:
             ConfigError: It asks for another size of the object.
@@ -143,6 +148,8 @@ class SimulatedRobot(StandIn, ABC):
                 "draw with one size"
             )
         self._drawn = drawn
+        self._force_noise_n = 0.0 if noise is None else force_noise_n
+        self._noise = np.random.default_rng(0) if noise is None else noise
 
     def reset_to(self, q: Array, hand_width_m: float) -> None:
         """Begin anew under the last draw, the arm at rest at ``q``.
@@ -163,6 +170,7 @@ class SimulatedRobot(StandIn, ABC):
         self._wait_s = 0.0
         self._tick = 0
         self._samples: list[Sample] = []
+        self._force = np.zeros(3)
         self._stopped = False
 
     def stop(self) -> None:
@@ -170,13 +178,15 @@ class SimulatedRobot(StandIn, ABC):
         self._stopped = True
 
     def get_observation(self) -> dict[str, float]:
-        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m]."""
+        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m], force on it [N]."""
         self._connected()
         q, dq, width = self._read()
+        force = felt(self._force[None], self._drawn, self._force_noise_n, self._noise)[0]
         return {
             **dict(zip(JOINT_KEYS, q.tolist(), strict=True)),
             **dict(zip(SPEED_KEYS, dq.tolist(), strict=True)),
             HAND_KEY: width,
+            **dict(zip(FORCE_KEYS, force.tolist(), strict=True)),
         }
 
     def send_action(self, action: dict[str, float]) -> dict[str, float]:
@@ -210,7 +220,7 @@ class SimulatedRobot(StandIn, ABC):
             self._finger = float(np.clip(self._finger + move, *robot.hand.finger_m))
             steps.append(self._step(self._follower[0, :, 0], self._finger))
             if len(steps) == together:
-                self._samples.append(joined(steps))
+                self._feel(joined(steps))
                 steps = []
         self._tick += 1
         return action_of(self._target, width)
@@ -251,6 +261,12 @@ class SimulatedRobot(StandIn, ABC):
             shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
             yaw=drawn["yaw_rad"],
         )
+
+    def _feel(self, sample: Sample) -> None:
+        """Keep a sample, and filter its force as :func:`judge_sample` does."""
+        self._samples.append(sample)
+        gain = 1.0 - np.exp(-sample.dt / self._manifest.task.limits.filter_s)
+        self._force = self._force + gain * (sample.wrench[:3] - self._force)
 
     def _tell_hand(self, wish: float) -> None:
         """A new command acts after the drawn latency."""

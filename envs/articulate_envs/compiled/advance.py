@@ -17,7 +17,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from articulate.judgement import COLUMN
-from articulate.transforms import Array, Ints
+from articulate.transforms import Array, Ints, Mask
 from articulate_envs.buffered import DIVERGED
 from articulate_envs.compiled.motion import aim, room_of, write_tool
 from articulate_envs.compiled.observe import write_part
@@ -119,6 +119,8 @@ class Aiming(NamedTuple):
 
     motion: Array
     """What acts now (N, 7)."""
+    yields: Mask
+    """Which hands take their targets back instead (N,)."""
     tool: Array
     """Poses of the tool at the joints (N, 4, 4)."""
     led: Array
@@ -197,7 +199,7 @@ def advance(  # type: ignore[no-untyped-def]  # compiled; types are those of the
         i = order[(first + k) % n]
         if taken[i] != 0 or _take(taken.ctypes.data + 8 * i) != 0:
             continue
-        aim(buffers.target[i], aiming.motion[i], buffers.q[i], chain, room)
+        aim(buffers.target[i], aiming.motion[i], buffers.q[i], aiming.yields[i], chain, room)
         _advance_one(i, desk, mj_step, pointers, desks, where, constants, buffers)
         write_tool(buffers.q[i], chain, room[0], aiming.tool[i])
         write_tool(buffers.target[i], chain, room[0], aiming.led[i])

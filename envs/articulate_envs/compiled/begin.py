@@ -1,7 +1,9 @@
-"""What a tick begins with, compiled: delayed motions, the hand, the push.
+"""What a tick begins with, compiled: delayed motions, the hand, what it feels, the push.
 
-It repeats :func:`articulate.follow.hand_tick` and :func:`articulate.follow.finger_command`, which a
-robot runs, for one environment at a time; tests hold them together.
+It repeats :func:`articulate.follow.hand_tick`, :func:`articulate.follow.presses` and
+:func:`articulate.follow.finger_command`, which a robot runs, for one environment at a time; tests
+hold them together. A hand feels its force with the constant error that was drawn, and without
+noise.
 """
 
 from __future__ import annotations
@@ -12,10 +14,12 @@ from numba import njit
 
 from articulate.arm import Hand
 from articulate.draw import COLUMNS, PUSH_S
-from articulate.follow import ROUNDING_S
+from articulate.follow import OPEN_M, ROUNDING_S
+from articulate.settings import FollowConfig
 from articulate.transforms import Array
 
 _LATENCY = COLUMNS.index("hand_latency_s")
+_FORCE = COLUMNS.index("force_bias_x_n")
 _PUSH, _WHEN = COLUMNS.index("push_x_n"), COLUMNS.index("push_time")
 
 
@@ -28,6 +32,8 @@ class Times(NamedTuple):
     """Share of the hand's smoothed command that a tick leaves."""
     on_threshold: float
     dwell_s: float
+    guard_n: float
+    guard_held_n: float
 
 
 class Hands(NamedTuple):
@@ -40,21 +46,28 @@ class Hands(NamedTuple):
     closing: Array
 
 
-def times_of(hand: Hand, tick_s: float, episode_s: float) -> Times:
-    """The hand's and the episode's times as numbers."""
-    keep = hand.smoothing ** (tick_s / 0.05)
-    return Times(tick_s, episode_s, keep, hand.on_threshold, hand.dwell_s)
+def times_of(hand: Hand, follow: FollowConfig, episode_s: float) -> Times:
+    """The hand's, the plant's and the episode's numbers."""
+    return Times(
+        tick_s=follow.tick_s,
+        episode_s=episode_s,
+        keep=hand.smoothing ** (follow.tick_s / 0.05),
+        on_threshold=hand.on_threshold,
+        dwell_s=hand.dwell_s,
+        guard_n=follow.guard_n,
+        guard_held_n=follow.guard_held_n,
+    )
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
 def begin(  # type: ignore[no-untyped-def]
-    action, actions, delay, motion, due, hands, drawn, tick, times, buffers
+    action, actions, delay, motion, yields, due, hands, drawn, tick, times, buffers
 ):
     """Take in what the policy says (N, 8), and write what acts in this tick.
 
     ``actions`` (ages, N, 7) are the motions of the last ticks, of which ``motion`` (N, 7) takes the
     one whose ``delay`` (N,) is over, and ``due`` (N, 7) the sum of the younger ones; ``drawn`` are
-    the draws (N, columns), ``tick`` (N,) the ticks since the episode began.
+    the draws (N, columns), ``yields`` (N,) says whose hand presses, ``tick`` (N,) the ticks since the episode began.
     """
     for i in range(len(action)):
         for age in range(len(actions) - 1, 0, -1):
@@ -66,6 +79,7 @@ def begin(  # type: ignore[no-untyped-def]
             motion[i, k] = actions[delay[i], i, k]
         _write_due(i, actions, delay, due)
         _hand(i, action[i, 7], drawn[i, _LATENCY], hands, times)
+        yields[i] = _presses(buffers.samples[i], drawn[i], hands.wish[i], buffers.rest[i, 0], times)
         buffers.closing[i] = hands.closing[i]
         if not hands.closing[i] > 0.0:
             buffers.finger[i] = max(buffers.finger[i], buffers.rest[i, 0] / 2.0)
@@ -73,6 +87,15 @@ def begin(  # type: ignore[no-untyped-def]
         on = push_s <= now < push_s + PUSH_S
         for k in range(3):
             buffers.push[i, k] = drawn[i, _PUSH + k] if on else 0.0
+
+
+@njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
+def _presses(samples, drawn, wish, width, times):  # type: ignore[no-untyped-def]
+    force = 0.0
+    for k in range(3):
+        force += (samples[k] + drawn[_FORCE + k]) ** 2
+    most = times.guard_held_n if wish > 0.0 and width < OPEN_M else times.guard_n
+    return force > most * most
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)

@@ -197,8 +197,11 @@ def _write_minors(matrix, order, out):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
-def aim(target, motion, q, chain, room):  # type: ignore[no-untyped-def]
-    """Move ``target`` (7,) by one tick's ``motion`` (7,), in place; ``room`` is :func:`room_of`."""
+def aim(target, motion, q, yields, chain, room):  # type: ignore[no-untyped-def]
+    """Move ``target`` (7,) by one tick's ``motion`` (7,), in place, or back where it ``yields``.
+
+    ``room`` is :func:`room_of`.
+    """
     frames, tool, jacobian, square, right, step, minors, order = room
     write_tool(target, chain, frames, tool)
     _write_jacobian(frames, tool, jacobian)
@@ -221,7 +224,7 @@ def aim(target, motion, q, chain, room):  # type: ignore[no-untyped-def]
         step[k] += elbow * minors[k]
         longest = max(longest, abs(step[k]) / chain.steps[k])
     for k in range(7):
-        wish = target[k] + step[k] / longest
+        wish = q[k] if yields else target[k] + step[k] / longest
         wish = min(max(wish, q[k] - chain.lead_rad), q[k] + chain.lead_rad)
         wish = min(max(wish, chain.low[k]), chain.high[k])
         target[k] += min(max(wish - target[k], -chain.steps[k]), chain.steps[k])

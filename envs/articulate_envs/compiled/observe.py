@@ -1,8 +1,8 @@
 """What is true of a tick and what a policy sees of it, compiled.
 
 It repeats, for one environment at a time, :meth:`articulate.placing.HandleWay.in_world`,
-:meth:`articulate.estimate.NoisyEstimator.estimate` and :func:`articulate.observe.observation`,
-which a robot runs; tests hold them together.
+:meth:`articulate.estimate.NoisyEstimator.estimate`, :func:`articulate.estimate.felt` and
+:func:`articulate.observe.observation`, which a robot runs; tests hold them together.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from articulate.draw import COLUMNS
 from articulate.observe import (
     BENT_UNIT_RAD,
     BEYOND_UNIT,
+    FORCE_UNIT_N,
     HANDLE_UNIT_M,
     LEAD_UNIT_M,
     LEAD_UNIT_RAD,
@@ -30,6 +31,9 @@ from articulate.transforms import Array, Ints
 
 _BIAS, _YAW = COLUMNS.index("bias_x_m"), COLUMNS.index("bias_yaw_rad")
 _AGE = COLUMNS.index("estimate_delay_ticks")
+_FORCE = COLUMNS.index("force_bias_x_n")
+NOISES = 7
+"""Random numbers of a tick: for the handle's place, the opening, the force."""
 _SIZE, _LOW, _HIGH = OBSERVATION.size, OBSERVATION.low, OBSERVATION.high
 
 
@@ -77,6 +81,8 @@ class Seen(NamedTuple):
     smooth: Array
     wish: Array
     since_s: Array
+    samples: Array
+    """The judgement's (N, WIDTH), which begin with the filtered force in world axes."""
     T_wt: Array
     T_wt_target: Array
     motions_due: Array
@@ -109,6 +115,8 @@ class Scales(NamedTuple):
     """Standard deviation of the handle's estimated place [m]."""
     noise_open: float
     """That of the estimated fraction open."""
+    noise_n: float
+    """That of the force [N]."""
 
 
 def part_of(way: HandleWay) -> Part:
@@ -189,7 +197,7 @@ def push(past, T_wh, opened, speed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
 def observations(seen, past, drawn, noise, scales):  # type: ignore[no-untyped-def]
-    """Observations (N, size) with estimates as drawn (N, columns) and ``noise`` (N, 4) of 1.
+    """Observations (N, size) with errors as drawn (N, columns) and ``noise`` (N, NOISES) of 1.
 
     What is not finite, of environments that diverged, is 0.
     """
@@ -215,7 +223,8 @@ def observations(seen, past, drawn, noise, scales):  # type: ignore[no-untyped-d
         rest[4] = (seen.width[i] - seen.width_before[i]) / scales.tick_s / SPEED_UNIT_M_S
         for j in range(5):
             out[i, k + j] = rest[j]
-        _write_told(seen, i, 1.0 - seen.tick[i] / scales.ticks, out[i], k + 5)
+        _write_force(seen, i, drawn[i], noise[i], scales.noise_n, out[i], k + 5)
+        _write_told(seen, i, 1.0 - seen.tick[i] / scales.ticks, out[i], k + 8)
         for j in range(_SIZE):
             value = min(max(out[i, j], _LOW[j]), _HIGH[j])
             out[i, j] = 0.0 if np.isnan(out[i, j]) else value
@@ -261,6 +270,17 @@ def _write_handle_seen(seen, i, T_wh, move_m, out, k):  # type: ignore[no-untype
         out[k + 12 + r] = z
         out[k + 15 + r] = x
     return k + 18
+
+
+@njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
+def _write_force(seen, i, drawn, noise, noise_n, out, k):  # type: ignore[no-untyped-def]
+    """``hand_force``."""
+    T = seen.T_wt[i]
+    for r in range(3):
+        out[k + r] = 0.0
+        for j in range(3):
+            felt = seen.samples[i, j] + drawn[_FORCE + j] + noise_n * noise[4 + j]
+            out[k + r] += T[j, r] * felt / FORCE_UNIT_N
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)

@@ -5,12 +5,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.arm import PANDA
-from articulate.draw import COLUMNS, PUSH_S
-from articulate.follow import finger_command, hand_start, hand_tick
+from articulate.draw import BLOCKS, COLUMNS, PUSH_S
+from articulate.follow import finger_command, hand_start, hand_tick, presses
+from articulate.settings import FollowConfig
 from articulate_envs.buffered import KEPT_ACTIONS, _buffers
 from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
 
-N, TICK_S, EPISODE_S = 50, 0.05, 10.0
+FOLLOW = FollowConfig()
+N, TICK_S, EPISODE_S = 50, FOLLOW.tick_s, 10.0
 
 
 class Begun:
@@ -22,17 +24,18 @@ class Begun:
         self.actions = np.zeros((KEPT_ACTIONS, N, 7))
         self.delay = rng.integers(0, KEPT_ACTIONS, N)
         self.motion, self.due = np.zeros((2, N, 7))
+        self.yields = np.zeros(N, dtype=bool)
         self.drawn = np.zeros((N, len(COLUMNS)))
         self.drawn[:, COLUMNS.index("hand_latency_s")] = rng.uniform(0.0, 0.6, N)
         self.drawn[:, COLUMNS.index("push_x_n") :][:, :3] = rng.normal(size=(N, 3))
         self.drawn[:, COLUMNS.index("push_time")] = rng.uniform(0.0, 0.9, N)
         self.tick = np.zeros(N, dtype=np.int64)
         self.buffers = _buffers(N)
-        self.times = times_of(PANDA.hand, TICK_S, EPISODE_S)
+        self.times = times_of(PANDA.hand, FOLLOW, EPISODE_S)
 
     def step(self, action):
-        given = (self.actions, self.delay, self.motion, self.due, self.hands, self.drawn)
-        begin(action, *given, self.tick, self.times, self.buffers)
+        said = (self.actions, self.delay, self.motion, self.yields, self.due)
+        begin(action, *said, self.hands, self.drawn, self.tick, self.times, self.buffers)
         self.tick += 1
 
 
@@ -56,6 +59,21 @@ def test_hands_do_what_the_python_function_says():
             assert_allclose(got, getattr(want, name), rtol=0, atol=1e-13, err_msg=name)
         moved |= set(np.flatnonzero(want.closing > 0.0))
     assert len(moved) > N // 2
+
+
+def test_hands_press_where_the_python_function_says_so():
+    rng = np.random.default_rng(4)
+    begun, seen = Begun(rng), []
+    begun.drawn[:, BLOCKS["force_bias"]] = rng.normal(scale=3.0, size=(N, 3))
+    for action in said(rng, 60):
+        begun.buffers.rest[:, 0] = rng.uniform(0.0, 0.08, N)
+        begun.buffers.samples[:, :3] = rng.normal(scale=14.0, size=(N, 3))
+        begun.step(action)
+        force = begun.buffers.samples[:, :3] + begun.drawn[:, BLOCKS["force_bias"]]
+        want = presses(force, begun.hands.wish, begun.buffers.rest[:, 0], FOLLOW)
+        assert_array_equal(begun.yields, want)
+        seen.append(want)
+    assert 0.1 < np.mean(seen) < 0.9
 
 
 def test_fingers_go_on_from_where_they_are_when_they_open():

@@ -9,14 +9,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from articulate.arm import PANDA
 from articulate.asset import Joint
 from articulate.draw import COLUMNS, Draw
-from articulate.estimate import MAX_AGE, NoisyEstimator
+from articulate.estimate import MAX_AGE, NoisyEstimator, felt
 from articulate.follow import HandState
+from articulate.judgement import WIDTH
 from articulate.kinematics import tool_pose
 from articulate.observe import OBSERVATION, observation
 from articulate.placing import HandleWay
 from articulate.settings import DrawConfig
 from articulate.transforms import axis_angle_to_matrix, pose
 from articulate_envs.compiled.observe import (
+    NOISES,
     Past,
     Scales,
     Seen,
@@ -88,6 +90,7 @@ def world():
         "hand": HandState(one[0], one[1], 3.0 * np.abs(one[2]), one[3], one[4]),
         "last_action": rng.uniform(-1, 1, (N, 8)),
         "motions_due": rng.uniform(-3, 3, (N, 7)),
+        "samples": rng.normal(scale=60.0, size=(N, WIDTH)),
         "tick": rng.integers(0, TICKS + 1, N),
     }
 
@@ -104,6 +107,7 @@ def compiled(world, noise, *, closes=False):
         smooth=hand.smooth,
         wish=hand.wish,
         since_s=hand.since_s,
+        samples=world["samples"],
         T_wt=tool_pose(PANDA, world["q"]),
         T_wt_target=tool_pose(PANDA, world["target"]),
         motions_due=world["motions_due"],
@@ -111,14 +115,29 @@ def compiled(world, noise, *, closes=False):
         tick=world["tick"],
     )
     scales = Scales(
-        TICK_S, TICKS, MOVE_M, GOAL, closes, CONFIG.estimate_noise_m, estimator.part_noise
-    )
+        TICK_S, TICKS, MOVE_M, GOAL, closes, CONFIG.estimate_noise_m, estimator.part_noise,
+        CONFIG.force_noise_n,
+    )  # fmt: skip
     past = Past(estimator.poses, estimator.opened, estimator.speed)
     return observations(seen, past, world["drawn"].values, noise, scales)
 
 
-def by_numpy(world, rng, *, closes=False):
+class Told:
+    """A generator that gives the numbers it was told."""
+
+    def __init__(self, *normals):
+        self.normals = list(normals)
+
+    def normal(self, size):
+        assert self.normals[0].shape == size
+        return self.normals.pop(0)
+
+
+def by_numpy(world, noise, *, closes=False):
     """The same by the functions that a robot runs."""
+    rng = Told(noise[:, :4], noise[:, 4:])
+    estimate = world["estimator"].estimate(world["drawn"], rng)
+    force_w = world["samples"][:, :3]
     return observation(
         PANDA,
         q=world["q"],
@@ -126,8 +145,9 @@ def by_numpy(world, rng, *, closes=False):
         target=world["target"],
         hand_width=world["width"],
         hand_speed=(world["width"] - world["width_before"]) / TICK_S,
+        hand_force=felt(force_w, world["drawn"], CONFIG.force_noise_n, rng),
         hand=world["hand"],
-        estimate=world["estimator"].estimate(world["drawn"], rng),
+        estimate=estimate,
         last_action=world["last_action"],
         motions_due=world["motions_due"],
         move_m=MOVE_M,
@@ -139,8 +159,8 @@ def by_numpy(world, rng, *, closes=False):
 
 @pytest.mark.parametrize("closes", [False, True])
 def test_policies_see_what_the_python_functions_say(world, closes):
-    noise = np.random.default_rng(7).normal(size=(N, 4))
-    want = by_numpy(world, np.random.default_rng(7), closes=closes)
+    noise = np.random.default_rng(7).normal(size=(N, NOISES))
+    want = by_numpy(world, noise, closes=closes)
     got = compiled(world, noise, closes=closes)
     for field in OBSERVATION.fields:
         where = OBSERVATION.slice(field.name)
@@ -163,7 +183,7 @@ def test_estimators_take_in_what_the_python_one_does():
 
 
 def test_what_diverged_is_seen_as_nothing_and_the_others_as_they_are(world):
-    noise = np.zeros((N, 4))
+    noise = np.zeros((N, NOISES))
     before = compiled(world, noise)
     world["q"][3] = np.nan
     after = compiled(world, noise)
