@@ -27,7 +27,8 @@ COLUMNS = (
 )  # fmt: skip
 """Names of a draw's numbers; ``part_open`` is the fraction open at which the part begins."""
 BLOCKS = {
-    "start": slice(11, 18), "bias": slice(20, 23), "push": slice(25, 28), "force_bias": slice(30, 33),
+    "start": slice(11, 18), "bias": slice(20, 23), "push": slice(25, 28),
+    "force_bias": slice(30, 33),
 }  # fmt: skip
 """Columns that belong together."""
 

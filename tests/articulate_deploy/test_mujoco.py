@@ -15,8 +15,8 @@ from articulate_deploy.deploy import one_size
 from articulate_deploy.plant import Plant
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (
-    HAND_KEY,
     FORCE_KEYS,
+    HAND_KEY,
     SPEED_KEYS,
     action_of,
     joints_of,

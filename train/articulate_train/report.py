@@ -358,6 +358,7 @@ def _parameters(draws: Array, hits: Mask) -> tuple[Parameter, ...]:
         "start_rad": np.linalg.norm(drawn["start"], axis=1),
         "bias_m": np.linalg.norm(drawn["bias"], axis=1),
         "push_n": np.linalg.norm(drawn["push"], axis=1),
+        "force_bias_n": np.linalg.norm(drawn["force_bias"], axis=1),
     }
     if not drawn["push"].any():
         del values["push_time"]  # drawn in any case, but of nothing

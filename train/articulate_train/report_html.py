@@ -88,10 +88,14 @@ PARAMETER_TEXT = {
     "push_z_n": "push, z [N]",
     "push_time": "time of the push, share",
     "part_open": "open at the beginning, share",
+    "force_bias_x_n": "error of the felt force, x [N]",
+    "force_bias_y_n": "error of the felt force, y [N]",
+    "force_bias_z_n": "error of the felt force, z [N]",
     "distance_m": "shift, distance [m]",
     "start_rad": "start, distance [rad]",
     "bias_m": "handle error, distance [m]",
     "push_n": "push, strength [N]",
+    "force_bias_n": "error of the felt force, strength [N]",
 } | {f"start_{i}": f"start of joint {i} [rad]" for i in range(1, 8)}
 
 

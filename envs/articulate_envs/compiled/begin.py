@@ -67,7 +67,8 @@ def begin(  # type: ignore[no-untyped-def]
 
     ``actions`` (ages, N, 7) are the motions of the last ticks, of which ``motion`` (N, 7) takes the
     one whose ``delay`` (N,) is over, and ``due`` (N, 7) the sum of the younger ones; ``drawn`` are
-    the draws (N, columns), ``yields`` (N,) says whose hand presses, ``tick`` (N,) the ticks since the episode began.
+    the draws (N, columns), ``tick`` (N,) the ticks since the episode began. ``yields`` (N,) takes
+    whose hand presses.
     """
     for i in range(len(action)):
         for age in range(len(actions) - 1, 0, -1):
