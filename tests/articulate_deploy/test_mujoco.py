@@ -52,8 +52,8 @@ def compare(engine, robot, manifest, start, actions, atol):
     for tick, action in enumerate(actions):
         state = engine.step(action[None])
         seen = robot.get_observation()
-        force = joints_of(seen, FORCE_KEYS)
-        wish, width = plant.tick(action, q=joints_of(seen), width_m=seen[HAND_KEY], force=force)
+        felt = joints_of(seen, FORCE_KEYS)
+        wish, width = plant.tick(action, q=joints_of(seen), width_m=seen[HAND_KEY], force=felt)
         plant.sent(joints_of(robot.send_action(action_of(wish, width))))
         for sample in robot.take_samples():
             rows = judge_sample(
