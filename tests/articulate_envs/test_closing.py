@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.draw import COLUMNS, draw, nominal_draw
+from articulate.draw import BLOCKS, COLUMNS, draw, nominal_draw
 from articulate.errors import ReachError
 from articulate.judgement import REASONS
 from articulate.kinematics import relative, tool_pose
@@ -199,8 +199,9 @@ def test_same_draws_as_for_opening_but_for_where_the_part_begins_and_when_it_is_
     """Opening tasks draw what they drew before tasks that close were added."""
     one = draw(DRAWS, np.random.default_rng(0), 5)
     two = draw(DRAWS, np.random.default_rng(0), 5, begin=(0.4, 0.8))
-    assert COLUMNS[-2:] == ("push_time", "part_open")
-    assert_array_equal(one.values[:, :-2], two.values[:, :-2])
+    before = COLUMNS.index("push_time")
+    assert COLUMNS[before:] == ("push_time", "part_open", *COLUMNS[BLOCKS["force_bias"]])
+    assert_array_equal(one.values[:, :before], two.values[:, :before])
     assert_allclose(two["push_time"], 0.5 + 0.4 / 0.9 * one["push_time"], rtol=1e-12)
     assert np.all(one["part_open"] == 0)
     rng, same = np.random.default_rng(0), np.random.default_rng(0)

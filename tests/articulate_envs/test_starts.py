@@ -19,9 +19,10 @@ CONFIG = StartConfig(bank=60, closing_share=0.0)
 def test_prepared_poses_hold_the_handle_of_their_own_object(name, request):
     """Where the hand is closed the tool is within 2 mm of the handle, turned like it."""
     scene = request.getfixturevalue(name)
-    bank = bank_of_starts(scene, CONFIG, DRAWS, np.random.default_rng(0))
+    many = dataclasses.replace(CONFIG, bank=240)
+    bank = bank_of_starts(scene, many, DRAWS, np.random.default_rng(0))
     n = len(bank.q)
-    assert n > 0.5 * CONFIG.bank
+    assert n > 0.5 * many.bank
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), bank)
     error = relative(tool_pose(scene.arm, bank.q), engine.state().T_wh)

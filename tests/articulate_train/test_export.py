@@ -26,7 +26,7 @@ from articulate_train.export import (
     to_onnx,
     write_bundle,
 )
-from articulate_train.fine import MOTIONS, shares
+from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.policy import checkpoint_sha256, load_policy, read_checkpoint
 from articulate_train.run import open_run
 
@@ -70,6 +70,7 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
     mean = policy.mean.numpy()[None]
     said = torch.clamp(linear, -1, 1).numpy()
     said[:, :MOTIONS] *= shares(FineConfig(), mean)
+    said[:, :ELBOW] = np.clip(said[:, :ELBOW] - taken_back(FineConfig(), mean), -1, 1)
     assert_allclose(act(model, mean), said, rtol=0, atol=1e-5)
 
 
