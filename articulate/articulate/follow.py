@@ -151,7 +151,8 @@ OPEN_M = 0.07
 def presses(force: Array, wish: Array, width: Array, config: FollowConfig) -> Mask:
     """Whether hands press harder than they have reason to (N,).
 
-    An open hand has nothing to press for; one that closes may pull at what it holds.
+    An open hand has nothing to press for; one that closes may pull at what it holds. A force that
+    is not a number counts as too much.
 
     Args:
         force: Net forces on the hands as they are felt (N, 3) [N].
@@ -161,7 +162,7 @@ def presses(force: Array, wish: Array, width: Array, config: FollowConfig) -> Ma
     """
     closes = (wish > 0.0) & (width < OPEN_M)
     most = np.where(closes, config.guard_held_n, config.guard_n)
-    return np.asarray(np.sum(force * force, axis=1) > most * most)
+    return np.asarray(~(np.sum(force * force, axis=1) <= most * most))
 
 
 def next_target(

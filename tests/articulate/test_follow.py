@@ -178,6 +178,7 @@ def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead
         (CONFIG.guard_n + 0.1, 1.0, 0.02, False),
         (CONFIG.guard_held_n - 0.1, 1.0, 0.02, False),
         (CONFIG.guard_held_n + 0.1, 1.0, 0.02, True),
+        (np.nan, 1.0, 0.02, True),  # an arm that cannot tell
     ],
 )
 def test_a_hand_that_closes_may_pull_and_an_open_one_has_nothing_to_press_for(

@@ -96,7 +96,7 @@ def _presses(samples, drawn, wish, width, times):  # type: ignore[no-untyped-def
     for k in range(3):
         force += (samples[k] + drawn[_FORCE + k]) ** 2
     most = times.guard_held_n if wish > 0.0 and width < OPEN_M else times.guard_n
-    return force > most * most
+    return not force <= most * most
 
 
 @njit(nogil=True, cache=True, error_model="numpy", boundscheck=False, forceinline=True)
