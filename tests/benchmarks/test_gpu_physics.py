@@ -1,4 +1,4 @@
-"""What the benchmark of another engine compares: recorded episodes, and how far joints are apart."""
+"""What the benchmark of another engine compares: recorded episodes, how far joints are apart."""
 
 from __future__ import annotations
 
