@@ -32,12 +32,13 @@ TINY_PPO = PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=2, net=(8, 8))
 def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) -> Run:
     """A run of one seed, not begun yet, of ``updates`` updates of 32 steps that take milliseconds.
 
-    Its episodes take a second, its objects come in three sizes, every second update is kept, and
-    the last state is its policy.
+    Its seed has one member, its episodes take a second, its objects come in three sizes, every
+    second update is kept, and the last state is its policy.
     """
     plan: dict[str, Any] = {
         "seeds": (0,),
         "steps": 32 * updates,
+        "members": 1,
         "jobs": 1,
         "checkpoint_updates": 2,
         "episodes": 4,

@@ -66,8 +66,9 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
         act(model, far), act(model, 2 * far), rtol=0, atol=0
     )  # clipped to 10 deviations
     with torch.no_grad():
-        linear = policy.head(policy.body(torch.zeros(1, OBSERVATION.size)))
-    mean = policy.mean.numpy()[None]
+        network = policy.networks[0]
+        linear = network.head(network.body(torch.zeros(1, OBSERVATION.size)))
+    mean = network.mean.numpy()[None]
     said = torch.clamp(linear, -1, 1).numpy()
     said[:, :MOTIONS] *= shares(FineConfig(), mean)
     said[:, :ELBOW] = np.clip(said[:, :ELBOW] - taken_back(FineConfig(), mean), -1, 1)

@@ -24,7 +24,7 @@ from articulate.observe import (
 from articulate.task import Task
 from articulate_train.config import FineConfig
 from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
-from articulate_train.policy import Policy
+from articulate_train.policy import Network, Policy
 from articulate_train.shown import said
 
 FINE = FineConfig(
@@ -151,11 +151,17 @@ def test_nothing_is_taken_back_of_a_lead_that_is_allowed():
     assert_allclose(got, np.zeros((1, 6)), atol=1e-12)
 
 
+def one_network(fine):
+    """A policy with one network that normalises nothing."""
+    zeros, ones = torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size)
+    return Policy([Network(zeros, ones, (4,))], fine)
+
+
 def test_policy_takes_back_on_top_of_what_it_says_within_what_a_tick_may_do():
-    policy = Policy(torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size), (4,), LEADS)
+    policy = one_network(LEADS)
     with torch.no_grad():
-        policy.head.weight.zero_()
-        policy.head.bias.fill_(0.5)
+        policy.networks[0].head.weight.zero_()
+        policy.networks[0].head.bias.fill_(0.5)
     row = seen(0.5, beyond=0.1, lead=AHEAD)
     want = 0.5 * LEADS.done - taken_back(LEADS, row)[0]
     got = policy.act(row)[0]
@@ -189,10 +195,10 @@ def test_arrays_and_tensors_give_the_same():
 
 
 def test_policy_scales_motions_and_leaves_the_hands_command():
-    policy = Policy(torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size), (4,), FINE)
+    policy = one_network(FINE)
     with torch.no_grad():
-        policy.head.weight.zero_()
-        policy.head.bias.copy_(torch.linspace(-2.0, 0.5, ACTION.size))
+        policy.networks[0].head.weight.zero_()
+        policy.networks[0].head.bias.copy_(torch.linspace(-2.0, 0.5, ACTION.size))
     said = np.clip(np.linspace(-2.0, 0.5, ACTION.size), -1.0, 1.0)
     far, near = policy.act(np.concatenate([seen(0.5), seen(0.02)]))
     assert_allclose(far, said, rtol=1e-6)

@@ -40,14 +40,14 @@ def process(tiny):
 
 def stop_after(process, updates):
     """Let a signal come during update ``updates``."""
-    after = process._after_update
+    after = process._after_round
 
     def stopping(learner):
         if process._updates + 1 == updates:
             process.stop(signal.SIGINT)
         return after(learner)
 
-    process._after_update = stopping
+    process._after_round = stopping
 
 
 def same_checkpoints(a, b):
@@ -121,7 +121,7 @@ def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits
     tiny, process, whole
 ):
     first = process()
-    after, updates = first._after_update, []
+    after, updates = first._after_round, []
 
     def killed(learner):
         updates.append(after(learner))
@@ -129,7 +129,7 @@ def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits
             raise KeyboardInterrupt  # nothing is saved, as by SIGKILL
         return True
 
-    first._after_update = killed
+    first._after_round = killed
     with pytest.raises(KeyboardInterrupt):
         first.train()
     folder = tiny.seed_folder(0)
@@ -165,7 +165,7 @@ def test_episodes_that_progress_has_told_of_are_not_told_again(tiny, process, mo
     assert content["finished"] == {}
     del content["finished"]  # as older checkpoints are
     torch.save(content, tiny.seed_folder(0) / CHECKPOINT)
-    assert process().learner.envs.finished == []
+    assert process().members.finished() == []
 
 
 def test_progress_after_the_checkpoint_and_lines_cut_off_are_dropped(tiny, whole, process):
@@ -195,7 +195,7 @@ def test_progress_is_written_and_tells_each_term(tiny, process, monkeypatch):
 def test_seed_that_diverges_keeps_its_last_states(tiny, process):
     one = process()
     with torch.no_grad():
-        one.learner.model.policy.action_net.weight[0, 0] = float("nan")
+        one.members.learners[0].model.policy.action_net.weight[0, 0] = float("nan")
     with pytest.raises(DivergedError, match="weights are not finite"):
         one.train()
     folder = tiny.seed_folder(0)

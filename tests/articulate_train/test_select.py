@@ -5,6 +5,7 @@ import pytest
 from tests.runs import tiny_run
 
 from articulate.errors import ConfigError
+from articulate.observe import OBSERVATION
 from articulate_train import select
 from articulate_train.config import SelectConfig
 from articulate_train.policy import CHOSEN, load_policy, read_checkpoint
@@ -113,7 +114,7 @@ def test_what_is_lost_at_the_end_of_training_is_not_the_policy(cabinet, tmp_path
     assert json.loads((folder / DONE).read_text())["chosen"] == 96
     chosen = read_checkpoint(folder, CHOSEN)
     assert json.loads(chosen["plain"])["num_timesteps"] == 96
-    seen = np.zeros((1, load_policy(folder).mean.numel()))
+    seen = np.zeros((1, OBSERVATION.size))
     weights = read_checkpoint(folder)["policy"]["action_net.weight"]
     assert not np.array_equal(chosen["policy"]["action_net.weight"], weights)
     assert load_policy(folder).act(seen).shape == (1, 8)
@@ -129,8 +130,8 @@ def test_states_are_really_judged_on_episodes(cabinet, tmp_path):
 
 def test_choosing_that_is_interrupted_is_done_again_with_the_same_choice(cabinet, tmp_path):
     run, first = trained(tmp_path, cabinet, THREE)
-    first.learner.run(first._after_update)
-    select.keep_state(first.folder, first.learner.acting())
+    first.members.run(first._after_round)
+    select.keep_state(first.folder, first.members.acting())
     assert choose_state(run, 0, threads=1, goes_on=lambda: False) is None
     once, again = (choose_state(run, 0, threads=1) for _ in range(2))
     first.close()

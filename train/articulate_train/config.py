@@ -275,6 +275,10 @@ class TrainConfig:
     """One training for each."""
     steps: int = 2_000_000
     """Ticks of experience for each seed."""
+    members: int = 2
+    """Policies that a seed trains in turn, each from a beginning of its own and with its share of
+    the ticks: of two, each goes half of the way that noise, prices and learning rate have before
+    them. What acts is the mean of what they say."""
     jobs: int = 0
     """Seeds trained side by side; 0 means one for each processor."""
     checkpoint_updates: int = 20
@@ -302,6 +306,11 @@ class TrainConfig:
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     """Physics."""
 
+    @property
+    def member_steps(self) -> int:
+        """Ticks of experience of each of a seed's members, rounded up."""
+        return -(-self.steps // self.members)
+
     def __post_init__(self) -> None:
         from articulate.task import TASK_RULES  # brings numpy, which --help does without
 
@@ -313,8 +322,12 @@ class TrainConfig:
             raise ConfigError(
                 f"seeds are {shown}; they must be distinct, not negative and below {SEEDS}"
             )
-        if self.steps < self.ppo.n_envs * self.ppo.n_steps:
-            least = self.ppo.n_envs * self.ppo.n_steps
-            raise ConfigError(f"steps is {self.steps}; one update alone takes {least}, give more")
         check_least(1, {"episodes": self.episodes, "checkpoint_updates": self.checkpoint_updates})
+        check_least(1, {"members": self.members})
+        least = self.members * self.ppo.n_envs * self.ppo.n_steps
+        if self.steps < least:
+            each = f" of each of {self.members} members" if self.members > 1 else ""
+            raise ConfigError(
+                f"steps is {self.steps}; one update{each} alone takes {least}, give more"
+            )
         check_least(0, {"jobs": self.jobs, "evaluation_seed": self.evaluation_seed})

@@ -289,7 +289,8 @@ def onnx_opset(model: bytes) -> int:
 
 def golden_pairs(policy: Policy, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
     """Observations (count, size) spread as those of training, in float32, and their actions."""
-    mean, scale = (np.asarray(t, dtype=np.float64) for t in (policy.mean, policy.scale))
+    first = policy.networks[0]
+    mean, scale = (np.asarray(t, dtype=np.float64) for t in (first.mean, first.scale))
     seen = mean + rng.normal(size=(count, OBSERVATION.size)) / np.maximum(scale, 1e-3)
     seen = np.clip(seen, OBSERVATION.low, OBSERVATION.high).astype(np.float32)
     return seen, policy.act(seen).astype(np.float32)

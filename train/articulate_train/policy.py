@@ -1,10 +1,10 @@
-"""The policy as it is used: normalisation, network and clipping in one module."""
+"""The policy as it is used: normalisation, networks and clipping in one module."""
 
 from __future__ import annotations
 
 import json
 import pickle  # noqa: TID251  # its error alone, which torch lets through
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -25,24 +25,21 @@ CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
 CHOSEN = "policy.pt"
 """File of a seed's folder that holds the policy which was chosen at the end of its training."""
+FURTHER = "further"
+"""Key of a checkpoint under which it holds a seed's further members."""
 MOST_LETTERS = 160
 """Letters that are told of why a checkpoint does not fit."""
 
 
-class Policy(nn.Module):
-    """Raw observations (N, size of OBSERVATION) to actions (N, 8) in [-1, 1], float32."""
+class Network(nn.Module):
+    """Raw observations (N, size of OBSERVATION) to what one trained network says (N, 8)."""
 
     mean: Tensor
     scale: Tensor
 
-    def __init__(
-        self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...], fine: FineConfig
-    ) -> None:
+    def __init__(self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...]) -> None:
         """With the running mean and variance of observations and the widths of hidden layers."""
         super().__init__()
-        self.fine = fine
-        self.steps = 0
-        """Ticks of experience it was made after; 0 where that is not known."""
         self.register_buffer("mean", mean.float())
         self.register_buffer("scale", torch.rsqrt(variance.double() + 1e-8).float())
         widths = (mean.numel(), *hidden)
@@ -53,9 +50,29 @@ class Policy(nn.Module):
         self.head = nn.Linear(widths[-1], ACTION.size)
 
     def forward(self, observation: Tensor) -> Tensor:
-        """The mean action, clipped, its motions finer near the handle."""
+        """The mean of its distribution, clipped to [-1, 1]."""
         seen = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
-        said = torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
+        said: Tensor = torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
+        return said
+
+
+class Policy(nn.Module):
+    """Raw observations (N, size of OBSERVATION) to actions (N, 8) in [-1, 1], float32."""
+
+    def __init__(self, networks: Sequence[Network], fine: FineConfig) -> None:
+        """With the networks of a seed's members, of which each says as much as the others."""
+        super().__init__()
+        self.networks = nn.ModuleList(networks)
+        self.fine = fine
+        self.steps = 0
+        """Ticks of experience it was made after; 0 where that is not known."""
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """The mean of what the members say, its motions finer near the handle."""
+        said = self.networks[0](observation)
+        for network in list(self.networks)[1:]:
+            said = said + network(observation)
+        said = said / float(len(self.networks))
         motions = said[:, :MOTIONS] * shares(self.fine, observation)
         tool = motions[:, :ELBOW] - taken_back(self.fine, observation)
         tool = torch.clamp(tool, -1.0, 1.0)
@@ -126,28 +143,42 @@ def checkpoint_sha256(folder: Path) -> str:
     return sha256(path) if path.exists() else ""
 
 
+def members_of(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
+    """What a checkpoint holds of each of a seed's members, the first being the file itself."""
+    return [checkpoint, *checkpoint.get(FURTHER, [])]
+
+
 def trained_steps(checkpoint: dict[str, Any]) -> int:
-    """Ticks of experience that a checkpoint was made after; 0 where it does not say."""
-    return int(json.loads(checkpoint.get("plain", "{}")).get("num_timesteps", 0))
+    """Ticks of experience that a checkpoint was made after; 0 where it does not say.
+
+    Those of all members together.
+    """
+    told = [json.loads(member.get("plain", "{}")) for member in members_of(checkpoint)]
+    return sum(int(plain.get("num_timesteps", 0)) for plain in told)
 
 
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
+    members = members_of(checkpoint)
+    policy = Policy([_network_of(member) for member in members], FineConfig(**checkpoint["fine"]))
+    policy.steps = trained_steps(checkpoint)
+    return policy.eval()
+
+
+def _network_of(checkpoint: dict[str, Any]) -> Network:
     weights, mean = checkpoint["policy"], checkpoint["normalise"]["mean"]
     if mean.numel() < OBSERVATION.size:
         raise ValueError(f"observations of {mean.numel()} numbers, not {OBSERVATION.size}")
     names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
-    policy = Policy(
+    network = Network(
         mean[: OBSERVATION.size],  # the rest is the value function's
         checkpoint["normalise"]["var"][: OBSERVATION.size],
         tuple(int(v) for v in checkpoint["net"]),
-        FineConfig(**checkpoint["fine"]),
     )
     state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}
     state |= {f"head.{p}": weights[f"action_net.{p}"] for p in _PARTS}
-    policy.load_state_dict(state | {"mean": policy.mean, "scale": policy.scale})
-    policy.steps = trained_steps(checkpoint)
-    return policy.eval()
+    network.load_state_dict(state | {"mean": network.mean, "scale": network.scale})
+    return network
 
 
 _PARTS = ("weight", "bias")

@@ -32,11 +32,14 @@ from articulate_train.vecenv import EpisodesVecEnv
 
 
 class Learner:
-    """One seed's training: environments, normalisation, algorithm, and all of their state."""
+    """A member's training: environments, normalisation, algorithm, and all of their state."""
 
-    def __init__(self, scene: Scene, config: TrainConfig, seed: int, *, threads: int) -> None:
-        """Build everything from ``config`` and ``seed``; nothing is stepped yet."""
+    def __init__(
+        self, scene: Scene, config: TrainConfig, seed: int, *, threads: int, member: int = 0
+    ) -> None:
+        """Build everything from ``config``, ``seed`` and ``member``; nothing is stepped yet."""
         self.config = config
+        stream = np.random.SeedSequence([seed, TRAINING, member])
         way_m = scene.asset.handle_way(scene.task.joint)
         self.fine = config.fine.of(scene.task, way_m)
         ppo = config.ppo
@@ -46,12 +49,13 @@ class Learner:
             draws=config.draw,
             reward=config.reward,
             starts=config.starts,
-            seed=np.random.SeedSequence([seed, TRAINING]),
+            seed=stream,
         )
         self.envs = EpisodesVecEnv(self.episodes, self.fine)
         self._guide = guide_of(scene)
         self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
-        self.model = make_ppo(self.normalise, ppo, seed)
+        own = seed if member == 0 else int(stream.generate_state(1)[0])
+        self.model = make_ppo(self.normalise, ppo, own)
 
     def run(self, on_update: Callable[[Learner], bool]) -> None:
         """Collect and update until the configured steps are done.
@@ -62,28 +66,46 @@ class Learner:
         Raises:
             DivergedError: A weight is no longer finite.
         """
-        model, total = self.model, self.config.steps
-        left = total - model.num_timesteps
-        total, callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
-        while model.num_timesteps < total:
-            self.episodes.progress = model.num_timesteps / total
-            self._show()
-            with torch.no_grad():
-                bound = self.config.ppo.log_std_bound(self.episodes.progress)
-                model.policy.log_std.clamp_(max=bound)
-            try:
-                model.collect_rollouts(
-                    self.normalise, callback, model.rollout_buffer, n_rollout_steps=model.n_steps
-                )
-                model._update_current_progress_remaining(model.num_timesteps, total)
-                self._update()
-            except ValueError:  # torch refuses distributions whose mean is not finite
-                if self.is_finite():
-                    raise
-            if not self.is_finite():
-                raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
+        self.begin()
+        while not self.is_done:
+            self.update()
             if not on_update(self):
                 return
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has the ticks that the configuration gives a member."""
+        return self.model.num_timesteps >= self.config.member_steps
+
+    def begin(self) -> None:
+        """Get ready for updates, at the beginning or after :meth:`restore`."""
+        model = self.model
+        left = self.config.member_steps - model.num_timesteps
+        _, self._callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
+
+    def update(self) -> None:
+        """Collect a roll-out and learn from it.
+
+        Raises:
+            DivergedError: A weight is no longer finite.
+        """
+        model, total = self.model, self.config.steps  # it gets as far as its share of them
+        self.episodes.progress = model.num_timesteps / total
+        self._show()
+        with torch.no_grad():
+            bound = self.config.ppo.log_std_bound(self.episodes.progress)
+            model.policy.log_std.clamp_(max=bound)
+        try:
+            model.collect_rollouts(
+                self.normalise, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+            )
+            model._update_current_progress_remaining(model.num_timesteps, total)
+            self._update()
+        except ValueError:  # torch refuses distributions whose mean is not finite
+            if self.is_finite():
+                raise
+        if not self.is_finite():
+            raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
 
     def _show(self) -> None:
         """Let the guide show, and act where it still leads, if it does so now."""
@@ -114,14 +136,18 @@ class Learner:
         return {name: float(recorded[f"train/{name}"]) for name in names}
 
     def save(self, folder: Path) -> None:
-        """Write ``checkpoint.pt`` whole: weights, optimiser, environments, generators."""
+        """Write ``checkpoint.pt`` whole, of a seed with this member alone."""
+        write_checkpoint(folder, self.content())
+
+    def content(self) -> dict[str, Any]:
+        """What a checkpoint holds of it: weights, optimiser, environments, generators."""
         model, norm = self.model, self.normalise
         snapshot = self.episodes.snapshot()
         generator = snapshot.pop("generator")
         # SB3 shuffles minibatches with numpy's global generator.
         state: Any = np.random.get_state()  # noqa: NPY002
         name, keys, *rest = state
-        content = self.acting() | {
+        return self.acting() | {
             "optimizer": model.policy.optimizer.state_dict(),
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
@@ -142,8 +168,6 @@ class Learner:
                 }
             ),
         }
-        with whole_file(folder / CHECKPOINT) as temporary:
-            torch.save(content, temporary)
 
     def acting(self) -> dict[str, Any]:
         """What a checkpoint holds of the policy alone, for :func:`.policy.policy_of`."""
@@ -188,6 +212,12 @@ class Learner:
     def close(self) -> None:
         """Give back the engine."""
         self.envs.close()
+
+
+def write_checkpoint(folder: Path, content: dict[str, Any]) -> None:
+    """Write a seed's ``checkpoint.pt``, whole or not at all."""
+    with whole_file(folder / CHECKPOINT) as temporary:
+        torch.save(content, temporary)
 
 
 UPDATE_FIGURES = ("approx_kl", "clip_fraction", "explained_variance", "value_loss")

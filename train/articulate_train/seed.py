@@ -1,9 +1,9 @@
 """One seed in a process of its own: ``python -m articulate_train.seed RUN SEED THREADS [PARENT]``.
 
-It writes ``progress.jsonl`` (a line every ten updates and at the end), TensorBoard events,
-``checkpoint.pt`` and states of the policy, and at the end the best of these as ``policy.pt``, and
-``done.json``. SIGINT or SIGTERM saves and stops with 130, and so
-does the end of the process PARENT, which started it.
+It writes ``progress.jsonl`` (a line every ten updates of each member, and at the end), TensorBoard
+events, ``checkpoint.pt`` and states of the policy, and at the end the best of these as
+``policy.pt``, and ``done.json``. SIGINT or SIGTERM saves and stops with 130, and so does
+the end of the process PARENT, which started it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,14 @@ from articulate.errors import ArticulateError, DivergedError, UsageError
 from articulate.files import whole_file, write_json, write_text
 from articulate.judgement import REASONS
 from articulate_envs.rewards import TERMS
-from articulate_train.policy import CHECKPOINT, CHOSEN, of_this_version, read_checkpoint
-from articulate_train.ppo import Learner
+from articulate_train.members import Members
+from articulate_train.policy import (
+    CHECKPOINT,
+    CHOSEN,
+    of_this_version,
+    read_checkpoint,
+    trained_steps,
+)
 from articulate_train.run import Run, open_run
 from articulate_train.select import STATES, choose_state, is_due, keep_state, told
 from articulate_train.vecenv import Finished
@@ -59,25 +65,22 @@ class SeedProcess:
         self._every = run.config.checkpoint_updates
         self._stop = False
         self._parent = os.getppid() if parent is None else parent
-        self.learner = Learner(run.scene(), run.config, seed, threads=threads)
+        self.members = Members(run.scene(), run.config, seed, threads=threads)
         self._before_s = 0.0
-        self._updates = 0
         if (self.folder / CHECKPOINT).exists():
             content = read_checkpoint(self.folder)
             with of_this_version(self.folder / CHECKPOINT):
-                self.learner.restore(content)
-            self._updates = self.learner.model._n_updates // run.config.ppo.n_epochs
+                self.members.restore(content)
+        self._updates = self.members.updates
         (self.folder / CHOSEN).unlink(missing_ok=True)  # of a shorter training that goes on
         self._cut_progress()
-        self._board = SummaryWriter(
-            str(self.folder / "tensorboard"), purge_step=self.learner.model.num_timesteps
-        )
+        self._board = SummaryWriter(str(self.folder / "tensorboard"), purge_step=self.members.steps)
         self._begin = time.monotonic()
 
     def _cut_progress(self) -> None:
         """Drop lines of progress after the checkpoint that is continued."""
         path = self.folder / PROGRESS
-        steps = self.learner.model.num_timesteps
+        steps = self.members.steps
         lines = path.read_text().splitlines() if path.exists() else []
         kept = []
         for line in lines:
@@ -97,19 +100,19 @@ class SeedProcess:
     def train(self) -> bool:
         """Train to the end, or to a signal; True if it is done."""
         try:
-            self.learner.run(self._after_update)
+            self.members.run(self._after_round)
         except DivergedError:
             self._keep_states()
             raise
-        done = self.learner.model.num_timesteps >= self.learner.config.steps
+        done = self.members.is_done
         if done and self._updates % REPORT_UPDATES:
             self._report()  # the last updates, without which a short training has no figures
-        self.learner.save(self.folder)
+        self.members.save(self.folder)
         return done and self._choose()
 
     def _choose(self) -> bool:
         """Take the best state as the policy, and say that the seed is done; False if stopped."""
-        keep_state(self.folder, self.learner.acting())
+        keep_state(self.folder, self.members.acting())
         found = choose_state(
             self._run, self._seed, threads=self._threads, goes_on=lambda: not self._is_stopped
         )
@@ -118,8 +121,7 @@ class SeedProcess:
         state, judged = found
         with whole_file(self.folder / CHOSEN) as temporary:
             torch.save(state, temporary)
-        steps = self.learner.model.num_timesteps
-        chosen = json.loads(state["plain"])["num_timesteps"]
+        steps, chosen = self.members.steps, trained_steps(state)
         write_json(self.folder / DONE, {"steps": steps, "chosen": chosen, "judged": told(judged)})
         shutil.rmtree(self.folder / STATES)
         return True
@@ -130,16 +132,15 @@ class SeedProcess:
         self._stop = self._stop or self.is_orphan
         return self._stop
 
-    def _after_update(self, learner: Learner) -> bool:
+    def _after_round(self, members: Members) -> bool:
         self._updates += 1
         if self._updates % REPORT_UPDATES == 0:
             self._report()
-        steps, update = learner.model.num_timesteps, learner.model.rollout_buffer
-        before = steps - update.buffer_size * update.n_envs
-        if is_due(learner.config.select, learner.config.steps, before, steps):
-            keep_state(self.folder, learner.acting())
+        steps, config = members.steps, members.config
+        if is_due(config.select, config.steps, steps - members.round_steps, steps):
+            keep_state(self.folder, members.acting())
         if self._updates % self._every == 0:
-            learner.save(self.folder)
+            members.save(self.folder)
         return not self._is_stopped
 
     @property
@@ -148,17 +149,16 @@ class SeedProcess:
         return os.getppid() != self._parent
 
     def _report(self) -> None:
-        finished = self.learner.envs.finished
+        finished = self.members.finished()
         if not finished:
             return
-        steps = self.learner.model.num_timesteps
+        steps = self.members.steps
         row = summarise(finished) | {
             "steps": steps,
             "seconds": round(self._before_s + time.monotonic() - self._begin, 2),
-            "log_std": float(self.learner.model.policy.log_std.detach().mean()),
-            "update": self.learner.update_figures(),
+            "log_std": self.members.log_std(),
+            "update": self.members.figures(),
         }
-        finished.clear()
         with (self.folder / PROGRESS).open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(row) + "\n")
         for name in ("success", "opened", "success_all", "log_std"):
@@ -169,14 +169,14 @@ class SeedProcess:
             self._board.add_scalar(f"update/{name}", value, steps)
 
     def _keep_states(self) -> None:
-        snapshot: dict[str, Any] = self.learner.episodes.engine.snapshot()
+        snapshot: dict[str, Any] = self.members.diverged().episodes.engine.snapshot()
         with whole_file(self.folder / DIVERGED) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(stream, **snapshot)
 
     def close(self) -> None:
         """Close the files and the engine."""
         self._board.close()
-        self.learner.close()
+        self.members.close()
 
 
 def summarise(finished: list[Finished]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ one policy that was fixed before.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ import torch
 from articulate.files import whole_file
 from articulate_train.config import SelectConfig
 from articulate_train.evaluate import run_episodes
-from articulate_train.policy import policy_of, read_checkpoint
+from articulate_train.policy import policy_of, read_checkpoint, trained_steps
 from articulate_train.ppo import SELECTION
 from articulate_train.run import Run
 
@@ -46,8 +45,8 @@ class Judged:
 
 
 def keep_state(folder: Path, content: dict[str, Any]) -> None:
-    """Keep a state, as :meth:`.ppo.Learner.acting` says it, in a seed's folder until the end."""
-    path = folder / STATES / f"{json.loads(content['plain'])['num_timesteps']}.pt"
+    """Keep a state, as :meth:`.Members.acting` says it, in a seed's folder until the end."""
+    path = folder / STATES / f"{trained_steps(content)}.pt"
     path.parent.mkdir(exist_ok=True)
     with whole_file(path) as temporary:
         torch.save(content, temporary)
