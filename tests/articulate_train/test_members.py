@@ -132,22 +132,27 @@ def test_restored_members_go_on_with_the_same_bits(members, tmp_path, k):
     assert whole.steps == other.steps == 2 * (k + 1) * STEPS
 
 
-def test_a_seed_that_is_killed_goes_on_with_the_same_bits(cabinet, tmp_path):
+def dying(after, rounds):
+    """What a process calls after each round, which kills it after so many."""
+    left = iter(range(1, rounds + 1))
+
+    def dies(members):
+        assert after(members)
+        if next(left) == rounds:
+            raise KeyboardInterrupt  # nothing more is saved, as by SIGKILL
+        return True
+
+    return dies
+
+
+def test_a_seed_that_is_killed_goes_on_with_the_same_bits(cabinet, tmp_path, monkeypatch):
     kept = []
     for name, killed in (("whole", None), ("killed", 2)):
         run = tiny_run(tmp_path / name, cabinet, members=2, checkpoint_updates=1)
         process = SeedProcess(run, 0, threads=1)
         if killed is not None:
-            after, count = process._after_round, []
-
-            def dies(members, after=after, count=count, killed=killed):
-                count.append(after(members))
-                if len(count) == killed:
-                    raise KeyboardInterrupt  # nothing more is saved, as by SIGKILL
-                return True
-
-            process._after_round = dies
-            with pytest.raises(KeyboardInterrupt):
+            with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+                patch.setattr(process, "_after_round", dying(process._after_round, killed))
                 process.train()
             process.close()
             process = SeedProcess(run, 0, threads=1)
@@ -176,7 +181,8 @@ def test_the_policy_is_the_mean_of_what_they_say(tmp_path):
     want = mean.copy()
     want[:, :MOTIONS] *= shares(policy.fine, seen)
     want[:, :ELBOW] -= taken_back(policy.fine, seen)
-    np.testing.assert_allclose(policy.act(seen), np.clip(want, -1.0, 1.0), atol=1e-6)
+    got = policy.act(seen.astype(np.float64))
+    np.testing.assert_allclose(got, np.clip(want, -1.0, 1.0).astype(np.float64), atol=1e-6)
 
 
 def test_steps_are_those_of_all():
