@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import onnxruntime
 import pytest
 import torch
 from numpy.testing import assert_array_equal
@@ -11,7 +12,9 @@ from tests.runs import tiny_run, write_checkpoint
 
 from articulate.errors import ConfigError, RunError
 from articulate.observe import OBSERVATION
+from articulate_deploy.graph import check_graph
 from articulate_train.config import TrainConfig
+from articulate_train.export import golden_pairs, to_onnx
 from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.members import Members
 from articulate_train.policy import (
@@ -166,12 +169,19 @@ def test_a_seed_that_is_killed_goes_on_with_the_same_bits(cabinet, tmp_path, mon
     assert same(*kept)
 
 
-def test_the_policy_is_the_mean_of_what_they_say(tmp_path):
+@pytest.fixture
+def two(tmp_path):
+    """A seed's folder whose checkpoint has two members, and what it holds of each."""
     folder = tmp_path / "seed_0"
     write_checkpoint(folder, 0)
     write_checkpoint(tmp_path / "other", 1)
     one, other = read_checkpoint(folder), read_checkpoint(tmp_path / "other")
     torch.save(one | {FURTHER: [other]}, folder / CHECKPOINT)
+    return folder, one, other
+
+
+def test_the_policy_is_the_mean_of_what_they_say(two):
+    folder, one, other = two
     policy = load_policy(folder)
     seen = np.random.default_rng(0).normal(size=(16, OBSERVATION.size)).astype(np.float32)
     with torch.no_grad():
@@ -183,6 +193,16 @@ def test_the_policy_is_the_mean_of_what_they_say(tmp_path):
     want[:, :ELBOW] -= taken_back(policy.fine, seen)
     got = policy.act(seen.astype(np.float64))
     np.testing.assert_allclose(got, np.clip(want, -1.0, 1.0).astype(np.float64), atol=1e-6)
+
+
+def test_the_network_of_a_bundle_says_the_same(two):
+    policy = load_policy(two[0])
+    model = to_onnx(policy)
+    check_graph(model, "policy.onnx")
+    seen, actions = golden_pairs(policy, np.random.default_rng(1), 32)
+    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
+    (said,) = session.run(None, {session.get_inputs()[0].name: seen})
+    np.testing.assert_allclose(said, actions, atol=1e-5)
 
 
 def test_steps_are_those_of_all():
