@@ -190,11 +190,12 @@ def _write_run(folder: Path, config: TrainConfig, asset: Asset, task: Task, plac
 def run_bytes(config: TrainConfig, asset: Asset) -> int:
     """What a run takes on disk at most, generously [bytes]."""
     object_bytes = sum(p.stat().st_size for p in asset.folder.rglob("*") if p.is_file())
-    return object_bytes + len(config.seeds) * (SEED_BYTES + config.steps // 10) + REPORT_BYTES
+    seed_bytes = config.members * MEMBER_BYTES + config.steps // 10
+    return object_bytes + len(config.seeds) * seed_bytes + REPORT_BYTES
 
 
-SEED_BYTES = 6_000_000
-"""A seed's checkpoint, twice while it is written, the states of its policy, and its log."""
+MEMBER_BYTES = 6_000_000
+"""A member's part of a checkpoint, twice while it is written, and states of its policy."""
 REPORT_BYTES = 20_000_000
 """The report with its clips."""
 
