@@ -194,6 +194,7 @@ class OnWarp:
         import mujoco_warp as mjw
         import warp as wp
 
+        wp.config.log_level = wp.LOG_WARNING
         self.of, self.n, self.mjw, self.wp = episodes, n_worlds, mjw, wp
         model, rows = copy.copy(episodes.model), np.arange(n_worlds) % episodes.n
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -214,7 +215,11 @@ class OnWarp:
         self.graph: Any = None
 
     def _each(self, name: str, values: Array) -> None:
-        """Give each world its own numbers of the model's field ``name``."""
+        """Give each world its own numbers of the model's field ``name``, if Warp has it.
+
+        It has not what MuJoCo computes from other fields and Warp computes anew or never reads:
+        ``dof_M0``, ``dof_length``, ``actuator_length0``.
+        """
         if name not in {f.name for f in fields(self.model)}:
             return
         field = getattr(self.model, name)
@@ -370,24 +375,25 @@ def measured(path: Path, args: argparse.Namespace) -> dict[str, Any]:
     out["mj_step_steps_per_s"] = args.alone * episodes.ticks / median(seconds)
     out["nearness"] = {"rounded": nearness(rounded[:, :ticks], exact[:, :ticks], episodes.way)}
     tell(f"{episodes.name}: mj_step {out['mj_step_steps_per_s']:.0f} env-steps/s")
+    if packages()["mujoco-warp"] == "not installed":
+        out["taken"] = "not tried: mujoco-warp is not installed"
+        return out
     try:
-        on_warp(out, episodes, exact[:, :ticks], args)
-    except (ImportError, NotImplementedError, ValueError) as error:
-        out["taken"] = f"{type(error).__name__}: {error}"
-        tell(f"{episodes.name}: {out['taken']}")
+        few = OnWarp(episodes, episodes.n)
+    except NotImplementedError as error:  # what Warp says of models that it does not take
+        out["taken"] = str(error)
+        tell(f"{episodes.name}: {error}")
+        return out
+    on_warp(out, few, exact[:, :ticks], args)
     return out
 
 
-def on_warp(
-    out: dict[str, Any], episodes: Episodes, exact: Array, args: argparse.Namespace
-) -> None:
-    """Add what Warp does with the episodes to ``out``."""
+def on_warp(out: dict[str, Any], few: OnWarp, exact: Array, args: argparse.Namespace) -> None:
+    """Add what Warp does with the episodes to ``out``; ``few`` holds each of them once."""
     import warp as wp
 
-    wp.config.log_level = wp.LOG_WARNING
-    ticks = exact.shape[1]
+    episodes, ticks = few.of, exact.shape[1]
     out["device"] = wp.get_device().name
-    few = OnWarp(episodes, episodes.n)
     out["taken"] = "yes"
     out["compile_s"] = few.capture()
     joint, most = few.run(ticks)

@@ -11,7 +11,7 @@ from articulate_envs.critic import PRIVILEGED
 from articulate_train.config import PpoConfig
 from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import policy_of, read_checkpoint
-from articulate_train.ppo import Learner
+from articulate_train.ppo import Learner, write_checkpoint
 
 STEPS = 32
 """Steps of an update."""
@@ -98,7 +98,7 @@ def test_restored_training_goes_on_with_the_same_bits(learner, tmp_path, k):
     """Saved after k updates and read into a fresh learner, it is the uninterrupted one."""
     whole = learner()
     train(whole, k)
-    whole.save(tmp_path)
+    write_checkpoint(tmp_path, whole.content())
     at_save = bits(whole)
     going_on = train(whole, 3)
     other = learner()
@@ -116,7 +116,7 @@ def test_restored_training_goes_on_with_the_same_bits(learner, tmp_path, k):
 def test_saving_changes_nothing(learner, tmp_path):
     a = learner()
     train(a, 2)
-    a.save(tmp_path)
+    write_checkpoint(tmp_path, a.content())
     train(a, 2)
     b = learner()
     train(b, 2)
@@ -127,7 +127,7 @@ def test_saving_changes_nothing(learner, tmp_path):
 def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     one = learner()
     train(one, 3)
-    one.save(tmp_path)
+    write_checkpoint(tmp_path, one.content())
     raw = one.normalise.old_obs
     policy = policy_of(read_checkpoint(tmp_path))
     seen_raw = raw[:, : OBSERVATION.size]

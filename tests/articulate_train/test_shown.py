@@ -12,7 +12,7 @@ from articulate.observe import ACTION
 from articulate_train.config import ShowConfig
 from articulate_train.fine import ELBOW, MOTIONS
 from articulate_train.policy import read_checkpoint
-from articulate_train.ppo import Learner
+from articulate_train.ppo import Learner, write_checkpoint
 from articulate_train.shown import LEAST_SHARE, imitate, said
 
 STEPS = 32
@@ -99,7 +99,7 @@ def test_training_restored_while_it_is_shown_goes_on_with_the_same_bits(tiny, tm
 
     whole = learner_of(tiny, until=0.5)
     train(whole, k)
-    whole.save(tmp_path)
+    write_checkpoint(tmp_path, whole.content())
     train(whole, 3)
     other = learner_of(tiny, until=0.5)
     other.restore(read_checkpoint(tmp_path))

@@ -135,10 +135,6 @@ class Learner:
         names = [name for name in UPDATE_FIGURES if f"train/{name}" in recorded]
         return {name: float(recorded[f"train/{name}"]) for name in names}
 
-    def save(self, folder: Path) -> None:
-        """Write ``checkpoint.pt`` whole, of a seed with this member alone."""
-        write_checkpoint(folder, self.content())
-
     def content(self) -> dict[str, Any]:
         """What a checkpoint holds of it: weights, optimiser, environments, generators."""
         model, norm = self.model, self.normalise
@@ -181,7 +177,7 @@ class Learner:
         }
 
     def restore(self, content: dict[str, Any]) -> None:
-        """Continue from what :meth:`save` wrote."""
+        """Continue from what :meth:`content` gave."""
         model, norm = self.model, self.normalise
         seen: Any = norm.obs_rms  # of one space, not of a dictionary
         plain = json.loads(content["plain"])
