@@ -126,7 +126,7 @@ def judge_sample(
         [
             touch,
             speed > limits.speed_share,
-            share > limits.torque_share,
+            share >= limits.torque_share,
             rate > arm.dtau_max,
             force > limits.force_n,
             moment > limits.moment_nm,

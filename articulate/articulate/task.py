@@ -55,7 +55,9 @@ class Limits:
     speed_share: float = 0.7
     """Share of the table's joint speed allowed, in (0, 1]."""
     torque_share: float = 1.0
-    """Share of the table's joint torque allowed, gravity included, in (0, 1]."""
+    """Share of the table's joint torque that is never to be asked for, gravity included, in (0, 1].
+
+    Simulated arms are given the table's torque at most: one that reaches it has asked for more."""
     force_n: float = 40.0
     """Largest filtered net force of the surroundings on the hand [N]."""
     moment_nm: float = 40.0

@@ -8,6 +8,7 @@ import stat
 import struct
 import zipfile
 import zlib
+from itertools import islice
 from pathlib import Path
 
 from articulate.errors import BundleError
@@ -67,7 +68,9 @@ def member(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
 def _from_folder(folder: Path) -> dict[str, bytes]:
     contents: dict[str, bytes] = {}
     total = 0
-    for path in sorted(folder.rglob("*")):
+    paths = list(islice(folder.rglob("*"), 2 * MAX_FILES))  # and not all of a disk
+    _check_size(folder, 0, len(paths) // 2)
+    for path in sorted(paths):
         name = path.relative_to(folder).as_posix()
         mode = path.lstat().st_mode
         if stat.S_ISDIR(mode):

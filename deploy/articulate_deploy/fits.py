@@ -17,7 +17,7 @@ from articulate.errors import BundleError, ConfigError, nearest
 from articulate.follow import check_follow
 from articulate.manifest import Manifest, limit_table_sha256
 from articulate.observe import ACTION, OBSERVATION
-from articulate.task import TASK_RULES
+from articulate.task import TASK_RULES, Limits
 
 MAX_RATE_HZ = 200.0
 """Fastest tick [Hz]; ours are of 20 Hz."""
@@ -25,6 +25,8 @@ MAX_STEPS = 1000
 """Most physics steps in a tick."""
 MOST_ATOL = 1e-2
 """Largest difference of an action that golden pairs may allow."""
+MOST_DRAWN = 1e6
+"""Largest number of a range of the randomisation: differences of larger ones overflow."""
 MAX_SIZES = 1000
 """Most sizes of the object."""
 Bound = tuple[str, bool, str]
@@ -92,6 +94,8 @@ def _check_task(manifest: Manifest, where: str) -> None:
         raise BundleError(f"{where}: task.name is {task.name[:60]!r}{known}")
     if task.joint not in joints:
         raise BundleError(f"{where}: its object has no joint {task.joint[:60]!r}; export it again")
+    if not task.joint.isprintable():  # it stands in reports, on a line of its own
+        raise BundleError(f"{where}: task.joint is {task.joint[:60]!a}; no such name is shown")
     joint = joints[task.joint]
     if joint.kind != task.kind or joint.span == 0.0 or task.span * joint.span <= 0.0:
         raise BundleError(
@@ -126,18 +130,25 @@ def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
 def _task_bounds(manifest: Manifest) -> Iterator[Bound]:
     task = manifest.task
     episode, limits = task.episode_s, task.limits
-    yield "task.episode_s", 0.0 < episode <= 10.0, f"is {episode}; it must be in (0, 10] s"
+    tick_s = manifest.control.follow.tick_s
+    accepted = tick_s <= episode <= 10.0
+    yield "task.episode_s", accepted, f"is {episode}; it must be in [{tick_s:g}, 10] s"
     yield (
         "task.hold_s",
         0.0 < task.hold_s <= episode,
         f"is {task.hold_s}; it must be in (0, {episode}] s",
     )
-    for name in ("speed_share", "torque_share"):
-        share = getattr(limits, name)
-        yield f"task.limits.{name}", 0.0 < share <= 1.0, f"is {share}; it must be in (0, 1]"
-    for name in ("force_n", "moment_nm", "filter_s", "short_filter_s"):
-        value = getattr(limits, name)
-        yield f"task.limits.{name}", value > 0.0, f"is {value}; it must be above 0"
+    own = Limits()
+    for name in (
+        "speed_share", "torque_share", "force_n", "moment_nm", "filter_s", "short_filter_s",
+    ):  # fmt: skip
+        value, most = getattr(limits, name), getattr(own, name)
+        yield f"task.limits.{name}", 0.0 < value <= most, f"is {value}; it must be in (0, {most}]"
+    follow = manifest.control.follow
+    for name in ("guard_n", "guard_held_n"):
+        value, most = getattr(follow, name), own.force_n
+        accepted = 0.0 < value <= most
+        yield f"control.follow.{name}", accepted, f"is {value}; it must be in (0, {most}] N"
 
 
 def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
@@ -168,6 +179,11 @@ def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
     seed, sizes = manifest.draws.seed, manifest.draw.scales
     yield "draws.seed", seed >= 0, f"is {seed}; it must be 0 or more"
     yield "draw.scales", sizes <= MAX_SIZES, f"is {sizes}; it must be at most {MAX_SIZES}"
+    smoothing = robot.hand.smoothing
+    yield "robot.hand.smoothing", 0.0 <= smoothing < 1.0, f"is {smoothing}; it must be in [0, 1)"
+    for name, value in vars(manifest.draw).items():
+        most = np.max(np.abs(value))
+        yield f"draw.{name}", bool(most <= MOST_DRAWN), f"is {value}; above {MOST_DRAWN:g}"
 
 
 def _check_follower(manifest: Manifest, where: str) -> None:

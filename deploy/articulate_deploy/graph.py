@@ -12,13 +12,20 @@ from articulate.errors import BundleError
 
 DEFAULT_DOMAINS = ("", "ai.onnx")
 """Domains of ONNX's own operators."""
+OPERATORS = frozenset({
+    "Abs", "Add", "Clip", "Concat", "Div", "Elu", "Gemm", "MatMul", "Mul", "Pow", "ReduceSum",
+    "Slice", "Sub",
+})  # fmt: skip
+"""Operators of an exported policy; none makes more numbers than it is given, as Expand does."""
+MAX_NODES = 1000
+"""Most operators in a graph; ours have some hundred."""
 MAX_KEY = 0xFFFFFFFF
 """Largest key of a field: its number and its wire type."""
 
 _MODEL_GRAPH, _MODEL_OPSET, _MODEL_FUNCTIONS, _MODEL_TRAINING = 7, 8, 25, 20
 _OPSET_DOMAIN = 1
 _GRAPH_NODE, _GRAPH_TENSOR, _GRAPH_SPARSE = 1, 5, 15
-_NODE_ATTRIBUTE, _NODE_DOMAIN = 5, 7
+_NODE_OPERATOR, _NODE_ATTRIBUTE, _NODE_DOMAIN = 4, 5, 7
 _ATTRIBUTE_TENSORS, _ATTRIBUTE_GRAPHS, _ATTRIBUTE_SPARSE = (5, 10), (6, 11), (22, 23)
 _TENSOR_EXTERNAL, _TENSOR_LOCATION = 13, 14
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
@@ -49,6 +56,8 @@ def check_graph(content: bytes, where: str) -> None:
 
 
 def _check_graph(graph: bytes, where: str) -> None:
+    if sum(number == _GRAPH_NODE for number, _ in _messages(graph)) > MAX_NODES:
+        raise BundleError(f"{where}: has more than {MAX_NODES} operators")
     for number, value in _messages(graph):
         if number == _GRAPH_NODE:
             _check_node(value, where)
@@ -70,6 +79,9 @@ def _check_node(node: bytes, where: str) -> None:
                 raise BundleError(f"{where}: has loops or branches; only plain graphs are run")
             elif kind in _ATTRIBUTE_SPARSE:
                 raise BundleError(f"{where}: has sparse tensors, which are not read")
+    operator = _text(node, _NODE_OPERATOR)
+    if operator not in OPERATORS:
+        raise BundleError(f"{where}: has an operator {operator[:60]!r}, which no export writes")
 
 
 def _check_tensor(tensor: bytes, where: str) -> None:

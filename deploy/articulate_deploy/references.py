@@ -29,6 +29,8 @@ FOLDERS = frozenset({"meshdir", "texturedir", "assetdir"})
 _PLAIN = re.compile(r"\w[\w.-]*")
 _FOREIGN_LINE = re.compile(rb"(?:\A|[\r\n])[ \t\v\f]*[^vf#\s]")
 """A line of a Wavefront file that is neither corner, face nor remark; some end lines with CR."""
+_LINE = re.compile(rb"v(?: -?\d[\d.e+-]*){3}|f((?: [1-9]\d{0,7}){3})")
+"""A line as we write it: a corner, or a face and the numbers of its corners."""
 
 
 def check_scene(text: str, meshes: Mapping[str, bytes], where: str) -> None:
@@ -87,8 +89,24 @@ def _check_meshes(meshes: Mapping[str, bytes], where: str) -> None:
     """Meshes hold corners and faces, and name no other file: a material, a texture."""
     beside = where.rpartition("/")[0]
     for file, content in meshes.items():
+        path = file if "/" in file else f"{MESH_FOLDER}/{file}"
         if not file.endswith(".obj") or _FOREIGN_LINE.search(content):
-            path = file if "/" in file else f"{MESH_FOLDER}/{file}"
             raise BundleError(
                 f"{beside}/{path}: holds more than corners and faces; export it again"
             )
+        if not _is_mesh(content):
+            raise BundleError(
+                f"{beside}/{path}: is no mesh whose faces name its own corners; export it again"
+            )
+
+
+def _is_mesh(content: bytes) -> bool:
+    """Whether faces name corners that are there: Bullet reads beyond the corners otherwise."""
+    lines = [_LINE.fullmatch(line) for line in content.removesuffix(b"\n").split(b"\n")]
+    faces = [line[1] for line in lines if line is not None and line[1] is not None]
+    corners = len(lines) - len(faces)
+    return (
+        None not in lines
+        and bool(faces)
+        and all(int(word) <= corners for face in faces for word in face.split())
+    )

@@ -92,6 +92,9 @@ class DeployReport:
         ]
         if failed:
             lines.append(f"  failed   {failed}")
+        clipped = sum(result.clipped for result in self.results)
+        if clipped:
+            lines.append(f"  clipped  {clipped} ticks whose target had to be made safe")
         return "\n".join([*lines, *(f"  note     {note}" for note in self.notes)])
 
 

@@ -30,6 +30,8 @@ from articulate_envs.window import Window, has_display, require_display
 Vector = NDArray[np.float32]
 Info = dict[str, Any]
 RENDER_MODES = ("rgb_array", "human")
+MOST_PIXELS = 4096
+"""Most pixels of a side of a picture."""
 
 
 def box(layout: Layout) -> gymnasium.spaces.Space[Vector]:
@@ -72,6 +74,10 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
                 or ``human`` is asked for where there is no display.
         """
         self.render_mode = checked_render_mode(render_mode)
+        if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
+            raise ConfigError(
+                f"width is {width} and height {height}; they must be 1 to {MOST_PIXELS} px"
+            )
         self.config = read_config(given, "ArticulateEnv", scene)
         self._size = (width, height)
         self.engine = SingleEngine(scene or make_scene(self.config))

@@ -109,6 +109,8 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
             UsageError: An argument is not accepted, the object was refused or cannot be reached, or
                 a window is asked for where there is no display.
         """
+        if horizon is not None and horizon < 1:
+            raise ConfigError(f"horizon is {horizon}; it must be at least 1 tick")
         _check_robots(robots)
         _check_controller(controller_configs)
         names = [camera_names] if isinstance(camera_names, str) else list(camera_names)

@@ -103,6 +103,16 @@ def test_just_within_each_limit_nothing_is_broken(reason):
     assert rows[0, COLUMN["violation_time"]] == 0
 
 
+def test_an_arm_that_is_held_at_its_torque_has_asked_for_more():
+    """Simulators cut torques off at the table."""
+    full = joint(3, TAU[3])
+    rows = sample(np.zeros((1, WIDTH)), torque=full, torque_before=full)
+    assert REASONS[int(rows[0, COLUMN["code"]])] == "torque"
+    near = joint(3, 0.999 * TAU[3])
+    rows = sample(np.zeros((1, WIDTH)), torque=near, torque_before=near)
+    assert rows[0, COLUMN["code"]] == 0
+
+
 def test_first_sample_knows_no_torque_rate():
     rows = sample(np.zeros((1, WIDTH)), torque=joint(0, 50.0))
     assert rows[0, COLUMN["torque_rate"]] == 0

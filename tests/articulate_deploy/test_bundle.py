@@ -210,6 +210,46 @@ def test_a_mesh_of_the_object_that_names_another_file_is_refused(folder, error_l
     error_line("load_bundle: mesh with a material", lambda: load_bundle(folder))
 
 
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        CORNERS,
+        CORNERS + "f 1 2 5\n",
+        CORNERS + "f 1 2 99999999\n",
+        CORNERS + "f 1 2 -1\n",
+        CORNERS + "f 0 1 2\n",
+        CORNERS + "f 1\n",
+        CORNERS + "f 1 2 3 4\n",
+        CORNERS + "f 1/1 2/2 3/3\n",
+        CORNERS + "v nan 0 0\nf 1 2 3\n",
+        CORNERS + "v 1e999x 0 0\nf 1 2 3\n",
+    ],
+)
+def test_a_mesh_whose_faces_are_none_of_its_corners_is_refused(folder, text):
+    """Bullet reads the memory behind the corners then."""
+    (folder / "object" / "meshes").mkdir(exist_ok=True)
+    path = folder / "object" / "meshes" / "a.obj"
+    path.write_text(text)
+    resealed(folder)
+    with pytest.raises(BundleError, match=r"a\.obj: is no mesh"):
+        load_bundle(folder)
+    path.write_text(CORNERS + "f 1 2 3\nf 1 4 2\n")
+    resealed(folder)
+    load_bundle(folder)
+
+
+def test_a_folder_that_holds_a_whole_disk_is_not_walked_through(tmp_path, monkeypatch):
+    monkeypatch.setattr(contents, "MAX_FILES", 10)
+    for k in range(25):
+        (tmp_path / f"{k}").touch()
+    with pytest.raises(BundleError, match="files"):
+        load_bundle(tmp_path)
+
+
 @pytest.mark.parametrize("shape", [(199, 30), (200, 29)])
 def test_draws_of_another_size_are_refused(folder, shape, error_line):
     np.savez(folder / "draws.npz", values=np.zeros(shape))

@@ -56,6 +56,13 @@ def test_the_text_names_task_robot_and_counts(report):
     assert "size is not randomised" in text
 
 
+def test_the_text_tells_of_targets_that_were_made_safe(report):
+    done = report[0]
+    assert "clipped" not in done.text()
+    results = [dataclasses.replace(done.results[0], clipped=3), *done.results[1:]]
+    assert "clipped  3 ticks" in dataclasses.replace(done, results=results).text()
+
+
 def test_recordings_hold_every_tick_and_the_report(report):
     done, out = report
     names = sorted(p.name for p in out.iterdir())

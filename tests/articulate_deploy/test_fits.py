@@ -52,6 +52,18 @@ def test_what_was_exported_fits(bundle):
         ("task.limits.torque_share", 1.5),
         ("task.limits.torque_share", 0.0),
         ("task.limits.short_filter_s", 0.0),
+        ("task.limits.force_n", 40.1),
+        ("task.limits.force_n", 1e9),
+        ("task.limits.moment_nm", 1e9),
+        ("task.limits.speed_share", 0.71),
+        ("task.limits.filter_s", 10.0),
+        ("task.episode_s", 0.01),
+        ("control.follow.guard_n", 0.0),
+        ("control.follow.guard_n", 1e9),
+        ("control.follow.guard_held_n", 40.1),
+        ("robot.hand.smoothing", -0.5),
+        ("robot.hand.smoothing", 1e308),
+        ("draw.push_n", (-1.7e308, 1.7e308)),
         ("draws.seed", -1),
         ("draw.scales", 10**9),
         ("golden.atol", float("inf")),
@@ -73,6 +85,16 @@ def test_a_task_that_does_not_open_as_its_joint_does_is_refused(bundle, changes)
 def test_a_task_for_a_joint_that_the_object_lacks_is_refused(bundle):
     with pytest.raises(BundleError, match="no joint 'drawer_9'"):
         check_fits(forced(bundle.manifest, "task.joint", "drawer_9"), "b")
+
+
+@pytest.mark.parametrize("name", ["j\n  success  200 of 200", "j\x1b[2J", "j\ud800"])
+def test_a_joint_whose_name_would_write_lines_of_a_report_is_refused(bundle, name):
+    manifest = bundle.manifest
+    joints = tuple(dataclasses.replace(joint, name=name) for joint in manifest.object.joints)
+    manifest = forced(manifest, "object.joints", joints)
+    with pytest.raises(BundleError, match=r"task\.joint is '[ -~]+'; no such name") as caught:
+        check_fits(forced(manifest, "task.joint", name), "b")
+    assert str(caught.value).isprintable()
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,19 @@ from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from articulate.errors import BundleError
-from articulate_deploy.graph import check_graph
+from articulate_deploy.graph import MAX_NODES, check_graph
 
 
-def model(*, domain="", tensor=None, graph=None, functions=(), opsets=()):
+def model(
+    *, operator="MatMul", nodes=1, domain="", tensor=None, graph=None, functions=(), opsets=()
+):
     weight = tensor or numpy_helper.from_array(np.ones((2, 2), dtype=np.float32), "w")
     x = helper.make_tensor_value_info("x", TensorProto.FLOAT, ["batch", 2])
     y = helper.make_tensor_value_info("y", TensorProto.FLOAT, ["batch", 2])
-    node = helper.make_node("MatMul", ["x", "w"], ["y"], domain=domain)
+    node = helper.make_node(operator, ["x", "w"], ["y"], domain=domain)
     if graph is not None:
         node.attribute.append(helper.make_attribute("body", graph))
-    made = helper.make_graph([node], "g", [x], [y], [weight])
+    made = helper.make_graph([node] * nodes, "g", [x], [y], [weight])
     imports = [helper.make_opsetid("", 18), *(helper.make_opsetid(d, 1) for d in opsets)]
     return helper.make_model(made, opset_imports=imports, functions=list(functions))
 
@@ -64,6 +66,20 @@ def test_a_node_that_runs_a_graph_is_refused(error_line):
     """A loop of 2^62 turns is a small file that onnxruntime would run for ever."""
     content = model(graph=model().graph).SerializeToString()
     error_line("check_graph: loop", lambda: check_graph(content, "policy.onnx"))
+
+
+@pytest.mark.parametrize("operator", ["Expand", "ConstantOfShape", "RandomNormalLike", "Loop"])
+def test_operators_that_no_export_writes_are_refused(operator):
+    """A few bytes of them make hours of work, or answers that differ each time."""
+    content = model(operator=operator).SerializeToString()
+    with pytest.raises(BundleError, match=f"operator '{operator}'"):
+        check_graph(content, "p")
+
+
+def test_a_graph_of_very_many_operators_is_refused():
+    check_graph(model(nodes=MAX_NODES).SerializeToString(), "p")
+    with pytest.raises(BundleError, match="more than 1000"):
+        check_graph(model(nodes=MAX_NODES + 1).SerializeToString(), "p")
 
 
 def field(key, content):

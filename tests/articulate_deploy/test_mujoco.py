@@ -146,3 +146,28 @@ def test_a_scene_without_what_the_manifest_names_is_refused(bundle):
     manifest = dataclasses.replace(bundle.manifest, scene=scene)
     with pytest.raises(BundleError, match="tip"):
         MujocoRobot(dataclasses.replace(bundle, manifest=manifest)).connect()
+
+
+@pytest.mark.parametrize(
+    ("given", "other", "told"),
+    [
+        ('timestep="0.005"', 'timestep="0.001"', "time step"),
+        ('iterations="30"', 'iterations="2000000000"', "iterations is 2000000000"),
+    ],
+)
+def test_a_scene_that_is_stepped_otherwise_than_the_manifest_says_is_refused(
+    bundle, given, other, told
+):
+    name = "scene/scene.xml"
+    text = bundle.files[name].decode()
+    assert f" {given}" in text
+    changed = text.replace(f" {given}", f" {other}").encode()
+    with pytest.raises(BundleError, match=told):
+        MujocoRobot(dataclasses.replace(bundle, files={**bundle.files, name: changed})).connect()
+
+
+def test_sensors_that_measure_something_else_are_refused(bundle):
+    scene = dataclasses.replace(bundle.manifest.scene, sensors=bundle.manifest.scene.sensors[::-1])
+    manifest = dataclasses.replace(bundle.manifest, scene=scene)
+    with pytest.raises(BundleError, match="1 numbers, not 10"):
+        MujocoRobot(dataclasses.replace(bundle, manifest=manifest)).connect()

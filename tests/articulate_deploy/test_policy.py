@@ -7,6 +7,8 @@ from numpy.testing import assert_allclose
 from onnx import TensorProto, helper, numpy_helper
 
 from articulate.errors import BundleError
+from articulate_deploy import policy
+from articulate_deploy.graph import check_graph
 from articulate_deploy.policy import Policy
 from articulate_train.policy import load_policy
 
@@ -103,6 +105,31 @@ def test_a_network_that_takes_one_number_of_rows_only_is_refused(bundle, rows, c
     with pytest.raises(BundleError, match="cannot be run"):
         Policy(changed)
     assert capfd.readouterr().err == ""
+
+
+def test_a_network_that_takes_too_long_is_stopped(bundle, monkeypatch):
+    size = bundle.manifest.observation.size
+    x = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", size])
+    y = helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", 8])
+    row = numpy_helper.from_array(np.ones((1, 2000), dtype=np.float32), "row")
+    column = numpy_helper.from_array(np.ones((2000, 1), dtype=np.float32), "column")
+    first = numpy_helper.from_array(np.eye(size, 8, dtype=np.float32), "w")
+    nodes = [helper.make_node("Mul", ["row", "column"], ["m0"])]
+    nodes += [helper.make_node("MatMul", [f"m{k}", "m0"], [f"m{k + 1}"]) for k in range(900)]
+    nodes += [
+        helper.make_node("MatMul", ["observation", "w"], ["a"]),
+        helper.make_node("MatMul", ["row", "m900"], ["b"]),
+        helper.make_node("MatMul", ["b", "column"], ["c"]),
+        helper.make_node("Add", ["a", "c"], ["action"]),
+    ]
+    graph = helper.make_graph(nodes, "g", [x], [y], [first, row, column])
+    opset = helper.make_opsetid("", 18)
+    made = helper.make_model(graph, opset_imports=[opset], ir_version=8).SerializeToString()
+    check_graph(made, "p")
+    monkeypatch.setattr(policy, "MOST_S", 0.2)
+    changed = dataclasses.replace(bundle, files={**bundle.files, "policy.onnx": made})
+    with pytest.raises(BundleError, match="terminate"):
+        Policy(changed)
 
 
 def test_golden_pairs_that_unpack_to_more_than_a_bundle_are_refused(bundle):

@@ -250,6 +250,14 @@ def test_a_lid_whose_weight_is_carried_stays_where_it_was_drawn(tmp_path):
         assert_allclose(robot.object_state().opened, row["part_open"], rtol=0, atol=1e-3)
 
 
+def test_what_bullet_prints_of_a_file_that_it_refuses_is_not_heard(bundle, capfd):
+    name = bundle.manifest.scene.object_file
+    other = dataclasses.replace(bundle, files={**bundle.files, name: b"<robot name='x'></robot>"})
+    with pytest.raises(BundleError):
+        PybulletRobot(other).connect()
+    assert capfd.readouterr() == ("", "")
+
+
 def test_an_object_that_lacks_a_joint_is_refused(bundle):
     name = bundle.manifest.scene.object_file
     text = bundle.files[name].replace(b"drawer_2_slide", b"drawer_9_slide")

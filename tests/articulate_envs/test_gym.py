@@ -192,6 +192,7 @@ def test_steps_outside_an_episode_are_answered_in_one_line(drawer, env, error_li
         ("draw.fricton", {"draw": {"fricton": [1, 1]}}),
         ("render_mode=rgb", {"render_mode": "rgb"}),
         ("joint=lid", {"joint": "lid"}),
+        ("width=0", {"width": 0}),
     ],
 )
 def test_arguments_that_are_not_accepted_are_answered_in_one_line(named, call, change, error_line):

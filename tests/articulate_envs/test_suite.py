@@ -200,6 +200,7 @@ def test_noise_of_the_start_is_robosuites_to_set(drawer, noise, spread):
         ("camera_names=frontview", {"camera_names": "frontview"}),
         ("initialization_noise=gaussian", {"initialization_noise": {"type": "gaussian"}}),
         ("horizn=3", {"horizn": 3}),
+        ("horizon=-1", {"horizon": -1}),
         ("scene=20 Hz, control_freq=10", {"control_freq": 10}),
     ],
 )

@@ -21,6 +21,11 @@ from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample
 from articulate_deploy.robots.simulated import SimulatedRobot
 
+MAX_ITERATIONS = 1000
+"""Most iterations of a solver in a physics step; ours have up to 50."""
+SENSOR_SIZES = (10, 10, 1)
+"""Numbers of the three: net contacts of the hand with object and floor, a count for the robot."""
+
 
 @dataclass(frozen=True)
 class Addresses:
@@ -62,7 +67,8 @@ class MujocoRobot(SimulatedRobot):
         try:
             self._nominal = mujoco.MjModel.from_xml_string(text, meshes)
             self._at = _addresses(self._nominal, self._manifest)
-        except (ValueError, KeyError) as error:
+            _check_options(self._nominal, self._manifest)
+        except (ValueError, KeyError, TypeError) as error:  # TypeError: a name that is no text
             self._nominal = None
             what = " ".join(str(error).split())[:160]
             raise BundleError(f"{self._bundle.where}: its scene cannot be used ({what})") from None
@@ -126,6 +132,20 @@ class MujocoRobot(SimulatedRobot):
             touch=bool(touch[0]),
             dt=self.step_s,
         )
+
+
+def _check_options(model: mujoco.MjModel, manifest: Manifest) -> None:
+    """The scene is stepped as the manifest says, and in bounded time; ValueError if not."""
+    option, step_s = model.opt, manifest.scene.timestep_s
+    if abs(option.timestep - step_s) > 1e-9:
+        raise ValueError(f"its time step is {option.timestep:g} s, the manifest's {step_s:g} s")
+    names = ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations")
+    for name in (*names, "sdf_iterations"):
+        if not 0 <= getattr(option, name) <= MAX_ITERATIONS:
+            raise ValueError(f"option {name} is {getattr(option, name)}, above {MAX_ITERATIONS}")
+    for name, size in zip(manifest.scene.sensors, SENSOR_SIZES, strict=True):
+        if model.sensor(name).dim[0] != size:
+            raise ValueError(f"sensor {name} has {model.sensor(name).dim[0]} numbers, not {size}")
 
 
 _FACTORS = (

@@ -21,6 +21,7 @@ import pybullet_data
 from articulate.arm import Arm
 from articulate.errors import BundleError
 from articulate.kinematics import joint_poses, tool_pose
+from articulate.silence import unheard
 from articulate.transforms import Array, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample
@@ -137,14 +138,15 @@ class PybulletRobot(SimulatedRobot):
             flags=pybullet.URDF_IGNORE_VISUAL_SHAPES,
         )
         try:
-            item = self._call(
-                "loadURDF",
-                str(self._object_urdf),
-                basePosition=T_wo[:3, 3].tolist(),
-                baseOrientation=[x, y, z, w],
-                useFixedBase=True,
-                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-            )
+            with unheard():  # what it says of a file that it refuses, beside the error
+                item = self._call(
+                    "loadURDF",
+                    str(self._object_urdf),
+                    basePosition=T_wo[:3, 3].tolist(),
+                    baseOrientation=[x, y, z, w],
+                    useFixedBase=True,
+                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                )
         except pybullet.error as error:
             raise BundleError(
                 f"{self._bundle.where}: its object cannot be used in PyBullet ({error})"

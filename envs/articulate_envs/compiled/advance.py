@@ -326,7 +326,7 @@ def _judge(i, qvel, torque, sensors, tool, where, constants, buffers):  # type: 
             code = 1.0
         elif speed > constants.speed_share:
             code = 2.0
-        elif share > constants.torque_share:
+        elif share >= constants.torque_share:
             code = 3.0
         elif rate > constants.dtau_max:
             code = 4.0
