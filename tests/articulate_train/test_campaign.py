@@ -17,8 +17,8 @@ from articulate_train import campaign
 from articulate_train import lock as locks
 from articulate_train.campaign import SeedProgress, last_progress, read_progress, train_seeds
 from articulate_train.lock import alone
-from articulate_train.run import resume_run
-from articulate_train.seed import DIVERGED, DONE, PROGRESS
+from articulate_train.run import DONE, resume_run
+from articulate_train.seed import DIVERGED, PROGRESS
 
 
 def row(steps, success=0.5, opened=0.75):

@@ -10,8 +10,7 @@ from articulate.commands import main
 from articulate.errors import DivergedError, MissingError
 from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate_train import campaign, judge_run
-from articulate_train.run import open_run
-from articulate_train.seed import DONE
+from articulate_train.run import DONE, open_run
 
 TINY = """
 ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net: [8, 8]}

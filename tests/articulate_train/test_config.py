@@ -3,7 +3,7 @@
 import pytest
 
 from articulate.errors import ConfigError
-from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.config import PpoConfig, ShowConfig, TrainConfig
 
 
 @pytest.mark.parametrize("name", ["n_envs", "n_steps", "n_epochs"])
@@ -34,6 +34,13 @@ def test_numbers_below_what_they_count_are_refused(name, value, least):
         TrainConfig(asset="cabinet.urdf", **{name: value})
     assert str(caught.value) == f"{name} is {value}; it must be at least {least}"
     assert getattr(TrainConfig(asset="cabinet.urdf", **{name: least}), name) == least
+
+
+def test_members_that_would_only_be_shown_are_refused():
+    with pytest.raises(ConfigError, match=r"members is 10 and show\.until 0\.1"):
+        TrainConfig(asset="cabinet.urdf", members=10)
+    assert TrainConfig(asset="cabinet.urdf", members=9).members == 9
+    assert TrainConfig(asset="cabinet.urdf", members=1, show=ShowConfig(until=1.0)).members == 1
 
 
 @pytest.mark.parametrize("seeds", [(), (1, 1), (-1,), (0, 2**32)])

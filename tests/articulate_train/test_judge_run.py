@@ -58,6 +58,15 @@ def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, fil
     assert films == ["failure.mp4"]
 
 
+def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(trained, films):
+    own = judge_run(trained, episodes=trained.config.episodes).report.info.command
+    assert "evaluate" not in own
+    other = judge_run(trained, episodes=trained.config.episodes + 1).report.info.command
+    assert (
+        other == f"{own}\nevaluate {trained.folder.name} --episodes {trained.config.episodes + 1}"
+    )
+
+
 def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, films):
     judge_run(trained, episodes=2)
     before = (trained.folder / "report.json").read_bytes()
@@ -166,6 +175,15 @@ def test_target_is_told_in_the_units_of_the_joint():
     assert target_text(slide).startswith("0.240 m from closed for the last 0.5 s, slower than")
     hinge = dataclasses.replace(slide, kind="hinge", span=2.0, target=0.5)
     assert target_text(hinge).startswith("1.000 rad")
+
+
+def test_code_that_lies_in_the_checkout_of_another_project_has_no_commit(tmp_path, monkeypatch):
+    subprocess.run(["git", "init", "-q", tmp_path], check=True)
+    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    empty = ["commit", "-q", "--allow-empty", "-m", "theirs"]
+    subprocess.run(["git", "-C", tmp_path, *who, *empty], check=True)
+    monkeypatch.setattr(judging, "__file__", str(tmp_path / "judge_run.py"))
+    assert commit() == "unknown"
 
 
 def test_code_that_is_no_checkout_has_no_commit(monkeypatch):

@@ -9,6 +9,7 @@ import pytest
 from tests.articulate_train.test_compare import content_of
 from tests.assets import make_cabinet
 
+from articulate.commands import main
 from articulate.errors import MissingError
 from articulate.jobs.job import Attempt, State
 from articulate.jobs.launcher import Progress
@@ -35,6 +36,20 @@ def test_a_folder_or_a_pattern_names_many_objects_and_a_file_one(folder):
     assert is_many(str(folder))
     assert is_many(str(folder / "[ab]"))
     assert not is_many(str(folder / "a"))
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(folder):
+    """As those of PartNet-Mobility are, ``ID/mobility.urdf``; whatever else is there."""
+    urdf = next((folder / "a").glob("*.urdf")).name
+    assert [item.name for item in objects_of(str(folder / "*" / urdf))] == ["a", "b"]
+    make_cabinet(folder / "aa")
+    assert [item.name for item in objects_of(str(folder / "*" / urdf))] == ["a", "aa", "b"]
+
+
+@pytest.mark.parametrize("flag", ["--dry-run", "--no-evaluate"])
+def test_what_is_for_one_object_is_refused_for_many(folder, flag, capsys):
+    assert main(["train", "--asset", str(folder), flag]) == 2
+    assert f"{flag} is for one object" in capsys.readouterr().err
 
 
 def test_a_pattern_that_fits_nothing_is_told_in_one_line(error_line):

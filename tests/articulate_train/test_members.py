@@ -28,7 +28,8 @@ from articulate_train.policy import (
     trained_steps,
 )
 from articulate_train.ppo import Learner
-from articulate_train.seed import DONE, SeedProcess
+from articulate_train.run import DONE
+from articulate_train.seed import SeedProcess
 
 STEPS = 32
 """Ticks of an update of one member."""

@@ -1,4 +1,5 @@
 import dataclasses
+import json
 import shutil
 
 import numpy as np
@@ -13,8 +14,8 @@ from articulate.settings import DrawConfig
 from articulate_envs import choose
 from articulate_envs.choose import HOME_HEIGHT_M, choose_joint
 from articulate_train import run as runs
-from articulate_train.config import TrainConfig
-from articulate_train.run import create_run, open_run, resume_run
+from articulate_train.config import PpoConfig, SelectConfig, TrainConfig
+from articulate_train.run import DONE, create_run, open_run, resume_run, run_bytes
 
 DRAWS = dataclasses.replace(DrawConfig(), scales=3)
 
@@ -159,6 +160,19 @@ def test_folder_that_is_no_run_is_said(tmp_path, error_line):
     error_line("open_run(none)", lambda: open_run(tmp_path / "none"))
 
 
+def test_folder_of_many_runs_is_said(tmp_path, error_line):
+    (tmp_path / "many").mkdir()
+    (tmp_path / "many" / "config.yaml").write_text("steps: 64\n")
+    error_line("open_run(many runs)", lambda: open_run(tmp_path / "many"))
+
+
+def test_run_of_before_there_were_members_has_one(tiny):
+    path = tiny.folder / "config.yaml"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("members")]
+    path.write_text("\n".join(lines))
+    assert open_run(tiny.folder).config.members == 1
+
+
 def test_run_that_is_not_whole_is_said(tiny, error_line):
     (tiny.folder / "scene.json").write_text("{}")
     error_line("open_run(scene.json of {})", lambda: open_run(tiny.folder))
@@ -177,6 +191,35 @@ def test_resuming_may_ask_for_more_steps_and_keeps_them(tiny):
     assert resume_run(tiny.folder, more).config == more
     assert open_run(tiny.folder).config == more
     assert load_config(TrainConfig, tiny.folder / "config.yaml") == more
+
+
+def test_resuming_asks_for_no_fewer_steps_than_are_trained(tiny, error_line):
+    ppo = tiny.config.ppo
+    a_round = ppo.n_envs * ppo.n_steps * tiny.config.members
+    trained = 640 + a_round - 1  # updates are not cut
+    tiny.seed_folder(0).mkdir()
+    (tiny.seed_folder(0) / DONE).write_text(json.dumps({"steps": trained}))
+    longer = dataclasses.replace(tiny.config, steps=1280)
+    assert resume_run(tiny.folder, longer).config.steps == 1280
+    back = dataclasses.replace(tiny.config, steps=640)
+    assert resume_run(tiny.folder, back).config.steps == 640
+    less = dataclasses.replace(tiny.config, steps=256)
+    error_line("resume_run(fewer steps)", lambda: resume_run(tiny.folder, less))
+    assert open_run(tiny.folder).config.steps == 640
+
+
+@pytest.mark.parametrize(
+    ("net", "envs", "states", "seed_mb"),
+    [((128, 128), 64, 10, 9.9), ((512, 512), 64, 10, 87), ((128, 128), 64, 100, 53)],
+)
+def test_disk_that_a_run_takes_is_no_less_than_it_was_measured_to(
+    cabinet, net, envs, states, seed_mb
+):
+    """Of a seed with two members."""
+    ppo, select = PpoConfig(net=net, n_envs=envs), SelectConfig(states=states)
+    config = TrainConfig(asset="a", seeds=(0,), ppo=ppo, select=select)
+    two = dataclasses.replace(config, seeds=(0, 1))
+    assert seed_mb < (run_bytes(two, cabinet) - run_bytes(config, cabinet)) / 1e6 < 1.5 * seed_mb
 
 
 @pytest.mark.parametrize(

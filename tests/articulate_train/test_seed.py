@@ -1,3 +1,5 @@
+import errno
+import io
 import json
 import os
 import shutil
@@ -5,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +24,8 @@ from articulate_envs.rewards import TERMS
 from articulate_train import seed as seeds
 from articulate_train.campaign import THREAD_VARIABLES
 from articulate_train.policy import CHECKPOINT, read_checkpoint
-from articulate_train.seed import DIVERGED, DONE, PROGRESS, SeedProcess, summarise
+from articulate_train.run import DONE
+from articulate_train.seed import DIVERGED, PROGRESS, SeedProcess, summarise
 
 
 @pytest.fixture
@@ -36,6 +40,24 @@ def process(tiny):
     yield make
     for each in made:
         each.close()
+
+
+def test_a_full_disk_is_one_line_and_bad_input(tiny, monkeypatch, capsys):
+    def full(path, content):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert seeds.main([str(tiny.folder), "0", "1"]) == 2
+    said = capsys.readouterr().err
+    assert "No space left on device" in said
+    assert said.count("\n") == 1
+
+    class Full(io.StringIO):
+        def write(self, _):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(sys, "stderr", Full())
+    assert seeds.main([str(tiny.folder), "0", "1"]) == 2
 
 
 def stop_after(process, updates):

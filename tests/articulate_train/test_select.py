@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import numpy as np
@@ -8,8 +9,9 @@ from articulate.errors import ConfigError
 from articulate.observe import OBSERVATION
 from articulate_train import select
 from articulate_train.config import SelectConfig
-from articulate_train.policy import CHOSEN, load_policy, read_checkpoint
-from articulate_train.seed import DONE, SeedProcess
+from articulate_train.policy import CHOSEN, load_policy, read_checkpoint, trained_steps
+from articulate_train.run import DONE
+from articulate_train.seed import SeedProcess
 from articulate_train.select import STATES, Judged, choose_state, is_due
 
 THREE = SelectConfig(states=3, episodes=2, finalists=2, more=3)
@@ -141,13 +143,22 @@ def test_choosing_that_is_interrupted_is_done_again_with_the_same_choice(cabinet
     assert once[0]["plain"] == again[0]["plain"]
 
 
-def test_a_training_that_goes_on_forgets_the_policy_of_the_shorter_one(cabinet, tmp_path):
+def test_a_training_that_goes_on_keeps_the_policy_of_the_shorter_one_until_it_is_done(
+    cabinet, tmp_path
+):
     run, process = trained(tmp_path, cabinet, THREE)
     assert process.train()
     process.close()
-    assert (run.seed_folder(0) / CHOSEN).exists()
-    SeedProcess(run, 0, threads=1).close()
-    assert not (run.seed_folder(0) / CHOSEN).exists()
+    chosen = run.seed_folder(0) / CHOSEN
+    before, steps = chosen.read_bytes(), trained_steps(read_checkpoint(chosen.parent, CHOSEN))
+    longer = dataclasses.replace(run, config=dataclasses.replace(run.config, steps=6 * 64))
+    process = SeedProcess(longer, 0, threads=1)
+    assert chosen.read_bytes() == before
+    assert f"{steps}.pt" in {path.name for path in (chosen.parent / STATES).iterdir()}
+    assert process.train()
+    process.close()
+    judged = json.loads((chosen.parent / DONE).read_text())["judged"]
+    assert steps in [row["steps"] for row in judged]
 
 
 def test_rate_of_what_was_not_judged_is_zero():

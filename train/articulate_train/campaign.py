@@ -16,8 +16,8 @@ from typing import Any
 from articulate.errors import ArticulateError, DivergedError, KilledError, RunError
 from articulate_train.clock import Clock
 from articulate_train.lock import alone
-from articulate_train.run import SUMMARY, Run, write_summary
-from articulate_train.seed import BAD_INPUT, DIVERGED, DONE, INTERRUPTED, PROGRESS
+from articulate_train.run import DONE, SUMMARY, Run, write_summary
+from articulate_train.seed import BAD_INPUT, DIVERGED, INTERRUPTED, PROGRESS
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to 1 for each seed: more threads fight with the physics (they spin)."""
@@ -173,7 +173,8 @@ def _ended_well(run: Run, seed: int, process: subprocess.Popen[bytes]) -> bool:
         states = run.seed_folder(seed) / DIVERGED
         raise DivergedError(f"seed {seed} diverged: {said}; its last states lie in {states}")
     if code == BAD_INPUT:
-        raise RunError(f"seed {seed} failed: {said or 'it said nothing'}; its log is {log}")
+        said = said or "it said nothing: is the disk full?"
+        raise RunError(f"seed {seed} failed: {said}; its log is {log}")
     if -code in FROM_OUTSIDE:
         raise KilledError(
             f"seed {seed} was ended by {signal_name(-code)}; was there enough memory? "

@@ -41,8 +41,9 @@ class PpoConfig:
     learning_rate: float = 2e-4
     """Learning rate at the beginning."""
     learning_rate_last: float = 1e-5
-    """Learning rate at the end; it falls by the same factor in the same time, so that it is small
-    for long: noise falls too, and updates as large as before undo then what was learnt."""
+    """Learning rate at the end of the seed's ticks, of which a member has its share; it falls by
+    the same factor in the same time, so that it is small for long: noise falls too, and updates as
+    large as before undo then what was learnt."""
     gamma: float = 0.99
     """Discount per tick."""
     gae_lambda: float = 0.95
@@ -58,8 +59,8 @@ class PpoConfig:
     log_std_init: float = -0.8
     """Logarithm of the first standard deviation of actions."""
     log_std_last: float = -1.9
-    """Logarithm of the largest standard deviation of actions at the end of training: what is judged
-    is the mean action, and one that was learnt under noise leans on it."""
+    """Logarithm of the largest standard deviation of actions at the end of the seed's ticks: what
+    is judged is the mean action, and one that was learnt under noise leans on it."""
     log_std_between: tuple[float, float] = (0.3, 0.8)
     """Shares of the training between which that bound falls from the first to the last, linear."""
     net: tuple[int, ...] = (128, 128)
@@ -101,7 +102,7 @@ class ShowConfig:
     """
 
     until: float = 0.1
-    """Share of the training that is so; 0 shows nothing."""
+    """Share of the seed's ticks for which each member is shown; 0 shows nothing."""
     lead_until: float = 0.6
     """Share of that in which the guide acts in some environments: in all at first, linearly fewer
     to here."""
@@ -324,6 +325,11 @@ class TrainConfig:
             )
         check_least(1, {"episodes": self.episodes, "checkpoint_updates": self.checkpoint_updates})
         check_least(1, {"members": self.members})
+        if self.members > 1 and self.show.until * self.members >= 1.0:
+            raise ConfigError(
+                f"members is {self.members} and show.until {self.show.until:g}: each would only be "
+                "shown, and learn nothing of its own; give less of one of them"
+            )
         least = self.members * self.ppo.n_envs * self.ppo.n_steps
         if self.steps < least:
             each = f" of each of {self.members} members" if self.members > 1 else ""

@@ -95,7 +95,7 @@ def judge_run(
         rollouts.append(rollout)
     say("filming an episode of each kind, and writing the report")
     lines, videos, poster = _pictures(run, rollouts, folder)
-    also = _also(episodes, ranges, on)
+    also = _also(trained, episodes, ranges, on)
     report = make_report(
         _info(trained, run, f"\nevaluate {run.folder.name} {also}" if also else ""),
         results,
@@ -121,14 +121,15 @@ def report_folder(run: Run, ranges: float = 1.0, on: Run | None = None) -> Path:
     return run.folder / "_".join(parts) if parts else run.folder
 
 
-def _also(episodes: int, ranges: float, on: Run | None) -> str:
+def _also(run: Run, episodes: int, ranges: float, on: Run | None) -> str:
     """Flags of the ``evaluate`` that repeats a report which ``train`` does not make; else empty."""
     flags: list[object] = []
     if on is not None:
         flags += ["--asset", on.config.asset, "--joint", on.task.joint]
     if ranges != 1.0:
         flags += ["--ranges", f"{ranges:g}"]
-    return shlex.join(map(str, ["--episodes", episodes, *flags])) if flags else ""
+    usual = not flags and episodes == run.config.episodes
+    return "" if usual else shlex.join(map(str, ["--episodes", episodes, *flags]))
 
 
 def target_text(task: Task) -> str:
@@ -169,16 +170,21 @@ def _info(run: Run, judged: Run, also: str = "") -> RunInfo:
 def commit() -> str:
     """Commit of the code where it is a checkout, else ``"unknown"``."""
     try:
-        done = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"],  # noqa: S607
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=10,
-        )
+        _git("ls-files", "--error-unmatch", Path(__file__).name)  # not the checkout of another
+        return _git("rev-parse", "--short", "HEAD")
     except (OSError, subprocess.SubprocessError):
         return "unknown"
+
+
+def _git(*words: str) -> str:
+    done = subprocess.run(
+        ["git", *words],  # noqa: S607
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=10,
+    )
     return done.stdout.strip()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+from collections import Counter
 from pathlib import Path
 
 from articulate.errors import UsageError
@@ -22,9 +23,11 @@ def objects_of(pattern: str) -> list[Item]:
     if not found:
         raise UsageError(f"--asset {pattern!r}: no file or folder fits; quote the pattern")
     items: dict[str, Item] = {}
+    stems = Counter(path.stem for path in found if path.is_file())
     for path in found:
         for item in items_in(path)[0]:
-            name = item.name
+            alike = path.is_file() and stems[path.stem] > 1  # .../ID/mobility.urdf
+            name = path.resolve().parent.name if alike else item.name
             while name in items:
                 name += "_"
             items[name] = Item(name=name, file=item.file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import pickle  # noqa: TID251  # its error alone, which torch lets through
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from articulate.errors import RunError
-from articulate.files import sha256
+from articulate.files import sha256, write_bytes
 from articulate.observe import ACTION, OBSERVATION
 from articulate.transforms import Array
 from articulate_train.config import FineConfig
@@ -89,6 +90,17 @@ def judged_file(folder: Path) -> Path:
     """File that holds the policy of a seed's folder: the chosen one, else the last checkpoint."""
     chosen = folder / CHOSEN
     return chosen if chosen.exists() else folder / CHECKPOINT
+
+
+def write_state(path: Path, content: dict[str, Any]) -> None:
+    """Write a checkpoint or a state of a policy, whole or not at all.
+
+    Raises:
+        UsageError: It cannot be written.
+    """
+    stream = io.BytesIO()  # on a full disk torch raises what tells nobody that it is full
+    torch.save(content, stream)
+    write_bytes(path, stream.getvalue())
 
 
 def read_checkpoint(folder: Path, name: str = CHECKPOINT) -> dict[str, Any]:

@@ -13,20 +13,20 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
 from articulate.errors import DivergedError
-from articulate.files import whole_file
 from articulate.observe import OBSERVATION
 from articulate_envs.episodes import Episodes
 from articulate_envs.guide import guide_of
 from articulate_envs.scene import Scene
 from articulate_envs.threads import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
-from articulate_train.policy import CHECKPOINT
+from articulate_train.policy import CHECKPOINT, write_state
 from articulate_train.shown import imitate
 from articulate_train.vecenv import EpisodesVecEnv
 
@@ -212,8 +212,7 @@ class Learner:
 
 def write_checkpoint(folder: Path, content: dict[str, Any]) -> None:
     """Write a seed's ``checkpoint.pt``, whole or not at all."""
-    with whole_file(folder / CHECKPOINT) as temporary:
-        torch.save(content, temporary)
+    write_state(folder / CHECKPOINT, content)
 
 
 UPDATE_FIGURES = ("approx_kl", "clip_fraction", "explained_variance", "value_loss")
@@ -229,7 +228,7 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
     def learning_rate(remaining: float) -> float:
         return float(first * (last / first) ** (1.0 - remaining))
 
-    return PPO(
+    model = PPO(
         AsymmetricPolicy,
         envs,
         n_steps=config.n_steps,
@@ -251,6 +250,8 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps
         },
     )
+    model.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder in /tmp
+    return model
 
 
 class AsymmetricPolicy(ActorCriticPolicy):

@@ -28,16 +28,18 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from articulate.arm import PANDA, Arm, Hand
 from articulate.asset import Asset, load_asset
 from articulate.cache import using
-from articulate.config import load_config, to_yaml
+from articulate.config import from_mapping, read_yaml, to_yaml
 from articulate.convert import ConvertConfig
 from articulate.errors import RunError, field_error
 from articulate.files import copy_writable, require_space, write_json, write_text
+from articulate.observe import ACTION
 from articulate.prove.prove import proven_asset
 from articulate.task import Limits, Task
 from articulate_envs.choose import choose_joint
@@ -190,12 +192,22 @@ def _write_run(folder: Path, config: TrainConfig, asset: Asset, task: Task, plac
 def run_bytes(config: TrainConfig, asset: Asset) -> int:
     """What a run takes on disk at most, generously [bytes]."""
     object_bytes = sum(p.stat().st_size for p in asset.folder.rglob("*") if p.is_file())
-    seed_bytes = config.members * MEMBER_BYTES + config.steps // 10
+    seed_bytes = config.members * _member_bytes(config) + config.steps // 10
     return object_bytes + len(config.seeds) * seed_bytes + REPORT_BYTES
 
 
-MEMBER_BYTES = 6_000_000
-"""A member's part of a checkpoint, twice while it is written, and states of its policy."""
+def _member_bytes(config: TrainConfig) -> int:
+    """A member's part of a checkpoint, twice while it is written, and states of its policy."""
+    sizes = (MOST_SEEN, *config.ppo.net, ACTION.size)
+    weights = 8 * sum((a + 1) * b for a, b in pairwise(sizes))  # actor and critic, of 4 bytes each
+    checkpoint = 3 * weights + config.ppo.n_envs * ENV_BYTES  # beside them Adam's two moments
+    return config.select.states * weights + 2 * checkpoint
+
+
+MOST_SEEN = 130
+"""Numbers that a critic sees, or more."""
+ENV_BYTES = 10_000
+"""State of an environment in a checkpoint, or more."""
 REPORT_BYTES = 20_000_000
 """The report with its clips."""
 
@@ -227,14 +239,30 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
             )
     if asked == kept:
         return run
+    ppo = config.ppo
+    beyond = config.steps + ppo.n_envs * ppo.n_steps * config.members  # a last round is not cut
+    trained = max((_done_steps(path) for path in folder.glob(f"seed_*/{DONE}")), default=0)
+    if trained >= beyond:
+        raise RunError(
+            f"{folder}: --steps is {config.steps}, but {trained} are trained already; give more, "
+            "or leave it out"
+        )
     with alone(folder):  # seeds that wait their turn in another call read it too
         write_text(folder / CONFIG, to_yaml(config))
     return dataclasses.replace(run, config=config)
 
 
+def _done_steps(path: Path) -> int:
+    """Ticks after which a seed was done; 0 where its file is damaged, which others tell."""
+    try:
+        return int(json.loads(path.read_text(encoding="utf-8"))["steps"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+
+
 OPEN = ("steps", "jobs", "episodes")
 """What may be asked anew of a run that goes on."""
-CONFIG, SUMMARY = "config.yaml", "summary.json"
+CONFIG, SUMMARY, DONE = "config.yaml", "summary.json", "done.json"
 
 
 def _plain(prefix: str, config: Any) -> dict[str, Any]:
@@ -256,6 +284,11 @@ def open_run(folder: Path) -> Run:
     path = folder / "scene.json"
     if not path.is_file():
         what = "no scene.json in it" if folder.exists() else "it does not exist"
+        if (folder / CONFIG).is_file():
+            raise RunError(
+                f"{folder}: holds many runs; to go on, repeat the command that began them, without "
+                "--resume"
+            )
         raise RunError(f"{folder}: not a run folder: {what}; give a folder that train made")
     try:
         scene = json.loads(path.read_text(encoding="utf-8"))
@@ -266,12 +299,17 @@ def open_run(folder: Path) -> Run:
         raise RunError(f"{path}: cannot be read ({error}); train again") from None
     return Run(
         folder=folder,
-        config=load_config(TrainConfig, folder / CONFIG),
+        config=_kept_config(folder / CONFIG),
         asset=load_asset(folder / "asset"),
         task=task,
         place=place,
         arm=arm,
     )
+
+
+def _kept_config(path: Path) -> TrainConfig:
+    """What a run was begun with; one of before there were members has one."""
+    return from_mapping(TrainConfig, {"members": 1} | read_yaml(path), str(path))
 
 
 def write_scene(folder: Path, task: Task, place: Place, arm: Arm) -> None:

@@ -8,6 +8,7 @@ the end of the process PARENT, which started it.
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -15,6 +16,7 @@ import shutil
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +35,14 @@ from articulate_train.policy import (
     of_this_version,
     read_checkpoint,
     trained_steps,
+    write_state,
 )
-from articulate_train.run import Run, open_run
+from articulate_train.run import DONE, Run, open_run
 from articulate_train.select import STATES, choose_state, is_due, keep_state, told
 from articulate_train.vecenv import Finished
 
 log = logging.getLogger(__name__)
-PROGRESS, DONE, DIVERGED = "progress.jsonl", "done.json", "diverged.npz"
+PROGRESS, DIVERGED = "progress.jsonl", "diverged.npz"
 CRASHED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses."""
 REPORT_UPDATES = 10
@@ -72,9 +75,12 @@ class SeedProcess:
             with of_this_version(self.folder / CHECKPOINT):
                 self.members.restore(content)
         self._updates = self.members.updates
-        (self.folder / CHOSEN).unlink(missing_ok=True)  # of a shorter training that goes on
+        if (self.folder / CHOSEN).exists() and run.config.select.states > 1:
+            # Of a shorter training that goes on: it stays until a better one is found.
+            keep_state(self.folder, read_checkpoint(self.folder, CHOSEN))
         self._cut_progress()
-        self._board = SummaryWriter(str(self.folder / "tensorboard"), purge_step=self.members.steps)
+        after = self.members.steps + 1  # the point at the checkpoint itself is there already
+        self._board = SummaryWriter(str(self.folder / "tensorboard"), purge_step=after)
         self._begin = time.monotonic()
 
     def _cut_progress(self) -> None:
@@ -119,8 +125,7 @@ class SeedProcess:
         if found is None:
             return False
         state, judged = found
-        with whole_file(self.folder / CHOSEN) as temporary:
-            torch.save(state, temporary)
+        write_state(self.folder / CHOSEN, state)
         steps, chosen = self.members.steps, trained_steps(state)
         write_json(self.folder / DONE, {"steps": steps, "chosen": chosen, "judged": told(judged)})
         shutil.rmtree(self.folder / STATES)
@@ -210,9 +215,21 @@ def main(argv: list[str]) -> int:
         done = process.train()
         process.close()
     except ArticulateError as error:
-        sys.stderr.write(f"{error}\n")
+        _complain(error)
         return BAD_INPUT if isinstance(error, UsageError) else CRASHED
+    except OSError as error:
+        if error.errno not in {errno.ENOSPC, errno.EDQUOT}:
+            raise
+        _complain(error)
+        return BAD_INPUT
     return 0 if done else INTERRUPTED
+
+
+def _complain(error: Exception) -> None:
+    """Say in the log what went wrong; a full disk may hold no more of it."""
+    with suppress(OSError):
+        sys.stderr.write(f"{error}\n")
+        sys.stderr.flush()
 
 
 if __name__ == "__main__":

@@ -14,12 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
-from articulate.files import whole_file
 from articulate_train.config import SelectConfig
 from articulate_train.evaluate import run_episodes
-from articulate_train.policy import policy_of, read_checkpoint, trained_steps
+from articulate_train.policy import policy_of, read_checkpoint, trained_steps, write_state
 from articulate_train.ppo import SELECTION
 from articulate_train.run import Run
 
@@ -48,8 +46,7 @@ def keep_state(folder: Path, content: dict[str, Any]) -> None:
     """Keep a state, as :meth:`.Members.acting` says it, in a seed's folder until the end."""
     path = folder / STATES / f"{trained_steps(content)}.pt"
     path.parent.mkdir(exist_ok=True)
-    with whole_file(path) as temporary:
-        torch.save(content, temporary)
+    write_state(path, content)
 
 
 def is_due(config: SelectConfig, total: int, before: int, now: int) -> bool:

@@ -95,7 +95,9 @@ def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
             console.say(f"evaluating {run.folder}")
             judge_run(run, episodes=flags.episodes or run.config.episodes, say=console.say)
     comparison = compare([read_report(run.folder) for run in runs])
-    command = console.command_line(["evaluate", *(run.folder for run in runs)])
+    more = ["--episodes", flags.episodes] if flags.episodes is not None else []
+    more += ["--keep-reports"] if flags.keep_reports else []
+    command = console.command_line(["evaluate", *(run.folder for run in runs), *more])
     _, page = write_comparison(comparison, out, command)
     text = f"{comparison.text()}\ncomparison: {page}"
     console.emit_json(comparison.content()) if flags.json else console.emit(text)

@@ -75,10 +75,10 @@ def main(argv: Sequence[str]) -> int:
     from articulate_train.commands.evaluate import show
     from articulate_train.run import resume_run
 
-    if flags.dry_run:
-        return _dry_run(flags)
     if not flags.resume and is_many(flags.asset):
         return _many(flags, argv)
+    if flags.dry_run:
+        return _dry_run(flags)
     run = resume_run(_given(flags), flags.config()) if flags.resume else _new_run(flags)
     console.say(_plan(run))
     again = console.command_line(["train", "--resume", "--out", run.folder])
@@ -96,6 +96,9 @@ def _many(flags: TrainFlags, argv: Sequence[str]) -> int:
     """Train every object with every seed as a job of its own; 3 if a job or the target failed."""
     from articulate_train.many import train_many  # heavy, see main
 
+    for name, asked in (("--dry-run", flags.dry_run), ("--no-evaluate", flags.no_evaluate)):
+        if asked:
+            raise ConfigError(f"{name} is for one object; --asset {flags.asset} names many")
     out = flags.out or Path("runs") / _default_name(flags)
     again = [*argv, *(() if flags.out else ("--out", str(out)))]
     command = console.command_line(["train", *again])
