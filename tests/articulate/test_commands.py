@@ -1,7 +1,10 @@
 import errno
+import importlib
 import os
+import signal
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -235,6 +238,27 @@ def test_bad_input_is_one_line_and_exit_2(capsys):
 def test_interrupt_is_exit_130(capsys):
     assert commands.run_command(raising(KeyboardInterrupt()), []) == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_interrupt_while_a_module_is_imported_that_swallows_it_is_exit_130(
+    tmp_path, capsys, monkeypatch
+):
+    """As trimesh does, which tries what there is and takes any exception for no."""
+    swallow = "import os, signal\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n    x = 1\n"
+    swallow += "except BaseException:\n    x = 2\n"
+    (tmp_path / "swallowing.py").write_text(swallow)
+    monkeypatch.syspath_prepend(tmp_path)
+    said = []
+
+    def command(argv):
+        said.append(importlib.import_module("swallowing").x)
+        time.sleep(30.0)
+        return 0
+
+    assert commands.run_command(command, []) == 130
+    assert said == [1]
+    assert capsys.readouterr().err.endswith("interrupted\n")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_full_disk_is_one_line_and_exit_2(capsys):

@@ -32,6 +32,13 @@ def test_rows_say_what_the_reports_say():
     assert second.reasons == {"success": 60, "force": 20}
 
 
+def test_a_training_that_is_not_over_is_told():
+    one, two = content_of(), content_of("second")
+    assert "not over" not in comparison_page(compare([one, two]), "evaluate …")
+    two["info"]["unfinished"] = "seed 0 has 0.05 of 0.1M ticks"
+    assert "seed 0 has 0.05 of 0.1M ticks" in comparison_page(compare([one, two]), "evaluate …")
+
+
 def test_settings_that_differ_are_told_with_each_value_and_no_others():
     one = content_of(config="steps: 2\nreward:\n  open: 1.0\n  rest: 0.5\n")
     two = content_of(config="steps: 2\nreward:\n  open: 0.6\n  rest: 0.5\n  over: 0.1\n")

@@ -15,7 +15,7 @@ from articulate_envs.rewards import TERMS
 from articulate_train import judge_run as judging
 from articulate_train.judge_run import commit, judge_run, report_folder, target_text
 from articulate_train.policy import checkpoint_sha256
-from articulate_train.run import on_object
+from articulate_train.run import DONE, on_object
 from articulate_train.seed import PROGRESS
 
 
@@ -65,6 +65,19 @@ def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(traine
     assert (
         other == f"{own}\nevaluate {trained.folder.name} --episodes {trained.config.episodes + 1}"
     )
+
+
+def test_a_training_that_is_not_over_is_told(trained, films):
+    said: list[str] = []
+    done = judge_run(trained, episodes=2, say=said.append)
+    told = "seed 0 has 0.000192 of 0.000192M ticks"
+    assert done.report.info.unfinished == told
+    assert f"training is not over ({told}); train --resume --out {trained.folder} goes on" in said
+    assert f"Training is not over: {told}." in done.html_path.read_text()
+    (trained.seed_folder(0) / DONE).write_text(json.dumps({"steps": 192}))
+    done = judge_run(trained, episodes=2)
+    assert done.report.info.unfinished == ""
+    assert "not over" not in done.html_path.read_text()
 
 
 def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, films):

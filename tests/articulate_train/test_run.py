@@ -1,6 +1,7 @@
 import dataclasses
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from articulate_envs import choose
 from articulate_envs.choose import HOME_HEIGHT_M, choose_joint
 from articulate_train import run as runs
 from articulate_train.config import PpoConfig, SelectConfig, TrainConfig
-from articulate_train.run import DONE, create_run, open_run, resume_run, run_bytes
+from articulate_train.run import DONE, create_run, open_run, prepare_asset, resume_run, run_bytes
 
 DRAWS = dataclasses.replace(DrawConfig(), scales=3)
 
@@ -131,6 +132,27 @@ def test_folder_in_the_way_is_left_alone(cabinet, tmp_path, error_line):
         lambda: create_run(wish(cabinet), tmp_path / "out", tmp_path / "cache"),
     )
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["kept.txt"]
+
+
+def test_an_empty_folder_is_taken(proven, tmp_path):
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    create_run(wish(proven, joint=JOINT), folder, tmp_path / "cache")
+    assert open_run(folder).task.joint == JOINT
+
+
+def test_a_run_that_another_call_made_meanwhile_is_in_the_way(proven, tmp_path, monkeypatch):
+    folder = tmp_path / "race"
+    config = wish(proven, joint=JOINT)
+    create_run(config, folder, tmp_path / "cache")
+    monkeypatch.setattr(runs, "_check_free", lambda _: None)
+    with pytest.raises(RunError, match="exists; go on with --resume"):
+        create_run(config, folder, tmp_path / "cache")
+
+
+def test_a_category_that_no_table_has_is_refused(cabinet, error_line):
+    config = wish(cabinet, category="Storagefurnitur")
+    error_line("prepare_asset(category)", lambda: prepare_asset(config, Path("cache")))
 
 
 def test_file_above_the_run_is_said_before_any_work(cabinet, tmp_path, error_line, monkeypatch):

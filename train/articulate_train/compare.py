@@ -57,7 +57,9 @@ class Row:
     task: str
     joint: str
     steps: int
-    """Ticks of experience of each seed."""
+    """Ticks of experience that were asked for, of each seed."""
+    unfinished: str
+    """Seeds whose training is not over, and how far they are; empty if there are none."""
     seeds: int
     success: Share
     """All episodes of all seeds taken together, with Wilson's interval."""
@@ -147,6 +149,7 @@ def _row(content: Mapping[str, Any], first: Share | None) -> Row:
         task=info["task"],
         joint=info["joint"],
         steps=info["steps"],
+        unfinished=info.get("unfinished", ""),
         seeds=len(seeds),
         success=success,
         opened=_pooled([s["opened"] for s in seeds]),
@@ -249,6 +252,8 @@ def comparison_page(comparison: Comparison, command: str) -> str:
         "steps per seed": [row.steps for row in rows],
         "seeds": [row.seeds for row in rows],
     }
+    if any(row.unfinished for row in rows):
+        about["training is not over"] = [row.unfinished or "–" for row in rows]
     page.table(["", *names], [[key, *values] for key, values in about.items()])
     if comparison.differing:
         page.table(

@@ -26,7 +26,7 @@ from articulate_train.evaluate import NOMINAL, Rollout, evaluate_seed, timelines
 from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
 from articulate_train.report_html import write_report
-from articulate_train.run import Run, versions
+from articulate_train.run import DONE, Run, done_steps, versions
 from articulate_train.statistics import percent
 
 log = logging.getLogger(__name__)
@@ -85,6 +85,9 @@ def judge_run(
     results, rollouts = [], []
     for seed in run.config.seeds:
         load_policy(run.seed_folder(seed))  # what is missing is told before the work
+    lacking = _unfinished(trained)
+    if lacking:
+        say(f"training is not over ({lacking}); train --resume --out {run.folder} goes on")
     for seed in run.config.seeds:
         say(
             f"evaluating seed {seed}: {episodes} drawn episodes, "
@@ -164,7 +167,20 @@ def _info(run: Run, judged: Run, also: str = "") -> RunInfo:
         source=judged.asset.source,
         commit=commit(),
         limits=judged.task.limits,
+        unfinished=_unfinished(run),
     )
+
+
+def _unfinished(run: Run) -> str:
+    """How far seeds are whose training is not over; empty if there are none."""
+    told = []
+    for seed in run.config.seeds:
+        folder, asked = run.seed_folder(seed), run.config.steps
+        if done_steps(folder / DONE) < asked:
+            rows = read_progress(folder)
+            now = rows[-1]["steps"] if rows else 0
+            told.append(f"seed {seed} has {now / 1e6:.3g} of {asked / 1e6:.3g}M ticks")
+    return ", ".join(told)
 
 
 def commit() -> str:

@@ -137,6 +137,8 @@ class RunInfo:
     """Commit of the code."""
     limits: Limits = field(default_factory=Limits)
     """What a deployable episode may ask of the arm."""
+    unfinished: str = ""
+    """Seeds whose training is not over, and how far they are; empty if there are none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -185,9 +185,12 @@ def _headline(page: Page, report: Report) -> None:
         tiles.append(Tile(value=nominal, label="success without randomisation"))
     page.tiles(*tiles)
     seeds = len(report.seeds)
+    if report.info.unfinished:
+        page.text(f"Training is not over: {report.info.unfinished}.")
+    over = f"Interquartile mean over seeds: success {_interval(iqm)}, {word} {_interval(opened)}. "
     page.text(
         f"{iqm.episodes} episodes with {seeds} trained {'policy' if seeds == 1 else 'policies'}. "
-        f"Interquartile mean over seeds: success {_interval(iqm)}, {word} {_interval(opened)}. "
+        f"{over if seeds > 1 else ''}"
         f"All episodes taken together: success {_interval(report.success_pooled)}."
     )
 

@@ -19,6 +19,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import json
 import os
 import platform
@@ -37,6 +38,7 @@ from articulate.asset import Asset, load_asset
 from articulate.cache import using
 from articulate.config import from_mapping, read_yaml, to_yaml
 from articulate.convert import ConvertConfig
+from articulate.convert.size import check_category
 from articulate.errors import RunError, field_error
 from articulate.files import copy_writable, require_space, write_json, write_text
 from articulate.observe import ACTION
@@ -104,6 +106,7 @@ def versions() -> dict[str, str]:
 
 def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
     """The object of ``config``, converted or taken from the cache."""
+    check_category(config.category)
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
     return proven_asset(Path(config.asset), cache, wish)
 
@@ -182,6 +185,8 @@ def _write_run(folder: Path, config: TrainConfig, asset: Asset, task: Task, plac
         write_json(temporary / "versions.json", versions())
         temporary.replace(folder)
     except OSError as error:
+        if error.errno in {errno.ENOTEMPTY, errno.EEXIST}:  # another call was faster
+            raise RunError(f"{folder}: {IN_THE_WAY}") from None
         why = error.strerror or "copying failed"
         raise RunError(f"{folder}: cannot be written ({why}); choose another --out") from None
     finally:
@@ -212,10 +217,17 @@ REPORT_BYTES = 20_000_000
 """The report with its clips."""
 
 
+IN_THE_WAY = "exists; go on with --resume, or choose another --out"
+
+
 def _check_free(folder: Path) -> None:
     """RunError, before any work, where a new run cannot be made at ``folder``."""
+    if folder.is_dir() and next(folder.iterdir(), None) is None:
+        return  # an empty folder is replaced
+    if (folder / CONFIG).exists():
+        raise RunError(f"{folder}: {IN_THE_WAY}")
     if folder.exists():
-        raise RunError(f"{folder}: exists; go on with --resume, or choose another --out")
+        raise RunError(f"{folder}: exists and is no run; choose another --out")
     above = next(p for p in folder.absolute().parents if p.exists())
     if not above.is_dir() or not os.access(above, os.W_OK):
         what = "may not be written to" if above.is_dir() else "is a file"
@@ -241,7 +253,7 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
         return run
     ppo = config.ppo
     beyond = config.steps + ppo.n_envs * ppo.n_steps * config.members  # a last round is not cut
-    trained = max((_done_steps(path) for path in folder.glob(f"seed_*/{DONE}")), default=0)
+    trained = max((done_steps(path) for path in folder.glob(f"seed_*/{DONE}")), default=0)
     if trained >= beyond:
         raise RunError(
             f"{folder}: --steps is {config.steps}, but {trained} are trained already; give more, "
@@ -252,7 +264,7 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
     return dataclasses.replace(run, config=config)
 
 
-def _done_steps(path: Path) -> int:
+def done_steps(path: Path) -> int:
     """Ticks after which a seed was done; 0 where its file is damaged, which others tell."""
     try:
         return int(json.loads(path.read_text(encoding="utf-8"))["steps"])

@@ -62,7 +62,8 @@ class CheckFlags:
     size: float | None = None
     """Longest side of the closed object [m]; by default the rule of its category, or as it is."""
     category: str | None = None
-    """Category that decides presets; by default what the source says."""
+    """PartNet-Mobility's category, which decides size and weights; by default what the source
+    says."""
     closed: Literal["auto", "lower", "upper"] = "auto"
     """Which limit is the closed position; auto: the one nearer to 0."""
     collada_up: Literal["auto", "file", "y"] = "auto"
@@ -119,6 +120,9 @@ def main(argv: Sequence[str]) -> int:
             console.emit(explained(flags.explain))
         return 0
     assert flags.asset is not None
+    from articulate.convert.size import check_category  # heavy; --help does without
+
+    check_category(flags.category)
     for path in (flags.out, flags.junit):
         if path is not None:
             is_there(path)  # before any work, where it could not even be looked up

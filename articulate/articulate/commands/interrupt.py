@@ -12,6 +12,8 @@ from types import FrameType
 
 INTERRUPT_EXIT = 130
 """128 + SIGINT, as shells count."""
+RETRY_S = 0.02
+"""So long after a module was still being imported it is looked at again [s]."""
 STOPPING = b"\nstopping cleanly; Ctrl-C once more ends at once\n"
 
 
@@ -24,13 +26,14 @@ def two_strokes() -> Iterator[None]:
         return
     count = 0
 
-    def stroke(_signal: int, _frame: FrameType | None) -> None:
+    def stroke(_signal: int, frame: FrameType | None) -> None:
         nonlocal count
         count += 1
         if count == 1:
             with suppress(OSError):
                 os.write(2, STOPPING)  # not print: it may have been interrupted itself
-            raise KeyboardInterrupt
+            raise_outside_imports(frame)
+            return
         for pid in descendants(os.getpid()):
             with suppress(OSError):
                 os.kill(pid, signal.SIGKILL)
@@ -40,7 +43,28 @@ def two_strokes() -> Iterator[None]:
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def raise_outside_imports(frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, or a little later where a module is being imported in ``frame``.
+
+    Modules that try what they can import swallow whatever is raised there: trimesh does.
+    """
+    if _imports(frame):
+        signal.signal(signal.SIGALRM, lambda _, later: raise_outside_imports(later))
+        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
+        return
+    raise KeyboardInterrupt
+
+
+def _imports(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def descendants(pid: int) -> list[int]:

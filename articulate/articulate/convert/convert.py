@@ -110,8 +110,10 @@ def _only_source(source: Path) -> Path:
     urdfs = sorted(source.glob("*.urdf"))
     found = urdfs or sorted(p for p in source.iterdir() if p.suffix.lower() in {".xml", ".mjcf"})
     if len(found) != 1:
-        names = ", ".join(p.name for p in found[:6]) or "none"
+        names = ", ".join(p.name for p in found[:6])
         kind = "URDFs" if urdfs else "URDF or MJCF files"
+        if not found:
+            raise AssetError(f"{source}: holds no URDF or MJCF file; give one, or a folder of one")
         raise AssetError(f"{source}: holds {len(found)} {kind} ({names}); name one")
     return found[0]
 

@@ -37,11 +37,14 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
         found = _existing(candidate)
         if found is not None:
             return found
-        if candidate.parent not in tried:
+        if candidate.parent.resolve() not in (folder.resolve() for folder in tried):
             tried.append(candidate.parent)
     where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
-    raise AbsentMesh(f"mesh {reference!r} not found; looked in {where}{ros}. Put it there")
+    raise AbsentMesh(
+        f"mesh {reference!r} not found; looked in {where}{ros}. Put it there, "
+        "or name its folder: check-asset --mesh-dirs FOLDER, whose --out train takes"
+    )
 
 
 def found_elsewhere(reference: str, urdf: Path, found: Path) -> bool:

@@ -151,6 +151,11 @@ def _links(reader: _Reader, root: Element) -> dict[str, SourceLink]:
                 f"{reader.at(element)}: a second link is called {link.name!r} and differs from the "
                 "first; rename one, and say in its joints which is meant"
             )
+    if not links and _macros(root):
+        raise AssetError(
+            f"{reader.path}: a xacro, not a URDF; expand it first: xacro {reader.path.name} > "
+            "object.urdf"
+        )
     if not links:
         raise AssetError(f"{reader.path}: not a URDF: it has no <link>")
     if len(links) > MAX_LINKS:
@@ -190,10 +195,14 @@ def _alike(one: Element, two: Element) -> bool:
     return len({re.sub(rb"\s+", b"", text) for text in texts}) == 1
 
 
-def _note_macros(root: Element, repairs: Repairs) -> None:
-    """Note what only the xacro program would expand."""
+def _macros(root: Element) -> list[str]:
+    """Elements that only the xacro program would expand, by name."""
     names = (str(e.tag) for e in root.iter() if isinstance(e.tag, str))
-    left = sorted({name.rsplit("}", 1)[-1] for name in names if "xacro" in name})
+    return sorted({name.rsplit("}", 1)[-1] for name in names if "xacro" in name})
+
+
+def _note_macros(root: Element, repairs: Repairs) -> None:
+    left = _macros(root)
     if left:
         repairs.add(f"macros are not expanded ({', '.join(left[:6])}): run xacro on the file first")
 
@@ -242,8 +251,10 @@ class _Reader:
         try:
             values = tuple(float(word.replace("_", "?")) for word in text.split())
         except ValueError:
+            how = "; expand the xacro first" if "${" in text else ""
             raise AssetError(
-                f"{self.at(element)}: {key}={text!r} of <{tag_of(element)}> is not made of numbers"
+                f"{self.at(element)}: {key}={text!r} of <{tag_of(element)}> is not made of "
+                f"numbers{how}"
             ) from None
         if len(values) != len(default):
             raise AssetError(

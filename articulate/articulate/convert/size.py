@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from articulate.convert.config import ConvertConfig
+from articulate.errors import ConfigError, nearest
 
 LONGEST_SIDE_M: dict[str, float] = {
     "StorageFurniture": 0.8,  # base cabinets and chests of drawers, 0.7 to 0.9 high
@@ -82,6 +83,19 @@ def category_of(urdf: Path, config: ConvertConfig) -> str:
         if isinstance(found, str) and found:
             return found
     return "unknown"
+
+
+def check_category(name: str | None) -> None:
+    """Refuse a category of which no table tells anything.
+
+    Raises:
+        ConfigError: ``name`` is none of PartNet-Mobility's.
+    """
+    if name not in {None, "unknown", *LONGEST_SIDE_M}:
+        raise ConfigError(
+            f"category {name!r} is none of PartNet-Mobility's; leave it out for other objects"
+            f"{nearest(str(name), LONGEST_SIDE_M)}"
+        )
 
 
 def scale_of(urdf: Path, config: ConvertConfig, longest: float) -> tuple[float, str]:

@@ -157,7 +157,10 @@ def proven_asset(source: Path, cache: Path, config: ConvertConfig | None = None)
     try:
         folder = store.find(file, options, cache) or checked(file, config, options)
     except OSError as error:
-        raise UsageError(f"{cache}: cannot be written ({error.strerror})") from None
+        raise UsageError(
+            f"{cache}: cannot be written ({error.strerror}); "
+            "set XDG_CACHE_HOME to a folder that can"
+        ) from None
     proof = load_proof(folder)
     if proof.verdict != "refused":
         return load_asset(folder)

@@ -17,6 +17,7 @@ from tests.articulate.convert.boxes import AXIS, BODY_BOX, LIMIT, loaded, made, 
 from articulate.convert import ConvertConfig, convert
 from articulate.convert.paths import AbsentMesh
 from articulate.convert.presets import MASS_KG, SLIDE
+from articulate.convert.read import read_urdf
 from articulate.errors import AssetError
 from articulate.simulator import mujoco
 
@@ -430,10 +431,17 @@ def test_misspelt_attributes_and_unknown_elements_say_nothing(tmp_path: Path) ->
     assert (asset.folder / "object.xml").read_bytes() == (plain.folder / "object.xml").read_bytes()
 
 
+def test_a_xacro_is_told_from_a_urdf(tmp_path: Path) -> None:
+    text = "<robot xmlns:xacro='http://wiki.ros.org/xacro' name='x'><xacro:macro name='m'/></robot>"
+    (tmp_path / "a.urdf.xacro").write_text(text)
+    with pytest.raises(AssetError, match=r"a xacro, not a URDF; expand it first: xacro a\.urdf"):
+        read_urdf(tmp_path / "a.urdf.xacro")
+
+
 def test_macros_left_in_the_file_are_named(tmp_path: Path) -> None:
     asset = made(tmp_path, more('<xacro:handle side="left"/>'))
     assert "macros are not expanded (xacro:handle): run xacro" in said(asset)
-    with pytest.raises(AssetError, match="is not made of numbers"):
+    with pytest.raises(AssetError, match="is not made of numbers; expand the xacro first"):
         made(tmp_path / "two", (AXIS, '<axis xyz="${side} 0 0"/>'))
 
 
