@@ -277,9 +277,9 @@ class TrainConfig:
     steps: int = 2_000_000
     """Ticks of experience for each seed."""
     members: int = 2
-    """Policies that a seed trains in turn, each from a beginning of its own and with its share of
-    the ticks: of two, each goes half of the way that noise, prices and learning rate have before
-    them. What acts is the mean of what they say."""
+    """Policies that a seed trains in turn, each from weights of its own and with its share of the
+    ticks; the mean of their actions acts. Schedules of noise, reward weights and learning rate
+    count the ticks of the seed: of two members, each ends half-way along them."""
     jobs: int = 0
     """Seeds trained side by side; 0 means one for each processor."""
     checkpoint_updates: int = 20
