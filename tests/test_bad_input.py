@@ -97,6 +97,7 @@ def objects_here(objects, tmp_path):
         "--asset far --joint drawer_1_slide",
         "--asset cabinet --task open_drawr",
         "--asset cabinet --aset cabinet",
+        "cabinet.urdf",
         "--asset cabinet --steps many",
         "--asset cabinet --steps 100",
         "--asset cabinet --seeds 1 1",

@@ -26,6 +26,8 @@ from articulate_deploy.fits import check_fits
 from articulate_deploy.graph import check_graph
 from articulate_deploy.references import check_object, check_scene
 
+MAX_MANIFEST = 1_000_000
+"""Largest manifest [bytes]; ours have some 20 kB, and objects of hundreds of repairs more."""
 MAX_DIGITS = 18
 """Most characters of a whole number in a manifest; all of them fit into 64 bits."""
 
@@ -89,6 +91,8 @@ def load_bundle(path: Path) -> Bundle:
         raise BundleError(
             f"{path}: not a bundle, it has no {MANIFEST_FILE}; give what export-policy made"
         )
+    if len(text) > MAX_MANIFEST:
+        raise BundleError(f"{path}/{MANIFEST_FILE}: larger than {MAX_MANIFEST // 1000} kB")
     manifest = _manifest(text, f"{path}/{MANIFEST_FILE}")
     _check_sums(manifest, contents, path)
     bundle = Bundle(manifest, contents, str(path))

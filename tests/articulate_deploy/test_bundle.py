@@ -327,3 +327,10 @@ def test_draws_are_those_of_the_evaluation_seed(bundle, run):
     own = drawn_one_by_one(config, run.config.evaluation_seed, 3, begin=run.task.begin)
     assert entry.count == 200
     assert np.array_equal(bundle.draws.values[:3], own.values)
+
+
+def test_a_manifest_larger_than_allowed_is_refused(folder):
+    path = folder / "manifest.json"
+    path.write_text(path.read_text() + " " * 1_000_001)
+    with pytest.raises(BundleError, match=r"manifest\.json: larger than 1000 kB"):
+        load_bundle(folder)

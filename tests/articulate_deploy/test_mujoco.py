@@ -166,6 +166,17 @@ def test_a_scene_that_is_stepped_otherwise_than_the_manifest_says_is_refused(
         MujocoRobot(dataclasses.replace(bundle, files={**bundle.files, name: changed})).connect()
 
 
+@pytest.mark.parametrize("name", ["stiffness", "damping"])
+def test_an_arm_of_other_gains_than_the_manifests_is_refused(bundle, name):
+    robot = bundle.manifest.robot
+    other = tuple(1.01 * value for value in getattr(robot, name))
+    manifest = dataclasses.replace(
+        bundle.manifest, robot=dataclasses.replace(robot, **{name: other})
+    )
+    with pytest.raises(BundleError, match=f"{name} of its arm"):
+        MujocoRobot(dataclasses.replace(bundle, manifest=manifest)).connect()
+
+
 def test_sensors_that_measure_something_else_are_refused(bundle):
     scene = dataclasses.replace(bundle.manifest.scene, sensors=bundle.manifest.scene.sensors[::-1])
     manifest = dataclasses.replace(bundle.manifest, scene=scene)

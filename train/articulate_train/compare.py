@@ -233,9 +233,9 @@ def comparison_page(comparison: Comparison, command: str) -> str:
         ],
     )
     page.text(
-        "Shares of all episodes of a run with Wilson's 95 % intervals; differences with "
-        "Newcombe's, which hold what other episodes of the same policies would show, not what "
-        "other seeds would. An interval without 0 is more than chance."
+        "Shares of all episodes of a run with Wilson's 95 % intervals; differences, in percentage "
+        "points, with Newcombe's, which hold what other episodes of the same policies would show, "
+        "not what other seeds would. An interval without 0 is more than chance."
     )
     page.charts(_success_chart(names, rows), *_curve_charts(names, rows))
     page.section("What failed first")
@@ -322,7 +322,7 @@ def _signed(gap: Difference | None) -> str:
     if gap is None:
         return ""
     value, low, high = (100.0 * x for x in (gap.value, gap.low, gap.high))
-    return f"{value:+.1f} % ({low:+.1f} to {high:+.1f})"
+    return f"{value:+.1f} points ({low:+.1f} to {high:+.1f})"
 
 
 def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:

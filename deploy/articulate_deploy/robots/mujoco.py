@@ -68,6 +68,7 @@ class MujocoRobot(SimulatedRobot):
             self._nominal = mujoco.MjModel.from_xml_string(text, meshes)
             self._at = _addresses(self._nominal, self._manifest)
             _check_options(self._nominal, self._manifest)
+            _check_gains(self._nominal, self._at, self._manifest)
         except (ValueError, KeyError, TypeError) as error:  # TypeError: a name that is no text
             self._nominal = None
             what = " ".join(str(error).split())[:160]
@@ -146,6 +147,18 @@ def _check_options(model: mujoco.MjModel, manifest: Manifest) -> None:
     for name, size in zip(manifest.scene.sensors, SENSOR_SIZES, strict=True):
         if model.sensor(name).dim[0] != size:
             raise ValueError(f"sensor {name} has {model.sensor(name).dim[0]} numbers, not {size}")
+
+
+def _check_gains(model: mujoco.MjModel, at: Addresses, manifest: Manifest) -> None:
+    """The scene's arm has the gains of the manifest, which other robots are given; else ValueError."""
+    robot, bias = manifest.robot, model.actuator_biasprm[at.arm_u]
+    for name, found, told in (
+        ("stiffness", model.actuator_gainprm[at.arm_u, 0], robot.stiffness),
+        ("stiffness", -bias[:, 1], robot.stiffness),
+        ("damping", -bias[:, 2], robot.damping),
+    ):
+        if not np.allclose(found, told, rtol=1e-6, atol=0.0):
+            raise ValueError(f"{name} of its arm is not the manifest's")
 
 
 _FACTORS = (
