@@ -131,6 +131,7 @@ def test_train_refuses_an_output_that_is_in_the_way(refused, tmp_path):
     refused("train --asset cabinet --out file")
     refused("train --asset cabinet --out file/run")
     (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "photo.jpg").touch()
     refused("train --asset cabinet --out old")
 
 
