@@ -86,6 +86,16 @@ def test_ticks_are_shared_out(members):
     assert both.updates == 3
 
 
+def test_what_is_no_number_is_left_out_of_the_figures(members):
+    """Where all returns are equal, the variance that values explain of them is none."""
+    both = members()
+    for learner, explained in zip(both.learners, (0.5, float("nan")), strict=True):
+        learner.model.logger.record("train/explained_variance", explained)
+        learner.model.logger.record("train/value_loss", explained + 1.0)
+    assert both.learners[0].update_figures() == {"explained_variance": 0.5, "value_loss": 1.5}
+    assert both.learners[1].update_figures() == both.figures() == {}
+
+
 def test_shares_are_rounded_up():
     assert TrainConfig(asset="a", steps=100_001, members=2).member_steps == 50_001
     assert TrainConfig(asset="a", steps=100_001, members=1).member_steps == 100_001

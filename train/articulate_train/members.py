@@ -81,7 +81,8 @@ class Members:
     def figures(self) -> dict[str, float]:
         """Means over the members of what is told of their last update."""
         told = [learner.update_figures() for learner in self.learners]
-        return {name: fmean(row[name] for row in told) for name in told[0]}
+        names = [name for name in told[0] if all(name in row for row in told)]
+        return {name: fmean(row[name] for row in told) for name in names}
 
     def log_std(self) -> float:
         """Mean logarithm of the noise of actions."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 from collections.abc import Callable
 from dataclasses import asdict
@@ -130,10 +131,13 @@ class Learner:
         return bool(plain) and all(bool(torch.isfinite(p).all()) for p in weights)
 
     def update_figures(self) -> dict[str, float]:
-        """What Stable-Baselines3 recorded of the last update, of :data:`UPDATE_FIGURES`."""
+        """What Stable-Baselines3 recorded of the last update, of :data:`UPDATE_FIGURES`.
+
+        Where all returns are equal their explained variance is no number, and is left out.
+        """
         recorded = self.model.logger.name_to_value
-        names = [name for name in UPDATE_FIGURES if f"train/{name}" in recorded]
-        return {name: float(recorded[f"train/{name}"]) for name in names}
+        figures = {name: float(recorded.get(f"train/{name}", "nan")) for name in UPDATE_FIGURES}
+        return {name: value for name, value in figures.items() if math.isfinite(value)}
 
     def content(self) -> dict[str, Any]:
         """What a checkpoint holds of it: weights, optimiser, environments, generators."""
