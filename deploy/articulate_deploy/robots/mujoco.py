@@ -150,7 +150,7 @@ def _check_options(model: mujoco.MjModel, manifest: Manifest) -> None:
 
 
 def _check_gains(model: mujoco.MjModel, at: Addresses, manifest: Manifest) -> None:
-    """The scene's arm has the gains of the manifest, which other robots are given; else ValueError."""
+    """The arm has the gains of the manifest, which other robots are given; else ValueError."""
     robot, bias = manifest.robot, model.actuator_biasprm[at.arm_u]
     for name, found, told in (
         ("stiffness", model.actuator_gainprm[at.arm_u, 0], robot.stiffness),
