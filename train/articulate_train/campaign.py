@@ -16,7 +16,7 @@ from typing import Any
 from articulate.errors import ArticulateError, DivergedError, KilledError, RunError
 from articulate_train.clock import Clock
 from articulate_train.lock import alone
-from articulate_train.run import DONE, SUMMARY, Run, write_summary
+from articulate_train.run import DONE, SUMMARY, Run, done_steps, write_summary
 from articulate_train.seed import BAD_INPUT, DIVERGED, INTERRUPTED, PROGRESS
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -97,11 +97,7 @@ def _waiting(run: Run) -> list[int]:
 
 def _is_done(run: Run, seed: int) -> bool:
     """Whether a seed has all the steps that are asked for."""
-    try:
-        done = json.loads((run.seed_folder(seed) / DONE).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return False
-    return bool(done["steps"] >= run.config.steps)
+    return done_steps(run.seed_folder(seed) / DONE) >= run.config.steps
 
 
 def last_progress(run: Run, seed: int) -> dict[str, Any]:

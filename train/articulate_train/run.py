@@ -222,11 +222,10 @@ IN_THE_WAY = "exists; go on with --resume, or choose another --out"
 
 def _check_free(folder: Path) -> None:
     """RunError, before any work, where a new run cannot be made at ``folder``."""
-    if folder.is_dir() and next(folder.iterdir(), None) is None:
-        return  # an empty folder is replaced
     if (folder / CONFIG).exists():
         raise RunError(f"{folder}: {IN_THE_WAY}")
-    if folder.exists():
+    is_empty = folder.is_dir() and next(folder.iterdir(), None) is None  # such a one is replaced
+    if folder.exists() and not is_empty:
         raise RunError(f"{folder}: exists and is no run; choose another --out")
     above = next(p for p in folder.absolute().parents if p.exists())
     if not above.is_dir() or not os.access(above, os.W_OK):
@@ -265,7 +264,7 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
 
 
 def done_steps(path: Path) -> int:
-    """Ticks after which a seed was done; 0 where its file is damaged, which others tell."""
+    """Ticks after which a seed was done; 0 where it is not, or its file is damaged."""
     try:
         return int(json.loads(path.read_text(encoding="utf-8"))["steps"])
     except (OSError, ValueError, KeyError, TypeError):

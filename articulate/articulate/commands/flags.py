@@ -186,9 +186,9 @@ def _place(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) ->
         given[flag.path] = flag.value(loose[:count])
         del loose[:count]
     if loose:
-        lacking = [f for f in flags if f.name == "--asset" and f.path not in given]
-        hint = f"; did you mean --asset {loose[0]}?" if lacking else f"; see {prog} --help"
-        raise ConfigError(f"unexpected: {' '.join(loose)}{hint}")
+        lacking = [f.name for f in flags if f.default is MISSING and f.path not in given]
+        hint = f"did you mean {lacking[0]} {loose[0]}?" if lacking else f"see {prog} --help"
+        raise ConfigError(f"unexpected: {' '.join(loose)}; {hint}")
 
 
 def _laid_over(cls: type[Any], values: dict[str, Any], given: Values) -> dict[str, Any]:
