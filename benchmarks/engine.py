@@ -19,7 +19,9 @@ machine does hits both sides; ratios are medians over ``--rounds`` blocks.
     with our physics step set to its 2 ms, then as it is shipped.
 ``training_ratio``
     Whole training (engine and PPO) over the engine alone, which runs the training's own episodes
-    with the actions of its last roll-out.
+    with the actions of its last roll-out. A seed's first ticks learn from a guide, the others by
+    PPO: both are measured (``training_ratio_shown``, ``training_ratio_ppo``), and the whole is what
+    their shares of the ticks make of them.
 ``steps_per_s_at``, ``lowest_share_of_best``, ``memory_mb_per_env``
     The rate over numbers of environments, measured in turn, and what each environment holds.
 ``reset_ms``, ``reset_one_ms``
@@ -355,12 +357,14 @@ def alternating(blocks: dict[str, Block], rounds: int) -> dict[str, list[float]]
 
 def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
     """Whole training against the engine alone: the same episodes, actions of the last roll-out."""
-    learner = ours.learner
+    sides = {"shown": ours, "ppo": ours.unshown()}
+    learner = sides["ppo"].learner
+    config = ours.learner.config
 
-    def update() -> float:
+    def update(side: OurSide) -> float:
         begin, steps = time.perf_counter(), 0
         for _ in range(args.updates):
-            steps += ours.update()
+            steps += side.update()
         return steps / (time.perf_counter() - begin)
 
     def engine_alone() -> float:
@@ -372,15 +376,20 @@ def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
         learner.episodes.restore(kept)  # the training goes on where it was
         return float(args.updates * actions.shape[0] * actions.shape[1] / seconds)
 
-    ours.update()  # the first one compiles and fills caches
-    blocks = {"training": Block(update, ours.close), "engine": Block(engine_alone, _nothing)}
-    rates = alternating(blocks, args.rounds)
-    pairs = zip(rates["training"], rates["engine"], strict=True)
-    return {
-        "training_ratio": median(a / b for a, b in pairs),
-        "training_steps_per_s": median(rates["training"]),
-        "training_envs": learner.config.ppo.n_envs,
-    }
+    blocks = {}
+    for name, side in sides.items():
+        side.update()  # the first one compiles and fills caches
+        blocks[name] = Block(partial(update, side), side.close)
+    rates = alternating(blocks | {"engine": Block(engine_alone, _nothing)}, args.rounds)
+    share = min(config.show.until * config.members, 1.0)  # of a seed's ticks, members together
+    by_kind = zip(rates["shown"], rates["ppo"], strict=True)
+    rates["training"] = [1.0 / (share / shown + (1.0 - share) / ppo) for shown, ppo in by_kind]
+    out: dict[str, Any] = {}
+    for name, key in (("training", ""), ("shown", "_shown"), ("ppo", "_ppo")):
+        pairs = zip(rates[name], rates["engine"], strict=True)
+        out[f"training_ratio{key}"] = median(a / b for a, b in pairs)
+        out[f"training{key}_steps_per_s"] = median(rates[name])
+    return out | {"training_shown_share": share, "training_envs": config.ppo.n_envs}
 
 
 def _nothing() -> None:

@@ -3,12 +3,12 @@
     python benchmarks/training.py --json
 
 Both sides train PPO from Stable-Baselines3 on the embedded cabinet: same drawer, same place,
-same network, rollout, batch and epochs, one torch thread. Ours runs its native threads; robosuite
-runs in ``SubprocVecEnv`` (forkserver) with each of ``--workers`` processes in turn, and the best
-of them goes on. Then blocks alternate, ours, robosuite, ours, robosuite, so that what else the
-machine does hits both. A block is a whole number of updates, so that physics, observations,
-rewards, resets, transfer, policy and gradient steps all count. Numba and page caches are warmed
-up before the clock starts.
+same network, rollout, batch and epochs, one torch thread, no guide that shows anything first.
+Ours runs its native threads; robosuite runs in ``SubprocVecEnv`` (forkserver) with each of
+``--workers`` processes in turn, and the best of them goes on. Then blocks alternate, ours,
+robosuite, ours, robosuite, so that what else the machine does hits both. A block is a whole number
+of updates, so that physics, observations, rewards, resets, transfer, policy and gradient steps all
+count. Numba and page caches are warmed up before the clock starts.
 
 Run it on a machine that does nothing else: workers that wait for each other at every step suffer
 more from other work than threads do. ``load_before`` says whether it was idle, and
@@ -30,7 +30,7 @@ import platform
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -140,7 +140,7 @@ class OurSide:
     """A seed's training as ``train`` runs it, one update at a time."""
 
     def __init__(self, scene: Scene, config: TrainConfig, threads: int) -> None:
-        self.learner = Learner(scene, config, seed=0, threads=threads)
+        self.learner, self.threads = Learner(scene, config, seed=0, threads=threads), threads
         self.steps = config.ppo.n_envs * config.ppo.n_steps
 
     def update(self) -> int:
@@ -148,6 +148,11 @@ class OurSide:
         self.learner.run(lambda _: False)
         self.learner.envs.finished.clear()
         return self.steps
+
+    def unshown(self) -> OurSide:
+        """Another training of the same that no guide shows anything: PPO from the first tick on."""
+        of, scene = self.learner.config, self.learner.episodes.engine.scene
+        return OurSide(scene, replace(of, show=replace(of.show, until=0.0)), self.threads)
 
     def workers(self) -> list[int]:
         """None: it runs in threads."""
@@ -253,7 +258,9 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
     torch.set_num_threads(1)
     load_before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
-        ours, fixture, settings = prepare(Path(folder), args.preset, args.threads)
+        shown, fixture, settings = prepare(Path(folder), args.preset, args.threads)
+        ours = shown.unshown()  # robosuite's side has no guide either
+        shown.close()
         workers, search = best_workers(fixture, settings, args.workers)
         theirs = RobosuiteSide(fixture, settings, workers)
         blocks: dict[str, list[Block]] = {"ours": [], "robosuite": []}
