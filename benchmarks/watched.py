@@ -106,7 +106,7 @@ def watch(
     force: list[Array] = []
     opened: list[Array] = []
 
-    def look(_: int, engine: ThreadEngine) -> None:
+    def look(_: int, __: slice, engine: ThreadEngine) -> None:
         state = engine.state()
         to_handle = state.T_wh[:, :3, 3] - state.T_wt[:, :3, 3]
         place.append(np.einsum("nij,ni->nj", state.T_wt[:, :3, :3], to_handle))
@@ -117,7 +117,14 @@ def watch(
         opened.append(state.opened.copy())
 
     ended = run_drawn(
-        scene, policy, run.config.draw, drawn, second, threads=threads, after_tick=look
+        scene,
+        policy,
+        run.config.draw,
+        drawn,
+        second,
+        threads=threads,
+        after_tick=look,
+        side_by_side=episodes,
     )
     return Watched(
         scene=scene,

@@ -2,17 +2,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from tests.runs import write_checkpoint
 
-from articulate.draw import COLUMNS
+from articulate.draw import COLUMNS, draw
 from articulate.errors import RunError
 from articulate.judgement import REASONS, WIDTH
 from articulate.observe import OBSERVATION
 from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Ended
 from articulate_envs.rewards import TERMS
-from articulate_train.evaluate import evaluate_seed, first_ends, timelines
+from articulate_train.evaluate import evaluate_seed, first_ends, run_drawn, timelines
+from articulate_train.policy import load_policy
 
 
 @pytest.fixture
@@ -39,6 +40,41 @@ def test_every_episode_counts_once_from_home_with_what_was_drawn(judged):
     for array in (rollout.traces.force, rollout.traces.opened, rollout.traces.speed_share):
         assert array.shape == (ticks, 5)
     assert {REASONS[c] for c in result.codes} <= set(REASONS)
+
+
+def test_more_episodes_than_run_at_once_are_the_same_draws_and_each_is_watched(judged):
+    scene, policy = judged.scene(), load_policy(judged.seed_folder(0))
+    draws = judged.config.draw
+    drawn = draw(draws, np.random.default_rng(1), 5, begin=scene.task.begin)
+    seen = {}
+
+    def run(side_by_side):
+        qpos = np.zeros((scene.ticks - 1, 5, scene.nominal.nq))
+
+        def watch(t, which, engine):
+            seen[side_by_side] = max(seen.get(side_by_side, 0), engine.n_envs)
+            for i in range(engine.n_envs):
+                qpos[t, which.start + i] = engine.physics_state(i)[1].qpos
+
+        ended = run_drawn(
+            scene,
+            policy,
+            draws,
+            drawn,
+            np.random.SeedSequence(2),
+            threads=1,
+            after_tick=watch,
+            side_by_side=side_by_side,
+        )
+        return ended, qpos
+
+    (few, few_qpos), (all_at_once, qpos) = run(2), run(5)
+    assert seen == {2: 2, 5: 5}
+    assert few.rows.tolist() == all_at_once.rows.tolist() == [0, 1, 2, 3, 4]
+    assert few.observation.shape == all_at_once.observation.shape
+    assert_allclose(few_qpos[0], qpos[0], atol=0.01)  # each begins where its draw says
+    assert np.abs(qpos[0, 0] - qpos[0, 4]).max() > 0.02
+    assert np.abs(few_qpos).sum(axis=(0, 2)).min() > 0
 
 
 def test_draws_of_seeds_and_of_training_differ(judged):

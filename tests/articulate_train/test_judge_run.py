@@ -58,6 +58,15 @@ def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, fil
     assert films == ["failure.mp4"]
 
 
+def test_film_of_an_earlier_evaluation_does_not_stay_beside_a_report_without_it(trained, films):
+    (trained.folder / "videos").mkdir()
+    for name in ("success.mp4", "failure.mp4"):
+        (trained.folder / "videos" / name).write_bytes(b"earlier")
+    judge_run(trained, episodes=2)
+    assert films == ["failure.mp4"]
+    assert [p.name for p in (trained.folder / "videos").iterdir()] == ["failure.mp4"]
+
+
 def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(trained, films):
     own = judge_run(trained, episodes=trained.config.episodes).report.info.command
     assert "evaluate" not in own

@@ -24,6 +24,10 @@ from articulate_train.run import Run
 
 NOMINAL = 200
 """At most so many episodes are run without randomisation."""
+SIDE_BY_SIDE = 1000
+"""So many episodes are in memory at once, at 1 MB each; more run one lot after another."""
+Watch = Callable[[int, slice, ThreadEngine], None]
+"""Told a tick, the episodes that are at it, and their engine."""
 
 
 @dataclass(frozen=True)
@@ -98,17 +102,17 @@ def roll_out(
     episodes: int,
     threads: int,
 ) -> Rollout:
-    """Run ``episodes`` episodes from home side by side, with the policy's mean action."""
+    """Run ``episodes`` episodes from home, with the policy's mean action."""
     qpos = np.zeros((scene.ticks, episodes, scene.nominal.nq))
     force, speed, opened = (np.zeros((scene.ticks, episodes)) for _ in range(3))
 
-    def trace(t: int, engine: ThreadEngine) -> None:
+    def trace(t: int, which: slice, engine: ThreadEngine) -> None:
         state = engine.state()
-        for i in range(episodes):
-            qpos[t, i] = engine.physics_state(i)[1].qpos
-        force[t] = np.linalg.norm(state.samples[:, :3], axis=1)
-        speed[t] = np.max(np.abs(state.dq) / scene.arm.dq_max, axis=1)
-        opened[t] = state.opened
+        for i in range(engine.n_envs):
+            qpos[t, which.start + i] = engine.physics_state(i)[1].qpos
+        force[t, which] = np.linalg.norm(state.samples[:, :3], axis=1)
+        speed[t, which] = np.max(np.abs(state.dq) / scene.arm.dq_max, axis=1)
+        opened[t, which] = state.opened
 
     ended, drawn = run_episodes(
         scene, policy, draws, stream, episodes=episodes, threads=threads, after_tick=trace
@@ -132,7 +136,7 @@ def run_episodes(
     *,
     episodes: int,
     threads: int,
-    after_tick: Callable[[int, ThreadEngine], None] = lambda *_: None,
+    after_tick: Watch = lambda *_: None,
 ) -> tuple[Ended, Draw]:
     """Ends of ``episodes`` episodes from home with the policy's mean action, and their draws.
 
@@ -141,9 +145,9 @@ def run_episodes(
         policy: Whose actions.
         draws: Randomisation.
         stream: Decides what is drawn; each call with it draws anew.
-        episodes: How many, side by side.
+        episodes: How many.
         threads: Threads of the engine.
-        after_tick: Told each tick but the last, which begins episodes anew, and the engine.
+        after_tick: Told each tick but the last, which begins episodes anew.
     """
     first, second = stream.spawn(2)
     drawn = draw(draws, np.random.default_rng(first), episodes, begin=scene.task.begin)
@@ -159,7 +163,8 @@ def run_drawn(
     stream: np.random.SeedSequence,
     *,
     threads: int,
-    after_tick: Callable[[int, ThreadEngine], None] = lambda *_: None,
+    after_tick: Watch = lambda *_: None,
+    side_by_side: int = SIDE_BY_SIDE,
 ) -> Ended:
     """Ends of one episode from home for each row of ``drawn``, with the policy's mean action.
 
@@ -168,25 +173,30 @@ def run_drawn(
         policy: Whose actions.
         draws: Randomisation, for the noise of what is observed.
         drawn: What is drawn, a row an episode.
-        stream: Decides that noise.
+        stream: Decides that noise; up to ``side_by_side`` episodes it is theirs alone.
         threads: Threads of the engine.
-        after_tick: Told each tick but the last, which begins episodes anew, and the engine.
+        after_tick: Told each tick but the last, which begins episodes anew.
+        side_by_side: At most so many run at once.
     """
     count = len(drawn.values)
-    engine = ThreadEngine(scene, count, threads=threads)
-    env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=stream)
-    seen = env.reset(start=home_start(scene, drawn))
     ended: list[Ended] = []
-    try:
-        for t in range(scene.ticks):
-            tick = env.step(policy.act(seen))
-            seen = tick.observation
-            if tick.ended is not None:
-                ended.append(tick.ended)
-            if t + 1 < scene.ticks:
-                after_tick(t, engine)
-    finally:
-        engine.close()
+    for begin in range(0, count, side_by_side):
+        which = slice(begin, min(begin + side_by_side, count))
+        some = Draw(drawn.values[which])
+        engine = ThreadEngine(scene, len(some.values), threads=threads)
+        noise = stream if begin == 0 else stream.spawn(1)[0]
+        env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=noise)
+        try:
+            seen = env.reset(start=home_start(scene, some))
+            for t in range(scene.ticks):
+                tick = env.step(policy.act(seen))
+                seen = tick.observation
+                if tick.ended is not None:
+                    ended.append(replace(tick.ended, rows=tick.ended.rows + begin))
+                if t + 1 < scene.ticks:
+                    after_tick(t, which, engine)
+        finally:
+            engine.close()
     return first_ends(ended, count)
 
 

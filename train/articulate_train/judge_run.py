@@ -234,6 +234,9 @@ def _pictures(
     try:
         for name, (_, k, rollout) in lines.items():
             videos.append(_film(folder, scene, rollout, k, name))
+        for earlier in (folder / "videos").glob("*.mp4"):
+            if earlier.stem not in lines:
+                earlier.unlink()  # of an evaluation that had such an episode, as this has not
         if lines:
             _, k, rollout = next(iter(lines.values()))
             poster = picture(

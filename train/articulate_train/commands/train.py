@@ -174,8 +174,9 @@ def _resumed(argv: Sequence[str]) -> TrainFlags | None:
 
 
 def _tell(progress: SeedProgress) -> None:
+    steps = min(progress.steps, progress.total)  # the last update may go beyond
     console.say(
-        f"seed {progress.seed}  {progress.steps / 1e6:5.2f} of {progress.total / 1e6:.2f}M  "
+        f"seed {progress.seed}  {steps / 1e6:5.2f} of {progress.total / 1e6:.2f}M  "
         f"{progress.steps_per_s:6.0f} steps/s  at target {progress.opened:4.0%}  "
         f"success {progress.success:4.0%}"
     )
