@@ -46,7 +46,7 @@ def test_more_episodes_than_run_at_once_are_the_same_draws_and_each_is_watched(j
     scene, policy = judged.scene(), load_policy(judged.seed_folder(0))
     draws = judged.config.draw
     drawn = draw(draws, np.random.default_rng(1), 5, begin=scene.task.begin)
-    seen = {}
+    seen: dict[int, int] = {}
 
     def run(side_by_side):
         qpos = np.zeros((scene.ticks - 1, 5, scene.nominal.nq))
