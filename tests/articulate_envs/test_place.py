@@ -9,8 +9,10 @@ from tests.assets import make_cabinet
 
 from articulate.arm import PANDA
 from articulate.kinematics import manipulability, solve_ik, tool_pose
+from articulate.prove.prove import proven_asset
 from articulate.settings import NO_DRAW, DrawConfig
 from articulate.task import make_task
+from articulate_envs import place as reach_test
 from articulate_envs.place import (
     MIN_JOINT_MARGIN_RAD,
     MIN_MANIPULABILITY,
@@ -74,6 +76,32 @@ def test_share_of_drawn_poses_that_are_reached_is_told(drawer):
     ]
     assert shares[0] == 1.0
     assert shares[1] < 0.3
+
+
+def test_place_lets_a_hand_go_with_the_handle_all_the_way_and_in_time(drawer, monkeypatch):
+    args = drawer.asset, drawer.task, PANDA, DrawConfig()
+    found = find_place(*args)
+    assert reach_test._followed_share(*args, found) == 1.0
+    away = dataclasses.replace(found, pos_w=(found.pos_w[0] + 1.0, *found.pos_w[1:]))
+    assert reach_test._followed_share(*args, away) == 0.0
+    monkeypatch.setattr(reach_test, "FOLLOW_S", 0.5)  # for 22 cm and more
+    assert reach_test._followed_share(*args, found) == 0.0
+
+
+@pytest.mark.dataset
+def test_door_that_closes_does_not_stand_where_the_elbow_is_caught(data_folder, tmp_path):
+    """All poses are reached 5 cm farther off too, and a quarter of the ways is not followed."""
+    asset = proven_asset(data_folder / "assets" / "partnet" / "7119" / "mobility.urdf", tmp_path)
+    args = asset, make_task("close_door", asset, "joint_0"), PANDA, DrawConfig()
+    found = find_place(*args)
+    farther = dataclasses.replace(found, pos_w=(0.884, -0.109, 0.678))
+    assert (
+        reach_test._drawn_share(*args, farther, 0.0)
+        == reach_test._drawn_share(*args, found, 0.0)
+        == 1.0
+    )
+    assert reach_test._followed_share(*args, farther) < 0.8
+    assert reach_test._followed_share(*args, found) == 1.0
 
 
 def test_object_that_stands_turned_is_turned_back(tmp_path, drawer):
