@@ -208,8 +208,12 @@ def solve_ik(
         step = np.einsum("nij,nj->ni", pinv, np.clip(error, -0.3, 0.3))
         step += rest_gain * np.einsum("nij,nj->ni", null, rest - q)
         q = np.clip(q + step, low, high)
-    error = _pose_error(T_wt, tool_pose(arm, q))
-    return IkResult(q, np.linalg.norm(error[:, :3], axis=-1), np.linalg.norm(error[:, 3:], axis=-1))
+    now = tool_pose(arm, q)
+    turn = T_wt[:, :3, :3] @ np.swapaxes(
+        now[:, :3, :3], -1, -2
+    )  # the step's error is 0 at half one
+    pos_error = np.linalg.norm(T_wt[:, :3, 3] - now[:, :3, 3], axis=-1)
+    return IkResult(q, pos_error, rotation_angle(turn))
 
 
 def manipulability(arm: Arm, q: ArrayLike) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +16,20 @@ BEATEN = frozenset({errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST})
 
 def is_asset(folder: Path) -> bool:
     """Whether an asset lies in ``folder``."""
-    return (folder / "asset.json").is_file()
+    return is_of(folder / "asset.json", "articulate.asset")
+
+
+def is_of(file: Path, schema: str) -> bool:
+    """Whether ``file`` is JSON that says to be of ``schema``, of whatever version.
+
+    Its name alone is not enough: what takes the place of a folder deletes it, and others have
+    files of that name too.
+    """
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and content.get("schema") == schema
 
 
 def take_place(new: Path, out: Path, aside: Path, ours: Callable[[Path], bool] = is_asset) -> None:

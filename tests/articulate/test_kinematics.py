@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -94,6 +95,18 @@ def test_goal_that_only_a_longer_arm_could_reach_from_behind_is_flagged():
     goal[0, 3] = 0.8
     found = solve_ik(PANDA, goal[None], PANDA.home)
     assert not found.reached[0]
+
+
+def test_goal_turned_by_half_a_turn_is_not_reached_at_the_start():
+    """There the rotation's antisymmetric part is 0, as where nothing is left to turn."""
+    start = tool_pose(PANDA, PANDA.home)
+    for axis in np.eye(3):
+        goal = start.copy()
+        goal[:3, :3] = start[:3, :3] @ axis_angle_to_matrix(axis, np.pi)
+        found = solve_ik(PANDA, goal[None], PANDA.home, iterations=1)
+        error = relative(tool_pose(PANDA, found.q), goal[None])
+        assert found.rot_error[0] == pytest.approx(rotation_angle(error[0, :3, :3]), abs=1e-6)
+        assert not found.reached[0]
 
 
 def test_stretched_elbow_is_singular_and_home_is_not():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -24,12 +25,13 @@ LONG = "x" * 300
 def folder(path: Path, word: str, asset: bool = True) -> Path:
     """A folder with one file that says ``word``."""
     path.mkdir(parents=True)
-    (path / ("asset.json" if asset else "notes.txt")).write_text(word)
+    content = json.dumps({"schema": "articulate.asset", "word": word})
+    (path / ("asset.json" if asset else "notes.txt")).write_text(content if asset else word)
     return path
 
 
 def word_in(path: Path) -> str:
-    return (path / "asset.json").read_text()
+    return str(json.loads((path / "asset.json").read_text())["word"])
 
 
 def names(path: Path) -> list[str]:
@@ -48,6 +50,20 @@ def test_a_folder_takes_the_place_of_an_asset_and_of_nothing(tmp_path: Path, bef
     take_place(new, out, aside)
     assert word_in(out) == "new"
     assert [word_in(old) for old in aside.iterdir()] == ["old"] * (before == "asset")
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", "not JSON", '{"schema": "another"}'])
+def test_a_folder_of_others_that_has_a_file_of_that_name_is_left_alone(
+    tmp_path: Path, content: str
+) -> None:
+    new, out = folder(tmp_path / "new", "new"), tmp_path / "out"
+    (tmp_path / "aside").mkdir()
+    out.mkdir()
+    (out / "asset.json").write_text(content)
+    (out / "thesis.txt").write_text("years")
+    with pytest.raises(OSError, match="not empty"):
+        take_place(new, out, tmp_path / "aside")
+    assert names(out) == ["asset.json", "thesis.txt"]
 
 
 @pytest.mark.parametrize("code", [errno.EIO, errno.ENOTEMPTY])

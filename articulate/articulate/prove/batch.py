@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import html
 import signal
 from collections.abc import Iterator, Mapping, Sequence
@@ -219,9 +220,15 @@ def _outcome(answer: Answer, limit_s: float) -> Path | Trouble:
 
 
 def _is_there(folder: Path, out: Path) -> bool:
-    """Whether ``out`` holds the result in ``folder`` already."""
+    """Whether ``out`` holds the result in ``folder`` already, every file of it unchanged."""
     try:
-        return (out / PROOF_FILE).read_bytes() == (folder / PROOF_FILE).read_bytes()
+        own, there = (
+            {path.relative_to(top): path for path in top.rglob("*") if path.is_file()}
+            for top in (folder, out)
+        )
+        return own.keys() == there.keys() and all(
+            filecmp.cmp(path, there[name], shallow=False) for name, path in own.items()
+        )
     except OSError:
         return False
 

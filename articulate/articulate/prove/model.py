@@ -76,6 +76,16 @@ class ObjectModel:
             if joint.name not in self.joints:
                 hint = nearest(joint.name, self.joints)
                 raise AssetError(f"{where}: joint {joint.name!r} of asset.json is absent{hint}")
+        # What asset.json does not name would be moved by no measurement.
+        for what, names, known in (
+            ("body", self.bodies, {link.name for link in asset.links}),
+            ("joint", _all_joints(self.model), {joint.name for joint in asset.joints}),
+        ):
+            for name in names:
+                if name not in known:
+                    raise AssetError(
+                        f"{where}: {what} {name!r} is not in asset.json; make the folder anew"
+                    )
 
     @property
     def root(self) -> str:
@@ -166,6 +176,11 @@ def load_model(asset: Asset) -> ObjectModel:
 
 def _T_wb(data: Data, body: int) -> Array:
     return pose(data.xpos[body], np.reshape(data.xmat[body], (3, 3)))
+
+
+def _all_joints(model: Model) -> list[str]:
+    """Names of all joints, of whatever type."""
+    return [model.joint(j).name for j in range(model.njnt)]
 
 
 def _followers(model: Model) -> tuple[Follower, ...]:

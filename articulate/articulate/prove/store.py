@@ -23,7 +23,8 @@ from articulate.cache import cache_folder, touch
 from articulate.errors import UsageError
 from articulate.files import copy_writable, sha256, write_json
 from articulate.prove.record import PROOF_FILE
-from articulate.swap import is_asset, take_place
+from articulate.prove.record import SCHEMA as PROOF_SCHEMA
+from articulate.swap import is_asset, is_of, take_place
 
 CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
 """What decides about a verdict, inside the package."""
@@ -211,7 +212,7 @@ def hand_over(folder: Path, out: Path) -> None:
 
 def _is_result(folder: Path) -> bool:
     """Whether an asset or a proof lies in ``folder``."""
-    return is_asset(folder) or (folder / PROOF_FILE).is_file()
+    return is_asset(folder) or is_of(folder / PROOF_FILE, PROOF_SCHEMA)
 
 
 def check_out(out: Path) -> None:

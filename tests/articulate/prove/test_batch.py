@@ -7,7 +7,7 @@ import pytest
 
 from articulate.errors import UsageError
 from articulate.proof import Proof
-from articulate.prove import store
+from articulate.prove import batch, store
 from articulate.prove.batch import Batch, Checked, Item, items_in, write_junit
 from articulate.prove.record import save_proof
 
@@ -185,3 +185,16 @@ def test_junit_has_a_case_for_each_object_and_a_failure_for_each_refused(tmp_pat
     assert [case.getAttribute("name") for case in cases] == ["a/b", "c"]
     (failure,) = suite.getElementsByTagName("failure")
     assert failure.getAttribute("message") == 'a "quoted" <reason>\nbell '
+
+
+def test_a_result_that_was_damaged_since_is_handed_over_again(tmp_path):
+    made, out = tmp_path / "made", tmp_path / "out"
+    for folder in (made, out):
+        (folder / "meshes").mkdir(parents=True)
+        (folder / "proof.json").write_text("{}")
+        (folder / "meshes" / "a.obj").write_text("v 0 0 0")
+    assert batch._is_there(made, out)
+    (out / "meshes" / "a.obj").write_text("v 0 0 9")
+    assert not batch._is_there(made, out)
+    (out / "meshes" / "a.obj").unlink()
+    assert not batch._is_there(made, out)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from tests.articulate.prove.objects import Part, make_object
@@ -69,4 +71,17 @@ def test_what_the_model_lacks_is_named(tmp_path):
         load_model(asset)
     asset.mjcf_path.unlink()
     with pytest.raises(AssetError, match="does not exist"):
+        load_model(asset)
+
+
+def test_what_the_model_has_beyond_the_asset_is_named(tmp_path):
+    """No clause would move it: a drawer that nobody lists would be proven unseen."""
+    asset = make_cabinet(tmp_path)
+    fewer = dataclasses.replace(asset, joints=asset.joints[:-1])
+    with pytest.raises(AssetError, match=r"joint 'drawer_2_slide' is not in asset.json"):
+        load_model(fewer)
+    text = asset.mjcf_path.read_text()
+    ghost = '<body name="ghost" pos="0 2 0"><geom size="0.1" mass="1"/></body></worldbody>'
+    asset.mjcf_path.write_text(text.replace("</worldbody>", ghost))
+    with pytest.raises(AssetError, match=r"body 'ghost' is not in asset.json"):
         load_model(asset)

@@ -15,7 +15,7 @@ def kept(tmp_path):
     mesh.write_text("v 0 0 0")
     folder = tmp_path / "cache" / "assets" / "a"
     folder.mkdir(parents=True)
-    (folder / "proof.json").write_text("{}")
+    (folder / "proof.json").write_text('{"schema": "articulate.proof"}')
     store.keep(source, {}, tmp_path / "cache", [mesh], folder)
     return source, mesh, tmp_path / "cache", folder
 
@@ -89,6 +89,11 @@ def test_handing_over_replaces_an_earlier_result_and_nothing_else(kept, tmp_path
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "in", "out"]
     with pytest.raises(UsageError, match="is not an asset"):
         store.hand_over(folder, kept[0].parent)
+    for name in ("asset.json", "proof.json"):
+        (kept[0].parent / name).write_text("{}")  # of another program
+    with pytest.raises(UsageError, match="is not an asset"):
+        store.hand_over(folder, kept[0].parent)
+    assert kept[0].is_file()
 
 
 def test_a_very_large_source_is_not_read(tmp_path):
