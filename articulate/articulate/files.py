@@ -81,8 +81,11 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_text(path: Path, content: str) -> None:
-    """Write UTF-8 ``content`` so that ``path`` holds all of it or what it held before."""
-    write_bytes(path, content.encode("utf-8"))
+    """Write UTF-8 ``content`` so that ``path`` holds all of it or what it held before.
+
+    What is no character, as bytes of a file's name that are not UTF-8, is written as an escape.
+    """
+    write_bytes(path, content.encode("utf-8", errors="backslashreplace"))
 
 
 def write_json(path: Path, content: Any) -> None:

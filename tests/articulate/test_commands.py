@@ -277,6 +277,14 @@ def test_bug_is_exit_1_and_its_trace_lies_in_the_file_that_is_named(capsys, tmp_
     assert "raise error" in trace.read_text()
 
 
+def test_a_bug_after_a_word_that_is_not_utf_8_leaves_its_trace_too(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("sys.argv", ["articulate", "clip \udcff.mp4"])
+    assert commands.run_command(raising(RuntimeError("boom")), []) == 1
+    trace = Path(capsys.readouterr().err.split("trace in ")[1].strip())
+    assert "clip \\udcff.mp4" in trace.read_text()
+
+
 def test_exit_code_of_a_command_is_passed_on():
     assert commands.run_command(len, ["a", "b", "c"]) == 3
 

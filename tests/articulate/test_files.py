@@ -69,3 +69,9 @@ def test_json_with_nan_is_refused_and_nothing_is_written(tmp_path):
 def test_files_are_readable_by_others(tmp_path):
     write_json(tmp_path / "x.json", [1])
     assert (tmp_path / "x.json").stat().st_mode & 0o777 == 0o644
+
+
+def test_what_is_no_character_is_written_as_an_escape(tmp_path):
+    """A file's name that is not UTF-8 reaches Python so."""
+    write_text(tmp_path / "a.txt", "clip \udcff.mp4")
+    assert (tmp_path / "a.txt").read_text() == "clip \\udcff.mp4"

@@ -52,4 +52,9 @@ def make_actor(name: str) -> Actor:
             "function that is"
         ) from None
     made: Actor = kind()
+    if not callable(getattr(made, "predict", None)):
+        raise ConfigError(
+            f"--actor {name}: {attribute} gives no actor but {type(made).__name__}; an actor has "
+            "predict(evidence)"
+        )
     return made

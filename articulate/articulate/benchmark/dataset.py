@@ -101,14 +101,18 @@ class IndexDataset:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             entries = [e for e in content["assets"] if e.get("truth") == TRUTH]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ConfigError(
                 f"{path}: not an index of objects ({type(error).__name__}: {error}); "
                 'it holds {"assets": [{"id", "path", "truth", "truth_joints"}, …]}'
             ) from None
+        self._entries: dict[str, dict[str, Any]] = {}
         for entry in entries:
             _check_entry(path, entry)
-        self._entries: dict[str, dict[str, Any]] = {str(e["id"]): e for e in entries}
+            object_id = str(entry["id"])
+            if object_id in self._entries:
+                raise ConfigError(f"{path}: two entries have the id {object_id}; rename one")
+            self._entries[object_id] = entry
         if not self._entries:
             raise ConfigError(
                 f'{path}: no entry says "truth": "{TRUTH}"; there is nothing to score'
@@ -162,7 +166,7 @@ class FolderDataset:
         try:
             meta = json.loads((self._paths[object_id].parent / "meta.json").read_text("utf-8"))
             return str(meta["model_cat"])
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return "unknown"
 
     def known(self, object_id: str) -> Sequence[KnownJoint]:

@@ -40,9 +40,12 @@ def endpoint_metrics(
 
     Args:
         truth: The true joint.
-        predicted: The predicted joint; None or ``fixed`` for none, whose twists are zero.
+        predicted: The predicted joint; None or ``fixed`` for none, whose twists are zero. One
+            whose numbers are not finite says nothing, and counts as none.
         box_o: Lowest and highest corner of the part (2, 3), taken as a solid of even density.
     """
+    if predicted is not None and not _says_something(predicted):
+        predicted = None
     one, two = unit_twist(truth), unit_twist(predicted)
     limits, others = _limits(truth), _limits(predicted)
     pairs = None if limits is None or others is None else (_pair(one, limits), _pair(two, others))
@@ -84,7 +87,14 @@ def quotient_distance(one: Array, two: Array, norm: Array) -> float:
     def squared(a: Array, b: Array) -> float:
         return float(np.einsum("ij,jk,ik->", a - b, norm, a - b))
 
-    return float(np.sqrt(max(0.0, min(squared(one, two), squared(one, two[::-1])))))
+    least = min(squared(one, two), squared(one, two[::-1]))
+    return float(np.sqrt(least if np.isnan(least) else max(0.0, least)))  # max would hide NaN
+
+
+def _says_something(joint: PredictedJoint) -> bool:
+    """Whether all numbers that decide the twists of a joint are finite."""
+    pivot = () if joint.kind == "prismatic" else joint.pivot_o
+    return bool(np.isfinite([*joint.axis_o, *pivot, *(_limits(joint) or ())]).all())
 
 
 def _limits(joint: PredictedJoint | None) -> tuple[float, float] | None:

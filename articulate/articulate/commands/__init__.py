@@ -194,7 +194,12 @@ def _one_line(text: str) -> str:
 def _write_trace() -> Path:
     """File that holds the trace of the exception at hand and the call it came from."""
     with tempfile.NamedTemporaryFile(
-        "w", prefix="articulate-", suffix=".log", delete=False, encoding="utf-8"
+        "w",
+        prefix="articulate-",
+        suffix=".log",
+        delete=False,
+        encoding="utf-8",
+        errors="backslashreplace",  # words of the command line need not be UTF-8
     ) as stream:
         stream.write(f"articulate {version()}\n{' '.join(sys.argv)}\n\n{traceback.format_exc()}")
     return Path(stream.name)

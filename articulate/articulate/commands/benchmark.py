@@ -25,6 +25,9 @@ MOST_LIMIT_S = 1e6
 SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 1
 PROMPTS_FOLDER = "prompts"
 PROTOCOLS = ("paper", "released_code", "strict")
+COMPARED = ("config", "protocols", "errors", "iterations", "cost")
+SETTINGS = ("actor", "modality", "task", "condition")
+"""What the report shows of other runs, and of their settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +93,8 @@ class BenchmarkFlags:
             )
         if self.first is not None and self.first < 1:
             raise ConfigError(f"--first is {self.first}; it must be 1 or more")
+        if self.seed < 0:
+            raise ConfigError(f"--seed is {self.seed}; it must be 0 or more")
 
     @property
     def folder(self) -> Path:
@@ -174,6 +179,7 @@ def _dry_run(flags: BenchmarkFlags) -> int:
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     """Run what the flags say, write results and page, and return the results."""
     # They read meshes, which --help does without.
+    from articulate.actors.registry import make_actor
     from articulate.benchmark.batch import Batch
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.report import write_report
@@ -183,6 +189,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     others = {str(folder): _results_in(folder) for folder in flags.against}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
+    make_actor(config.actor)  # what is no actor is said before anything is run
     batch = Batch(
         dataset=dataset,
         source=flags.dataset,
@@ -205,11 +212,18 @@ def _results_in(folder: Path) -> dict[str, Any]:
     path = folder / "results.json"
     try:
         results: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ConfigError(f"--against {folder}: {path.name} cannot be read ({error})") from None
     content: dict[str, Any] = results if isinstance(results, dict) else {}
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
         raise ConfigError(f"--against {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}")
+    config = content.get("config")
+    missing = [key for key in COMPARED if key not in content]
+    missing += [key for key in SETTINGS if not isinstance(config, dict) or key not in config]
+    if missing:
+        raise ConfigError(
+            f"--against {folder}: {path.name} has no {missing[0]}; run that benchmark again"
+        )
     return content
 
 

@@ -101,6 +101,8 @@ class MakeFlags:
             raise ConfigError("--parts and --library are given; give one of them")
         if self.iterations is not None and self.iterations < 1:
             raise ConfigError(f"--iterations is {self.iterations}; it must be 1 or more")
+        if self.seed < 0:
+            raise ConfigError(f"--seed is {self.seed}; it must be 0 or more")
         if not self.limit > 0.0:
             raise ConfigError(f"--limit is {self.limit:g} s; it must be above 0")
         if not self.limit <= MOST_LIMIT_S:

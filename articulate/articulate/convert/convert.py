@@ -41,7 +41,7 @@ from articulate.files import write_text
 from articulate.swap import is_asset, take_place
 from articulate.transforms import Array, inverse, matrix_to_quat
 
-VERSION = "27"
+VERSION = "28"
 """Enters every cache key; change it with anything that changes what is written."""
 SIZE_M = (0.005, 300.0)
 """Shortest and longest object [m] that is taken for one in metres."""
@@ -161,12 +161,16 @@ def _travels(
 def _without_empty(
     parts: tuple[Part, ...], geometry: Mapping[str, PartGeometry], source: SourceObject
 ) -> tuple[Part, ...]:
-    """The parts without moving leaves that have no geometry."""
+    """The parts without moving leaves that have no geometry and lead no other part."""
     kept = list(parts)
     while True:
         parents = {part.parent for part in kept}
+        leaders = {part.joint.mimic[0] for part in kept if part.joint and part.joint.mimic}
+        leads = {part.name for part in kept if part.joint and part.joint.name in leaders}
         empty = [
-            part for part in kept[1:] if not geometry[part.name].shown and part.name not in parents
+            part
+            for part in kept[1:]
+            if not geometry[part.name].shown and part.name not in parents | leads
         ]
         if not empty:
             return tuple(kept)
@@ -301,6 +305,8 @@ def _bodies(
     T_ob: dict[str, Array] = {}
     names: dict[str, str] = {}
     rescaled = abs(place.scale - 1.0) > 1e-9
+    if rescaled:
+        repairs.add(f"scaled by {place.scale:.4g}: {place.rule}")
     for part in reading.parts:
         geometry = reading.geometry[part.name].scaled(place.scale)
         specks = len(reading.geometry[part.name].visuals) - len(geometry.visuals)

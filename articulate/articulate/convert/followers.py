@@ -19,7 +19,8 @@ Followed = tuple[str, float, float]
 def followed(joints: Iterable[SourceJoint]) -> tuple[dict[str, Followed], dict[str, str]]:
     """Whom each joint follows, and of those that cannot whom they were to follow, in words.
 
-    Nobody follows a joint that does not move, or himself over others.
+    Nobody follows a joint that does not move, or himself over others. Who follows a follower
+    follows the one that leads both.
 
     Args:
         joints: All that move.
@@ -38,7 +39,21 @@ def followed(joints: Iterable[SourceJoint]) -> tuple[dict[str, Followed], dict[s
             continue
         dropped[joint.name] = "itself" if leader in moving else f"{leader}, which does not move"
         del leaders[joint.name]
-    return kept, dropped
+    led = {name: _by_the_first(name, kept) for name in kept}
+    for name, (_, multiplier, offset) in list(led.items()):
+        if not (math.isfinite(multiplier) and math.isfinite(offset)):
+            dropped[name] = f"{kept[name][0]} by a factor that is not finite"
+            del led[name]
+    return led, dropped
+
+
+def _by_the_first(joint: str, leads: Mapping[str, Followed]) -> Followed:
+    """The joint at the head of the chain that ``joint`` follows, with the whole way to it."""
+    leader, multiplier, offset = leads[joint]
+    while leader in leads:
+        leader, further, start = leads[leader]
+        multiplier, offset = multiplier * further, multiplier * start + offset
+    return leader, multiplier, offset
 
 
 def _circular(joint: str, leaders: Mapping[str, str]) -> bool:
@@ -59,26 +74,14 @@ def with_followers(
 
     Args:
         travels: How far each joint goes by its own limits, by joint.
-        leads: Whom each follower follows.
+        leads: Whom each follower follows, none of them another follower.
         repairs: Takes which followers are stopped by limits of their own.
     """
     out = dict(travels)
-    for name in _leaders_first(leads):
-        leader, multiplier, offset = leads[name]
+    for name, (leader, multiplier, offset) in leads.items():
         ends = [multiplier * q + offset for q in (out[leader].closed, out[leader].open)]
         out[name] = _moved(name, out[name], leader, ends, repairs)
     return out
-
-
-def _leaders_first(leads: Mapping[str, Followed]) -> list[str]:
-    ordered: dict[str, None] = {}
-    for name in leads:
-        chain = []
-        while name in leads and name not in ordered:
-            chain.append(name)
-            name = leads[name][0]
-        ordered |= dict.fromkeys(reversed(chain))
-    return list(ordered)
 
 
 def _moved(name: str, own: Travel, leader: str, ends: list[float], repairs: Repairs) -> Travel:
@@ -86,7 +89,7 @@ def _moved(name: str, own: Travel, leader: str, ends: list[float], repairs: Repa
     low = -math.inf if own.lower is None else own.lower
     high = math.inf if own.upper is None else own.upper
     closed, far = (min(max(q, low), high) for q in ends)
-    if not LEAST_WAY <= abs(far - closed) < math.inf:  # infinite: factors multiplied along a chain
+    if not LEAST_WAY <= abs(far - closed) < math.inf:  # infinite: a factor beyond all numbers
         return own
     if max(abs(closed - ends[0]), abs(far - ends[1])) > LEAST_WAY:
         repairs.note(

@@ -18,6 +18,11 @@ from articulate.transforms import Array, angle_between, inverse, normalised
 
 SNAP_RAD = 0.6
 """A hinge's opening direction is turned to an axis of the object within this angle [rad]."""
+ALL_ROUND = 1e-6
+"""A part whose outermost points lie on average this near to its axis, as a share of its radius,
+lies all round it."""
+UPRIGHT = 0.9
+"""Cosine of the angle to the vertical from which an axis is taken for upright."""
 
 
 def handles_of(
@@ -124,10 +129,11 @@ def _opening(joint: Joint, points: Array, poses: dict[str, Array]) -> tuple[Arra
     pivot = np.asarray(joint.pivot_o)
     offset = points - pivot
     radial = offset - (offset @ axis)[:, None] * axis
-    far = radial[np.linalg.norm(radial, axis=1) >= 0.9 * np.linalg.norm(radial, axis=1).max()]
-    tangent = normalised(np.cross(sign * axis, far.mean(axis=0)))
-    if not tangent.any():
-        tangent = normalised(np.cross(sign * axis, [0.0, 0.0, 1.0]))
+    reach = np.linalg.norm(radial, axis=1)
+    side = radial[reach >= 0.9 * reach.max()].mean(axis=0)
+    if np.linalg.norm(side) <= ALL_ROUND * reach.max():  # alike to all sides: any of them will do
+        side = np.eye(3)[2 if abs(axis[2]) < UPRIGHT else 0]
+    tangent = normalised(np.cross(sign * axis, side))
     axes = np.vstack([np.eye(3), -np.eye(3)])
     angles = angle_between(axes, tangent[None])
     k = int(np.argmin(angles))

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from articulate.convert.config import ConvertConfig
-from articulate.convert.mesh import PartGeometry
+from articulate.convert.mesh import PartGeometry, bounds
 from articulate.convert.read import SourceJoint
 from articulate.convert.repairs import Repairs
 from articulate.convert.tree import unit_axis
@@ -18,6 +18,9 @@ from articulate.transforms import Array
 QUARTER = math.pi / 2
 ABSURD = {"hinge": 4.0 * math.pi, "slide": 100.0}
 """A limit of this size [rad, source units] or more is no limit."""
+OWN_SIZES = 10.0
+"""A slide that goes less than so many times the size of what it moves says something all the
+same."""
 NEAR_ZERO = 0.05
 """Share of the range within which a limit counts as 0."""
 
@@ -45,7 +48,7 @@ def travel_of(
     length = float(np.linalg.norm(joint.axis))
     if abs(length - 1.0) > 1e-6:
         repairs.add(f"axis of joint {joint.name} had length {length:.4g}: made 1")
-    lower, upper = _limits(joint, kind, repairs)
+    lower, upper = _limits(joint, kind, geometry, repairs)
     if kind == "slide" and (lower is None or upper is None):
         lower, upper = 0.0, _depth(geometry, axis)
         repairs.add(f"joint {joint.name} had no limits: 0 to {upper:.3g}, 0.8 of its depth")
@@ -60,7 +63,9 @@ def travel_of(
     )
 
 
-def _limits(joint: SourceJoint, kind: str, repairs: Repairs) -> tuple[float | None, float | None]:
+def _limits(
+    joint: SourceJoint, kind: str, geometry: PartGeometry, repairs: Repairs
+) -> tuple[float | None, float | None]:
     if joint.kind == "continuous":
         if joint.lower is not None or joint.upper is not None:
             repairs.note(f"limits of the continuous joint {joint.name} left out: it turns")
@@ -74,7 +79,10 @@ def _limits(joint: SourceJoint, kind: str, repairs: Repairs) -> tuple[float | No
     if lower > upper:
         repairs.add(f"limits of joint {joint.name} were swapped: {upper:g} to {lower:g}")
         lower, upper = upper, lower
-    if upper - lower < 1e-6 or max(-lower, upper) >= ABSURD[kind]:
+    most = ABSURD[kind]
+    if kind == "slide":
+        most = max(most, OWN_SIZES * _size(geometry))  # in millimetres a drawer goes far
+    if upper - lower < 1e-6 or max(-lower, upper) >= most:
         repairs.add(f"limits of joint {joint.name} say nothing ({lower:g} to {upper:g}): left out")
         return None, None
     return lower, upper
@@ -93,6 +101,12 @@ def _closed(
     if abs(closed) <= NEAR_ZERO * (upper - lower):
         return closed, far, f"closed is the {side} limit, which lies at 0"
     return closed, far, f"closed is the {side} limit, the nearer one to 0"
+
+
+def _size(geometry: PartGeometry) -> float:
+    """Longest side of the box round what is shown; 0 without it."""
+    box = bounds(geometry, np.eye(4))
+    return 0.0 if box is None else float((box[1] - box[0]).max())
 
 
 def _depth(geometry: PartGeometry, axis: Array) -> float:

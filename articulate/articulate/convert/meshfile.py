@@ -96,11 +96,8 @@ def _groups(path: Path, repairs: Repairs) -> list[Group]:
         raise AssetError(f"mesh {path.name}: larger than {MAX_BYTES} bytes")
     unit = _collada_unit(path, repairs) if path.suffix.lower() == ".dae" else 1.0
     meshes = [(name, mesh) for name, mesh in _placed(_scene(path), path.name) if len(mesh.faces)]
-    faces = sum(len(mesh.faces) for _, mesh in meshes)
     if not meshes:
         raise AssetError(f"mesh {path.name}: has no triangles")
-    if faces > MAX_FACES:
-        raise AssetError(f"mesh {path.name}: {faces} triangles; at most {MAX_FACES} are accepted")
     out: list[Group] = []
     boxes = np.full((len(meshes), 6), np.inf)  # of those in ``out``, compared all at once
     for name, mesh in meshes:
@@ -152,16 +149,20 @@ def _collada_unit(path: Path, repairs: Repairs) -> float:
 
 
 def _placed(scene: trimesh.Scene, file: str) -> list[tuple[str, trimesh.Trimesh]]:
+    """Every mesh at every place where the file has it, counted before any is copied."""
+    places = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    placed = [(T, str(name), scene.geometry[name]) for T, name in places]
+    placed = [place for place in placed if isinstance(place[2], trimesh.Trimesh)]
+    faces = sum(len(geometry.faces) for _, _, geometry in placed)
+    if faces > MAX_FACES:
+        raise AssetError(f"mesh {file}: {faces} triangles; at most {MAX_FACES} are accepted")
     found = []
-    for node in scene.graph.nodes_geometry:
-        T, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if isinstance(geometry, trimesh.Trimesh):
-            mesh = geometry.copy()
-            if mesh.vertices.ndim != 2 or mesh.vertices.shape[1] != 3:
-                raise AssetError(f"mesh {file}: a corner without three coordinates")
-            mesh.apply_transform(T)
-            found.append((str(name), mesh))
+    for T, name, geometry in placed:
+        mesh = geometry.copy()
+        if mesh.vertices.ndim != 2 or mesh.vertices.shape[1] != 3:
+            raise AssetError(f"mesh {file}: a corner without three coordinates")
+        mesh.apply_transform(T)
+        found.append((name, mesh))
     return found
 
 

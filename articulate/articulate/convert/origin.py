@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from articulate.convert.config import ConvertConfig
-from articulate.convert.size import is_normalised
+from articulate.convert.size import is_normalised, said_in
 
 ORIGIN_FILE = "source.json"
 """File beside a URDF with the keys ``source`` and ``licence``."""
@@ -22,10 +21,7 @@ def origin_of(urdf: Path, config: ConvertConfig) -> tuple[str, str]:
     source, licence = urdf.name, "unknown"
     if is_normalised(urdf):
         source, licence = f"PartNet-Mobility {urdf.parent.resolve().name}", PARTNET_LICENCE
-    try:
-        said = json.loads((urdf.parent / ORIGIN_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        said = {}
-    if isinstance(said, dict):
-        source, licence = str(said.get("source", source)), str(said.get("licence", licence))
+    said = said_in(urdf.parent / ORIGIN_FILE)
+    words = {key: value for key, value in said.items() if isinstance(value, str) and value}
+    source, licence = words.get("source", source), words.get("licence", licence)
     return source, licence if config.licence == "unknown" else config.licence

@@ -29,6 +29,7 @@ from articulate.convert.read import (
     SourceObject,
     free_name,
 )
+from articulate.convert.read_mjcf_masses import apply_rules, tensor
 from articulate.convert.read_mjcf_text import MjcfText, read_text
 from articulate.convert.texture import mean_colour
 from articulate.errors import AssetError
@@ -139,6 +140,8 @@ class _Builder:
     def source(self) -> SourceObject:
         self.tidy()
         self.couplings()
+        self.ties()
+        apply_rules(self.found, self.repairs)
         self.judge_geoms()
         root = self.root()
         for name, body in self.bodies.items():
@@ -208,19 +211,53 @@ class _Builder:
             if not leader:
                 self.fixed[name] = offset
                 self.repairs.add(f"joint {name} is held at {offset:g} by an equality: fixed there")
-            elif leader not in joints or any(poly[2:]) or leader in self.mimics:
+            elif leader not in joints or any(poly[2:]):
                 self.repairs.add(f"coupling of joint {name} to {leader} is not linear: left out")
+            elif self.follows(leader, name):
+                self.repairs.add(
+                    f"coupling of joint {name} to {leader} left out: {leader} follows {name}"
+                )
             else:
                 slope = poly[1]
                 self.mimics[name] = (leader, slope, offset - slope * joints[leader]["ref"])
         for name, (leader, slope, offset) in list(self.mimics.items()):
             alone = [leader] == [m[0] for m in self.mimics.values() if m[0] == leader]
             kinds = (joints[name]["kind"], joints[leader]["kind"])
-            if alone and slope and kinds == ("hinge", "slide"):
+            led = leader in self.mimics
+            if alone and slope and not led and kinds == ("hinge", "slide"):
                 # A hand turns what drives a slide, such as a knob: the same, told from there.
                 del self.mimics[name]
                 self.mimics[leader] = (name, 1.0 / slope, -offset / slope)
                 self.repairs.note(f"joint {leader} follows {name}, which turns it")
+
+    def follows(self, name: str, leader: str) -> bool:
+        """Whether a joint is another one, or follows it, maybe over others."""
+        while name != leader and name in self.mimics:
+            name = self.mimics[name][0]
+        return name == leader
+
+    def ties(self) -> None:
+        """Refuse welds and connections of what moves; leave out those that hold nothing else.
+
+        Raises:
+            AssetError: An active one closes a chain of moving bodies.
+        """
+        movers: dict[str, tuple[str, ...]] = {}
+        for name, body in self.bodies.items():
+            own = tuple(j["name"] for j in body["joints"] if j["name"] not in self.fixed)
+            movers[name] = movers.get(body["parent"], ()) + own
+        for tie in self.found["ties"]:
+            one, two = tie["bodies"]
+            held = one in movers and two in movers and movers[one] != movers[two]
+            if tie["active"] and held:
+                where = self.text.lines["equality", tie["name"]]
+                raise AssetError(
+                    f"{where}: a constraint ties body {one!r} to {two!r}, which moves against it; "
+                    "only couplings of joints are read: write it as <joint> in <equality>, or "
+                    'leave it out with active="false"'
+                )
+        if self.found["ties"]:
+            self.repairs.note(f"{len(self.found['ties'])} constraints between bodies left out")
 
     def at(self, joint: Found) -> str:
         return self.text.lines.get(("joint", joint["name"]), str(self.text.path))
@@ -449,11 +486,10 @@ def _moved(hinge: bool, axis: Array, q: float) -> Array:
 def _inertial(found: Found | None, T_lb: Array) -> SourceInertial | None:
     if found is None or found["mass"] <= 2.0 * read_mjcf_child.TINY:
         return None
-    xx, yy, zz, xy, xz, yz = found["full"]
     return SourceInertial(
         mass=found["mass"],
         T_li=T_lb @ _pose(found),
-        inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+        inertia=tensor(found),
     )
 
 

@@ -53,6 +53,16 @@ def described(text: str, meshes: dict[str, str]) -> dict[str, Any]:
             for e in spec.equalities
             if int(e.type) == int(mujoco.mjtEq.mjEQ_JOINT) and e.active
         ],
+        "ties": [
+            {"name": e.name, "bodies": [e.name1, e.name2 or "world"], "active": bool(e.active)}
+            for e in spec.equalities
+            if int(e.type) in {int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_CONNECT)}
+        ],
+        "rules": {
+            "total": float(spec.compiler.settotalmass),
+            "mass": float(spec.compiler.boundmass),
+            "inertia": float(spec.compiler.boundinertia),
+        },
     }
     bodies = {b.name: body(b) for b in spec.bodies}
     shown, moved = [geom(g) for g in spec.geoms], [joint(j, spec) for j in spec.joints]
@@ -216,6 +226,7 @@ def frames(spec: Spec) -> mujoco.MjModel:
 def quiet(spec: Spec) -> None:
     """Nothing that changes the tree or stops the compiler."""
     spec.compiler.boundmass = spec.compiler.boundinertia = TINY
+    spec.compiler.settotalmass = -1.0
     spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.discardvisual = False
     spec.compiler.alignfree = False
     for j in spec.joints:
@@ -265,10 +276,14 @@ def masses(
 
 
 def weighed(spec: Spec, bodies: dict[str, dict[str, Any]]) -> set[str]:
-    """Bodies whose inertia follows from geoms that all have a mass or density of their own."""
+    """Bodies whose inertia follows from geoms that all have a mass or density of their own.
+
+    Where the file sets the mass of the whole, its geoms share it as they are.
+    """
     rules = mujoco.mjtInertiaFromGeom
     rule = int(spec.compiler.inertiafromgeom)
     low, high = (int(v) for v in spec.compiler.inertiagrouprange)
+    shared = float(spec.compiler.settotalmass) > 0.0
     found = set()
     for name, body_ in bodies.items():
         if rule == int(rules.mjINERTIAFROMGEOM_TRUE):
@@ -276,7 +291,7 @@ def weighed(spec: Spec, bodies: dict[str, dict[str, Any]]) -> set[str]:
         if body_["inertial"] is not None or rule == int(rules.mjINERTIAFROMGEOM_FALSE):
             continue
         heavy = [g for g in body_["geoms"] if low <= g["group"] <= high and not g["massless"]]
-        if heavy and all(g["weighed"] for g in heavy):
+        if heavy and (shared or all(g["weighed"] for g in heavy)):
             found.add(name)
     return found
 

@@ -24,7 +24,8 @@ from articulate.errors import AssetError
 
 _FRAME = "pos quat axisangle xyaxes zaxis euler"
 KEPT = {
-    "compiler": "angle eulerseq inertiafromgeom inertiagrouprange fitaabb",
+    "compiler": "angle eulerseq inertiafromgeom inertiagrouprange fitaabb settotalmass boundmass "
+    "boundinertia",
     "default": "class",
     "asset": "",
     "mesh": "name class file scale refpos refquat vertex face builtin params inertia",
@@ -38,22 +39,26 @@ KEPT = {
     "freejoint": "name",
     "geom": f"name class type size {_FRAME} fromto mesh material rgba group contype conaffinity "
     "mass density shellinertia fitscale",
-    "equality": "",
+    "equality": "active",
 }
 """Attributes that are read, by element; contact, solver and looks come from our own table."""
-COUPLING = "name class joint1 joint2 polycoef active"
-"""Attributes that are read of a joint in ``<equality>``."""
+COUPLINGS = {
+    "joint": "class joint1 joint2 polycoef active",
+    "weld": "class body1 body2 active",
+    "connect": "class body1 body2 anchor active",
+}
+"""Attributes that are read of what stands in ``<equality>``."""
 WORDS = (
     "name class childclass type mesh material file builtin limited angle eulerseq inertiafromgeom "
-    "fitscale fitaabb shellinertia mocap sep inertia joint1 joint2 active"
+    "fitscale fitaabb shellinertia mocap sep inertia joint1 joint2 body1 body2 active"
 )
 """Attributes that are no numbers."""
 _IN_BODY = "body frame replicate geom joint freejoint inertial"
 PLACES = {
     "mujoco": "default asset worldbody equality",
-    "default": "default mesh material joint geom",
+    "default": "default mesh material joint geom equality",
     "asset": "mesh material",
-    "equality": "joint",
+    "equality": "joint weld connect",
     "worldbody": "body frame replicate geom",
     "body": _IN_BODY,
     "frame": _IN_BODY,
@@ -96,7 +101,8 @@ class MjcfText:
     geoms: tuple[tuple[str, str], ...]
     """Name, and file and line, of each geom; in ``text`` its name is ``g{index}#``."""
     lines: Mapping[tuple[str, str], str]
-    """File and line by ``body`` or ``joint`` and its name."""
+    """File and line by ``body`` or ``joint`` and its name, or by ``equality`` and the name that it
+    has in ``text``."""
     driven: frozenset[str]
     """Joints that an actuator drives."""
     files: Mapping[str, Path]
@@ -135,6 +141,7 @@ def read_text(path: Path) -> MjcfText:
     etree.SubElement(out, "compiler", {**kept, "autolimits": "true"})
     for child in root:
         reduced.copy(child, out)
+    reduced.tie()
     for what, count in sorted(reduced.left_out.items()):
         repairs.note(f"{count} {what} left out")
     return MjcfText(
@@ -211,6 +218,11 @@ class _Reduced:
         self.geoms: list[tuple[str, str]] = []
         self.lines: dict[tuple[str, str], str] = {}
         self.taken: dict[str, set[str]] = {"body": {"world"}}
+        self.sites: dict[str, str] = {}
+        """Body of each site."""
+        self.coupled = 0
+        self.ties: list[tuple[Element, Element]] = []
+        """Constraints between bodies and what was made of them."""
         self.times = 1.0
         """How often the element at hand is repeated."""
         self.things = 0.0
@@ -218,9 +230,11 @@ class _Reduced:
     def copy(self, element: Element, into: Element) -> None:
         """Copy what is read of ``element`` and below."""
         tag, parent = tag_of(element), tag_of(into)
+        if tag == "site" and element.get("name"):
+            self.sites.setdefault(element.get("name"), _owner(into))
         if not self.is_read(element, tag, parent):
             return
-        keys = (COUPLING if parent == "equality" else KEPT[tag]).split()
+        keys = (COUPLINGS if parent == "equality" else KEPT)[tag].split()
         if parent == "default":
             keys = [key for key in keys if key not in {"name", "file", "vertex", "face"}]
         made = etree.SubElement(into, tag)
@@ -228,7 +242,9 @@ class _Reduced:
             value = element.get(key)
             if value is not None and not self.is_foreign(key, value):
                 made.set(key, self.value(element, key, value))
-        if parent not in {"default", "equality"}:
+        if parent == "equality":
+            self.couple(element, made, tag)
+        elif parent != "default":
             self.name(element, made, tag)
         before = self.times
         if tag == "replicate":
@@ -237,6 +253,24 @@ class _Reduced:
         for child in element:
             self.copy(child, made)
         self.times = before
+
+    def couple(self, element: Element, made: Element, tag: str) -> None:
+        """Give a coupling a name of its own, and keep where it stands."""
+        name = f"e{self.coupled}#"
+        self.coupled += 1
+        made.set("name", name)
+        self.lines["equality", name] = where(element)
+        if tag != "joint":
+            self.ties.append((element, made))
+
+    def tie(self) -> None:
+        """Say which bodies are held where a constraint names sites, wherever those stand."""
+        for element, made in self.ties:
+            if element.get("site1") or element.get("site2"):
+                for key, site in (("body1", "site1"), ("body2", "site2")):
+                    made.set(key, self.sites.get(element.get(site) or "", "world"))
+            if tag_of(made) == "connect":
+                made.set("anchor", made.get("anchor") or "0 0 0")
 
     def count(self, element: Element) -> None:
         """Count one element, as often as it is repeated.
@@ -259,7 +293,7 @@ class _Reduced:
                 f"{where(element)}: has {UNREADABLE[tag]} (<{tag}>), which is not read; save it "
                 "as one model with MuJoCo first"
             )
-        coupling = parent == "equality" and tag != "joint"
+        coupling = parent == "equality" and tag not in COUPLINGS
         if tag in NOTED or coupling:
             what = "constraints between bodies" if coupling else NOTED[tag]
             count = len(element) if tag in GROUPS else 1
@@ -311,7 +345,7 @@ class _Reduced:
             made.set("name", f"g{len(self.geoms) - 1}#")
         elif tag in {"body", "joint"}:
             taken = self.taken.setdefault(tag, set())
-            owner = next((b.get("name") for b in made.iterancestors("body")), "")
+            owner = _owner(made.getparent())
             if given:
                 name = free_name(given, taken)
             else:
@@ -324,6 +358,12 @@ class _Reduced:
             taken.add(name)
             made.set("name", name)
             self.lines[tag, name] = where(element)
+
+
+def _owner(made: Element) -> str:
+    """Name of the body that ``made`` is or stands in."""
+    bodies = (e for e in (made, *made.iterancestors()) if tag_of(e) == "body")
+    return next((body.get("name") for body in bodies), "world")
 
 
 def _body_name(element: Element, model: str) -> str:

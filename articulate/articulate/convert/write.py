@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -124,7 +124,7 @@ def mjcf(
         kind = "visual" if file.startswith("v") else "collision"
         lines.append(f'    <mesh name="{file[:-4]}" class="{kind}" file="{file}"/>')
     lines += ["  </asset>", "  <worldbody>"]
-    lines += _mjcf_body(bodies[0], bodies, handles, 2)
+    lines += _mjcf_body(bodies[0], bodies, handles, _site_names(bodies, handles), 2)
     lines += ["  </worldbody>"]
     if excludes:
         lines.append("  <contact>")
@@ -144,8 +144,24 @@ def mjcf(
     return "\n".join(lines) + "\n"
 
 
+def _site_names(bodies: Sequence[Body], handles: Sequence[Handle]) -> dict[str, str]:
+    """Name of the site of each frame: its own, but for those that a handle is called."""
+    frames = [name for body in bodies for name, _ in body.frames]
+    held = {handle.name for handle in handles}
+    taken = held | set(frames)
+    names = {}
+    for name in frames:
+        names[name] = free_name(name, taken) if name in held else name
+        taken.add(names[name])
+    return names
+
+
 def _mjcf_body(
-    body: Body, bodies: Sequence[Body], handles: Sequence[Handle], depth: int
+    body: Body,
+    bodies: Sequence[Body],
+    handles: Sequence[Handle],
+    sites: Mapping[str, str],
+    depth: int,
 ) -> list[str]:
     pad = "  " * depth
     b = list(bodies).index(body)
@@ -171,13 +187,12 @@ def _mjcf_body(
             lines.append(
                 f'{pad}  <site name={quoteattr(handle.name)}{frame} size="0.005" group="4"/>'
             )
-    taken = {handle.name for handle in handles}
     for name, T_bf in body.frames:
-        free = free_name(name, taken)
-        lines.append(f'{pad}  <site name={quoteattr(free)}{_frame(T_bf)} size="0.002" group="5"/>')
+        site = quoteattr(sites[name])
+        lines.append(f'{pad}  <site name={site}{_frame(T_bf)} size="0.002" group="5"/>')
     for child in bodies:
         if child.parent == body.name:
-            lines += _mjcf_body(child, bodies, handles, depth + 1)
+            lines += _mjcf_body(child, bodies, handles, sites, depth + 1)
     lines.append(f"{pad}</body>")
     return lines
 

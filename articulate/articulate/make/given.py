@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,7 +33,7 @@ from articulate.library import PartNetLibrary, ProceduralLibrary
 from articulate.library.partnet import URDF_NAME
 from articulate.make.colours import groups_of
 from articulate.program.parts import PartMesh as ProgramPart
-from articulate.program.parts import Parts, parts_of
+from articulate.program.parts import Parts, check_name, mesh_files, parts_of
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, pose
 
@@ -120,7 +120,7 @@ def given_parts(path: Path, *, up: Up = "auto", front: Front = "x") -> Given:
                 Piece(name=name, mesh=mesh, rgba=_four(rgba), link=name)
                 for _, mesh, rgba in groups_of(file)
             )
-            for name, file in _files(path)
+            for name, file in _files(path).items()
         }
     name = path.stem if path.is_file() else path.resolve().name
     given = _given(name, pieces, T, names)
@@ -205,10 +205,10 @@ def _upright(y_up: bool, front: Front) -> Array:
     return pose(np.zeros(3), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ rot)
 
 
-def _files(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Names and mesh files of a folder; its own complaints are those of programs."""
-    for name in parts_of(folder):
-        yield name, next(p for p in sorted(folder.iterdir()) if p.stem == name and p.is_file())
+def _files(folder: Path) -> dict[str, Path]:
+    """Mesh files of a folder by name; its own complaints are those of programs."""
+    parts_of(folder)
+    return mesh_files(folder)
 
 
 def _labels_file(folder: Path) -> dict[str, str]:
@@ -216,7 +216,7 @@ def _labels_file(folder: Path) -> dict[str, str]:
     for path in (folder / "labels.json", folder.resolve().parent / "labels.json"):
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):  # RecursionError: nested too deeply
             continue
         if isinstance(content, dict):
             return {str(k): str(v) for k, v in content.items() if isinstance(v, str)}
@@ -261,6 +261,8 @@ def _shown(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> tupl
 
 
 def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> Given:
+    for part in pieces:
+        check_name(part)
     placed = {n: tuple(p.moved(T_os) for p in found) for n, found in pieces.items()}
     if len(placed) < 2:
         raise AssetError(

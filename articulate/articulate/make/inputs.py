@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from PIL import Image, UnidentifiedImageError
 
 from articulate.actors.modality import Modality
 from articulate.actors.protocol import Pixels
@@ -27,6 +33,10 @@ LONGEST_SIDE_PX = 1280
 """Larger clips and pictures are made smaller."""
 MOST_FRAMES = 100
 """Frames of a clip that are looked at, evenly spread."""
+MOST_PIXELS = 100_000_000
+"""Pixels of a picture that is read at all."""
+LEAST_SIDE_PX = 16
+"""Shorter sides, of pictures that are no larger than is looked at, show nothing."""
 PLAIN = 24.0
 """Pixels that differ by less from what the picture's rim mostly shows are background, 0 to 255."""
 LEAST_SHARE = 0.002
@@ -84,13 +94,13 @@ def image_question(path: Path, text: str = "") -> Question:
         raise UsageError(f"{path}: no such file; give a picture, e.g. a .png")
     if path.stat().st_size == 0:
         raise UsageError(f"{path}: is empty; give a picture of the object")
-    try:
-        read = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:
-        read = None
-    if read is None:
-        raise UsageError(f"{path}: cannot be read as a picture; .png and .jpg can")
+    read = _decoded(path)
     factor = LONGEST_SIDE_PX / max(read.shape[:2])
+    if min(1.0, factor) * min(read.shape[:2]) < LEAST_SIDE_PX:
+        raise UsageError(
+            f"{path}: has {read.shape[1]}x{read.shape[0]} px, too narrow a picture; give one of "
+            "the whole object"
+        )
     if factor < 1.0:
         read = cv2.resize(read, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
     picture = np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8)
@@ -101,6 +111,33 @@ def image_question(path: Path, text: str = "") -> Question:
             "the object"
         )
     return Question(modality="image", told=f"the picture {path.name}", picture=picture, text=text)
+
+
+def _decoded(path: Path) -> np.ndarray:
+    """The picture in BGR (H, W, 3), refused by its size before it is decoded."""
+    content = path.read_bytes()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(content)) as opened:
+                width, height = opened.size
+    except Image.DecompressionBombError:
+        raise UsageError(f"{path}: {_TOO_LARGE}") from None
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
+        raise UsageError(f"{path}: {_NO_PICTURE}") from None
+    if width * height > MOST_PIXELS:
+        raise UsageError(f"{path}: {_TOO_LARGE}")
+    try:
+        read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        read = None
+    if read is None:
+        raise UsageError(f"{path}: {_NO_PICTURE}")
+    return np.asarray(read)
+
+
+_NO_PICTURE = "cannot be read as a picture; .png and .jpg can"
+_TOO_LARGE = f"has more than {MOST_PIXELS // 1_000_000} million pixels; give a smaller picture"
 
 
 def _is_file(path: Path) -> bool:
@@ -117,6 +154,8 @@ def text_question(text: str) -> Question:
     Raises:
         ConfigError: It says nothing, or too much.
     """
+    if not text.isprintable() and any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise ConfigError("--text holds bytes that are not UTF-8; write it in UTF-8")
     said = " ".join(text.split())
     if not any(letter.isalpha() for letter in said):
         raise ConfigError('--text is empty; say what the object is, e.g. "a cabinet with a drawer"')
@@ -182,21 +221,37 @@ def camera_in(path: Path) -> Camera:
             raise ValueError("T_oc is not a pose of 4x4 numbers")
         if not np.allclose(T_oc[:3, :3] @ T_oc[:3, :3].T, np.eye(3), atol=1e-3):
             raise ValueError("T_oc holds no rotation")
+        if np.linalg.det(T_oc[:3, :3]) < 0.0:
+            raise ValueError("T_oc holds a mirror image, not a rotation")
+        if not np.allclose(T_oc[3], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
+            raise ValueError("the last row of T_oc is not 0, 0, 0, 1")
+        sizes = [int(content[name]) for name in ("width_px", "height_px")]
+        focal = [_finite(content, name) for name in ("fx_px", "fy_px")]
+        middle = [_finite(content, name) for name in ("cx_px", "cy_px")]
         return Camera(
-            width_px=int(content["width_px"]),
-            height_px=int(content["height_px"]),
-            fx_px=float(content["fx_px"]),
-            fy_px=float(content["fy_px"]),
-            cx_px=float(content["cx_px"]),
-            cy_px=float(content["cy_px"]),
+            width_px=sizes[0],
+            height_px=sizes[1],
+            fx_px=focal[0],
+            fy_px=focal[1],
+            cx_px=middle[0],
+            cy_px=middle[1],
             T_wc=T_oc,
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except RecursionError:
+        raise ConfigError(f"--camera.file {path}: is nested too deeply; give a camera") from None
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         told = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ConfigError(
             f"--camera.file {path}: not a camera ({told}); it holds width_px, height_px, fx_px, "
             "fy_px, cx_px, cy_px and T_oc"
         ) from None
+
+
+def _finite(content: Mapping[str, Any], name: str) -> float:
+    value = float(content[name])
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {value}")
+    return value
 
 
 def _fitting(camera: Camera, width_px: int, height_px: int, path: Path) -> Camera:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -12,6 +13,8 @@ from articulate.render.parts import PartMesh
 from articulate.transforms import normalised
 
 DIGITS = 9
+ENCODING = re.compile("(coding)([:=])")
+"""Words that Python would take for the declaration of an encoding in the first line."""
 
 
 def tree_of(
@@ -58,6 +61,7 @@ def program_of(root: str, held: Mapping[str, PredictedJoint], *, actor: str, que
         question: What was given.
     """
     said = " ".join(f"# Joints by {actor}, from {question}.".split())
+    said = ENCODING.sub(r"\1 \2", said)
     lines = [ascii(said)[1:-1], f"root({root!a})"]
     order = [root]
     for name in order:  # grows while it is gone through

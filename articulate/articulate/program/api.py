@@ -55,10 +55,12 @@ class Builder:
 
     Args:
         parts: The parts that the program was given.
+        check_time: Called while an answer takes long; raises where it is too late to go on.
     """
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: Parts, check_time: Callable[[], None] = lambda: None) -> None:
         self.parts = parts
+        self.check_time = check_time
         self.T_wp: dict[str, Array] = {name: np.eye(4) for name in parts}
         """Pose of each part and frame in the world."""
         self.frames: list[str] = []
@@ -209,9 +211,10 @@ class Builder:
         step = np.zeros(3)
         step[side.axis] = start
         self.T_wp[name] = pose(step) @ self.T_wp[name]
+        self.check_time()
         hulls = [h.moved(self.T_wp[name]) for h in self.parts[name].hulls]
         obstacles = self._obstacles(name, parent)
-        found = sweep(hulls, obstacles, side.axis, toward)
+        found = sweep(hulls, obstacles, side.axis, toward, self.check_time)
         if found.overlaps:
             self.notes.append(f"{name} cuts into something where its way to {parent} begins")
         touches = found.way is not None and found.way <= reach + 1e-9
@@ -234,6 +237,7 @@ class Builder:
         """PyBullet's look at the result: the child is moved back by what it finds too deep."""
         if overlaps or gap < 0.0 or not len(obstacles) or not has_bullet():
             return ()
+        self.check_time()
         hulls = [h.moved(self.T_wp[name]) for h in self.parts[name].hulls]
         size = float(np.linalg.norm(np.ptp(np.concatenate([h.points for h in hulls]), axis=0)))
         depth = bullet_depth(hulls, obstacles)
@@ -422,6 +426,7 @@ class Builder:
     def _hull(self, name: str) -> Hull:
         if name not in self.parts or not self.parts[name].pieces:
             raise ValueRefused(f"{name} has no geometry, so it has no box")
+        self.check_time()  # the hull of a large mesh takes seconds
         return self.parts[name].hull.moved(self.T_wp[name])
 
 

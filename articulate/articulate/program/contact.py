@@ -9,7 +9,7 @@ as a second, independent opinion.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,9 @@ TOUCH = 1e-6
 """Surfaces that overlap by this share of the piece's size or less touch [share]."""
 CHUNK = 64
 """Triangles that are looked at together."""
+SLICE = 4096
+"""Corners, faces or edges of a hull that are looked at together: they bound memory, and the time
+between two looks at the clock."""
 BULLET_PAD_M = 0.001
 """Margin that PyBullet gives to shapes made of points [m]."""
 BULLET_MOST = 40_000
@@ -80,7 +83,17 @@ def hull_of(points: Array) -> Hull:
         return Hull(np.where(corners == 1, high, low), BOX_TRIANGLES)
 
 
-def sweep(hulls: Sequence[Hull], triangles: Array, axis: int, sign: int) -> Sweep:
+def _no_clock() -> None:
+    """Never late."""
+
+
+def sweep(
+    hulls: Sequence[Hull],
+    triangles: Array,
+    axis: int,
+    sign: int,
+    check_time: Callable[[], None] = _no_clock,
+) -> Sweep:
     """First contact of ``hulls`` that move along an axis with ``triangles`` (M, 3, 3).
 
     Args:
@@ -88,27 +101,30 @@ def sweep(hulls: Sequence[Hull], triangles: Array, axis: int, sign: int) -> Swee
         triangles: What stands in the way.
         axis: 0, 1 or 2.
         sign: +1 or -1.
+        check_time: Called again and again; raises where it is too late to go on.
     """
     order = [(axis + 1) % 3, (axis + 2) % 3, axis]
     turned = triangles[:, :, order] * np.array([1.0, 1.0, sign])
     ways, overlaps = [], False
     for hull in hulls:
         points = hull.points[:, order] * np.array([1.0, 1.0, sign])
-        way, cut = _rise(Hull(points, hull.faces), turned)
+        way, cut = _rise(Hull(points, hull.faces), turned, check_time)
         overlaps = overlaps or cut
         if way is not None:
             ways.append(way)
     return Sweep(min(ways) if ways else None, overlaps)
 
 
-def _rise(hull: Hull, triangles: Array) -> tuple[float | None, bool]:
+def _rise(
+    hull: Hull, triangles: Array, check_time: Callable[[], None]
+) -> tuple[float | None, bool]:
     """Way along +z to the first contact, and whether the start cuts into a triangle."""
     low, high = hull.points.min(axis=0), hull.points.max(axis=0)
     touch = TOUCH * float(np.linalg.norm(high - low))
     middle = (low[:2] + high[:2]) / 2.0
     points = hull.points.copy()
     points[:, :2] = middle + (1.0 - SLIVER) * (points[:, :2] - middle)
-    hull = Hull(points, hull.faces)
+    faces, edges = points[hull.faces], points[hull.edges]
     mins, maxs = triangles.min(axis=1), triangles.max(axis=1)
     near: Mask = (
         (mins[:, :2] < high[:2]).all(axis=1)
@@ -122,7 +138,7 @@ def _rise(hull: Hull, triangles: Array) -> tuple[float | None, bool]:
         chosen = order[at : at + CHUNK]
         if soonest[chosen[0]] > best:
             break
-        first, last = _heights(hull, triangles[chosen])
+        first, last = _heights(points, faces, edges, triangles[chosen], check_time)
         inside = (first < -touch) & (last > touch)
         cut = cut or bool(inside.any())
         ahead = first[~inside & (last > touch)]
@@ -131,22 +147,34 @@ def _rise(hull: Hull, triangles: Array) -> tuple[float | None, bool]:
     return (None if best == np.inf else max(best, 0.0)), cut
 
 
-def _heights(hull: Hull, triangles: Array) -> tuple[Array, Array]:
-    """Least and largest rise (M,) at which the hull touches each triangle; inf where it never does.
+def _heights(
+    points: Array, faces: Array, edges: Array, triangles: Array, check_time: Callable[[], None]
+) -> tuple[Array, Array]:
+    """Least and largest rise (M,) at which a hull touches each triangle; inf where it never does.
 
-    Between the two it cuts into the triangle.
+    Between the two it cuts into the triangle. The hull is given by its corners (N, 3), its faces
+    (F, 3, 3) and its edges (E, 2, 3).
     """
-    faces, edges = hull.points[hull.faces], hull.points[hull.edges]
-    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 3, 2, 3)
-    low, high = [], []
-    for gaps in (
-        _over(hull.points, triangles),
-        -_over(triangles.reshape(-1, 3), faces).T.reshape(len(triangles), -1),
-        _crossed(edges, sides.reshape(-1, 2, 3)).reshape(len(triangles), -1),
-    ):
-        low.append(np.where(np.isnan(gaps), np.inf, gaps).min(axis=1, initial=np.inf))
-        high.append(np.where(np.isnan(gaps), -np.inf, gaps).max(axis=1, initial=-np.inf))
-    return np.min(low, axis=0), np.max(high, axis=0)
+    low, high = np.full(len(triangles), np.inf), np.full(len(triangles), -np.inf)
+    for gaps in _gaps(points, faces, edges, triangles):
+        check_time()
+        low = np.minimum(low, np.where(np.isnan(gaps), np.inf, gaps).min(axis=1, initial=np.inf))
+        high = np.maximum(
+            high, np.where(np.isnan(gaps), -np.inf, gaps).max(axis=1, initial=-np.inf)
+        )
+    return low, high
+
+
+def _gaps(points: Array, faces: Array, edges: Array, triangles: Array) -> Iterator[Array]:
+    """Heights of the triangles over a few corners, faces or edges of the hull at a time (M, K)."""
+    corners = triangles.reshape(-1, 3)
+    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2, 3)
+    for at in range(0, len(points), SLICE):
+        yield _over(points[at : at + SLICE], triangles)
+    for at in range(0, len(faces), SLICE):
+        yield -_over(corners, faces[at : at + SLICE]).T.reshape(len(triangles), -1)
+    for at in range(0, len(edges), SLICE):
+        yield _crossed(edges[at : at + SLICE], sides).reshape(len(triangles), -1)
 
 
 def _over(points: Array, triangles: Array) -> Array:

@@ -25,6 +25,8 @@ from articulate.transforms import Array
 MOST_HULLS = 48
 """A part of more loose pieces is taken as one for contact."""
 MOST_PARTS = 400
+MOST_LETTERS = 100
+"""Letters of a part's name."""
 LEAST_AREA = 1e-12
 
 
@@ -101,9 +103,21 @@ def parts_of(given: Path | Mapping[str, Path | trimesh.Trimesh]) -> Parts:
     return Parts({name: _part(name, mesh) for name, mesh in given.items()})
 
 
+def check_name(name: str) -> None:
+    """Refuse what cannot be the name of a part.
+
+    Raises:
+        AssetError: It is empty, too long, or not all of it can be seen.
+    """
+    if not (0 < len(name) <= MOST_LETTERS and name.isprintable()):
+        told = name if len(name) <= MOST_LETTERS else f"{name[:40]}…"
+        raise AssetError(
+            f"part {told!r}: a name has 1 to {MOST_LETTERS} characters that can be seen"
+        )
+
+
 def _part(name: str, mesh: Path | trimesh.Trimesh) -> PartMesh:
-    if not (0 < len(name) <= 100 and name.isprintable()):
-        raise AssetError(f"part {name!r}: a name has 1 to 100 characters that can be seen")
+    check_name(name)
     if isinstance(mesh, Path):
         return PartMesh(name, lambda: _read(name, mesh))
     return PartMesh(
@@ -133,17 +147,28 @@ def _four(colour: tuple[float, ...] | None) -> tuple[float, float, float, float]
     return (colour[0], colour[1], colour[2], colour[3] if len(colour) > 3 else 1.0)
 
 
-def _from_folder(folder: Path) -> Parts:
+def mesh_files(folder: Path) -> dict[str, Path]:
+    """The mesh files of a folder by what their parts are called.
+
+    Raises:
+        AssetError: There is none, or a name is taken twice.
+    """
     if not folder.is_dir():
         raise AssetError(f"{folder}: does not exist; give a folder of meshes or a URDF")
-    found: dict[str, PartMesh] = {}
-    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in FORMATS):
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() not in FORMATS or not path.is_file():
+            continue
         if path.stem in found:
             raise AssetError(f"{folder}: two meshes are called {path.stem}; rename one")
-        found[path.stem] = _part(path.stem, path)
+        found[path.stem] = path
     if not found:
         raise AssetError(f"{folder}: holds no mesh; {', '.join(FORMATS)} are read")
-    return Parts(found)
+    return found
+
+
+def _from_folder(folder: Path) -> Parts:
+    return Parts({name: _part(name, path) for name, path in mesh_files(folder).items()})
 
 
 def _from_urdf(path: Path) -> Parts:

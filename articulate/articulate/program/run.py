@@ -33,13 +33,14 @@ def run_program(source: str, parts: Given, limits: Limits | None = None) -> Buil
         AssetError: The parts cannot be read.
     """
     limits = limits or Limits()
-    builder = Builder(parts if isinstance(parts, Parts) else parts_of(parts))
+    given = parts if isinstance(parts, Parts) else parts_of(parts)
     if len(source) > MAX_SOURCE:
         what = f"the program has {len(source)} characters; {MAX_SOURCE} are accepted"
         return ProgramError(0, 0, what)
     layers: tuple[str, ...] = ()
     last = (0, 0)
     with Sandbox(CHILD, limits) as child:
+        builder = Builder(given, child.check_time)
         try:
             layers = _layers(child.receive())
             child.send({"source": source})

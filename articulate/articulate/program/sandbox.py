@@ -147,6 +147,14 @@ class Sandbox:
         self._taken += len(data)
         return data
 
+    def check_time(self) -> None:
+        """End what the parent computes for the child once its time is over.
+
+        Raises:
+            ChildEnded: It is.
+        """
+        self._left()
+
     def _left(self) -> float:
         left = self._deadline - time.monotonic()
         if left <= 0.0:

@@ -16,8 +16,11 @@ from typing import Any
 
 import numpy as np
 import yourdfpy
+from lxml import etree
 
 from articulate.asset import handle_frame
+from articulate.convert.read_mjcf_files import is_mjcf
+from articulate.convert.read_mjcf_text import read_text
 from articulate.proof import Clause
 from articulate.prove.model import Model, ObjectModel
 from articulate.silence import unheard
@@ -30,6 +33,8 @@ ALLOWED = 1e-6
 """Largest difference in position [m] and angle [rad]."""
 NOTED_STATES = 5
 """Positions of each joint, from closed to open, in which asset.json is compared."""
+JOINTS = ("joint", "freejoint")
+"""Elements of an MJCF file that let a body move."""
 BASE = -1
 """PyBullet's index of the root link."""
 
@@ -163,14 +168,36 @@ def urdf_judge(path: Path) -> Judge:
     for joint in robot.robot.joints:
         # It multiplies positions with the axis as it stands; the standard says unit vector.
         joint.axis = normalised(joint.axis)
+    _follow_the_first(robot.robot.joints)
     moving = set(robot.actuated_joint_names)
+    held = {j.name: float(j.limit.lower) for j in robot.robot.joints if _is_held(j)}
     links = [link.name for link in robot.robot.links if link.name not in unknown]
 
     def poses(q: Mapping[str, float]) -> dict[str, Array]:
+        q = {**held, **q}
         robot.update_cfg({name: float(q[name]) for name in moving if name in q})
         return {name: np.asarray(robot.get_transform(name)) for name in links}
 
     return poses
+
+
+def _follow_the_first(joints: Sequence[Any]) -> None:
+    """Let followers of followers follow the one that leads both: yourdfpy leaves them at rest."""
+    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
+    for mimic in mimics.values():
+        seen = set()
+        while mimic.joint in mimics and mimic.joint not in seen:
+            seen.add(mimic.joint)
+            further = mimics[mimic.joint]
+            mimic.offset += mimic.multiplier * further.offset
+            mimic.multiplier *= further.multiplier
+            mimic.joint = further.joint
+
+
+def _is_held(joint: Any) -> bool:
+    """Whether a joint has one position alone, which need not be 0."""
+    bounded = joint.type in {"revolute", "prismatic"} and joint.limit is not None
+    return bounded and joint.limit.lower is not None and joint.limit.lower == joint.limit.upper
 
 
 def bullet_judge(path: Path) -> Judge:
@@ -203,11 +230,19 @@ def bullet_judge(path: Path) -> Judge:
 
 
 def mjcf_judge(path: Path) -> Judge:
-    """MuJoCo's own poses of the bodies of a file that it reads as it is, on their joints."""
-    model = mujoco.MjModel.from_xml_path(str(path))
+    """MuJoCo's own poses of the bodies of a file that it reads as it is, on their joints.
+
+    The unit of angles, where the file names none, and names that it does not give are those that
+    conversion found: the question is where things lie.
+    """
+    model, bodies, joints = _read(path)
     data = mujoco.MjData(model)
-    names = {model.body(b).name: b for b in range(1, model.nbody)}
-    addresses = {_joint_name(model, j): int(model.jnt_qposadr[j]) for j in range(model.njnt)}
+    names = {name: b for b, name in enumerate(bodies) if b > 0}
+    addresses = {name: int(model.jnt_qposadr[j]) for j, name in enumerate(joints)}
+    for e in range(model.neq):  # joints that are held in one position, which need not be 0
+        alone = int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[e] < 0
+        if alone and model.eq_active0[e]:
+            data.qpos[model.jnt_qposadr[model.eq_obj1id[e]]] += model.eq_data[e][0]
     # A URDF has the frame of a link on its joint, so that is where conversion puts it.
     T_bl = {n: pose(_anchor(model, b)) for n, b in names.items()}
 
@@ -223,17 +258,56 @@ def mjcf_judge(path: Path) -> Judge:
     return poses
 
 
-def _joint_name(model: Model, joint: int) -> str:
-    """Name of a joint; where the file gives none, the one that conversion gives it."""
-    body = model.body(int(model.jnt_bodyid[joint])).name
-    return str(model.joint(joint).name or f"{body}_joint")
+def _read(path: Path) -> tuple[Model, list[str], list[str]]:
+    """What MuJoCo makes of a file, with the names of its bodies and of its joints."""
+    if not is_mjcf(path):
+        model = mujoco.MjModel.from_xml_path(str(path))
+        return model, *_own_names(model)
+    known = etree.fromstring(read_text(path).text)
+    spec = mujoco.MjSpec.from_file(str(path))
+    if known.find("compiler").get("angle") == "radian":
+        spec.compiler.degree = False
+    model = spec.compile()
+    return model, *(_names_in(known, model) or _own_names(model))
+
+
+def _own_names(model: Model) -> tuple[list[str], list[str]]:
+    """Names of bodies and joints as they stand; of one joint without a name that of its body."""
+    bodies = [str(model.body(b).name) for b in range(model.nbody)]
+    owners = [bodies[int(b)] for b in model.jnt_bodyid]
+    joints = [str(model.joint(j).name or f"{owners[j]}_joint") for j in range(model.njnt)]
+    return bodies, joints
+
+
+def _names_in(known: Any, model: Model) -> tuple[list[str], list[str]] | None:
+    """Names of bodies and joints by their order in ``known``; none where that is another one.
+
+    Args:
+        known: Root element of what conversion read, where everything has a name.
+        model: The same file as MuJoCo reads it.
+    """
+    elements = list(known.iter("body"))
+    bodies = ["world", *(body.get("name") for body in elements)]
+    own: dict[Any, list[str]] = {body: [] for body in elements}
+    for joint in known.iter(*JOINTS):
+        owner = next(joint.iterancestors("body"), None)
+        if owner is not None:  # in defaults and equalities there is none
+            own[owner].append(joint.get("name") or "")
+    joints = [name for body in elements for name in own[body]]
+    places = [b for b, body in enumerate(elements, 1) for _ in own[body]]
+    if len(bodies) != model.nbody or places != model.jnt_bodyid.tolist():
+        return None
+    given = [str(model.body(b).name) for b in range(model.nbody)]
+    same = all(own in {"", name} for own, name in zip(given, bodies, strict=True))
+    return (bodies, joints) if same else None
 
 
 def _anchor(model: Model, body: int) -> Array:
-    """Where the last joint of ``body`` sits, in its frame (3,) [m]; the origin without one."""
-    count = int(model.body_jntnum[body])
-    last = int(model.body_jntadr[body]) + count - 1
-    return np.array(model.jnt_pos[last]) if count else np.zeros(3)
+    """Where the last hinge of ``body`` sits, in its frame (3,) [m]; the origin without one."""
+    first = int(model.body_jntadr[body])
+    joints = range(first, first + int(model.body_jntnum[body]))
+    hinges = [j for j in joints if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)]
+    return np.array(model.jnt_pos[hinges[-1]]) if hinges else np.zeros(3)
 
 
 def _compared(model: ObjectModel, judge: Judge, who: str) -> Clause:

@@ -21,6 +21,9 @@ STEP_M = 0.003
 MAX_STATES = 400
 """... unless that makes more states than this along one way."""
 
+RATE_STATES = 65
+"""Positions of a leader in which the speed of a follower, a polynomial, is looked at."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Meeting:
@@ -114,26 +117,55 @@ class Sweeper:
         for end in ends:
             way = abs(end - closed) * reach
             if way > 1e-6:
-                count = int(np.clip(math.ceil(way / STEP_M), 2, most))
+                count = int(np.clip(math.ceil(min(way / STEP_M, most)), 2, most))
                 out.append(np.linspace(closed, end, count + 1)[1:])
         return out
 
     def _reach(self, joint: str) -> float:
-        """How far the farthest point moves for one unit of the joint [m per m or rad]."""
-        asset, m = self.model.asset, self.model.model
-        if asset.joint(joint).kind == "slide":
-            return 1.0
+        """How far the farthest point moves for one unit of the joint [m per m or rad].
+
+        Those that follow it may be faster than what it moves itself.
+        """
         self.model.set_joints(self.data, {})
+        geoms = np.concatenate([group.ones for group in self.groups[joint]])
+        is_slide = self.model.asset.joint(joint).kind == "slide"
+        fastest = 1.0 if is_slide else float(self._levers(joint, geoms).max(initial=0.0))
+        rates = self._rates(joint)
+        if len(rates) == 1:
+            return fastest
+        for link, chain in self.chains.items():
+            moved = [name for name in chain if name in rates]
+            if moved:
+                ones = self.shapes.geoms({link})
+                ways = np.sum([rates[name] * self._levers(name, ones) for name in moved], axis=0)
+                fastest = max(fastest, float(ways.max(initial=0.0)))
+        return fastest
+
+    def _levers(self, joint: str, geoms: Ints) -> Array:
+        """How far the farthest point of each geom moves for one unit of the joint (N,)."""
+        m = self.model.model
+        if self.model.asset.joint(joint).kind == "slide":
+            return np.ones(len(geoms))
         index = self.model.joints[joint]
         body = int(m.jnt_bodyid[index])
         turn = self.data.xmat[body].reshape(3, 3)
         pivot_w = self.data.xpos[body] + turn @ m.jnt_pos[index]
         axis_w = turn @ m.jnt_axis[index]
-        geoms = np.concatenate([group.ones for group in self.groups[joint]])
-        if not len(geoms):
-            return 0.0
         offset = np.cross(self.data.geom_xpos[geoms] - pivot_w, axis_w)
-        return float((np.linalg.norm(offset, axis=1) + m.geom_rbound[geoms]).max())
+        return np.asarray(np.linalg.norm(offset, axis=1) + m.geom_rbound[geoms])
+
+    def _rates(self, joint: str) -> dict[str, float]:
+        """Greatest speed of ``joint`` and of those that follow it, for one unit of its own."""
+        low, high = self.model.limits(joint)
+        places = {joint: np.linspace(low, high, RATE_STATES)}
+        rates = {joint: np.ones(RATE_STATES)}
+        for follower in self.model.followers:
+            if follower.leader in places:
+                line = np.polynomial.Polynomial(follower.coefficients)
+                at = places[follower.leader]
+                places[follower.joint] = line(at)
+                rates[follower.joint] = rates[follower.leader] * line.deriv()(at)
+        return {name: float(np.abs(rate).max()) for name, rate in rates.items()}
 
     def meetings(self, joint: str, q: Mapping[str, float]) -> list[Meeting]:
         """Parts that lie too deep in each other with the joints at ``q``, others closed."""

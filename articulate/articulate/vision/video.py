@@ -13,12 +13,13 @@ import numpy as np
 from articulate.errors import UsageError
 from articulate.render.clip import Clip
 from articulate.render.raster import Pixels
+from articulate.silence import unheard
 from articulate.transforms import Array
 
 MOST_FRAMES = 240
 """Frames that are kept of a long film, evenly spread."""
 LONGEST = 20_000
-"""Frames of a film that is read at all."""
+"""Most frames of a film that is read at all."""
 MOST_PIXELS = 4096 * 4096
 """Pixels of a frame that is read at all."""
 MOST_BYTES = 2_000_000_000
@@ -27,10 +28,12 @@ KINDS = (
     (4, b"ftyp"), (4, b"moov"), (4, b"mdat"), (4, b"wide"), (4, b"free"), (4, b"skip"),  # mp4, mov
     (0, b"\x1aE\xdf\xa3"),  # Matroska, WebM
     (8, b"AVI "), (0, b"GIF8"), (0, b"OggS"), (0, b"FLV"), (0, b"0&\xb2u"),
-    (0, b"\x00\x00\x01\xba"), (0, b"\x00\x00\x01\xb3"), (0, b"\x47"), (4, b"\x47"),  # MPEG
+    (0, b"\x00\x00\x01\xba"), (0, b"\x00\x00\x01\xb3"),  # MPEG
 )  # fmt: skip
 """How films begin: place, bytes. The decoder would take more for films: plain text, which it draws
 letter by letter, and lists that name other files and addresses, which it would open."""
+PACKETS = ((0, 188, 376), (4, 196, 388))
+"""Where an MPEG transport stream has its sign, one letter for each packet."""
 STILL = 1.5
 """Mean change between frames below which nothing moves, of the hundredth of pixels that change
 most, less what changes everywhere, 0 to 255."""
@@ -103,22 +106,24 @@ def _check_kind(path: Path) -> None:
     """Refuse what does not begin as films do."""
     try:
         with path.open("rb") as stream:
-            begin = stream.read(16)
+            begin = stream.read(PACKETS[-1][-1] + 1)
     except OSError as error:
         raise ClipError(f"{path}: cannot be read ({error.strerror})") from None
-    if not any(begin[at : at + len(kind)] == kind for at, kind in KINDS):
+    packets = any(all(begin[at : at + 1] == b"\x47" for at in places) for places in PACKETS)
+    if not packets and not any(begin[at : at + len(kind)] == kind for at, kind in KINDS):
         raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
-    film = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    try:
-        if not film.isOpened():
-            raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
-        yield film
-    finally:
-        film.release()
+    with unheard():  # decoders print below Python what they think of a broken film
+        film = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        try:
+            if not film.isOpened():
+                raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
+            yield film
+        finally:
+            film.release()
 
 
 def _length(path: Path) -> tuple[int, float]:
@@ -133,8 +138,13 @@ def _length(path: Path) -> tuple[int, float]:
         if not np.isfinite(fps) or not 0.1 <= fps <= 1000.0:
             fps = 30.0
         length = 0
-        while length < LONGEST and film.grab():
+        while film.grab():
             length += 1
+            if length > LONGEST:
+                raise ClipError(
+                    f"{path}: has more than {LONGEST} frames; give the piece of it in which the "
+                    "part is operated"
+                )
     return length, float(fps)
 
 

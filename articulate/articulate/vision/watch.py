@@ -146,15 +146,14 @@ def _observed(steps: list[Step], moving: MovingPoints, side: float) -> Observati
         axis = _slide_direction(steps, side, depth=fleeing < FLEEING, along=along)
     else:
         kind, axis = "revolute", np.array([across[0], across[1], 0.0])
-    clear = abs(widening - WIDENS) / WIDENS
-    if fleeing < FLEEING:
-        clear = (FLEEING - fleeing) / FLEEING
+    # It turns if both figures are beyond their borders, and slides if either is not.
+    beyond = min((fleeing - FLEEING) / FLEEING, (widening - WIDENS) / WIDENS)
     return Observation(
         kind=kind,
         axis_c=(float(axis[0]), float(axis[1]), float(axis[2])),
         path_px=path,
         box_px=box,
-        confidence=float(min(1.0, clear)),
+        confidence=float(min(1.0, abs(beyond))),
         figures=figures,
     )
 

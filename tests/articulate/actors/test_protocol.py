@@ -95,3 +95,8 @@ def test_an_actor_whose_package_is_missing_says_which(tmp_path, monkeypatch):
         make_actor("needs_more:Actor")
     with pytest.raises(ConfigError):
         make_actor("articulate.actors.prior:")
+
+
+@pytest.mark.parametrize("name", ["os:getcwd", "builtins:dict"])
+def test_what_gives_no_actor_is_refused(name, error_line):
+    error_line(f'make_actor("{name}")', lambda: make_actor(name))

@@ -130,3 +130,18 @@ def test_a_true_joint_that_cannot_be_read_is_told(tmp_path, error_line):
         "IndexDataset(joint without axis).known()",
         lambda: IndexDataset(path, tmp_path).known("cupboard_77"),
     )
+
+
+def test_an_id_that_stands_twice_in_an_index_is_refused(tmp_path, error_line):
+    path = write_index(tmp_path)
+    content = json.loads(path.read_text())
+    content["assets"].append(content["assets"][0])
+    path.write_text(json.dumps(content))
+    error_line('open_dataset("assets.json"), an id twice', lambda: open_dataset(str(path)))
+
+
+def test_an_index_that_is_nested_too_deeply_is_refused(tmp_path):
+    path = tmp_path / "deep.json"
+    path.write_text("[" * 100_000)
+    with pytest.raises(ConfigError, match="not an index"):
+        open_dataset(str(path))

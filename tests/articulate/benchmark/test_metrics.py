@@ -300,6 +300,28 @@ def test_a_missing_joint_is_as_far_as_a_fixed_one():
     assert endpoint_metrics(hinge(), None, BOX).split == pytest.approx(HALF_PI)
 
 
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "predicted",
+    [
+        hinge(pivot=(NAN, 0, 0)),
+        hinge(axis=(NAN, NAN, NAN)),
+        hinge(axis=(0, float("inf"), 0)),
+        hinge(upper=NAN),
+        slide(axis=(NAN, 0, 0)),
+    ],
+)
+def test_what_is_no_number_is_no_joint_and_not_a_perfect_one(predicted):
+    assert endpoint_metrics(hinge(), predicted, BOX) == endpoint_metrics(hinge(), None, BOX)
+
+
+def test_where_a_slide_has_its_pivot_means_nothing():
+    said = replace(slide(upper=0.3), pivot_o=(NAN, NAN, NAN))
+    assert endpoint_metrics(slide(upper=0.3), said, BOX).kinetic == 0.0
+
+
 def test_joints_without_limits_have_their_place_on_the_rim():
     assert endpoint_metrics(endless(), endless(), BOX).compact == 0.0
     assert endpoint_metrics(endless(), endless(), BOX).split is None

@@ -145,6 +145,8 @@ def test_only_what_is_named_is_run(done):
         ["--limit", "inf"],
         ["--limit", "1e7"],
         ["--first", "0"],
+        ["--seed", "-1"],
+        ["--actor", "os:getcwd"],
         ["--modality", "video", "--task", "placement"],
     ],
 )
@@ -167,3 +169,15 @@ def test_the_flags_decide_the_settings(tmp_path):
     assert (flags.config().n_frames, flags.config().seed) == (9, 4)
     with pytest.raises(ConfigError):
         BenchmarkFlags(dataset="procedural", out=tmp_path, n_frames=1).config()
+
+
+@pytest.mark.parametrize("missing", ["config", "cost"])
+def test_results_that_lack_something_are_refused_before_the_run(done, tmp_path, missing):
+    _, index, out = done
+    content = json.loads((out / "results.json").read_text())
+    del content[missing]
+    (tmp_path / "results.json").write_text(json.dumps(content))
+    argv = [str(index), "--out", str(tmp_path / "new"), "--against", str(tmp_path)]
+    with pytest.raises(ConfigError, match=f"has no {missing}"):
+        main(argv)
+    assert not (tmp_path / "new").exists()

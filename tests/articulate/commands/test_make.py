@@ -175,6 +175,7 @@ def test_only_the_joint_that_is_asked_for_moves(tmp_path):
         ["--text", "a box", "--parts", "parts", "--actor", "geometric-txt"],
         ["--text", "a box", "--parts", "parts", "--actor", "geometric-video"],
         ["--text", "a box", "--parts", "parts", "--iterations", "0"],
+        ["--text", "a box", "--parts", "parts", "--seed", "-1"],
         ["--text", "a box", "--parts", "parts", "--limit", "0"],
         ["--text", "a box", "--parts", "parts", "--limit", "inf"],
         ["--text", "a box", "--parts", "parts", "--camera.fovy", "0"],

@@ -232,6 +232,7 @@ def test_a_partnet_folder_is_scaled_by_its_category(tmp_path: Path) -> None:
     (path.parent / "meta.json").write_text('{"model_cat": "StorageFurniture"}')
     asset = convert(path, tmp_path / "out")
     assert asset.category == "StorageFurniture"
+    assert any("normalised source" in said for said in asset.repairs if "scaled by" in said)
     np.testing.assert_allclose(np.ptp(np.array(asset.bounds_o), axis=0).max(), 0.8, atol=1e-9)
 
 

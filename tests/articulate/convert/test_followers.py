@@ -117,3 +117,40 @@ def test_a_factor_that_leads_nowhere_changes_nothing(multiplier: float) -> None:
     endless = travel(None, None, 0.0, 1.5)
     found = with_followers({"a": travel(0.0, 10.0, 0.0, 10.0), "b": endless}, leads, Repairs())
     assert found["b"] is endless
+
+
+def test_a_follower_of_a_follower_follows_the_one_that_leads_both() -> None:
+    leads, dropped = followed([joint("c", "b", 2, 0.1), joint("b", "a", -1, 0.2), joint("a")])
+    assert not dropped
+    assert leads["b"] == ("a", -1.0, 0.2)
+    assert leads["c"] == pytest.approx(("a", -2.0, 0.5))
+
+
+def test_factors_that_multiply_beyond_all_numbers_are_left_out() -> None:
+    leads, dropped = followed([joint("a"), joint("b", "a", 1e200, 0), joint("c", "b", 1e200, 0)])
+    assert list(leads) == ["b"]
+    assert dropped == {"c": "b by a factor that is not finite"}
+
+
+VIRTUAL = """<robot name="virtual">
+  <link name="body"><visual><geometry><box size=".4 .4 .02"/></geometry></visual></link>
+  <link name="none"/>
+  <link name="one"><visual><geometry><box size=".05 .05 .05"/></geometry></visual></link>
+  <joint name="lead" type="prismatic"><parent link="body"/><child link="none"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.1"/></joint>
+  <joint name="follow" type="prismatic"><parent link="body"/><child link="one"/>
+    <origin xyz="0 0 .1"/><axis xyz="1 0 0"/><limit lower="0" upper="0.1"/>
+    {mimic}</joint>
+</robot>"""
+
+
+def test_a_part_without_geometry_stays_while_it_leads_another(tmp_path: Path) -> None:
+    path = tmp_path / "virtual.urdf"
+    path.write_text(VIRTUAL.format(mimic='<mimic joint="lead"/>'))
+    asset = convert(path, tmp_path / "out")
+    assert {joint.name for joint in asset.joints} == {"lead", "follow"}
+    assert loaded(asset).neq == 1
+    path.write_text(VIRTUAL.format(mimic=""))
+    asset = convert(path, tmp_path / "out")
+    assert [joint.name for joint in asset.joints] == ["follow"]
+    assert "link none has no geometry: left out with its joint" in said(asset)

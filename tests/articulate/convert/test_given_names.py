@@ -1,4 +1,8 @@
-"""Names of the shapes that a file gives itself."""
+"""Names of the shapes and frames that a file gives itself."""
+
+from pathlib import Path
+
+from tests.articulate.convert.boxes import loaded, made
 
 from articulate.convert.convert import convert
 from articulate.library.procedural.cabinet import embedded_cabinet
@@ -19,3 +23,18 @@ def test_shapes_that_a_file_gives_are_not_joined_over_the_room_between_them(tmp_
     asset = convert(write_object("table_with_drawers", 1, tmp_path / "table"), tmp_path / "out")
     parts = CATEGORIES["table_with_drawers"].parts(1)
     assert asset.link("table").collisions == len(parts[0].solids)
+
+
+def test_frames_called_as_a_handle_have_sites_of_their_own(tmp_path: Path) -> None:
+    """Also where the first free name is that of another frame, in whichever part it stands."""
+    frames = "".join(
+        f'<link name="{name}"/><joint name="f{k}" type="fixed"><parent link="{part}"/>'
+        f'<child link="{name}"/><origin xyz="{0.01 * k} 0 0"/></joint>'
+        for k, (name, part) in enumerate(
+            [("handle_slide", "drawer"), ("handle_slide_2", "drawer"), ("handle_slide_3", "body")]
+        )
+    )
+    asset = made(tmp_path, ("</robot>", f"{frames}</robot>"))
+    model = loaded(asset)
+    sites = {model.site(s).name for s in range(model.nsite)}
+    assert sites == {"handle_slide", *(f"handle_slide_{k}" for k in (2, 3, 4))}

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 
 from articulate.convert.config import ConvertConfig
 from articulate.convert.joints import travel_of
-from articulate.convert.mesh import PartGeometry
+from articulate.convert.mesh import PartGeometry, Piece
 from articulate.convert.read import SourceJoint
 from articulate.convert.repairs import Repairs
 from articulate.errors import AssetError, ConfigError
@@ -76,3 +77,15 @@ def test_a_zero_axis_is_refused_with_the_place() -> None:
 def test_configurations_are_checked(options) -> None:
     with pytest.raises(ConfigError):
         ConvertConfig(**options)
+
+
+@pytest.mark.parametrize(("side", "upper"), [(300.0, 250.0), (0.3, None)])
+def test_a_slide_of_a_file_in_millimetres_keeps_its_limits(
+    side: float, upper: float | None
+) -> None:
+    box = Piece(name="box", mesh=trimesh.creation.box((side, side, side)))
+    part = PartGeometry(visuals=(box,), collisions=(), collides_as_seen=True)
+    repairs = Repairs()
+    found = travel_of(joint("prismatic", lower=0.0, upper=250.0), part, ConvertConfig(), repairs)
+    assert found.upper == pytest.approx(0.8 * side if upper is None else upper)
+    assert any("say nothing" in sentence for sentence in repairs.sentences) is (upper is None)

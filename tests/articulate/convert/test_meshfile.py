@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from articulate.convert import meshfile
 from articulate.convert.meshfile import MAX_GROUPS, named_by, read_mesh
 from articulate.convert.repairs import Repairs
 from articulate.errors import AssetError
@@ -234,3 +235,26 @@ def test_files_that_a_mesh_names_are_those_that_exist(tmp_path):
     ply = tmp_path / "a.ply"
     ply.write_text("pic.png")
     assert named_by(ply) == []
+
+
+def test_instances_are_counted_before_any_is_copied(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = trimesh.Scene()
+    box = trimesh.creation.box((1.0, 1.0, 1.0))
+    for k in range(50):
+        scene.add_geometry(
+            box, geom_name="box", transform=trimesh.transformations.translation_matrix((k, 0, 0))
+        )
+    path = tmp_path / "many.glb"
+    scene.export(path)
+    groups, _ = read(path)
+    assert len(groups) == 50
+
+    def copied(*_: object, **__: object) -> None:
+        raise AssertionError("a mesh was copied")
+
+    monkeypatch.setattr(meshfile, "MAX_FACES", 12 * 50 - 1)
+    monkeypatch.setattr(trimesh.Trimesh, "copy", copied)
+    with pytest.raises(AssetError, match=r"many\.glb: 600 triangles; at most 599 are accepted"):
+        read(path)

@@ -9,6 +9,7 @@ import pytest
 
 from articulate.convert.config import ConvertConfig
 from articulate.convert.origin import PARTNET_LICENCE, origin_of
+from articulate.convert.size import category_of
 
 
 def urdf_in(folder: Path, name: str = "thing.urdf") -> Path:
@@ -46,4 +47,18 @@ def test_an_object_of_the_data_set_is_named_by_its_folder_from_within(
 
 def test_nothing_said_is_unknown_even_from_a_broken_file(tmp_path: Path) -> None:
     (tmp_path / "source.json").write_text("{", encoding="utf-8")
+    assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "null", "[1]"])
+def test_a_file_that_holds_something_else_says_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / "source.json").write_text(text, encoding="utf-8")
+    assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")
+    assert category_of(urdf_in(tmp_path), ConvertConfig()) == "unknown"
+
+
+@pytest.mark.parametrize("value", ["null", '""', "3", "[]"])
+def test_a_licence_that_is_no_word_is_none(tmp_path: Path, value: str) -> None:
+    said = f'{{"source": {value}, "licence": {value}}}'
+    (tmp_path / "source.json").write_text(said, encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")

@@ -136,7 +136,7 @@ def test_linear_equality_between_joints_becomes_a_mimic(tmp_path: Path) -> None:
         "</worldbody>",
         '</worldbody><equality><joint joint1="follow" joint2="lead" polycoef="0.1 3 0 0 0"/>'
         '<joint joint1="bent" joint2="lead" polycoef="0 1 2 0 0"/>'
-        '<weld body1="a" body2="b"/></equality>',
+        '<weld body1="a" body2="b" active="false"/></equality>',
     )
     source = read(tmp_path, text)
     assert joint_of(source, "follow").mimic == pytest.approx(("lead", 3.0, 0.5 + 0.1 - 0.6))

@@ -177,3 +177,27 @@ def test_a_library_without_candidates_is_refused(tmp_path, error_line):
     error_line("library_parts(empty folder)", lambda: library_parts(str(tmp_path / "empty")))
     partnet(tmp_path / "data" / "100", TWO_LINKS)
     error_line("library_parts(folder of objects)", lambda: library_parts(str(tmp_path / "data")))
+
+
+def test_a_material_beside_a_mesh_is_no_part(tmp_path):
+    folder = two(tmp_path / "chest")
+    (folder / "door_2.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    (folder / "body.jpg").write_bytes(b"no picture")
+    (folder / "shelf.obj").mkdir()
+    assert [mesh.name for mesh in given_parts(folder).meshes] == ["body", "door_2"]
+
+
+def test_a_name_that_no_program_can_say_is_refused_where_it_is_given(tmp_path, error_line):
+    scene = trimesh.Scene()
+    for name, at in (("body", 0.0), ("d" * 250, 0.2)):
+        mesh = trimesh.creation.box((0.2, 0.2, 0.2))
+        mesh.apply_translation((at, 0, 0.1))
+        scene.add_geometry(mesh, geom_name=name, node_name=name)
+    scene.export(tmp_path / "chest.glb")
+    error_line("given_parts(a name of 250 letters)", lambda: given_parts(tmp_path / "chest.glb"))
+
+
+def test_labels_that_are_nested_too_deeply_are_not_heeded(tmp_path):
+    folder = two(tmp_path / "parts")
+    (tmp_path / "labels.json").write_text("[" * 100_000)
+    assert given_parts(folder).labels["door_2"] == "door"

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from articulate.errors import UsageError
 from articulate.make.inputs import View, camera_in, image_question, text_question, video_question
@@ -51,8 +52,20 @@ def test_pictures_without_an_object_are_refused(tmp_path, error_line):
     cv2.imwrite(str(tmp_path / "white.png"), np.full((60, 80, 3), 250, np.uint8))
     (tmp_path / "empty.png").touch()
     (tmp_path / "letter.png").write_text("Dear Sir")
-    for name in ("white.png", "empty.png", "letter.png", "no.png"):
+    cv2.imwrite(str(tmp_path / "line.png"), np.full((1, 30_000, 3), 250, np.uint8))
+    for name in ("white.png", "empty.png", "letter.png", "no.png", "line.png"):
         error_line(f"image_question({name})", lambda n=name: image_question(tmp_path / n))
+
+
+def test_a_picture_that_is_too_large_is_refused_before_it_is_decoded(
+    tmp_path, monkeypatch, error_line
+):
+    Image.new("L", (11_000, 10_000)).save(tmp_path / "large.png")
+    monkeypatch.setattr(cv2, "imdecode", None)
+    error_line("image_question(large.png)", lambda: image_question(tmp_path / "large.png"))
+    Image.new("1", (20_000, 10_000)).save(tmp_path / "bomb.png")
+    with pytest.raises(UsageError, match="100 million pixels"):
+        image_question(tmp_path / "bomb.png")
 
 
 def test_a_name_that_is_too_long_is_refused():
@@ -66,6 +79,7 @@ def test_text_says_something(error_line):
     for text in ("", " \n", "!?"):
         error_line("text_question('')", lambda t=text: text_question(t))
     error_line("text_question(long)", lambda: text_question("box " * 1000))
+    error_line("text_question(not UTF-8)", lambda: text_question("a \udcff box"))
 
 
 def test_the_camera_of_the_benchmark_is_the_usual_one(tmp_path):
@@ -97,6 +111,18 @@ def test_what_is_no_camera_is_refused(tmp_path, error_line):
     (tmp_path / "part.json").write_text('{"T_oc": 1}')
     for name in (bad.name, "list.json", "part.json", "no.json"):
         error_line(f"camera_in({name})", lambda n=name: camera_in(tmp_path / n))
+    pose = front_camera().T_wc
+    for name, changes in {
+        "endless.json": {"width_px": float("inf")},
+        "unfocused.json": {"fx_px": float("nan")},
+        "beside.json": {"cx_px": float("inf")},
+        "mirror.json": {"T_oc": (pose @ np.diag([-1.0, 1.0, 1.0, 1.0])).tolist()},
+        "row.json": {"T_oc": [*pose[:3].tolist(), [0.0, 0.0, 0.5, 1.0]]},
+    }.items():
+        told = camera_file(tmp_path / name, **changes)
+        error_line(f"camera_in({name})", lambda p=told: camera_in(p))
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    error_line("camera_in(deep.json)", lambda: camera_in(tmp_path / "deep.json"))
     wide = camera_file(tmp_path / "camera.json")
     error_line("View(camera.json).camera(640, 200)", lambda: View(file=wide).camera(640, 200))
     error_line("View(fovy=0)", lambda: View(fovy=0.0))

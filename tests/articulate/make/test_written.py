@@ -121,3 +121,10 @@ def test_names_and_questions_are_text_whatever_they_hold():
 def arrays():
     mesh = trimesh.creation.box((1, 1, 1))
     return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+@pytest.mark.parametrize("name", ["coding=1.mp4", "encoding:utf-7.png", "a coding: x"])
+def test_a_question_that_reads_like_an_encoding_is_no_declaration_of_one(name):
+    root, held = tree_of([joint("door", "body")], meshes())
+    source = program_of(root, held, actor="me", question=f"the clip {name}")
+    assert isinstance(run_program(source, parts()), Built)

@@ -1,10 +1,14 @@
 """The way to contact by closed forms, then against FCL's distances and PyBullet's depths."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import trimesh
 
+from articulate.program import contact
 from articulate.program.contact import Hull, bullet_depth, hull_of, sweep
+from articulate.transforms import pose
 
 CUBE = trimesh.creation.box((1.0, 1.0, 1.0))
 
@@ -131,3 +135,34 @@ def test_bullet_agrees_that_the_result_does_not_cut(capfd):
     down = Hull(hull.points - [0, 0, way], hull.faces)
     assert bullet_depth([down], hollow().triangles) <= 1e-6
     assert capfd.readouterr() == ("", "")
+
+
+def test_slices_of_a_hull_give_what_the_whole_hull_gives(monkeypatch):
+    (still, free), by = random_meshes(7)
+    ways = [(a, s) for a in range(3) for s in (1, -1)]
+    hulls = [moved(free, by * (0.1, 0.1, 0.05))]
+    whole = [sweep(hulls, still.triangles, axis, sign) for axis, sign in ways]
+    assert any(found.way is not None for found in whole)
+    monkeypatch.setattr(contact, "SLICE", 5)
+    assert [sweep(hulls, still.triangles, axis, sign) for axis, sign in ways] == whole
+
+
+def test_a_hull_of_many_edges_takes_little_memory():
+    ball = hull_of(trimesh.creation.uv_sphere(radius=0.1, count=[70, 140]).vertices)
+    tracemalloc.start()
+    sweep([ball.moved(pose([0, 0, 2.0]))], CUBE.triangles, 2, -1)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6  # 12 triangles against 29,000 edges at once take 120 MB
+
+
+def test_a_sweep_ends_when_the_clock_says_so():
+    looks = []
+
+    def late():
+        looks.append(1)
+        if len(looks) == 2:
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        sweep([moved(CUBE, [0, 0, 3])], CUBE.triangles, 2, -1, late)

@@ -2,14 +2,16 @@
 
 import json
 import math
+import time
 
 import numpy as np
 import pytest
 from tests.articulate.program import scenes
 
 from articulate.errors import AssetError
-from articulate.program import run
+from articulate.program import api, run
 from articulate.program.built import Built, ProgramError
+from articulate.program.contact import sweep
 from articulate.program.parts import parts_of
 from articulate.program.run import run_program
 from articulate.program.sandbox import Limits
@@ -62,6 +64,21 @@ def test_an_error_has_line_column_and_kind(parts, source, line, column, kind):
     assert (error.line, error.column, error.kind) == (line, column, kind)
     assert str(error).startswith(f"line {line}, column {column}: ")
     assert "limits" in error.layers
+
+
+def test_the_clock_stops_what_the_parent_computes(parts, monkeypatch):
+    done = []
+
+    def slow(*arguments):
+        time.sleep(1.2)
+        done.append(sweep(*arguments))
+        return done[-1]
+
+    monkeypatch.setattr(api, "sweep", slow)
+    source = 'place_relative_to("drawer", "body", "above")\n'
+    found = run_program(source, parts, Limits(seconds=1.0))
+    assert isinstance(found, ProgramError)
+    assert (found.line, found.kind, done) == (1, "limit", [])
 
 
 def test_a_program_that_is_too_long_is_refused_before_a_process_starts(parts):

@@ -9,7 +9,15 @@ from tests.articulate.convert.cabinets import write_cabinet
 from articulate.asset import load_asset
 from articulate.convert import ConvertConfig, convert
 from articulate.convert.convert import placement_of, read_input
-from articulate.prove.fk import InputFrame, bullet_judge, fk, fk_input, fk_noted, urdf_judge
+from articulate.prove.fk import (
+    InputFrame,
+    bullet_judge,
+    fk,
+    fk_input,
+    fk_noted,
+    mjcf_judge,
+    urdf_judge,
+)
 from articulate.prove.model import load_model
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -212,3 +220,87 @@ def test_worlds_of_pybullet_are_closed_after_use(tmp_path):
     last = pybullet.connect(pybullet.DIRECT)
     pybullet.disconnect(last)
     assert last == first
+
+
+LINKS = "".join(
+    f'<link name="{name}"><visual><geometry><box size=".05 .05 .05"/></geometry></visual></link>'
+    for name in ("base", "one", "two", "three")
+)
+
+
+def slide(name, parent, child, inside='<limit lower="0" upper="0.1"/>', kind="prismatic"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0.1 0.1"/><axis xyz="1 0 0"/>{inside}</joint>'
+    )
+
+
+def mimic(leader, multiplier, offset):
+    return (
+        f'<limit lower="-1" upper="1"/><mimic joint="{leader}" multiplier="{multiplier}" '
+        f'offset="{offset}"/>'
+    )
+
+
+AS_READ = {
+    "followers of followers": slide("a", "base", "one")
+    + slide("b", "base", "two", mimic("c", -0.5, 0.02))
+    + slide("c", "two", "three", mimic("a", 3.0, 0.1)),
+    "a joint held off 0": slide("a", "base", "one", '<limit lower="0.5" upper="0.5"/>', "revolute")
+    + slide("b", "one", "two")
+    + slide("c", "two", "three"),
+}
+
+
+@pytest.mark.parametrize("case", AS_READ)
+def test_yourdfpy_is_told_what_the_file_says_and_it_does_not_do(tmp_path, case):
+    source = tmp_path / "thing.urdf"
+    source.write_text(f'<robot name="thing">{LINKS}{AS_READ[case]}</robot>')
+    config = ConvertConfig(decompose=False)
+    model = load_model(convert(source, tmp_path / "asset", config))
+    clauses = (*fk(model), *fk_input(model, source, frame_of(source, config)))
+    assert [c.outcome for c in clauses] == ["passed"] * 4, [c.message for c in clauses]
+    assert clauses[3].measured == pytest.approx(0.0, abs=1e-9)
+
+
+BOX = '<geom type="box" size=".03 .03 .03"/>'
+X, Y = ('type="slide" axis="1 0 0" range="0 .1"', 'type="slide" axis="0 1 0" range="0 .1"')
+IN_MJCF = {
+    "joints without names": f'<body name="x" pos="0 0 .1"><joint {X}/><joint {Y}/>{BOX}</body>',
+    "a body without a name": f'<body pos="0 0 .1"><joint {X}/>{BOX}<body name="y" pos="0 0 .1">'
+    f"<joint {Y}/>{BOX}</body></body>",
+    "radians that are not said": '<body name="x" euler="0 0 1.5708"><joint name="h" axis="0 1 0" '
+    f'range="0 1.57"/>{BOX}</body>',
+    "degrees": '<body name="x" euler="0 0 90"><joint name="h" axis="0 1 0" range="0 80"/>'
+    f"{BOX}</body>",
+    "a slide with a place": f'<body name="x"><joint name="j" pos="0 .1 .2" {X}/>{BOX}</body>',
+    "a joint that an equality holds": f'<body name="x"><joint name="held" {X}/>{BOX}'
+    f'<body name="y" pos="0 0 .1"><joint name="j" {Y}/>{BOX}</body></body>',
+}
+HELD = '<equality><joint joint1="held" polycoef="0.05 0 0 0 0"/></equality>'
+
+
+@pytest.mark.parametrize("case", IN_MJCF)
+def test_mujoco_reads_the_input_as_conversion_did(tmp_path, case):
+    source = tmp_path / "thing.xml"
+    base = '<geom type="box" size=".2 .2 .01"/>'
+    source.write_text(
+        f'<mujoco model="thing"><worldbody><body name="base">{base}{IN_MJCF[case]}</body>'
+        f"</worldbody>{HELD if 'holds' in case else ''}</mujoco>"
+    )
+    config = ConvertConfig(decompose=False)
+    model = load_model(convert(source, tmp_path / "asset", config))
+    (clause,) = fk_input(model, source, frame_of(source, config))
+    assert clause.outcome == "passed", clause.message
+    assert clause.measured == pytest.approx(0.0, abs=1e-9)
+
+
+def test_names_are_not_guessed_where_bodies_stand_in_another_order(tmp_path):
+    """A body that is repeated is one element in the file and several in MuJoCo."""
+    source = tmp_path / "thing.xml"
+    source.write_text(
+        f'<mujoco model="thing"><worldbody><body name="base">{BOX}<body name="x" pos="0 0 .1">'
+        f'<joint {X}/>{BOX}</body></body><replicate count="2" offset="1 0 0"><body name="n">{BOX}'
+        "</body></replicate></worldbody></mujoco>"
+    )
+    assert {"base", "x"} <= set(mjcf_judge(source)({"x_joint": 0.1}))

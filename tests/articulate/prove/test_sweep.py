@@ -252,3 +252,32 @@ def test_the_ends_of_what_is_free_are_told(tmp_path):
     low, high = Sweeper(model=model).way("drawer_joint", {}).ends
     assert low == 0.0
     assert high == pytest.approx(0.1 + LIMIT_M, abs=1.1 * STEP_M)
+
+
+def test_a_follower_that_is_faster_than_its_leader_does_not_jump_over_a_wall(tmp_path):
+    knob = Part(name="knob", kind="slide", axis=(0.0, 0.0, 1.0), pos=(-0.3, 0.0, 0.0), span=0.02,
+                boxes=(((0.0, 0.0, 0.0), (0.01, 0.01, 0.01)),))  # fmt: skip
+    plate = Part(name="plate", kind="slide", axis=(1.0, 0.0, 0.0), span=0.4,
+                 boxes=(((0.0, 0.0, 0.0), (0.002, 0.1, 0.1)),), follows="knob")  # fmt: skip
+    asset = make_object(tmp_path / "a", knob, plate, body=(plug(0.12, thick=0.004),))
+    text = asset.mjcf_path.read_text()
+    assert 'polycoef="0 1 0 0 0"' in text
+    asset.mjcf_path.write_text(text.replace('polycoef="0 1 0 0 0"', 'polycoef="0 20 0 0 0"'))
+    clauses, joints = swept(asset)
+    assert clauses["sweep_authored", "knob_joint"].outcome == "failed"
+    assert joints["knob_joint"].swept == pytest.approx(0.12 / 0.4, abs=0.02)
+
+
+def test_steps_are_those_of_the_fastest_point_and_bounded(tmp_path):
+    arm: tuple[Box, ...] = (((0.1, 0.0, 0.0), (0.1, 0.01, 0.01)),)
+    turn = Part(name="arm", kind="hinge", axis=(0.0, 0.0, 1.0), span=1.0, boxes=arm,
+                follows="drawer")  # fmt: skip
+    asset = make_object(tmp_path / "a", SLIDER, turn)
+    alone = make_object(tmp_path / "b", SLIDER)
+    way = len(Sweeper(model=load_model(alone)).positions("drawer_joint", 400)[0])
+    assert way == math.ceil(TRAVEL_M / STEP_M)
+    text = asset.mjcf_path.read_text()
+    for factor, least, most in ((0.1, way, way), (10.0, 2 * way, 3 * way), (1e300, 400, 400)):
+        asset.mjcf_path.write_text(text.replace("0 1 0 0 0", f"0 {factor} 0 0 0"))
+        found = Sweeper(model=load_model(asset)).positions("drawer_joint", 400)[0]
+        assert least <= len(found) <= most

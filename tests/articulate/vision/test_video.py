@@ -104,3 +104,42 @@ def test_frames_that_are_alike_are_refused():
 
 def test_frames_in_which_a_patch_moves_are_accepted():
     check_moves(ramp(6), "a.mp4")
+
+
+def test_a_text_that_begins_as_packets_do_is_no_film(tmp_path):
+    for begin in ("G", "abcdG"):
+        (tmp_path / "letter.txt").write_text(begin + "ood day\n" * 100)
+        with pytest.raises(ClipError, match="cannot be read as a film"):
+            read_clip(tmp_path / "letter.txt")
+
+
+@pytest.mark.parametrize("lead", [0, 4])
+def test_a_transport_stream_is_known_by_the_sign_of_its_packets(tmp_path, monkeypatch, lead):
+    opened: list[object] = []
+
+    def length(path: object) -> tuple[int, float]:
+        opened.append(path)
+        return 0, 25.0
+
+    monkeypatch.setattr(video, "_length", length)
+    packet = b"\x47" + bytes(187)
+    (tmp_path / "a.ts").write_bytes((bytes(lead) + packet) * 4)
+    with pytest.raises(ClipError, match="no frame"):
+        read_clip(tmp_path / "a.ts")
+    assert opened
+
+
+def test_a_film_that_is_too_long_is_refused_and_not_cut(tmp_path, monkeypatch, error_line):
+    path = film(tmp_path / "a.mp4", ramp(12))
+    monkeypatch.setattr(video, "LONGEST", 12)
+    assert len(read_clip(path).frames) == 12
+    monkeypatch.setattr(video, "LONGEST", 11)
+    error_line("read_clip(a.mp4, 12 frames where 11 are read)", lambda: read_clip(path))
+
+
+def test_a_film_that_breaks_off_is_told_in_our_words_alone(tmp_path, capfd):
+    path = film(tmp_path / "a.mp4", ramp(12))
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(ClipError):
+        read_clip(path)
+    assert capfd.readouterr() == ("", "")

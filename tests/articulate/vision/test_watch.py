@@ -85,3 +85,24 @@ def test_a_kind_next_to_the_border_is_doubtful_and_exits_3(tmp_path, capsys, mon
     told = capsys.readouterr()
     assert json.loads(told.out)["doubtful"] is True
     assert "doubtful" in told.err
+
+
+def test_confidence_heeds_the_nearer_of_the_two_borders(monkeypatch):
+    """A door far beyond one border and next to the other may be a slide after all."""
+    clip = filmed(hinged)
+    seen = watch(clip, "clip")
+    assert not seen.doubtful
+    monkeypatch.setattr("articulate.vision.watch.FLEEING", 0.99 * seen.figures["fleeing"])
+    near = watch(clip, "clip")
+    assert (near.kind, near.doubtful) == ("revolute", True)
+    assert near.confidence == pytest.approx(0.01 / 0.99)
+
+
+def test_a_slide_by_either_figure_is_as_clear_as_the_clearer_one(monkeypatch):
+    clip = filmed(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0]))
+    seen = watch(clip, "clip")
+    widening = 1.0 - seen.figures["widening"] / 0.48
+    monkeypatch.setattr("articulate.vision.watch.FLEEING", 1.01 * seen.figures["fleeing"])
+    near = watch(clip, "clip")
+    assert near.kind == "prismatic"
+    assert near.confidence == pytest.approx(max(widening, 0.01 / 1.01))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import json
 import os
+import re
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,7 +23,11 @@ URL_VARIABLE = "GOOGLE_GEMINI_BASE_URL"
 """Another server that speaks the same language."""
 AGAIN = (408, 429, 500, 502, 503, 504)
 """Answers of a server after which it is asked again."""
+SHAPELESS = (TypeError, AttributeError, KeyError, IndexError)
+"""What the client stumbles over where JSON is not of the shape of an answer."""
 HIDDEN = "(key)"
+ESCAPED = re.compile(r"""\\(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2})|(["/\\]))""")
+"""A character as JSON and programs may write it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +66,7 @@ class Gemini:
         """
         key = api_key()
         genai = _package()
+        contents = [_content(turn) for turn in request.turns]
         start = time.monotonic()
         try:
             with genai.Client(
@@ -67,7 +74,7 @@ class Gemini:
             ) as client:
                 found = client.models.generate_content(
                     model=self.model,
-                    contents=[_content(turn) for turn in request.turns],
+                    contents=contents,
                     config={
                         "system_instruction": request.system,
                         "response_mime_type": "application/json",
@@ -77,9 +84,7 @@ class Gemini:
         except genai.errors.APIError as error:
             raise UsageError(self._refused(error, key)) from None
         except _unreached() as error:
-            no_json = isinstance(error, ValueError)
-            what = "what answers there is no JSON" if no_json else str(error)
-            what = _plain(what or type(error).__name__, key)
+            what = _plain(_heard(error), key)
             raise UsageError(
                 f"{self.name}: cannot be reached ({what}); look at the network and "
                 f"{URL_VARIABLE}, or leave --actor out: the usual actors need none"
@@ -106,7 +111,7 @@ class Gemini:
             raise UsageError(f"{self.name}: gave no answer ({why}); ask again, or another model")
         usage = found.usage_metadata
         return Reply(
-            text=text.replace(key, HIDDEN),
+            text=_without_key(text, key),
             model=_plain(found.model_version or self.model, key),
             seconds=seconds,
             tokens_in=(usage and usage.prompt_token_count) or 0,
@@ -170,8 +175,20 @@ def _package() -> Any:
 def _unreached() -> tuple[type[Exception], ...]:
     """What the client raises where there is no server, or none that speaks as it should."""
     httpx = importlib.import_module("httpx")  # comes with the client
-    # A body that is not JSON reaches us as the decoder's ValueError.
-    return (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError)
+    # A body that is not JSON reaches us as the decoder's ValueError, one that is nested too deeply
+    # as its RecursionError.
+    return (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError, RecursionError, *SHAPELESS)
+
+
+def _heard(error: Exception) -> str:
+    """What is wrong with what answered, or with the way there."""
+    if isinstance(error, RecursionError):
+        return "what answers there is nested too deeply"
+    if isinstance(error, ValueError):
+        return "what answers there is no JSON"
+    if isinstance(error, SHAPELESS):
+        return "what answers there is no answer of Gemini"
+    return str(error) or type(error).__name__
 
 
 def _content(turn: Turn) -> dict[str, Any]:
@@ -189,7 +206,8 @@ def _said(found: Any) -> str:
     """All words of the first candidate that are not thoughts."""
     for candidate in found.candidates or ():
         parts = (candidate.content and candidate.content.parts) or ()
-        return "".join(part.text for part in parts if part.text and not part.thought)
+        text = "".join(part.text for part in parts if part.text and not part.thought)
+        return text.encode("utf-8", "replace").decode("utf-8")  # halves of characters become "?"
     return ""
 
 
@@ -203,4 +221,37 @@ def _reason(found: Any) -> str:
 
 def _plain(text: str, key: str) -> str:
     """One line of at most 300 letters without the key."""
-    return " ".join(text.replace(key, HIDDEN).split())[:300]
+    return " ".join(_hidden(text, key).split())[:300]
+
+
+def _without_key(text: str, key: str) -> str:
+    """An answer without the key, however its JSON writes the letters of the key."""
+    plain = _hidden(text, key)
+    try:
+        content = json.loads(text)
+        clean = _without(content, key)
+        return text if clean == content and plain == text else json.dumps(clean)
+    except (ValueError, RecursionError):  # it is not JSON, or nested too deeply
+        return plain
+
+
+def _without(value: Any, key: str) -> Any:
+    """A value of JSON without the key in its words."""
+    if isinstance(value, str):
+        return _hidden(value, key)
+    if isinstance(value, list):
+        return [_without(one, key) for one in value]
+    if isinstance(value, dict):
+        return {_hidden(name, key): _without(one, key) for name, one in value.items()}
+    return value
+
+
+def _hidden(text: str, key: str) -> str:
+    """The text without the key, be it written plainly or with escapes."""
+    text = text.replace(key, HIDDEN)
+    plain = ESCAPED.sub(_letter, text)
+    return plain.replace(key, HIDDEN) if key in plain else text
+
+
+def _letter(found: re.Match[str]) -> str:
+    return found[3] or chr(int(found[1] or found[2], 16))

@@ -47,8 +47,11 @@ def decoded(cls: type[T], text: str) -> T:
     """
     try:
         content = json.loads(text, parse_constant=_refused)
+        json.dumps(content, ensure_ascii=False).encode("utf-8")
     except RecursionError:
         raise Unfit("the answer is nested too deeply") from None
+    except UnicodeEncodeError:
+        raise Unfit("the answer holds half a character (a surrogate); write all of it") from None
     except ValueError as error:
         raise Unfit(f"the answer is not JSON: {error}") from None
     if not isinstance(content, dict):

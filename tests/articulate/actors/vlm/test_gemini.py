@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 
@@ -95,6 +96,49 @@ def test_a_key_that_a_server_sends_back_is_hidden(serve, gemini):
     assert caught.value.__cause__ is None
     assert caught.value.__suppress_context__
     assert gemini.ask(REQUEST).text == f'{{"n": "{HIDDEN}"}}'
+
+
+ESCAPED = "".join(f"\\u{ord(letter):04X}" for letter in KEY)
+HALF = "".join(f"\\u{ord(letter):04x}" if k % 2 else letter for k, letter in enumerate(KEY))
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"),
+    [
+        (f'{{"n": "{ESCAPED}"}}', f'{{"n": "{HIDDEN}"}}'),
+        (f'{{"{HALF}": ["a {ESCAPED} b", 1]}}', f'{{"{HIDDEN}": ["a {HIDDEN} b", 1]}}'),
+        (json.dumps({"n": f'name = "{ESCAPED}"'}), json.dumps({"n": f'name = "{HIDDEN}"'})),
+        (f'{{"n": {HALF}', f'{{"n": {HIDDEN}'),
+        ('{"n": "\\u00e9"}', '{"n": "\\u00e9"}'),
+    ],
+)
+def test_a_key_that_is_sent_back_with_escapes_is_hidden(serve, gemini, text, kept):
+    serve(saying(text))
+    assert gemini.ask(REQUEST).text == kept
+
+
+@pytest.mark.parametrize("body", [[], 5, {"candidates": 5}, {"candidates": [None]}, "hello"])
+def test_what_answers_in_another_shape_is_said_in_one_line(serve, gemini, body):
+    serve((200, body))
+    with pytest.raises(UsageError, match=r"cannot be reached|gave no answer"):
+        gemini.ask(REQUEST)
+
+
+@pytest.mark.parametrize("fault", [RecursionError, TypeError, AttributeError])
+@pytest.mark.usefixtures("client")
+def test_whatever_the_client_stumbles_over_is_said_in_one_line(monkeypatch, gemini, fault):
+    def stumble(*_, **__):
+        raise fault("deep within")
+
+    monkeypatch.setenv("GEMINI_API_KEY", KEY)
+    monkeypatch.setattr("google.genai.models.Models.generate_content", stumble)
+    with pytest.raises(UsageError, match="cannot be reached"):
+        gemini.ask(REQUEST)
+
+
+def test_half_a_character_becomes_a_question_mark(serve, gemini):
+    serve(saying("a \ud800 b"))
+    assert gemini.ask(REQUEST).text == "a ? b"
 
 
 def test_no_network_is_said_in_one_line(client, monkeypatch, gemini, error_line):

@@ -74,6 +74,8 @@ LEAF = '{"leaves": [{"kind": "c", "size": 1}], "at": [1, 2, 3], "old": true}'
         ('{"leaves": [], "at": [1, 2, 3], "old": "yes"}', "old is 'yes'; it must be true or false"),
         ('{"leaves": [], "at": [1, 2, 3]}', "old is missing"),
         ('{"leaves": ' + "[" * 200_000, "nested too deeply"),
+        ('{"leaves": [], "at": [1, 2, 3], "old": "\\ud800"}', "half a character"),
+        ('{"\\udc00": 1}', "half a character"),
     ],
 )
 def test_what_does_not_fit_is_said_with_its_place(text, complaint):
