@@ -76,16 +76,12 @@ class ObjectModel:
             if joint.name not in self.joints:
                 hint = nearest(joint.name, self.joints)
                 raise AssetError(f"{where}: joint {joint.name!r} of asset.json is absent{hint}")
-        # What asset.json does not name would be moved by no measurement.
-        for what, names, known in (
-            ("body", self.bodies, {link.name for link in asset.links}),
-            ("joint", _all_joints(self.model), {joint.name for joint in asset.joints}),
-        ):
-            for name in names:
-                if name not in known:
-                    raise AssetError(
-                        f"{where}: {what} {name!r} is not in asset.json; make the folder anew"
-                    )
+        known = {joint.name for joint in asset.joints}
+        for name in _all_joints(self.model):
+            if name not in known:  # no measurement would move it
+                raise AssetError(
+                    f"{where}: joint {name!r} is not in asset.json; make the folder anew"
+                )
 
     @property
     def root(self) -> str:

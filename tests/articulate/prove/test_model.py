@@ -81,7 +81,7 @@ def test_what_the_model_has_beyond_the_asset_is_named(tmp_path):
     with pytest.raises(AssetError, match=r"joint 'drawer_2_slide' is not in asset.json"):
         load_model(fewer)
     text = asset.mjcf_path.read_text()
-    ghost = '<body name="ghost" pos="0 2 0"><geom size="0.1" mass="1"/></body></worldbody>'
+    ghost = '<body name="ghost"><joint name="spin"/><geom size="0.1" mass="1"/></body></worldbody>'
     asset.mjcf_path.write_text(text.replace("</worldbody>", ghost))
-    with pytest.raises(AssetError, match=r"body 'ghost' is not in asset.json"):
+    with pytest.raises(AssetError, match=r"joint 'spin' is not in asset.json"):
         load_model(asset)
