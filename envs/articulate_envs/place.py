@@ -355,6 +355,20 @@ def _corners(asset: Asset, task: Task, config: DrawConfig, place: Place) -> tupl
     return scale, T_wo
 
 
+def _goals(
+    asset: Asset, task: Task, place: Place, scale: Array, T_wo: Array, opened: float
+) -> Array:
+    """Poses of the handle (M, 4, 4) of objects of those sizes and poses, all as far open."""
+    return handle_in_world(
+        asset,
+        task.joint,
+        T_wo=T_wo,
+        scale=scale,
+        opened=np.full(len(scale), opened),
+        flip=place.flip,
+    )
+
+
 def _drawn_share(
     asset: Asset, task: Task, arm: Arm, config: DrawConfig, place: Place, least: float
 ) -> float:
@@ -366,14 +380,7 @@ def _drawn_share(
     scale, T_wo = _corners(asset, task, config, place)
     ok = np.ones(len(scale), dtype=bool)
     for opened in np.linspace(*way_ends(task), 3)[[0, 2, 1]]:
-        goals = handle_in_world(
-            asset,
-            task.joint,
-            T_wo=T_wo,
-            scale=scale,
-            opened=np.full(len(scale), opened),
-            flip=place.flip,
-        )
+        goals = _goals(asset, task, place, scale, T_wo, float(opened))
         ok &= solve_ik(arm, goals, np.asarray(place.start_q), iterations=80).reached
         if ok.mean() <= least:
             break
@@ -395,14 +402,7 @@ def _followed_share(asset: Asset, task: Task, arm: Arm, config: DrawConfig, plac
     ok, ticks = np.ones(len(scale), dtype=bool), np.zeros(len(scale))
     step_rad = PACE.step_rad * np.asarray(arm.ddq_max) / min(arm.ddq_max)
     for opened in np.linspace(begins, task.target, FOLLOW_STEPS + 1):
-        goals = handle_in_world(
-            asset,
-            task.joint,
-            T_wo=T_wo,
-            scale=scale,
-            opened=np.full(len(scale), opened),
-            flip=place.flip,
-        )
+        goals = _goals(asset, task, place, scale, T_wo, float(opened))
         found = solve_ik(arm, goals, q, iterations=80 if last is None else FOLLOW_ITERATIONS)
         if last is not None:
             moved = np.linalg.norm((goals - last)[:, :3, 3], axis=1) / PACE.move_m
