@@ -21,6 +21,8 @@ LOG_UNIFORM = ("joint_damping", "joint_friction", "armature")
 """Those that are drawn evenly over the logarithm."""
 MAX_DELAY_TICKS = 5
 """Longest delay that engines and estimators keep [ticks]."""
+MOST_WIDER = 100.0
+"""Ranges may be so many times as wide at most."""
 SEEN_BEYOND: Range = (-0.2, 0.1)
 """Fractions of a part's way beyond its task's target between which policies see it finely."""
 
@@ -98,8 +100,11 @@ class DrawConfig:
         Raises:
             ConfigError: A range would hold what cannot be, such as a negative friction.
         """
-        if not (math.isfinite(factor) and factor > 0.0):
-            raise ConfigError(f"ranges are to be {factor:g} times as wide; it must be above 0")
+        if not 0.0 < factor <= MOST_WIDER:
+            raise ConfigError(
+                f"ranges are to be {factor:g} times as wide; it must be above 0 and at most "
+                f"{MOST_WIDER:g}"
+            )
         if factor == 1.0:
             return self
         wide: dict[str, Any] = {"scales": 1 + round((self.scales - 1) * factor)}

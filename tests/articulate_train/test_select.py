@@ -1,18 +1,28 @@
 import dataclasses
 import json
+import math
 
 import numpy as np
 import pytest
 from tests.runs import tiny_run
 
-from articulate.errors import ConfigError
+from articulate.errors import ConfigError, RunError
 from articulate.observe import OBSERVATION
+from articulate.settings import DrawConfig
 from articulate_train import select
 from articulate_train.config import SelectConfig
-from articulate_train.policy import CHOSEN, load_policy, read_checkpoint, trained_steps
+from articulate_train.policy import (
+    ACTS,
+    CHOSEN,
+    load_policy,
+    policy_of,
+    read_checkpoint,
+    trained_steps,
+    write_state,
+)
 from articulate_train.run import DONE
 from articulate_train.seed import SeedProcess
-from articulate_train.select import STATES, Judged, choose_state, is_due
+from articulate_train.select import STATES, Judged, choose_acting, choose_state, is_due
 
 THREE = SelectConfig(states=3, episodes=2, finalists=2, more=3)
 
@@ -64,8 +74,12 @@ def test_a_moment_is_due_once_whatever_the_length_of_updates():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"states": 0}, {"episodes": 0}, {"finalists": 0}, {"more": 0}, {"since": 1.0}]
-)
+    "wrong",
+    [
+        {"states": 0}, {"episodes": 0}, {"finalists": 0}, {"more": 0}, {"since": 1.0},
+        {"alone": -1}, {"wider": 0.9}, {"wider": math.inf}, {"wider": math.nan},
+    ],
+)  # fmt: skip
 def test_settings_that_cannot_be_are_refused(wrong):
     name = next(iter(wrong))
     with pytest.raises(ConfigError, match=f"select.{name}"):
@@ -164,3 +178,141 @@ def test_a_training_that_goes_on_keeps_the_policy_of_the_shorter_one_until_it_is
 def test_rate_of_what_was_not_judged_is_zero():
     assert Judged(5).rate == 0.0
     assert Judged(5, 4, 3).rate == 0.75
+
+
+def two_members(folder, asset, **settings):
+    """A run whose seed has two members, its process, and their state."""
+    select = SelectConfig(**({"states": 1, "alone": 10} | settings))
+    run = tiny_run(folder / "run", asset, select=select, members=2)
+    process = SeedProcess(run, 0, threads=1)
+    return run, process, process.members.acting()
+
+
+@pytest.fixture
+def acted(monkeypatch):
+    """Successes of ten that the test says of all, of member 0 and 1; again with wider ranges."""
+    asked = []
+
+    def use(state, successes, wider):
+        weights = [m["policy"]["action_net.weight"] for m in select.members_of(state)]
+
+        def episodes(scene, policy, draws, stream, *, episodes, threads):
+            heads = [np.asarray(network.head.weight.detach()) for network in policy.networks]
+            who = 0
+            if len(heads) == 1:
+                who = 1 + [np.array_equal(heads[0], w) for w in weights].index(True)
+            wide = draws.position_m > DrawConfig().position_m
+            asked.append((who, wide, episodes, tuple(stream.entropy)))
+            code = np.ones(episodes, dtype=int)
+            code[: (wider if wide else successes)[who]] = 0
+            return type("Ended", (), {"code": code}), None
+
+        monkeypatch.setattr(select, "run_episodes", episodes)
+        return asked
+
+    return use
+
+
+@pytest.mark.parametrize(
+    ("successes", "wider", "acts"),
+    [
+        ((8, 9, 7), (6, 7, 10), 0),
+        ((8, 9, 10), (6, 0, 7), 1),
+        ((8, 9, 7), (6, 6, 6), None),  # better here, and only as good where more is drawn
+        ((8, 9, 7), (6, 5, 9), None),  # the one that is better there was worse here
+        ((8, 8, 8), (0, 9, 9), None),
+    ],
+)
+def test_a_member_acts_alone_where_it_is_better_than_all_with_both_ranges(
+    cabinet, tmp_path, acted, successes, wider, acts
+):
+    run, process, state = two_members(tmp_path, cabinet)
+    asked = acted(state, successes, wider)
+    chosen, judged = choose_acting(run, 0, state, threads=1)
+    process.close()
+    assert chosen.get(ACTS) == acts
+    assert tuple(j.successes for j in judged) == successes
+    best = 1 + int(np.argmax(successes[1:]))
+    asked_wide = {0, best} if successes[best] > successes[0] else set()
+    assert {who for who, wide, _, _ in asked if wide} == asked_wide
+    assert {k for k, j in enumerate(judged) if j.wider is not None} == asked_wide
+    assert {(wide, entropy[-1]) for _, wide, _, entropy in asked} <= {(False, 3), (True, 4)}
+    assert len(policy_of(chosen).networks) == (2 if acts is None else 1)
+    assert trained_steps(chosen) == trained_steps(state)  # of all that the seed spent
+
+
+def test_who_acts_is_chosen_anew_for_a_state_of_a_shorter_training(cabinet, tmp_path, acted):
+    run, process, state = two_members(tmp_path, cabinet)
+    acted(state, (9, 8, 8), (0, 0, 0))
+    chosen, _ = choose_acting(run, 0, state | {ACTS: 1}, threads=1)
+    process.close()
+    assert ACTS not in chosen
+
+
+def test_ranges_that_cannot_be_wider_are_asked_of_as_they_are(cabinet, tmp_path, acted):
+    run, process, state = two_members(tmp_path, cabinet, wider=50.0)
+    asked = acted(state, (8, 9, 7), (0, 0, 0))
+    chosen, _ = choose_acting(run, 0, state, threads=1)
+    process.close()
+    assert chosen[ACTS] == 0
+    assert [(wide, entropy[-1]) for _, wide, _, entropy in asked[3:]] == [(False, 4), (False, 4)]
+
+
+@pytest.mark.parametrize("asked_before", range(5))
+def test_choosing_who_acts_can_be_stopped_before_each_judgement(
+    cabinet, tmp_path, acted, asked_before
+):
+    run, process, state = two_members(tmp_path, cabinet)
+    asked = acted(state, (8, 9, 7), (6, 7, 0))
+    found = choose_acting(run, 0, state, threads=1, goes_on=lambda: len(asked) < asked_before)
+    process.close()
+    assert found is None
+    assert len(asked) == asked_before
+
+
+def test_a_seed_says_who_acts_and_its_policy_is_that_member(cabinet, tmp_path, acted):
+    run, process, _ = two_members(tmp_path, cabinet)
+    process.members.run(process._after_round)
+    acted(process.members.acting(), (8, 7, 9), (6, 0, 7))
+    assert process.train()
+    process.close()
+    folder = run.seed_folder(0)
+    said = json.loads((folder / DONE).read_text())
+    assert said["acts"] == 1
+    assert said["members"] == [
+        {"alone": None, "successes": 8, "wider": 6},
+        {"alone": 0, "successes": 7, "wider": None},
+        {"alone": 1, "successes": 9, "wider": 7},
+    ]
+    policy = load_policy(folder)
+    assert len(policy.networks) == 1
+    assert policy.steps == said["chosen"] == said["steps"]
+
+
+def test_members_are_really_judged_on_episodes(cabinet, tmp_path):
+    run, process, _ = two_members(tmp_path, cabinet, alone=3)
+    assert process.train()
+    process.close()
+    said = json.loads((run.seed_folder(0) / DONE).read_text())
+    assert [j["alone"] for j in said["members"]] == [None, 0, 1]
+    assert said["acts"] is None  # none of them succeeds
+
+
+def test_of_one_member_and_where_none_is_to_act_alone_nothing_is_judged(cabinet, tmp_path, acted):
+    run, process, state = two_members(tmp_path, cabinet, alone=0)
+    asked = acted(state, (0, 9, 9), (0, 9, 9))
+    assert choose_acting(run, 0, state, threads=1) == (state, [])
+    process.close()
+    single = {k: v for k, v in state.items() if k != "further"}
+    several = dataclasses.replace(run, config=dataclasses.replace(run.config, select=THREE))
+    assert choose_acting(several, 0, single, threads=1) == (single, [])
+    assert asked == []
+
+
+@pytest.mark.parametrize("acts", [2, -1, "0", 1.0])
+def test_a_member_that_is_not_there_is_refused(cabinet, tmp_path, acts):
+    _, process, state = two_members(tmp_path, cabinet)
+    process.close()
+    write_state(process.folder / CHOSEN, state | {ACTS: acts})
+    with pytest.raises(RunError, match="acts"):
+        load_policy(process.folder)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from articulate.errors import ConfigError, nearest
-from articulate.settings import SEEN_BEYOND, DrawConfig, FollowConfig
+from articulate.settings import MOST_WIDER, SEEN_BEYOND, DrawConfig, FollowConfig
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.settings import RewardConfig, StartConfig
 
@@ -241,10 +241,18 @@ class SelectConfig:
     """So many go on."""
     more: int = 300
     """Drawn episodes that these are judged on besides; the better counts over both."""
+    alone: int = 500
+    """Drawn episodes on which each member of the chosen state is judged alone, and all together; 0
+    lets all act."""
+    wider: float = 1.5
+    """One acts alone only where it is better as well with every range so many times as wide."""
 
     def __post_init__(self) -> None:
         counts = {f"select.{name}": getattr(self, name) for name in ("states", "episodes")}
         check_least(1, counts | {"select.finalists": self.finalists, "select.more": self.more})
+        check_least(0, {"select.alone": self.alone})
+        if not 1.0 <= self.wider <= MOST_WIDER:
+            raise ConfigError(f"select.wider is {self.wider}; it must be in [1, {MOST_WIDER:g}]")
         if not 0.0 < self.since < 1.0:
             raise ConfigError(f"select.since is {self.since}; it must be in (0, 1)")
 

@@ -28,6 +28,8 @@ CHOSEN = "policy.pt"
 """File of a seed's folder that holds the policy which was chosen at the end of its training."""
 FURTHER = "further"
 """Key of a checkpoint under which it holds a seed's further members."""
+ACTS = "acts"
+"""Key of a chosen policy under which it holds the number of the member that acts alone, if one."""
 MOST_LETTERS = 160
 """Letters that are told of why a checkpoint does not fit."""
 
@@ -160,6 +162,16 @@ def members_of(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
     return [checkpoint, *checkpoint.get(FURTHER, [])]
 
 
+def acting_members(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
+    """Those of a checkpoint's members that act: all, or the one that was chosen to act alone."""
+    members, alone = members_of(checkpoint), checkpoint.get(ACTS)
+    if alone is None:
+        return members
+    if not (isinstance(alone, int) and 0 <= alone < len(members)):
+        raise ValueError(f"member {alone!r} of {len(members)} acts")
+    return [members[alone]]
+
+
 def trained_steps(checkpoint: dict[str, Any]) -> int:
     """Ticks of experience that a checkpoint was made after; 0 where it does not say.
 
@@ -171,7 +183,7 @@ def trained_steps(checkpoint: dict[str, Any]) -> int:
 
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
-    members = members_of(checkpoint)
+    members = acting_members(checkpoint)
     policy = Policy([_network_of(member) for member in members], FineConfig(**checkpoint["fine"]))
     policy.steps = trained_steps(checkpoint)
     return policy.eval()

@@ -30,6 +30,7 @@ from articulate.judgement import REASONS
 from articulate_envs.rewards import TERMS
 from articulate_train.members import Members
 from articulate_train.policy import (
+    ACTS,
     CHECKPOINT,
     CHOSEN,
     of_this_version,
@@ -38,7 +39,7 @@ from articulate_train.policy import (
     write_state,
 )
 from articulate_train.run import DONE, Run, open_run
-from articulate_train.select import STATES, choose_state, is_due, keep_state, told
+from articulate_train.select import STATES, choose_acting, choose_state, is_due, keep_state, told
 from articulate_train.vecenv import Finished
 
 log = logging.getLogger(__name__)
@@ -119,17 +120,29 @@ class SeedProcess:
     def _choose(self) -> bool:
         """Take the best state as the policy, and say that the seed is done; False if stopped."""
         keep_state(self.folder, self.members.acting())
-        found = choose_state(
-            self._run, self._seed, threads=self._threads, goes_on=lambda: not self._is_stopped
-        )
+        run, seed, threads = self._run, self._seed, self._threads
+        found = choose_state(run, seed, threads=threads, goes_on=self._goes_on)
         if found is None:
             return False
         state, judged = found
+        who = choose_acting(run, seed, state, threads=threads, goes_on=self._goes_on)
+        if who is None:
+            return False
+        state, acted = who
         write_state(self.folder / CHOSEN, state)
-        steps, chosen = self.members.steps, trained_steps(state)
-        write_json(self.folder / DONE, {"steps": steps, "chosen": chosen, "judged": told(judged)})
+        done = {
+            "steps": self.members.steps,
+            "chosen": trained_steps(state),
+            "judged": told(judged),
+            "members": told(acted),
+            "acts": state.get(ACTS),
+        }
+        write_json(self.folder / DONE, done)
         shutil.rmtree(self.folder / STATES)
         return True
+
+    def _goes_on(self) -> bool:
+        return not self._is_stopped
 
     @property
     def _is_stopped(self) -> bool:

@@ -1,9 +1,10 @@
-"""Which state of a training is kept: those of its second half are judged, and the best is taken.
+"""Which state of a training is kept, and who of its members acts: both are judged on episodes.
 
 What is learnt can be lost again while training goes on: a seed that succeeds in 98 of 100 episodes
-in the middle may end at 93. Judged are episodes from home with the run's own randomisation, under
-seeds that neither training nor evaluation use, so that the evaluation stays what it is: figures of
-one policy that was fixed before.
+in the middle may end at 93. And of a seed's members one may have learnt much less than the others,
+which then do better without it. Judged are episodes from home with the run's own randomisation,
+under seeds that neither training nor evaluation use, so that the evaluation stays what it is:
+figures of one policy that was fixed before.
 """
 
 from __future__ import annotations
@@ -15,9 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from articulate.errors import ConfigError
+from articulate.settings import DrawConfig
 from articulate_train.config import SelectConfig
 from articulate_train.evaluate import run_episodes
-from articulate_train.policy import policy_of, read_checkpoint, trained_steps, write_state
+from articulate_train.policy import (
+    ACTS,
+    members_of,
+    policy_of,
+    read_checkpoint,
+    trained_steps,
+    write_state,
+)
 from articulate_train.ppo import SELECTION
 from articulate_train.run import Run
 
@@ -40,6 +50,18 @@ class Judged:
     def rate(self) -> float:
         """Share of successes; 0 before it was judged."""
         return self.successes / max(self.episodes, 1)
+
+
+@dataclass
+class Acted:
+    """How a state's members did, together or one of them alone."""
+
+    alone: int | None
+    """Number of the member that acts; None where all do."""
+    successes: int = 0
+    """Of ``select.alone`` episodes with the run's own randomisation."""
+    wider: int | None = None
+    """The same with wider ranges, where it was asked."""
 
 
 def keep_state(folder: Path, content: dict[str, Any]) -> None:
@@ -105,6 +127,67 @@ def choose_state(
     return read_checkpoint(folder, f"{_best(left, 1)[0].steps}.pt"), judged
 
 
+def choose_acting(
+    run: Run,
+    seed: int,
+    state: dict[str, Any],
+    *,
+    threads: int,
+    goes_on: Callable[[], bool] = lambda: True,
+) -> tuple[dict[str, Any], list[Acted]] | None:
+    """The state with who acts, and how all did; None if stopped.
+
+    All members act, unless one of them alone has more successes than all together on the same
+    draws, both those of the run and those with wider ranges. The mean of several mostly does better
+    than the best of them, and nearly always where more is drawn than they were trained on.
+
+    Args:
+        run: The run.
+        seed: Its seed.
+        state: The state that was chosen, as :func:`choose_state` gives it.
+        threads: Threads of the engine.
+        goes_on: Asked before each judgement.
+    """
+    config = run.config.select
+    state = {k: v for k, v in state.items() if k != ACTS}
+    count = len(members_of(state))
+    if count == 1 or config.alone == 0:
+        return state, []
+    scene = run.scene()
+
+    def successes(acted: Acted, draws: DrawConfig, k: int) -> int:
+        policy = policy_of(state | {ACTS: acted.alone})
+        stream = np.random.SeedSequence([run.config.evaluation_seed, seed, SELECTION, k])
+        ended, _ = run_episodes(
+            scene, policy, draws, stream, episodes=config.alone, threads=threads
+        )
+        return int((ended.code == 0).sum())
+
+    together, *others = judged = [Acted(None), *(Acted(k) for k in range(count))]
+    for acted in judged:
+        if not goes_on():
+            return None
+        acted.successes = successes(acted, run.config.draw, 3)
+    best = max(others, key=lambda acted: acted.successes)
+    if best.successes <= together.successes:
+        return state, judged
+    wide: list[int] = []
+    for acted in (together, best):
+        if not goes_on():
+            return None
+        acted.wider = successes(acted, _wider(run.config.draw, config.wider), 4)
+        wide.append(acted.wider)
+    return state | ({ACTS: best.alone} if wide[1] > wide[0] else {}), judged
+
+
+def _wider(draws: DrawConfig, factor: float) -> DrawConfig:
+    """Ranges ``factor`` times as wide, or as they are where they cannot be."""
+    try:
+        return draws.widened(factor)
+    except ConfigError:
+        return draws
+
+
 def _kept(folder: Path) -> list[int]:
     """Ticks of the states that a folder holds, growing."""
     return sorted(int(path.stem) for path in folder.glob("*.pt"))
@@ -121,6 +204,6 @@ def _best(judged: list[Judged], most: int) -> list[Judged]:
     return sorted(judged, key=lambda j: (j.rate, j.steps), reverse=True)[:most]
 
 
-def told(judged: list[Judged]) -> list[dict[str, int]]:
-    """What is written of the states that were judged."""
+def told(judged: list[Judged] | list[Acted]) -> list[dict[str, int | None]]:
+    """What is written of the states, or of the members, that were judged."""
     return [asdict(j) for j in judged]
