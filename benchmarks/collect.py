@@ -18,7 +18,7 @@ from typing import Any
 
 import yaml
 
-from articulate_train.run import CONFIG
+from articulate_train.run import CONFIG, DONE
 
 POINTS = 20
 """Points kept of a learning curve."""
@@ -72,6 +72,12 @@ def until_learnt(run: Path, seeds: Sequence[int]) -> list[dict[str, Any]]:
     return found
 
 
+def who_acts(run: Path, seed: int) -> dict[str, Any]:
+    """Which member of a seed acts alone, if one does, and how all and each alone were judged."""
+    done = json.loads((run / f"seed_{seed}" / DONE).read_text(encoding="utf-8"))
+    return {"seed": seed, "acts": done.get("acts"), "judged": done.get("members", [])}
+
+
 def outcome(report: Mapping[str, Any]) -> dict[str, Any]:
     """What an evaluation with other ranges says, without what describes the run."""
     names = ("success_rate", "opened_rate", "worst_seed_success_rate", "success_iqm", "reasons")
@@ -105,7 +111,9 @@ def collected(run: Path, deploy: Path | None) -> dict[str, Any]:
     """All that the repository keeps of a run."""
     report = json.loads((run / "report.json").read_text(encoding="utf-8"))
     found = kept(report)
-    found["learnt"] = until_learnt(run, [s["seed"] for s in report["seeds"]])
+    seeds = [s["seed"] for s in report["seeds"]]
+    found["learnt"] = until_learnt(run, seeds)
+    found["members"] = [who_acts(run, seed) for seed in seeds]
     found["ranges"] = {
         path.parent.name.removeprefix("ranges_"): outcome(
             json.loads(path.read_text(encoding="utf-8"))

@@ -22,6 +22,8 @@ ASKED = {"open": (0.98, 0.95), "close": (0.995, 0.99)}
 """Success asked of tasks that open and close: mean over seeds, worst seed."""
 ASKED_WIDE, ASKED_RATIO = 0.85, 0.9
 """Success asked at 1.5 times every range; share of MuJoCo's successes asked of PyBullet."""
+ALONE = "°"
+"""Marks the success of a seed of which one member acts alone."""
 HEAD = (
     "task, object",
     "success: mean (seeds)",
@@ -88,7 +90,11 @@ def object_text(summary: Mapping[str, Any]) -> str:
 def row(summary: Mapping[str, Any]) -> tuple[str, ...]:
     """Cells of one object's row."""
     mean, worst = ASKED[summary["task"].split("_")[0]]
-    seeds = ", ".join(f"{100 * s['success']['value']:.1f}" for s in summary["seeds"])
+    alone = {m["seed"] for m in summary.get("members", []) if m["acts"] is not None}
+    seeds = ", ".join(
+        f"{100 * s['success']['value']:.1f}{ALONE if s['seed'] in alone else ''}"
+        for s in summary["seeds"]
+    )
     wide = summary["ranges"].get("1.5")
     return (
         f"{summary['task']}, {object_text(summary)}",

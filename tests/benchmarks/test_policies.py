@@ -1,11 +1,12 @@
 """The table of policies is what the kept summaries say."""
 
+import json
 from pathlib import Path
 
 import pytest
 
-from collect import WINDOW, compared, when_learnt
-from policies import FOLDER, failures, learnt_text, object_text, ratio_text, share, table
+from collect import WINDOW, compared, when_learnt, who_acts
+from policies import FOLDER, failures, learnt_text, object_text, ratio_text, row, share, table
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -83,3 +84,20 @@ def test_single_episodes_of_another_engine_are_not_kept():
     robots = {"mujoco": {"successes": 1, "each": [{"reason": "success"}]}}
     told = compared({"reference": "mujoco", "robots": robots})
     assert told == {"reference": "mujoco", "robots": {"mujoco": {"successes": 1}}}
+
+
+def test_a_seed_of_which_one_member_acts_is_marked():
+    summary = json.loads((FOLDER / "close_lid_9748.json").read_text(encoding="utf-8"))
+    summary["members"] = [{"seed": k, "acts": 0 if k == 1 else None} for k in range(3)]
+    second = f"{100 * summary['seeds'][1]['success']['value']:.1f}"
+    assert f", {second}°, " in row(summary)[1]
+    assert row(summary)[1].count("°") == 1
+
+
+def test_who_acts_is_taken_along_and_all_do_in_runs_of_before(tmp_path):
+    for seed, done in enumerate([{"acts": 1, "members": [{"alone": 1}]}, {"steps": 5}]):
+        folder = tmp_path / f"seed_{seed}"
+        folder.mkdir()
+        (folder / "done.json").write_text(json.dumps(done))
+    assert who_acts(tmp_path, 0) == {"seed": 0, "acts": 1, "judged": [{"alone": 1}]}
+    assert who_acts(tmp_path, 1) == {"seed": 1, "acts": None, "judged": []}

@@ -89,6 +89,7 @@ def evaluate_seed(
         nominal_opened=nominal.ended.opened,
         checkpoint_sha256=judged,
         policy_steps=policy.steps,
+        alone=policy.alone,
     )
     return result, drawn
 

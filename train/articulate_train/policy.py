@@ -69,6 +69,8 @@ class Policy(nn.Module):
         self.fine = fine
         self.steps = 0
         """Ticks of experience it was made after; 0 where that is not known."""
+        self.alone: int | None = None
+        """Number of the seed's member that acts alone; None where all do."""
 
     def forward(self, observation: Tensor) -> Tensor:
         """The mean of what the members say, its motions finer near the handle."""
@@ -185,7 +187,7 @@ def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
     members = acting_members(checkpoint)
     policy = Policy([_network_of(member) for member in members], FineConfig(**checkpoint["fine"]))
-    policy.steps = trained_steps(checkpoint)
+    policy.steps, policy.alone = trained_steps(checkpoint), checkpoint.get(ACTS)
     return policy.eval()
 
 

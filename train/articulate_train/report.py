@@ -63,6 +63,8 @@ class SeedEvaluation:
     """Sum of the file that was evaluated; a training that goes on replaces it."""
     policy_steps: int = 0
     """Ticks of experience that the policy was made after; 0 where it is not known."""
+    alone: int | None = None
+    """Number of the seed's member that acts alone; None where all do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +160,8 @@ class SeedReport:
     """Sum of the file with the policy that the figures are of."""
     policy_steps: int
     """Ticks of experience that this policy was made after; 0 where it is not known."""
+    alone: int | None
+    """Number of the seed's member that acts alone; None where all do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,6 +299,7 @@ def _seed_report(seed: SeedEvaluation) -> SeedReport:
         nominal_reasons=_reasons(seed.nominal_codes),
         checkpoint_sha256=seed.checkpoint_sha256,
         policy_steps=seed.policy_steps,
+        alone=seed.alone,
     )
 
 

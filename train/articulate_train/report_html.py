@@ -339,7 +339,8 @@ def _seeds(page: Page, report: Report) -> None:
         if nominal:
             row.append("–" if s.nominal_success is None else _interval(s.nominal_success))
         if known:
-            row.append(f"{s.policy_steps / 1e6:.2f}M ticks" if s.policy_steps else "–")
+            after = f"{s.policy_steps / 1e6:.2f}M ticks" if s.policy_steps else "–"
+            row.append(after if s.alone is None else f"{after}, member {s.alone} alone")
         rows.append(row)
     page.table(header, rows)
     seen = [r for r in REASONS if any(r in s.reasons for s in report.seeds)]
