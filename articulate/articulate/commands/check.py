@@ -17,7 +17,7 @@ from articulate.commands.flags import parse
 from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
 from articulate.files import require_space
-from articulate.prove.batch import Batch, Checked, is_there, items_in, write_junit
+from articulate.prove.batch import Batch, Checked, Item, is_there, items_in, write_junit
 from articulate.prove.clauses import explained, explained_content
 from articulate.prove.record import PAGE_FILE, content_of
 
@@ -129,6 +129,7 @@ def main(argv: Sequence[str]) -> int:
     if flags.against is not None and not is_there(flags.against):
         raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
     items, single = items_in(flags.asset)
+    _require_of_use(flags, items)
     out = flags.out or Path("checked") / _name(flags.asset)
     require_space(out, _need_bytes(flags.asset, len(items)), f"checking {flags.asset}")
     console.hint_after_interrupt("what was checked is kept, and the same call goes on")
@@ -154,6 +155,23 @@ def main(argv: Sequence[str]) -> int:
     else:
         console.emit(_one(results[0]) if single else _table(results, out / "index.html"))
     return MISSED if any(r.proof.verdict == "refused" for r in results) else 0
+
+
+def _require_of_use(flags: CheckFlags, items: Sequence[Item]) -> None:
+    """Refuse flags that would change nothing, for what they say would be believed of the result."""
+    folders = [item.file.is_dir() for item in items]
+    if flags.against is not None and not any(folders):
+        raise ConfigError(
+            f"--against: {flags.asset} is no asset folder, which alone is compared with its input; "
+            "leave it out"
+        )
+    if flags.against is None and all(folders):
+        names = [name.removesuffix("_m").replace("_", "-") for name in flags.options()]
+        if names:
+            raise ConfigError(
+                f"--{names[0]}: {flags.asset} is made already and is proven as it is; give the "
+                "URDF or MJCF file that it was made from"
+            )
 
 
 def _name(asset: Path) -> str:

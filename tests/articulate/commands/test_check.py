@@ -126,6 +126,26 @@ def test_options_that_the_conversion_refuses_are_wrong_usage(objects, call, tmp_
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("made", "words", "said"),
+    [
+        (True, ("--size", "0.5"), "--size: made is made already"),
+        (True, ("--collada-up", "y"), "--collada-up: made is made already"),
+        (True, ("--mesh-dirs", "."), "--mesh-dirs: made is made already"),
+        (False, ("--against", "stone.urdf"), "--against: stone.urdf is no asset folder"),
+    ],
+)
+def test_flags_that_would_change_nothing_are_refused(objects, call, tmp_path, made, words, said):
+    shutil.copy(objects / "in" / "stone.urdf", tmp_path)
+    if made:
+        (tmp_path / "made").mkdir()
+        (tmp_path / "made" / "asset.json").write_text("{}")
+    code, out, err = call("made" if made else "stone.urdf", "--out", "x", *words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert not (tmp_path / "x").exists()
+
+
 def test_a_clause_is_explained(call):
     code, out, _ = call("--explain", "openness")
     assert code == 0
