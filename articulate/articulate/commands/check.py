@@ -123,14 +123,14 @@ def main(argv: Sequence[str]) -> int:
     from articulate.convert.size import check_category  # heavy; --help does without
 
     check_category(flags.category)
-    for path in (flags.out, flags.junit):
+    for path in (flags.asset, flags.out, flags.junit):
         if path is not None:
             is_there(path)  # before any work, where it could not even be looked up
     if flags.against is not None and not is_there(flags.against):
         raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
-    items, single = items_in(flags.asset)
-    _require_of_use(flags, items)
     out = flags.out or Path("checked") / _name(flags.asset)
+    items, single = items_in(flags.asset, out)
+    _require_of_use(flags, items)
     require_space(out, _need_bytes(flags.asset, len(items)), f"checking {flags.asset}")
     console.hint_after_interrupt("what was checked is kept, and the same call goes on")
     cache = cache_folder()

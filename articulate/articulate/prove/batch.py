@@ -45,11 +45,12 @@ class Checked:
     """Where asset, proof and page lie."""
 
 
-def items_in(source: Path) -> tuple[list[Item], bool]:
+def items_in(source: Path, out: Path | None = None) -> tuple[list[Item], bool]:
     """Objects in ``source``, and whether it is one object rather than a folder of them.
 
     A file is one object; so are an asset folder and a folder with exactly one URDF, or without
-    URDFs exactly one MJCF file. In other folders every such file and folder is one.
+    URDFs exactly one MJCF file. In other folders every such file and folder is one, but for what
+    lies in ``out`` below them, where results of such a folder are.
 
     Raises:
         UsageError: ``source`` does not exist, or there is nothing in it.
@@ -67,7 +68,7 @@ def items_in(source: Path) -> tuple[list[Item], bool]:
     one = _one_in(source)
     if one is not None:
         return [Item(name=source.resolve().name, file=one)], True
-    found = _named_apart(sorted(_walk(source, source, 0), key=lambda item: item.name))
+    found = _named_apart(sorted(_walk(source, source, 0, out), key=lambda item: item.name))
     if not found:
         raise UsageError(f"{source}: holds no .urdf, .xml or asset folder; give another folder")
     return found, False
@@ -120,7 +121,9 @@ def _files(folder: Path) -> list[Path]:
     )
 
 
-def _walk(folder: Path, top: Path, depth: int) -> Iterator[Item]:
+def _walk(folder: Path, top: Path, depth: int, out: Path | None) -> Iterator[Item]:
+    if depth and out is not None and folder.resolve() == out.resolve():
+        return
     one = _one_in(folder)
     if one is not None:
         yield Item(name=folder.relative_to(top).as_posix(), file=one)
@@ -130,7 +133,7 @@ def _walk(folder: Path, top: Path, depth: int) -> Iterator[Item]:
     for path in sorted(folder.iterdir()):
         hidden = path.name.startswith(".") or path.is_symlink()
         if path.is_dir() and not hidden and depth < MOST_DEEP:
-            yield from _walk(path, top, depth + 1)
+            yield from _walk(path, top, depth + 1, out)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,6 +105,7 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
         (("nowhere.urdf", "--out", "x", "--limit", "1e7"), "it must be at most 1000000 s"),
         ((".", "--out", "x" * 300), "cannot be looked up (File name too long)"),
         ((".", "--out", "x", "--junit", "x" * 300), "cannot be looked up (File name too long)"),
+        (("x" * 300,), "cannot be looked up (File name too long)"),
         (("x" * 300, "--out", "x"), "cannot be looked up (File name too long)"),
         ((".", "--out", "x", "--against", "x" * 300), "cannot be looked up (File name too long)"),
         (("--explain", "opennes", "--json"), "did you mean openness?"),

@@ -46,6 +46,15 @@ def test_any_other_folder_is_a_folder_of_objects(tmp_path):
     ]
 
 
+def test_results_of_a_folder_are_none_of_its_objects(tmp_path):
+    touch(tmp_path, "a.urdf", "b.urdf", "checked/all/a/asset.json", "checked/all/b/asset.json")
+    out = tmp_path / "checked" / "all"
+    assert [i.name for i in items_in(tmp_path, out)[0]] == ["a", "b"]
+    assert [i.name for i in items_in(out, out)[0]] == ["a", "b"]  # it was asked for
+    touch(tmp_path, "one/asset.json")
+    assert [i.name for i in items_in(tmp_path, out)[0]] == ["a", "b", "one"]
+
+
 def test_names_in_a_batch_are_unique(tmp_path):
     touch(tmp_path, "a.urdf", "b.urdf", "a/x.urdf")
     assert sorted(i.name for i in items_in(tmp_path)[0]) == ["a", "a_", "b"]
