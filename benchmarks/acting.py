@@ -34,26 +34,30 @@ def asked(run: Run, seed: int, *, write: bool) -> str:
         write_state(folder / CHOSEN, state)
         write_json(folder / DONE, done)
     acts = state.get(ACTS)
-    rates = ", ".join(told(one, run.config.select.alone) for one in acted)
-    return f"seed {seed}: {rates} %; {'all act' if acts is None else f'member {acts} acts'}"
+    rates = "; ".join(told(one) for one in acted)
+    return f"seed {seed} [%]: {rates}: {'all act' if acts is None else f'member {acts} acts'}"
 
 
-def told(acted: Acted, episodes: int) -> str:
+def told(acted: Acted) -> str:
     """Success of all or of one, and with wider ranges [%]."""
     who = "all" if acted.alone is None else f"member {acted.alone}"
-    wider = "" if acted.wider is None else f" and {100 * acted.wider / episodes:.1f}"
-    return f"{who} {100 * acted.successes / episodes:.1f}{wider}"
+    own = f"{100 * acted.successes / acted.episodes:.1f} of {acted.episodes}"
+    if not acted.wider_episodes:
+        return f"{who} {own}"
+    share = 100 * acted.wider_successes / acted.wider_episodes
+    return f"{who} {own}, wider {share:.1f} of {acted.wider_episodes}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print a line a seed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of runs")
+    parser.add_argument("--seeds", nargs="+", type=int, metavar="K", help="by default all")
     parser.add_argument("--write", action="store_true", help="change the policies of the runs")
     args = parser.parse_args(argv)
     for folder in args.runs:
         run = open_run(folder)
-        for seed in run.config.seeds:
+        for seed in args.seeds or run.config.seeds:
             print(f"{folder.name} {asked(run, seed, write=args.write)}", flush=True)
     return 0
 

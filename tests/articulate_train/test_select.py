@@ -180,6 +180,9 @@ def test_rate_of_what_was_not_judged_is_zero():
     assert Judged(5, 4, 3).rate == 0.75
 
 
+FIELDS = ("alone", "episodes", "successes", "wider_episodes", "wider_successes")
+
+
 def two_members(folder, asset, **settings):
     """A run whose seed has two members, its process, and their state."""
     select = SelectConfig(**({"states": 1, "alone": 10} | settings))
@@ -218,12 +221,13 @@ def acted(monkeypatch):
     [
         ((8, 9, 7), (6, 7, 10), 0),
         ((8, 9, 10), (6, 0, 7), 1),
-        ((8, 9, 7), (6, 6, 6), None),  # better here, and only as good where more is drawn
-        ((8, 9, 7), (6, 5, 9), None),  # the one that is better there was worse here
+        ((8, 9, 7), (6, 5, 0), 0),  # of twenty each, two are gained here and one is lost there
+        ((8, 9, 7), (6, 4, 0), None),  # as many are lost as are gained
+        ((8, 9, 7), (6, 3, 9), None),  # the one that is better there was worse here
         ((8, 8, 8), (0, 9, 9), None),
     ],
 )
-def test_a_member_acts_alone_where_it_is_better_than_all_with_both_ranges(
+def test_a_member_acts_alone_where_it_gains_more_than_it_loses_with_wider_ranges(
     cabinet, tmp_path, acted, successes, wider, acts
 ):
     run, process, state = two_members(tmp_path, cabinet)
@@ -231,14 +235,35 @@ def test_a_member_acts_alone_where_it_is_better_than_all_with_both_ranges(
     chosen, judged = choose_acting(run, 0, state, threads=1)
     process.close()
     assert chosen.get(ACTS) == acts
-    assert tuple(j.successes for j in judged) == successes
     best = 1 + int(np.argmax(successes[1:]))
-    asked_wide = {0, best} if successes[best] > successes[0] else set()
-    assert {who for who, wide, _, _ in asked if wide} == asked_wide
-    assert {k for k, j in enumerate(judged) if j.wider is not None} == asked_wide
-    assert {(wide, entropy[-1]) for _, wide, _, entropy in asked} <= {(False, 3), (True, 4)}
+    further = {0, best} if successes[best] > successes[0] else set()
+    assert [(j.episodes, j.successes) for j in judged] == [
+        (20, 2 * n) if k in further else (10, n) for k, n in enumerate(successes)
+    ]
+    assert [(j.wider_episodes, j.wider_successes) for j in judged] == [
+        (20, wider[k]) if k in further else (0, 0) for k in range(3)
+    ]
+    draws = {(wide, entropy[-1], episodes) for _, wide, episodes, entropy in asked}
+    assert draws == {(False, 3, 10)} | ({(False, 4, 10), (True, 5, 20)} if further else set())
     assert len(policy_of(chosen).networks) == (2 if acts is None else 1)
     assert trained_steps(chosen) == trained_steps(state)  # of all that the seed spent
+
+
+def test_one_that_is_ahead_at_first_and_not_on_more_draws_does_not_act(cabinet, tmp_path, acted):
+    run, process, state = two_members(tmp_path, cabinet)
+    successes = [8, 9, 7]
+    asked = acted(state, successes, (0, 9, 9))
+
+    def goes_on():
+        if len(asked) == 3:
+            successes[:] = [9, 8, 0]
+        return True
+
+    chosen, judged = choose_acting(run, 0, state, threads=1, goes_on=goes_on)
+    process.close()
+    assert ACTS not in chosen
+    assert [j.successes for j in judged] == [17, 17, 7]
+    assert [j.wider_episodes for j in judged] == [0, 0, 0]
 
 
 def test_who_acts_is_chosen_anew_for_a_state_of_a_shorter_training(cabinet, tmp_path, acted):
@@ -255,10 +280,10 @@ def test_ranges_that_cannot_be_wider_are_asked_of_as_they_are(cabinet, tmp_path,
     chosen, _ = choose_acting(run, 0, state, threads=1)
     process.close()
     assert chosen[ACTS] == 0
-    assert [(wide, entropy[-1]) for _, wide, _, entropy in asked[3:]] == [(False, 4), (False, 4)]
+    assert [(wide, entropy[-1]) for _, wide, _, entropy in asked[5:]] == [(False, 5), (False, 5)]
 
 
-@pytest.mark.parametrize("asked_before", range(5))
+@pytest.mark.parametrize("asked_before", range(7))
 def test_choosing_who_acts_can_be_stopped_before_each_judgement(
     cabinet, tmp_path, acted, asked_before
 ):
@@ -280,9 +305,8 @@ def test_a_seed_says_who_acts_and_its_policy_is_that_member(cabinet, tmp_path, a
     said = json.loads((folder / DONE).read_text())
     assert said["acts"] == 1
     assert said["members"] == [
-        {"alone": None, "successes": 8, "wider": 6},
-        {"alone": 0, "successes": 7, "wider": None},
-        {"alone": 1, "successes": 9, "wider": 7},
+        dict(zip(FIELDS, numbers, strict=True))
+        for numbers in ((None, 20, 16, 20, 6), (0, 10, 7, 0, 0), (1, 20, 18, 20, 7))
     ]
     policy = load_policy(folder)
     assert len(policy.networks) == 1

@@ -242,10 +242,11 @@ class SelectConfig:
     more: int = 300
     """Drawn episodes that these are judged on besides; the better counts over both."""
     alone: int = 500
-    """Drawn episodes on which each member of the chosen state is judged alone, and all together; 0
-    lets all act."""
+    """Drawn episodes on which each member of the chosen state is judged alone, and all together;
+    where one is ahead, it is judged on as many once more. 0 lets all act."""
     wider: float = 1.5
-    """One acts alone only where it is better as well with every range so many times as wide."""
+    """One acts alone where it is ahead as well with as many draws counted along for which every
+    range is so many times as wide."""
 
     def __post_init__(self) -> None:
         counts = {f"select.{name}": getattr(self, name) for name in ("states", "episodes")}

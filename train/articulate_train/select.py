@@ -58,10 +58,14 @@ class Acted:
 
     alone: int | None
     """Number of the member that acts; None where all do."""
+    episodes: int = 0
+    """Episodes with the run's own randomisation that it was judged on."""
     successes: int = 0
-    """Of ``select.alone`` episodes with the run's own randomisation."""
-    wider: int | None = None
-    """The same with wider ranges, where it was asked."""
+    """Those that were successes."""
+    wider_episodes: int = 0
+    """Episodes with wider ranges that it was judged on."""
+    wider_successes: int = 0
+    """Those that were successes."""
 
 
 def keep_state(folder: Path, content: dict[str, Any]) -> None:
@@ -138,8 +142,9 @@ def choose_acting(
     """The state with who acts, and how all did; None if stopped.
 
     All members act, unless one of them alone has more successes than all together on the same
-    draws, both those of the run and those with wider ranges. The mean of several mostly does better
-    than the best of them, and nearly always where more is drawn than they were trained on.
+    draws, and as well if as many draws from wider ranges are counted with them. The mean of several
+    mostly does better than the best of them, and nearly always where more is drawn than they were
+    trained on. The best alone is judged on more draws where it is ahead on the first of them.
 
     Args:
         run: The run.
@@ -155,29 +160,40 @@ def choose_acting(
         return state, []
     scene = run.scene()
 
-    def successes(acted: Acted, draws: DrawConfig, k: int) -> int:
+    def successes(acted: Acted, draws: DrawConfig, episodes: int, k: int) -> int:
         policy = policy_of(state | {ACTS: acted.alone})
         stream = np.random.SeedSequence([run.config.evaluation_seed, seed, SELECTION, k])
-        ended, _ = run_episodes(
-            scene, policy, draws, stream, episodes=config.alone, threads=threads
-        )
+        ended, _ = run_episodes(scene, policy, draws, stream, episodes=episodes, threads=threads)
         return int((ended.code == 0).sum())
 
+    def judge(which: list[Acted], k: int) -> bool:
+        for acted in which:
+            if not goes_on():
+                return False
+            acted.episodes += config.alone
+            acted.successes += successes(acted, run.config.draw, config.alone, k)
+        return True
+
+    # Draws of states are numbered 0 to 2.
     together, *others = judged = [Acted(None), *(Acted(k) for k in range(count))]
-    for acted in judged:
-        if not goes_on():
-            return None
-        acted.successes = successes(acted, run.config.draw, 3)
+    if not judge(judged, 3):
+        return None
     best = max(others, key=lambda acted: acted.successes)
     if best.successes <= together.successes:
         return state, judged
-    wide: list[int] = []
+    if not judge([together, best], 4):
+        return None
+    if best.successes <= together.successes:
+        return state, judged
+    wide = _wider(run.config.draw, config.wider)
     for acted in (together, best):
         if not goes_on():
             return None
-        acted.wider = successes(acted, _wider(run.config.draw, config.wider), 4)
-        wide.append(acted.wider)
-    return state | ({ACTS: best.alone} if wide[1] > wide[0] else {}), judged
+        acted.wider_episodes = 2 * config.alone
+        acted.wider_successes = successes(acted, wide, acted.wider_episodes, 5)
+    ahead = best.successes - together.successes
+    lost = together.wider_successes - best.wider_successes
+    return state | ({ACTS: best.alone} if ahead > lost else {}), judged
 
 
 def _wider(draws: DrawConfig, factor: float) -> DrawConfig:
