@@ -45,7 +45,7 @@ def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) ->
         "ppo": TINY_PPO,
         "draw": replace(DrawConfig(), scales=3),
         "starts": StartConfig(bank=16),
-        "select": SelectConfig(states=1),
+        "select": SelectConfig(states=1, alone=0),
     }
     config = TrainConfig(asset=str(asset.folder), **({"joint": JOINT} | plan | changes))
     _write_run(folder, asset, config, episode_s=1.0)

@@ -16,7 +16,7 @@ TINY = """
 ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net: [8, 8]}
 draw: {scales: 3}
 starts: {bank: 16}
-select: {states: 1}
+select: {states: 1, alone: 0}
 seeds: [0]
 steps: 64
 jobs: 1
