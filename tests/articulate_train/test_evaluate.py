@@ -127,3 +127,11 @@ def test_timelines_are_of_the_first_success_and_the_first_failure(judged):
     assert lines[0][0].t[0] == pytest.approx(0.05)
     none = dataclasses.replace(rollout, ended=dataclasses.replace(rollout.ended, code=0 * code))
     assert [line.name for line, _ in timelines(none, 0.05)] == ["success"]
+
+
+def test_objects_are_not_drawn_in_sizes_that_the_scene_does_not_have(judged):
+    wide = judged.config.draw.widened(2.0)
+    draws = draw(wide, np.random.default_rng(0), 8, begin=judged.task.begin)
+    policy = load_policy(judged.seed_folder(0))
+    with pytest.raises(ValueError, match="sizes are drawn"):
+        run_drawn(judged.scene(), policy, wide, draws, np.random.SeedSequence(0), threads=1)

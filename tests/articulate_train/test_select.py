@@ -274,6 +274,24 @@ def test_who_acts_is_chosen_anew_for_a_state_of_a_shorter_training(cabinet, tmp_
     assert ACTS not in chosen
 
 
+def test_wider_ranges_are_judged_on_objects_of_the_sizes_that_are_drawn(
+    cabinet, tmp_path, monkeypatch
+):
+    run, process, state = two_members(tmp_path, cabinet)
+    seen = []
+
+    def episodes(scene, policy, draws, stream, *, episodes, threads):
+        seen.append(scene.scales)
+        assert scene.scales == draws.scale_values
+        alone = len(policy.networks) == 1
+        return type("Ended", (), {"code": np.full(episodes, 0 if alone else 1)}), None
+
+    monkeypatch.setattr(select, "run_episodes", episodes)
+    choose_acting(run, 0, state, threads=1)
+    process.close()
+    assert len(set(seen)) == 2
+
+
 def test_ranges_that_cannot_be_wider_are_asked_of_as_they_are(cabinet, tmp_path, acted):
     run, process, state = two_members(tmp_path, cabinet, wider=50.0)
     asked = acted(state, (8, 9, 7), (0, 0, 0))

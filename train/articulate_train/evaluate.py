@@ -178,7 +178,12 @@ def run_drawn(
         threads: Threads of the engine.
         after_tick: Told each tick but the last, which begins episodes anew.
         side_by_side: At most so many run at once.
+
+    Raises:
+        ValueError: The object was drawn in a size that ``scene`` is not compiled for.
     """
+    if not np.isclose(drawn["scale"][:, None], scene.scales).any(axis=1).all():
+        raise ValueError(f"sizes are drawn of which the scene has none: it has {scene.scales}")
     count = len(drawn.values)
     ended: list[Ended] = []
     for begin in range(0, count, side_by_side):

@@ -18,6 +18,7 @@ import numpy as np
 
 from articulate.errors import ConfigError
 from articulate.settings import DrawConfig
+from articulate_envs.scene import Scene
 from articulate_train.config import SelectConfig
 from articulate_train.evaluate import run_episodes
 from articulate_train.policy import (
@@ -160,7 +161,7 @@ def choose_acting(
         return state, []
     scene = run.scene()
 
-    def successes(acted: Acted, draws: DrawConfig, episodes: int, k: int) -> int:
+    def successes(acted: Acted, scene: Scene, draws: DrawConfig, episodes: int, k: int) -> int:
         policy = policy_of(state | {ACTS: acted.alone})
         stream = np.random.SeedSequence([run.config.evaluation_seed, seed, SELECTION, k])
         ended, _ = run_episodes(scene, policy, draws, stream, episodes=episodes, threads=threads)
@@ -171,7 +172,7 @@ def choose_acting(
             if not goes_on():
                 return False
             acted.episodes += config.alone
-            acted.successes += successes(acted, run.config.draw, config.alone, k)
+            acted.successes += successes(acted, scene, run.config.draw, config.alone, k)
         return True
 
     # Draws of states are numbered 0 to 2.
@@ -185,23 +186,24 @@ def choose_acting(
         return None
     if best.successes <= together.successes:
         return state, judged
-    wide = _wider(run.config.draw, config.wider)
+    wide = _widened(run, config.wider)
+    sizes = wide.scene()
     for acted in (together, best):
         if not goes_on():
             return None
         acted.wider_episodes = 2 * config.alone
-        acted.wider_successes = successes(acted, wide, acted.wider_episodes, 5)
+        acted.wider_successes = successes(acted, sizes, wide.config.draw, acted.wider_episodes, 5)
     ahead = best.successes - together.successes
     lost = together.wider_successes - best.wider_successes
     return state | ({ACTS: best.alone} if ahead > lost else {}), judged
 
 
-def _wider(draws: DrawConfig, factor: float) -> DrawConfig:
-    """Ranges ``factor`` times as wide, or as they are where they cannot be."""
+def _widened(run: Run, factor: float) -> Run:
+    """The run with ranges ``factor`` times as wide, or as they are where they cannot be."""
     try:
-        return draws.widened(factor)
+        return run.widened(factor)
     except ConfigError:
-        return draws
+        return run
 
 
 def _kept(folder: Path) -> list[int]:
