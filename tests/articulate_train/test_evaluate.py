@@ -130,7 +130,7 @@ def test_timelines_are_of_the_first_success_and_the_first_failure(judged):
 
 
 def test_objects_are_not_drawn_in_sizes_that_the_scene_does_not_have(judged):
-    wide = judged.config.draw.widened(2.0)
+    wide = judged.config.draw.widened(1.5)
     draws = draw(wide, np.random.default_rng(0), 8, begin=judged.task.begin)
     policy = load_policy(judged.seed_folder(0))
     with pytest.raises(ValueError, match="sizes are drawn"):
