@@ -15,6 +15,7 @@ from articulate_train.policy import (
     ACTS,
     CHOSEN,
     load_policy,
+    members_of,
     policy_of,
     read_checkpoint,
     trained_steps,
@@ -180,6 +181,13 @@ def test_rate_of_what_was_not_judged_is_zero():
     assert Judged(5, 4, 3).rate == 0.75
 
 
+def who_acts(run, state, goes_on=lambda: True):
+    """What :func:`choose_acting` chooses of a state; it is not stopped."""
+    found = choose_acting(run, 0, state, threads=1, goes_on=goes_on)
+    assert found is not None
+    return found
+
+
 FIELDS = ("alone", "episodes", "successes", "wider_episodes", "wider_successes")
 
 
@@ -197,7 +205,7 @@ def acted(monkeypatch):
     asked = []
 
     def use(state, successes, wider):
-        weights = [m["policy"]["action_net.weight"] for m in select.members_of(state)]
+        weights = [m["policy"]["action_net.weight"] for m in members_of(state)]
 
         def episodes(scene, policy, draws, stream, *, episodes, threads):
             heads = [np.asarray(network.head.weight.detach()) for network in policy.networks]
@@ -232,7 +240,7 @@ def test_a_member_acts_alone_where_it_gains_more_than_it_loses_with_wider_ranges
 ):
     run, process, state = two_members(tmp_path, cabinet)
     asked = acted(state, successes, wider)
-    chosen, judged = choose_acting(run, 0, state, threads=1)
+    chosen, judged = who_acts(run, state)
     process.close()
     assert chosen.get(ACTS) == acts
     best = 1 + int(np.argmax(successes[1:]))
@@ -259,7 +267,7 @@ def test_one_that_is_ahead_at_first_and_not_on_more_draws_does_not_act(cabinet, 
             successes[:] = [9, 8, 0]
         return True
 
-    chosen, judged = choose_acting(run, 0, state, threads=1, goes_on=goes_on)
+    chosen, judged = who_acts(run, state, goes_on)
     process.close()
     assert ACTS not in chosen
     assert [j.successes for j in judged] == [17, 17, 7]
@@ -269,7 +277,7 @@ def test_one_that_is_ahead_at_first_and_not_on_more_draws_does_not_act(cabinet, 
 def test_who_acts_is_chosen_anew_for_a_state_of_a_shorter_training(cabinet, tmp_path, acted):
     run, process, state = two_members(tmp_path, cabinet)
     acted(state, (9, 8, 8), (0, 0, 0))
-    chosen, _ = choose_acting(run, 0, state | {ACTS: 1}, threads=1)
+    chosen, _ = who_acts(run, state | {ACTS: 1})
     process.close()
     assert ACTS not in chosen
 
@@ -295,7 +303,7 @@ def test_wider_ranges_are_judged_on_objects_of_the_sizes_that_are_drawn(
 def test_ranges_that_cannot_be_wider_are_asked_of_as_they_are(cabinet, tmp_path, acted):
     run, process, state = two_members(tmp_path, cabinet, wider=50.0)
     asked = acted(state, (8, 9, 7), (0, 0, 0))
-    chosen, _ = choose_acting(run, 0, state, threads=1)
+    chosen, _ = who_acts(run, state)
     process.close()
     assert chosen[ACTS] == 0
     assert [(wide, entropy[-1]) for _, wide, _, entropy in asked[5:]] == [(False, 5), (False, 5)]
