@@ -101,7 +101,7 @@ def whole(cabinet, tmp_path_factory):
 def test_seed_that_is_done_says_so_and_keeps_its_checkpoint(whole):
     judged = [{"steps": 192, "episodes": 0, "successes": 0}]
     assert json.loads((whole / DONE).read_text()) == {
-        "steps": 192, "chosen": 192, "judged": judged
+        "steps": 192, "chosen": 192, "judged": judged, "members": [], "acts": None
     }  # fmt: skip
     assert json.loads(read_checkpoint(whole)["plain"])["num_timesteps"] == 192
 
