@@ -109,6 +109,15 @@ def test_success_rate_is_the_mean_over_seeds_of_their_shares():
     assert (report.success_pooled.value, report.success_pooled.episodes) == (53 / 104, 104)
 
 
+def test_the_member_that_acts_alone_is_told(tmp_path):
+    one = dataclasses.replace(_seed(0, [0] * 40), policy_steps=1_670_000, alone=1)
+    report = _report(seeds=[one, dataclasses.replace(_seed(7, [0] * 40), policy_steps=1_780_000)])
+    assert [s.alone for s in report.seeds] == [1, None]
+    page = write_report(report, tmp_path)[1].read_text(encoding="utf-8")
+    assert "1.67M ticks, member 1 alone" in page
+    assert page.count("alone<") == 1
+
+
 def test_reasons_are_counted_by_name_and_add_up():
     report = _report()
     assert report.reasons == {"success": 68, "force": 6, "not_open": 6}
