@@ -17,9 +17,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from articulate.files import write_json
+from articulate_train.checkpoint_selection import MemberScore, choose_acting
 from articulate_train.policy import ACTS, CHOSEN, read_checkpoint, write_state
 from articulate_train.run import DONE, Run, open_run
-from articulate_train.select import Acted, choose_acting
 
 
 def asked(run: Run, seed: int, *, write: bool) -> str:
@@ -38,7 +38,7 @@ def asked(run: Run, seed: int, *, write: bool) -> str:
     return f"seed {seed} [%]: {rates}: {'all act' if acts is None else f'member {acts} acts'}"
 
 
-def told(acted: Acted) -> str:
+def told(acted: MemberScore) -> str:
     """Success of all or of one, and with wider ranges [%]."""
     who = "all" if acted.alone is None else f"member {acted.alone}"
     own = f"{100 * acted.successes / acted.episodes:.1f} of {acted.episodes}"

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from articulate.asset import load_asset
-from articulate.prove.batch import Batch, Checked, Item
-from articulate.prove.clauses import CLAUSES
-from articulate.prove.model import load_model
-from articulate.prove.triangles import triangles_of
+from articulate.assets.asset import load_asset
+from articulate.checks.descriptions import CLAUSES
+from articulate.checks.model import load_model
+from articulate.checks.triangles import triangles_of
+from articulate.preparation.batch import Batch, Checked, Item
 from articulate.simulator import mujoco
 
 STEPS = 2000

@@ -28,8 +28,8 @@ from typing import Any
 from articulate.cache import cache_folder, using
 from articulate.errors import UsageError
 from articulate.files import write_json
-from articulate.prove.store import code_id
-from articulate_envs.choose import choose_joint
+from articulate.preparation.store import code_id
+from articulate_envs.joint_selection import choose_joint
 from articulate_train.config import TrainConfig
 from articulate_train.run import prepare_asset
 

@@ -30,13 +30,13 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from articulate.asset import load_asset
-from articulate.convert.config import ConvertConfig
-from articulate.convert.convert import read_input
-from articulate.proof import Proof
-from articulate.prove.batch import Item
-from articulate.prove.origin import Origin, origin_of_reading
-from articulate.prove.prove import prove
+from articulate.assets.asset import load_asset
+from articulate.assets.check_report import CheckReport
+from articulate.checks.source import Origin, origin_of_reading
+from articulate.conversion.convert import read_input
+from articulate.formats.config import ConvertConfig
+from articulate.preparation.batch import Item
+from articulate.preparation.prepare import prove
 from assets import items_of
 from planted import KINDS, Damaged, Names
 
@@ -48,7 +48,7 @@ BY_INPUT = {"fk_input", "shown"}
 Row = dict[str, Any]
 
 
-def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, Proof | None]:
+def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, CheckReport | None]:
     """What a defect concerns and the proof of the copy; None where the kind does not apply."""
     name = re.sub(r"\W+", "_", f"{folder.name}-{kind}")[:120]
     copy = out / name
@@ -69,7 +69,7 @@ def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, P
         shutil.rmtree(copy)
 
 
-def row_of(kind: str, names: Names, proof: Proof | None, seconds: float) -> Row:
+def row_of(kind: str, names: Names, proof: CheckReport | None, seconds: float) -> Row:
     """What is kept of one damaged copy."""
     failed = [c for c in proof.clauses if c.outcome == "failed"] if proof else []
     by = KINDS[kind].named_by if kind in KINDS else ()

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from articulate.judgement import REASONS
+from articulate.task.episode_monitor import REASONS
 from policy_flags import policy_parser
 from watched import Watched, watch
 

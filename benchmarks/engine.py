@@ -64,14 +64,14 @@ import torch
 from numba import carray, njit  # type: ignore[attr-defined]  # numba says no __all__
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
-from articulate.follow import discrete, follow
+from articulate.robot.control import discrete, follow
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
 from articulate_envs.compiled.advance import _call, _doubles
+from articulate_envs.config import StartConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene, build_scene
-from articulate_envs.settings import StartConfig
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import TrainConfig
 from robosuite_cabinet import Fixture, make_env
 from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare

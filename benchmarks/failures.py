@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import torch
 
-from articulate.judgement import REASONS
-from articulate.task import beyond_target
+from articulate.task.episode_monitor import REASONS
+from articulate.task.task import beyond_target
 from articulate.transforms import Array, Mask
 from articulate_envs.compiled.reward import HELD_SHARE
 from policy_flags import policy_parser

@@ -2,7 +2,7 @@
 
     python benchmarks/filmed_clips.py clips.json --set core
 
-File names and categories are not used. The thresholds of `articulate.vision.watch` were chosen
+File names and categories are not used. The thresholds of `articulate.video.observe` were chosen
 with these clips in view: the figure is no promise for others.
 """
 
@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.vision.video import Reading, read_clip
-from articulate.vision.watch import watch
+from articulate.video.observe import watch
+from articulate.video.read_video import Reading, read_clip
 
 WITHIN_DEG = 30.0
 

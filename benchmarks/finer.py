@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from articulate.judgement import REASONS
+from articulate.task.episode_monitor import REASONS
 from articulate_train.evaluate import run_episodes
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.errors import ArticulateError
-from articulate.prove.prove import check
+from articulate.preparation.prepare import check
 from mutants import Mutant, drawn, write_mutant
 
 LIMIT_S = 60.0

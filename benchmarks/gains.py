@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from articulate.arm import (
+from articulate.robot.arm import (
     LIBFRANKA_DAMPING,
     LIBFRANKA_STIFFNESS,
     PANDA,
@@ -30,17 +30,18 @@ from articulate.arm import (
     Arm,
     Seven,
 )
-from articulate.draw import Draw
-from articulate.kinematics import self_motion, solve_ik, tool_jacobian_t
-from articulate.placing import handle_in_world
-from articulate.settings import DrawConfig, FollowConfig
+from articulate.robot.config import ControlConfig
+from articulate.robot.kinematics import self_motion, solve_ik, tool_jacobian_t
+from articulate.task.object_placement import handle_in_world
+from articulate.task.randomization import EpisodeParams
+from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array, axis_angle_to_matrix
-from articulate_envs.choose import choose_joint
+from articulate_envs.config import StartConfig
+from articulate_envs.initial_states import bank_of_starts
+from articulate_envs.joint_selection import choose_joint
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.scene import Scene, build_scene
-from articulate_envs.settings import StartConfig
-from articulate_envs.starts import bank_of_starts
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import TrainConfig
 from articulate_train.run import prepare_asset
 
@@ -65,7 +66,7 @@ def arm_of(share: float, damping: float) -> Arm:
     )
 
 
-def path(scene: Scene, drawn: Draw, opened: Array, q: Array) -> Array:
+def path(scene: Scene, drawn: EpisodeParams, opened: Array, q: Array) -> Array:
     """Angles (T, N, 7) along the way as an estimate with the drawn errors shows it."""
     task, place = scene.task, scene.place
     ticks = int(abs(task.span) * task.target / PULL_M_S * scene.follow.rate_hz)
@@ -100,7 +101,7 @@ def motion_to(scene: Scene, target: Array, goal: Array) -> Array:
     return np.asarray(motion / np.maximum(np.abs(motion).max(axis=1, keepdims=True), 1.0))
 
 
-def measure(scene: Scene, draws: DrawConfig) -> dict[str, float]:
+def measure(scene: Scene, draws: RandomizationConfig) -> dict[str, float]:
     """Forces and openings of the led hand."""
     rng = np.random.default_rng(0)
     bank = bank_of_starts(scene, StartConfig(grip_share=1.0, bank=EPISODES), draws, rng)
@@ -134,7 +135,7 @@ def measure(scene: Scene, draws: DrawConfig) -> dict[str, float]:
 
 def study(asset_path: Path, folder: Path) -> list[dict[str, Any]]:
     """One row per share and damping."""
-    draws = DrawConfig(push_n=(0.0, 0.0), delay_ticks=(0, 0))
+    draws = RandomizationConfig(push_n=(0.0, 0.0), delay_ticks=(0, 0))
     config = TrainConfig(asset=str(asset_path), draw=draws)
     asset = prepare_asset(config, folder / "cache")
     task, place = choose_joint(config, asset)
@@ -145,7 +146,7 @@ def study(asset_path: Path, folder: Path) -> list[dict[str, Any]]:
                 asset,
                 task,
                 arm=arm_of(share, damping),
-                follow=FollowConfig(),
+                follow=ControlConfig(),
                 physics=PhysicsConfig(),
                 place=place,
                 scales=draws.scale_values,

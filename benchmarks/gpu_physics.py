@@ -73,8 +73,8 @@ Array = np.ndarray[Any, Any]
 def record(args: argparse.Namespace) -> None:
     """Write the recorded episodes of one object."""
     from articulate.cache import cache_folder, using
-    from articulate.draw import at_size
-    from articulate_envs.native import DRAWN
+    from articulate.task.randomization import at_size
+    from articulate_envs.native_mujoco import DRAWN
     from engine import Recorded, RecordingEngine
     from physics import Candidate, recorded, stages
 

@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.judgement import REASONS
-from articulate.settings import FollowConfig
-from articulate.task import beyond_target
+from articulate.robot.config import ControlConfig
+from articulate.task.episode_monitor import REASONS
+from articulate.task.task import beyond_target
 from articulate.transforms import Array
 from articulate_envs.episodes import Tick
-from articulate_envs.guide import guide_of
-from articulate_envs.make import EnvConfig, make_episodes, make_scene
+from articulate_envs.make_scene import EnvConfig, make_episodes, make_scene
 from articulate_envs.scene import Scene
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.scripted_expert import guide_of
+from articulate_envs.threaded_engine import ThreadEngine
 
 
 def tried(
@@ -81,7 +81,7 @@ def main() -> int:
     rows = []
     for item in flags.objects:
         task, _, file = item.partition("=")
-        config = EnvConfig(asset=file, task=task, follow=replace(FollowConfig(), **changed))
+        config = EnvConfig(asset=file, task=task, follow=replace(ControlConfig(), **changed))
         config = replace(config, draw=config.draw.widened(flags.ranges))
         try:
             row = tried(

@@ -20,7 +20,7 @@ from articulate.library.procedural.categories import CATEGORIES, write_object
 from articulate.library.procedural.truth import bounds
 from articulate.library.procedural.urdf import Part
 from articulate.render.canvas import Canvas
-from articulate.render.view import fitted_view
+from articulate.render.view_camera import fitted_view
 from articulate.simulator import mujoco
 
 CELL = (164, 164)

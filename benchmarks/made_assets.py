@@ -25,18 +25,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from articulate.actors.protocol import PredictedJoint
+from articulate.assets.check_report import CheckReport
 from articulate.benchmark.dataset import open_dataset
 from articulate.cache import cache_folder
 from articulate.errors import UsageError
 from articulate.library.partnet import URDF_NAME
-from articulate.make.given import library_parts
-from articulate.make.relief import Held, diagonal_of, relieved
-from articulate.make.written import program_of, tree_of
-from articulate.program.built import ProgramError
-from articulate.program.run import compile_program
-from articulate.proof import Proof
-from articulate.prove.batch import Batch, Item
+from articulate.preparation.batch import Batch, Item
+from articulate.reconstruct.actors.protocol import PredictedJoint
+from articulate.reconstruct.hinge_adjustment import Held, diagonal_of, relieved
+from articulate.reconstruct.part_set import library_parts
+from articulate.reconstruct.program.result import ProgramError
+from articulate.reconstruct.program.run import compile_program
+from articulate.reconstruct.program_writer import program_of, tree_of
 from joints_said import SAID, records_of
 
 LIMIT_S = 600.0
@@ -78,14 +78,14 @@ def found_joints(record: Mapping[str, Any], protocol: str) -> list[PredictedJoin
     return moved + [PredictedJoint(part=a, parent=b, kind="fixed") for a, b in fixed]
 
 
-def proof_of(urdf: Path, out: Path) -> Proof:
+def proof_of(urdf: Path, out: Path) -> CheckReport:
     """The proof of ``urdf``, in a process of its own."""
     batch = Batch(out=out, cache=cache_folder(), options={}, limit_s=LIMIT_S, single=True)
     return batch.one(Item(name=urdf.stem, file=urdf)).proof
 
 
 @dataclass(frozen=True)
-class Place:
+class ObjectPlacement:
     """Where an object lies, and where what is made of it."""
 
     id: str
@@ -97,13 +97,13 @@ class Place:
 
 
 def made_of(
-    place: Place, joints: Sequence[PredictedJoint], name: str = "made"
+    place: ObjectPlacement, joints: Sequence[PredictedJoint], name: str = "made"
 ) -> tuple[str, tuple[str, ...]]:
     """Make an object of the parts of one and of ``joints``: verdict and reasons."""
     given = library_parts(str(place.folder))
     root, held = tree_of(list(joints), given.meshes)
 
-    def prove(others: Held, where: str) -> Proof:
+    def prove(others: Held, where: str) -> CheckReport:
         source = program_of(root, others, actor="the benchmark", question=place.id)
         with tempfile.TemporaryDirectory() as work:
             built = compile_program(source, given.parts, Path(work) / "program")
@@ -120,13 +120,13 @@ def made_of(
     return made.verdict, tuple(made.reasons)
 
 
-def stated_of(place: Place) -> str:
+def stated_of(place: ObjectPlacement) -> str:
     """Verdict on the object made of all joints that the data set states."""
     true = open_dataset(str(place.data / "assets.json"), place.data).load(place.id)
     return made_of(place, [joint.joint for joint in true.joints], "stated")[0]
 
 
-def pair(place: Place, joints: Sequence[PredictedJoint], told: str = "") -> Pair:
+def pair(place: ObjectPlacement, joints: Sequence[PredictedJoint], told: str = "") -> Pair:
     """Prove what is made of ``joints``, and the object's own where ``told`` does not settle it."""
     try:
         made, reasons = made_of(place, joints)
@@ -189,7 +189,7 @@ def main() -> int:
         joints = found_joints(record, flags.protocol)
         if not joints:
             continue
-        place = Place(name, flags.data, folders[name], flags.out)
+        place = ObjectPlacement(name, flags.data, folders[name], flags.out)
         pairs.append(pair(place, joints, own.get(name, "")))
         if not flags.json:
             p = pairs[-1]

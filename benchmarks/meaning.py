@@ -11,8 +11,8 @@ from __future__ import annotations
 import argparse
 import json
 
-from articulate.actors.named.meaning import FLOOR, MiniLM, meant_role
-from articulate.actors.named.words import ROLES
+from articulate.reconstruct.actors.semantic.embeddings import FLOOR, MiniLM, meant_role
+from articulate.reconstruct.actors.semantic.ontology import ROLES
 
 
 def main() -> None:

@@ -47,28 +47,28 @@ from typing import Any
 
 import numpy as np
 
-from articulate.arm import PANDA
-from articulate.asset import Asset
+from articulate.assets.asset import Asset
 from articulate.cache import cache_folder, using
-from articulate.convert import ConvertConfig
-from articulate.draw import Draw, draw
+from articulate.conversion import ConvertConfig
 from articulate.errors import UsageError
 from articulate.files import write_json
-from articulate.judgement import REASONS, judge_tick, judgement_start, verdict
-from articulate.kinematics import solve_ik, tool_pose
-from articulate.placing import Place, handle_in_world
-from articulate.prove.prove import proven_asset
+from articulate.preparation.prepare import checked_asset
+from articulate.robot.arm import PANDA
+from articulate.robot.kinematics import solve_ik, tool_pose
 from articulate.simulator import mujoco
-from articulate.task import Task
+from articulate.task.episode_monitor import REASONS, judge_tick, judgement_start, verdict
+from articulate.task.object_placement import ObjectPlacement, handle_in_world
+from articulate.task.randomization import EpisodeParams, draw
+from articulate.task.task import Task
 from articulate.transforms import Array, Ints, axis_angle_to_matrix, pose
-from articulate_envs.choose import choose_joint
+from articulate_envs.config import RewardConfig
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
+from articulate_envs.initial_states import home_start
+from articulate_envs.joint_selection import choose_joint
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.scene import Scene, build_scene
-from articulate_envs.settings import RewardConfig
-from articulate_envs.starts import home_start
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import TrainConfig
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run, prepare_asset
@@ -160,7 +160,7 @@ class Stage:
     source: Path
     asset: Asset
     task: Task
-    place: Place
+    place: ObjectPlacement
     cache: Path
 
     def scene(self, candidate: Candidate) -> Scene:
@@ -173,7 +173,7 @@ class Stage:
                 closed=self.config.closed,
                 max_geoms=candidate.max_geoms,
             )
-            asset = proven_asset(self.source, self.cache, wish)
+            asset = checked_asset(self.source, self.cache, wish)
         scene = build_scene(
             asset,
             self.task,
@@ -276,7 +276,7 @@ def script(scene: Scene, start: Start, rng: np.random.Generator) -> tuple[Array,
     return goals + grow * MISFIT_RAD * rng.normal(size=start.q.shape), hand
 
 
-def _goal(scene: Scene, drawn: Draw, opened: Array) -> Array:
+def _goal(scene: Scene, drawn: EpisodeParams, opened: Array) -> Array:
     """Where the hand holds the handle (N, 4, 4), as a wrong estimate has it."""
     T_wo = scene.T_wo(drawn)
     goal = handle_in_world(

@@ -16,9 +16,9 @@ import numpy as np
 import trimesh
 from lxml import etree
 
-from articulate.asset import Asset, Joint
-from articulate.prove.model import ObjectModel
-from articulate.prove.surface import is_near, sample
+from articulate.assets.asset import Asset, Joint
+from articulate.checks.model import ObjectModel
+from articulate.checks.surface import is_near, sample
 from articulate.simulator import mujoco
 from articulate.transforms import inverse, pose
 

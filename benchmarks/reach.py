@@ -18,7 +18,7 @@ from typing import Any
 
 from articulate.errors import UsageError
 from articulate.library.procedural.cabinet import embedded_cabinet
-from articulate_envs.choose import choose_joint
+from articulate_envs.joint_selection import choose_joint
 from articulate_train.config import TrainConfig
 from articulate_train.run import prepare_asset
 

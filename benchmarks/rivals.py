@@ -33,15 +33,15 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from articulate.asset import Asset, load_asset, save_asset
-from articulate.convert.config import ConvertConfig
-from articulate.convert.convert import read_input
+from articulate.assets.asset import Asset, load_asset, save_asset
+from articulate.assets.check_report import CheckReport
+from articulate.checks.forward_kinematics import InputFrame
+from articulate.checks.source import origin_of_reading
+from articulate.conversion.convert import read_input
 from articulate.errors import AssetError
 from articulate.files import write_json
-from articulate.proof import Proof
-from articulate.prove.fk import InputFrame
-from articulate.prove.origin import origin_of_reading
-from articulate.prove.prove import prove
+from articulate.formats.config import ConvertConfig
+from articulate.preparation.prepare import prove
 from articulate.simulator import mujoco
 from articulate.transforms import matrix_to_quat
 from assets import items_of
@@ -64,38 +64,38 @@ FLAGS = (
 
 
 @dataclass(frozen=True)
-class Made:
+class MakeResult:
     """What a tool made of an object, as a file that MuJoCo reads, or why there is none."""
 
     path: Path | None
     reason: str = ""
 
 
-Tool = Callable[[Path, Path], Made]
+Tool = Callable[[Path, Path], MakeResult]
 """From the URDF in a folder that may be written to, and the folder of environments."""
 
 
-def unmodified(urdf: Path, _: Path) -> Made:
+def unmodified(urdf: Path, _: Path) -> MakeResult:
     """MuJoCo's own reader."""
-    return Made(urdf)
+    return MakeResult(urdf)
 
 
-def with_flags(urdf: Path, _: Path) -> Made:
+def with_flags(urdf: Path, _: Path) -> MakeResult:
     """MuJoCo's own reader with compiler settings."""
     text = urdf.read_text(encoding="utf-8", errors="replace")
     at = text.find(">", text.find("<robot")) + 1
     out = urdf.with_name("with_flags.urdf")
     out.write_text(text[:at] + FLAGS + text[at:], encoding="utf-8")
-    return Made(out)
+    return MakeResult(out)
 
 
-def urdf2mjcf(urdf: Path, tools: Path) -> Made:
+def urdf2mjcf(urdf: Path, tools: Path) -> MakeResult:
     """The converter of kscale."""
     out = urdf.with_name("urdf2mjcf.xml")
     return _run([tools / "urdf2mjcf/bin/urdf2mjcf", urdf, "--output", out], out)
 
 
-def urdf_to_mjcf(urdf: Path, tools: Path) -> Made:
+def urdf_to_mjcf(urdf: Path, tools: Path) -> MakeResult:
     """The converter of discoverse, with convex decomposition; it writes beside no URDF."""
     out = urdf.parent / "urdf_to_mjcf" / "robot.xml"
     out.parent.mkdir(exist_ok=True)
@@ -103,7 +103,7 @@ def urdf_to_mjcf(urdf: Path, tools: Path) -> Made:
     return _run([tool, "-ct", "decomposition", "-o", out, urdf], out)
 
 
-def simcheck_fix(urdf: Path, tools: Path) -> Made:
+def simcheck_fix(urdf: Path, tools: Path) -> MakeResult:
     """The repair of simcheck of the URDF, then MuJoCo with compiler settings."""
     out = urdf.with_name("simcheck.urdf")
     done = _run([tools / "simcheck/bin/simcheck", "fix", "--no-verify", "-o", out, urdf], out)
@@ -119,17 +119,19 @@ TOOLS: dict[str, Tool] = {
 }
 
 
-def _run(command: list[str | Path], out: Path) -> Made:
+def _run(command: list[str | Path], out: Path) -> MakeResult:
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, errors="replace", timeout=LIMIT_S, check=False
         )
     except subprocess.TimeoutExpired:
-        return Made(None, f"stopped after {LIMIT_S:g} s")
+        return MakeResult(None, f"stopped after {LIMIT_S:g} s")
     if out.is_file():
-        return Made(out)
+        return MakeResult(out)
     lines = (done.stderr or done.stdout).strip().splitlines()
-    return Made(None, f"exit {done.returncode}: {lines[-1] if lines else 'it said nothing'}"[:300])
+    return MakeResult(
+        None, f"exit {done.returncode}: {lines[-1] if lines else 'it said nothing'}"[:300]
+    )
 
 
 def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
@@ -227,7 +229,7 @@ def _cleared(tree: Any) -> None:
                 body.attrib.pop(key, None)
 
 
-def openness_min(proof: Proof) -> float | None:
+def openness_min(proof: CheckReport) -> float | None:
     """Least share of a cavity that is open, over the links that have one."""
     found = [c.measured for c in proof.clauses if c.name == "openness" and c.measured is not None]
     return round(min(found), 3) if found else None
@@ -235,8 +237,8 @@ def openness_min(proof: Proof) -> float | None:
 
 def row_of(
     name: str,
-    made: Made,
-    proof: Proof | None,
+    made: MakeResult,
+    proof: CheckReport | None,
     reason: str,
     took_s: float,
     bare: tuple[str, ...] = (),
@@ -299,7 +301,7 @@ def ours(name: str, folder: Path) -> dict[str, Any]:
     """The same of our own conversion, proven anew without its input."""
     start = time.perf_counter()
     proof = prove(load_asset(folder))
-    return row_of(name, Made(folder), proof, "", time.perf_counter() - start)
+    return row_of(name, MakeResult(folder), proof, "", time.perf_counter() - start)
 
 
 def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
@@ -357,7 +359,7 @@ class Job:
             if not self.note.is_file():
                 took = time.perf_counter() - start
                 reason = f"exit {process.exitcode} after {took:.0f} s, no proof"
-                made = Made(self.wrote if self.wrote.is_file() else None)
+                made = MakeResult(self.wrote if self.wrote.is_file() else None)
                 write_json(self.note, row_of(self.name, made, None, reason, took))
         row: dict[str, Any] = json.loads(self.note.read_text(encoding="utf-8"))
         return row

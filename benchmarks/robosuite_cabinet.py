@@ -28,9 +28,9 @@ from robosuite.models.tasks import ManipulationTask
 from robosuite.utils.log_utils import ROBOSUITE_DEFAULT_LOGGER
 from robosuite.utils.observables import Observable, sensor
 
-from articulate.arm import PANDA
-from articulate.asset import Asset
+from articulate.assets.asset import Asset
 from articulate.errors import AssetError
+from articulate.robot.arm import PANDA
 from articulate.simulator import mujoco
 
 Array = NDArray[np.float64]

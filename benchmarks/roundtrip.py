@@ -22,10 +22,10 @@ import numpy as np
 import yourdfpy
 
 from articulate.errors import AssetError
-from articulate.program.built import ProgramError
-from articulate.program.decompile import decompile
-from articulate.program.parts import parts_of
-from articulate.program.run import compile_program
+from articulate.reconstruct.program.decompile import decompile
+from articulate.reconstruct.program.program_parts import parts_of
+from articulate.reconstruct.program.result import ProgramError
+from articulate.reconstruct.program.run import compile_program
 from articulate.transforms import Array, normalised
 
 STATES = 20

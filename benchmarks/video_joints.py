@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from articulate.actors.registry import make_actor
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.evidence import cases_of
 from articulate.benchmark.run import run_case
 from articulate.errors import UsageError
+from articulate.reconstruct.actors.registry import make_actor
 
 Record = dict[str, Any]
 LEAST_PX = 5.0

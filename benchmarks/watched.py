@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.draw import Draw, draw
+from articulate.task.randomization import EpisodeParams, draw
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.compiled.reward import HELD_SHARE
+from articulate_envs.initial_states import home_start
 from articulate_envs.rewards import grasp_of
 from articulate_envs.scene import Scene
-from articulate_envs.starts import home_start
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.evaluate import run_drawn
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run
@@ -38,8 +38,8 @@ class Watched:
     opened: Array
     """Fraction open (T, N)."""
     code: Ints
-    """How the episodes ended (N,): codes of :data:`articulate.judgement.REASONS`."""
-    drawn: Draw
+    """How the episodes ended (N,): codes of :data:`articulate.task.episode_monitor.REASONS`."""
+    drawn: EpisodeParams
     """What was drawn for them."""
 
     @property
@@ -54,14 +54,14 @@ class Watched:
         return HELD_SHARE * self.thick
 
 
-def told_deeper(drawn: Draw, T_wh: Array, deeper_m: float) -> Draw:
+def told_deeper(drawn: EpisodeParams, T_wh: Array, deeper_m: float) -> EpisodeParams:
     """As ``drawn``, with handles at poses (N, 4, 4) told so much deeper along their approach."""
-    told = Draw(drawn.values.copy())
+    told = EpisodeParams(drawn.values.copy())
     told["bias"][:] += deeper_m * T_wh[:, :3, 2]
     return told
 
 
-def handles(scene: Scene, drawn: Draw) -> Array:
+def handles(scene: Scene, drawn: EpisodeParams) -> Array:
     """Poses of the handles ``T_wh`` (N, 4, 4) as episodes begin."""
     count = len(drawn.values)
     engine = ThreadEngine(scene, count, threads=1)

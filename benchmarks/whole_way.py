@@ -27,8 +27,8 @@ from articulate.benchmark.evidence import cases_of
 from articulate.benchmark.export import write_evidence
 from articulate.cache import cache_folder
 from articulate.errors import UsageError
-from articulate.make.story import URDF_FILE
-from articulate_envs.choose import choose_joint
+from articulate.reconstruct.result import URDF_FILE
+from articulate_envs.joint_selection import choose_joint
 from articulate_train.config import TrainConfig
 from articulate_train.run import open_run, prepare_asset
 

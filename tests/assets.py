@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.asset import Asset, Handle, Joint, Link, save_asset
+from articulate.assets.asset import Asset, Handle, Joint, Link, save_asset
 from articulate.simulator import mujoco
 
 WIDTH_M, DEPTH_M, HEIGHT_M, WALL_M = 0.45, 0.42, 0.60, 0.016

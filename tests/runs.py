@@ -10,16 +10,21 @@ from typing import Any
 
 import torch
 
-from articulate.arm import PANDA
-from articulate.asset import Asset
+from articulate.assets.asset import Asset
 from articulate.config import to_yaml
 from articulate.files import write_text
-from articulate.observe import ACTION, OBSERVATION
-from articulate.settings import DrawConfig
-from articulate.task import make_task
-from articulate_envs.place import find_place
-from articulate_envs.settings import StartConfig
-from articulate_train.config import FineConfig, PpoConfig, SelectConfig, TrainConfig
+from articulate.robot.arm import PANDA
+from articulate.task.observation import ACTION, OBSERVATION
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.task import make_task
+from articulate_envs.config import StartConfig
+from articulate_envs.placement_search import find_place
+from articulate_train.config import (
+    ActionScalingConfig,
+    CheckpointSelectionConfig,
+    PpoConfig,
+    TrainConfig,
+)
 from articulate_train.policy import CHECKPOINT
 from articulate_train.run import Run, open_run, write_scene
 
@@ -43,9 +48,9 @@ def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) ->
         "checkpoint_updates": 2,
         "episodes": 4,
         "ppo": TINY_PPO,
-        "draw": replace(DrawConfig(), scales=3),
+        "draw": replace(RandomizationConfig(), scales=3),
         "starts": StartConfig(bank=16),
-        "select": SelectConfig(states=1, alone=0),
+        "select": CheckpointSelectionConfig(states=1, alone=0),
     }
     config = TrainConfig(asset=str(asset.folder), **({"joint": JOINT} | plan | changes))
     _write_run(folder, asset, config, episode_s=1.0)
@@ -63,7 +68,7 @@ def make_run(
 ) -> Path:
     """A run of ``task`` in ``folder`` whose policies are drawn from their seeds."""
     config = TrainConfig(
-        asset=str(asset.folder), task=task, joint=joint, seeds=seeds, draw=DrawConfig()
+        asset=str(asset.folder), task=task, joint=joint, seeds=seeds, draw=RandomizationConfig()
     )
     _write_run(folder, asset, config, episode_s=episode_s)
     for seed in seeds:
@@ -103,7 +108,7 @@ def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -
     content = {
         "policy": weights,
         "net": list(net),
-        "fine": asdict(FineConfig()),
+        "fine": asdict(ActionScalingConfig()),
         "normalise": {"mean": mean, "var": var},
     }
     torch.save(content, folder / CHECKPOINT)

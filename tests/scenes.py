@@ -7,18 +7,19 @@ from pathlib import Path
 
 from tests.assets import make_box, make_cabinet, make_cupboard
 
-from articulate.arm import PANDA, Arm
-from articulate.asset import Asset
-from articulate.draw import Draw
-from articulate.settings import DrawConfig, FollowConfig
-from articulate.task import make_task
+from articulate.assets.asset import Asset
+from articulate.robot.arm import PANDA, Arm
+from articulate.robot.config import ControlConfig
+from articulate.task.randomization import EpisodeParams
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.task import make_task
 from articulate.transforms import Ints
 from articulate_envs.engine import Start
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.place import find_place
+from articulate_envs.placement_search import find_place
 from articulate_envs.scene import Scene, build_scene
 
-DRAWS = dataclasses.replace(DrawConfig(), scales=3)
+DRAWS = dataclasses.replace(RandomizationConfig(), scales=3)
 """The shipped randomisation with few sizes, so that scenes compile quickly."""
 
 
@@ -28,7 +29,7 @@ def make_scene(
     *,
     verb: str = "open",
     arm: Arm = PANDA,
-    draws: DrawConfig = DRAWS,
+    draws: RandomizationConfig = DRAWS,
     episode_s: float = 1.0,
 ) -> Scene:
     """The scene in which ``joint`` of ``asset`` is to be moved, at the sizes of ``draws``."""
@@ -37,7 +38,7 @@ def make_scene(
         asset,
         task,
         arm=arm,
-        follow=FollowConfig(),
+        follow=ControlConfig(),
         physics=PhysicsConfig(),
         place=find_place(asset, task, arm, draws),
         scales=draws.scale_values,
@@ -70,7 +71,7 @@ def closing_scene(folder: Path, part: str) -> Scene:
 def rows_of(start: Start, rows: Ints) -> Start:
     """The rows ``rows`` (M,) of ``start``."""
     return Start(
-        draw=Draw(start.draw.values[rows]),
+        draw=EpisodeParams(start.draw.values[rows]),
         q=start.q[rows],
         opened=start.opened[rows],
         width=start.width[rows],

@@ -8,10 +8,10 @@ import pytest
 from tests.assets import make_cabinet, make_cupboard
 from tests.runs import make_run, write_checkpoint
 
-from articulate.asset import load_asset
+from articulate.assets.asset import load_asset
 from articulate.commands import main
 from articulate.errors import UsageError
-from articulate.prove.prove import proven_asset
+from articulate.preparation.prepare import checked_asset
 from articulate_train import run as runs
 
 BOX = '<box size="1 1 1"/>'
@@ -46,7 +46,7 @@ def taken_as_proven(source, cache, config):
     """Asset folders made for tests have no URDF to prove them with."""
     if (source / "asset.json").is_file():
         return load_asset(source)
-    return proven_asset(source, cache, config)
+    return checked_asset(source, cache, config)
 
 
 @pytest.fixture

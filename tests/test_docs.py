@@ -14,7 +14,7 @@ import pytest
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
 
-from articulate.asset import Asset, Handle, Joint, Link
+from articulate.assets.asset import Asset, Handle, Joint, Link
 from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.cache import CacheFlags
 from articulate.commands.check import CheckFlags
@@ -24,19 +24,20 @@ from articulate.commands.flags import parse
 from articulate.commands.make import MakeFlags
 from articulate.commands.observe import ObserveFlags
 from articulate.commands.watch import WatchFlags
-from articulate.judgement import REASONS
-from articulate.manifest import Manifest
-from articulate.observe import ACTION, OBSERVATION
-from articulate.settings import DrawConfig, FollowConfig
-from articulate.task import Limits
+from articulate.robot.config import ControlConfig
+from articulate.task.episode_monitor import REASONS
+from articulate.task.manifest import Manifest
+from articulate.task.observation import ACTION, OBSERVATION
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.task import Limits
 from articulate_deploy.commands.deploy import DeployFlags
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.interface import OPTIONS
-from articulate_envs.make import EnvConfig
-from articulate_envs.settings import RewardConfig, StartConfig
+from articulate_envs.make_scene import EnvConfig
 from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.commands.export import ExportFlags
 from articulate_train.commands.train import TrainFlags
-from articulate_train.config import FineConfig, ShowConfig
+from articulate_train.config import ActionScalingConfig, ImitationConfig
 from articulate_train.report import Report
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -204,11 +205,11 @@ def test_every_block_names_its_language(page):
 @pytest.mark.parametrize(
     ("head", "cls", "index"),
     [
-        ("setting", FollowConfig, 0),
-        ("setting", FineConfig, 1),
-        ("setting", DrawConfig, 2),
+        ("setting", ControlConfig, 0),
+        ("setting", ActionScalingConfig, 1),
+        ("setting", RandomizationConfig, 2),
         ("setting", StartConfig, 3),
-        ("setting", ShowConfig, 4),
+        ("setting", ImitationConfig, 4),
         ("weight", RewardConfig, 0),
         ("limit", Limits, 0),
     ],

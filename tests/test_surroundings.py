@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from tests.articulate.convert.cabinets import write_cabinet
+from tests.articulate.conversion.cabinets import write_cabinet
 from tests.test_bad_input import taken_as_proven
 
 from articulate.commands import main
@@ -235,9 +235,9 @@ def test_without_pybullet_an_object_is_checked_and_the_proof_says_so(tmp_path, m
 @pytest.mark.parametrize(
     "module",
     [
-        "articulate.prove.prove",
+        "articulate.preparation.prepare",
         "articulate_train.run",
-        "articulate_train.judge_run",
+        "articulate_train.evaluate_run",
         "articulate_deploy.deploy",
         "articulate_deploy.robots.mujoco",
     ],

@@ -13,7 +13,7 @@ from tests.runs import make_run
 
 from articulate.commands import main
 from articulate.errors import MissingError
-from articulate.render import play as plays
+from articulate.render import playback as plays
 from articulate_deploy.deploy import deploy
 from articulate_deploy.robots.play import watch_bundle
 from articulate_train.watch import watch_run
@@ -114,7 +114,7 @@ def test_a_window_shows_every_tick_until_it_is_closed(run_play, monkeypatch):
             seen.append(self.data.qpos.copy())
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr("articulate.render.play.time.sleep", lambda _: None)
+    monkeypatch.setattr("articulate.render.playback.time.sleep", lambda _: None)
     viewer: Any = types.ModuleType("mujoco.viewer")
     viewer.launch_passive = Window
     monkeypatch.setitem(sys.modules, "mujoco.viewer", viewer)

@@ -16,7 +16,7 @@ from articulate.errors import UsageError
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """A temporary path in the same folder that takes the place of ``path`` on success.
 
     Nothing is left behind if the block raises.
@@ -76,7 +76,7 @@ def copy_writable(source: Path, target: Path) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write ``content`` so that ``path`` holds all of it or what it held before."""
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_bytes(content)
 
 

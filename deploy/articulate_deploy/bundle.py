@@ -16,15 +16,15 @@ from typing import NoReturn
 
 import numpy as np
 
-from articulate.draw import COLUMNS, Draw
 from articulate.errors import BundleError, UsageError
-from articulate.manifest import MANIFEST_FILE, Manifest, decode_manifest
-from articulate.settings import FACTORS, MAX_DELAY_TICKS
-from articulate_deploy.arrays import read_tables
-from articulate_deploy.contents import read_contents
-from articulate_deploy.fits import check_fits
-from articulate_deploy.graph import check_graph
-from articulate_deploy.references import check_object, check_scene
+from articulate.task.manifest import MANIFEST_FILE, Manifest, decode_manifest
+from articulate.task.randomization import COLUMNS, EpisodeParams
+from articulate.task.randomization_config import FACTORS, MAX_DELAY_TICKS
+from articulate_deploy.bundle_files import read_contents
+from articulate_deploy.manifest_compatibility import check_fits
+from articulate_deploy.npz_arrays import read_tables
+from articulate_deploy.onnx_graph import check_graph
+from articulate_deploy.scene_references import check_object, check_scene
 
 MAX_MANIFEST = 1_000_000
 """Largest manifest [bytes]; ours have some 20 kB, and objects of hundreds of repairs more."""
@@ -53,7 +53,7 @@ class Bundle:
         return self.files[self.manifest.golden.file]
 
     @property
-    def draws(self) -> Draw:
+    def draws(self) -> EpisodeParams:
         """What is drawn for the episodes that robots are compared on."""
         return _draws(self)
 
@@ -168,18 +168,18 @@ def _check_object(bundle: Bundle) -> None:
     check_object(text, meshes, where)
 
 
-def _draws(bundle: Bundle) -> Draw:
+def _draws(bundle: Bundle) -> EpisodeParams:
     entry = bundle.manifest.draws
     where, wanted = f"{bundle.where}/{entry.file}", f"{entry.count} draws of this version"
     shape = (entry.count, len(COLUMNS))
     values = read_tables(bundle.files[entry.file], {"values": shape}, where, wanted)["values"]
     if entry.columns != COLUMNS or not np.isfinite(values).all():
         raise BundleError(f"{where}: does not hold {wanted}")
-    _check_draws(Draw(values), where)
-    return Draw(values)
+    _check_draws(EpisodeParams(values), where)
+    return EpisodeParams(values)
 
 
-def _check_draws(draws: Draw, where: str) -> None:
+def _check_draws(draws: EpisodeParams, where: str) -> None:
     """Refuse what no range of a draw allows, and a stand-in would not survive."""
     for name in ("delay_ticks", "estimate_delay_ticks"):
         ticks = draws[name]

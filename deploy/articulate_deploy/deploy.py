@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.draw import Draw, at_size, drawn_one_by_one
 from articulate.errors import ConfigError
-from articulate.manifest import Manifest
-from articulate.settings import NO_DRAW, DrawConfig
+from articulate.task.manifest import Manifest
+from articulate.task.randomization import EpisodeParams, at_size, drawn_one_by_one
+from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
-from articulate_deploy.policy import Policy
-from articulate_deploy.record import give_back, new_folders, write_episode, write_report
+from articulate_deploy.policy_runner import Policy
+from articulate_deploy.recording import give_back, new_folders, write_episode, write_report
 from articulate_deploy.report import DeployReport, Transfer
 from articulate_deploy.robots import robot_named
 from articulate_deploy.robots.robot import StandIn
@@ -156,18 +156,18 @@ def _report(
 class Plan:
     """What is drawn for the episodes of one call, the same for every robot."""
 
-    config: DrawConfig
+    config: RandomizationConfig
     """Ranges of the noise within an episode."""
-    draws: Draw
+    draws: EpisodeParams
     """A row for each episode."""
     seed: int
     """Decides the noise, and the draws unless the bundle carries them."""
     carried: bool
     """Whether the draws are the bundle's."""
 
-    def draw(self, k: int) -> Draw:
+    def draw(self, k: int) -> EpisodeParams:
         """The draw of episode ``k``, one row."""
-        return Draw(self.draws.values[k : k + 1].copy())
+        return EpisodeParams(self.draws.values[k : k + 1].copy())
 
     def noise(self, k: int) -> np.random.Generator:
         """What the noise within episode ``k`` is drawn from."""
@@ -192,15 +192,15 @@ def plan_of(bundle: Bundle, episodes: int, *, seed: int | None, randomise: bool)
             f"episodes is {episodes}; the bundle carries {manifest.draws.count} draws: "
             "run fewer, or give a seed to draw others"
         )
-    return Plan(config, Draw(bundle.draws.values[:episodes]), seed, carried)
+    return Plan(config, EpisodeParams(bundle.draws.values[:episodes]), seed, carried)
 
 
-def still(manifest: Manifest) -> DrawConfig:
+def still(manifest: Manifest) -> RandomizationConfig:
     """No randomisation but that of the start, without which all episodes would be the same."""
-    return replace(NO_DRAW, start_rad=manifest.draw.start_rad)
+    return replace(NO_RANDOMIZATION, start_rad=manifest.draw.start_rad)
 
 
-def one_size(manifest: Manifest) -> DrawConfig:
+def one_size(manifest: Manifest) -> RandomizationConfig:
     """The randomisation of training with the object at the size of the bundle's scene."""
     return at_size(manifest.draw, manifest.scene.scale)
 

@@ -6,22 +6,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from articulate.draw import Draw
-from articulate.judgement import (
+from articulate.task.episode_monitor import (
     REASONS,
-    Judgement,
+    EpisodeMonitor,
     judge_sample,
     judge_tick,
     judgement_start,
     opened_at_end,
     verdict,
 )
-from articulate.manifest import Manifest
-from articulate.observe import Estimate, observation
+from articulate.task.manifest import Manifest
+from articulate.task.observation import Estimate, observation
+from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array
 from articulate_deploy.estimators.estimator import Estimator
-from articulate_deploy.plant import Plant
-from articulate_deploy.policy import Policy
+from articulate_deploy.policy_control import Plant
+from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.robot import (
     FORCE_KEYS,
     HAND_KEY,
@@ -49,7 +49,7 @@ class EpisodeResult:
     """How an episode ended."""
 
     reason: str
-    """One of :data:`articulate.judgement.REASONS`."""
+    """One of :data:`articulate.task.episode_monitor.REASONS`."""
     opened: bool
     """Whether the part was held at its target at the end, limits aside."""
     fraction: float
@@ -160,7 +160,7 @@ def run_episode(
     )
 
 
-def start_of(manifest: Manifest, drawn: Draw) -> Array:
+def start_of(manifest: Manifest, drawn: EpisodeParams) -> Array:
     """Angles of the arm (7,) at which an episode under ``drawn`` begins [rad]."""
     low, high = manifest.robot.bounds(manifest.control.follow.margin_rad)
     return np.asarray(np.clip(np.asarray(manifest.start.q) + drawn["start"][0], low, high))
@@ -196,8 +196,8 @@ def _observation(
 
 
 def _judged(
-    judgement: Judgement, torque: Array, robot: Robot, now: Estimate, manifest: Manifest
-) -> tuple[Judgement, Array]:
+    judgement: EpisodeMonitor, torque: Array, robot: Robot, now: Estimate, manifest: Manifest
+) -> tuple[EpisodeMonitor, Array]:
     """The judgement after one more tick, and the last torque."""
     rows = judgement.samples
     for sample in robot.take_samples():

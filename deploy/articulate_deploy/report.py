@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import COLUMNS, Draw
-from articulate.task import done_word
+from articulate.task.randomization import COLUMNS, EpisodeParams
+from articulate.task.task import done_word
 from articulate_deploy.episode import EpisodeResult
 
 
@@ -27,7 +27,7 @@ class DeployReport:
     """Whether the draws are those that the bundle carries."""
     randomised: bool
     results: tuple[EpisodeResult, ...]
-    draws: tuple[Draw, ...]
+    draws: tuple[EpisodeParams, ...]
     notes: tuple[str, ...]
     """What a reader must know of how this was run."""
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.arm import Arm
 from articulate.errors import UsageError
-from articulate.follow import joint_steps
-from articulate.manifest import StartEntry
-from articulate.settings import FollowConfig
+from articulate.robot.arm import Arm
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import joint_steps
+from articulate.task.manifest import StartEntry
 from articulate.transforms import Array
 
 ROUNDING_RAD = 1e-9
@@ -21,7 +21,7 @@ class StartError(UsageError):
     """The arm does not stand where episodes begin."""
 
 
-def safe_target(wish: Array, last: Array, config: FollowConfig, arm: Arm) -> Array:
+def safe_target(wish: Array, last: Array, config: ControlConfig, arm: Arm) -> Array:
     """Targets (7,) nearest to ``wish`` within the joint limits and one step of ``last`` [rad].
 
     A wish that is not a number keeps the joint where it was told to be.

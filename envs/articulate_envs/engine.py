@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from articulate.draw import Draw
-from articulate.follow import HandState
+from articulate.robot.control import GripperState
+from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array, Ints, Mask
 
 if TYPE_CHECKING:  # the arrays are light to import, scenes are not
@@ -23,7 +23,7 @@ class State:
     """Joint speeds (N, 7) [rad/s]."""
     target: Array
     """Targets that the follower runs to (N, 7) [rad]."""
-    hand: HandState
+    hand: GripperState
     """What the hand was told and does."""
     hand_width: Array
     """Opening between the fingers (N,) [m]."""
@@ -47,7 +47,7 @@ class State:
 class Start:
     """How episodes begin, one row per environment of a reset."""
 
-    draw: Draw
+    draw: EpisodeParams
     """What was drawn (M rows)."""
     q: Array
     """Angles of the arm (M, 7) [rad]."""

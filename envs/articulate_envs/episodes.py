@@ -7,27 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import Draw, draw
 from articulate.errors import EngineError
-from articulate.estimate import NoisyEstimator
-from articulate.judgement import (
-    Judgement,
+from articulate.task.episode_monitor import (
+    EpisodeMonitor,
     judgement_start,
     opened_at_end,
     verdict,
 )
-from articulate.observe import ACTION
-from articulate.settings import DrawConfig
+from articulate.task.observation import ACTION
+from articulate.task.randomization import EpisodeParams, draw
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.state_estimation import NoisyEstimator
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.compiled.after import Judged, Rules, after
 from articulate_envs.compiled.judge import asked_of
 from articulate_envs.compiled.observe import NOISES, Past, Scales, Seen, observations
 from articulate_envs.compiled.reward import view_of, way_of, weights_of
-from articulate_envs.critic import privileged
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.engine import Engine, Start, State
+from articulate_envs.initial_states import bank_of_starts, home_start, mixed_start
+from articulate_envs.privileged_observation import privileged
 from articulate_envs.rewards import TERMS, at_end, grasp_of
-from articulate_envs.settings import RewardConfig, StartConfig
-from articulate_envs.starts import bank_of_starts, home_start, mixed_start
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Ended:
     rows: Ints
     """Environments (M,) of int."""
     code: Ints
-    """Codes of :data:`articulate.judgement.REASONS` (M,)."""
+    """Codes of :data:`articulate.task.episode_monitor.REASONS` (M,)."""
     opened: Mask
     """Whether the part was held at its target at the end, limits aside (M,)."""
     from_home: Mask
@@ -76,7 +76,7 @@ class Episodes:
         self,
         engine: Engine,
         *,
-        draws: DrawConfig,
+        draws: RandomizationConfig,
         reward: RewardConfig,
         starts: StartConfig | None,
         seed: int | np.random.SeedSequence | np.random.Generator,
@@ -136,12 +136,12 @@ class Episodes:
         )
 
     @property
-    def drawn(self) -> Draw:
+    def drawn(self) -> EpisodeParams:
         """What was drawn for the episodes that run now."""
-        return Draw(self._drawn.values.copy())
+        return EpisodeParams(self._drawn.values.copy())
 
     @property
-    def judgement(self) -> Judgement:
+    def judgement(self) -> EpisodeMonitor:
         """What the episodes that run now have shown."""
         return self._judgement
 
@@ -287,7 +287,7 @@ class Episodes:
             self._noise(),
             terms,
         )
-        self._judgement = Judgement(now.samples, *judged)
+        self._judgement = EpisodeMonitor(now.samples, *judged)
         return terms, seen
 
     def _may_cut(self) -> Mask:
@@ -345,7 +345,7 @@ class Episodes:
             {k[len(prefix) :]: v for k, v in snapshot.items() if k.startswith(prefix)}
         )
         self._estimator.restore(snapshot)
-        self._judgement = Judgement(
+        self._judgement = EpisodeMonitor(
             snapshot["judgement_samples"].copy(),
             snapshot["judgement_rest_s"].copy(),
             snapshot["judgement_opened"].copy(),
@@ -362,5 +362,5 @@ class Episodes:
         self._state = self.engine.state()
 
 
-def _judged(judgement: Judgement) -> Judged:
+def _judged(judgement: EpisodeMonitor) -> Judged:
     return Judged(judgement.rest_s, judgement.opened, judgement.diverged)

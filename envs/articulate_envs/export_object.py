@@ -6,7 +6,7 @@ import re
 
 from lxml import etree
 
-from articulate.asset import Asset
+from articulate.assets.asset import Asset
 from articulate.errors import AssetError
 
 URDF_FILE = "object.urdf"

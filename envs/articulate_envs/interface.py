@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import COLUMNS, Draw
 from articulate.errors import EngineError, nearest
-from articulate.judgement import REASONS, Judgement, opened_at_end, verdict
-from articulate.observe import ACTION
-from articulate.settings import FACTORS, MAX_DELAY_TICKS
-from articulate.task import Task
+from articulate.task.episode_monitor import REASONS, EpisodeMonitor, opened_at_end, verdict
+from articulate.task.observation import ACTION
+from articulate.task.randomization import COLUMNS, EpisodeParams
+from articulate.task.randomization_config import FACTORS, MAX_DELAY_TICKS
+from articulate.task.task import Task
 from articulate.transforms import Array
 from articulate_envs.engine import Start, State
+from articulate_envs.initial_states import home_start
 from articulate_envs.scene import Scene
-from articulate_envs.starts import home_start
 
 OPTIONS = {
     "draw": "a mapping of columns of a draw to numbers",
@@ -84,7 +84,7 @@ def start_asked_for(options: Mapping[str, Any] | None, start: Start, scene: Scen
     if "opened" in asked and "part_open" not in options.get("draw", {}):
         values = start.draw.values.copy()
         values[:, COLUMNS.index("part_open")] = asked["opened"]
-        asked["draw"] = Draw(values)
+        asked["draw"] = EpisodeParams(values)
     return replace(start, **asked)
 
 
@@ -107,10 +107,10 @@ def _drawn(asked: Any, start: Start, scene: Scene) -> Start:
                 f"reset: draw.{name} is {number}; it must be a whole number up to {MAX_DELAY_TICKS}"
             )
         values[:, COLUMNS.index(name)] = number
-    drawn = Draw(values)
+    drawn = EpisodeParams(values)
     within, k = values.copy(), COLUMNS.index("part_open")
     within[:, k] = np.clip(values[:, k], *scene.task.begin)
-    home, at_home = home_start(scene, Draw(within)), start.home
+    home, at_home = home_start(scene, EpisodeParams(within)), start.home
     return replace(
         start,
         draw=drawn,
@@ -144,10 +144,10 @@ def _shown(value: Any) -> str:
     return " ".join(f"{v:.4g}" for v in np.ravel(value))
 
 
-def told(judgement: Judgement, task: Task, state: State) -> dict[str, Array]:
+def told(judgement: EpisodeMonitor, task: Task, state: State) -> dict[str, Array]:
     """What users are told of N episodes, as if they ended at this tick.
 
-    ``success``, ``reason`` (:data:`articulate.judgement.REASONS`), ``opened`` (rests at the target,
+    ``success``, ``reason`` (:data:`articulate.task.episode_monitor.REASONS`), ``opened`` (rests at the target,
     limits aside) and ``open_fraction``.
     """
     code = verdict(judgement, task)
@@ -159,6 +159,6 @@ def told(judgement: Judgement, task: Task, state: State) -> dict[str, Array]:
     }
 
 
-def drawn_numbers(drawn: Draw, i: int = 0) -> dict[str, float]:
+def drawn_numbers(drawn: EpisodeParams, i: int = 0) -> dict[str, float]:
     """Row ``i`` of a draw by the names of its columns."""
     return {name: float(value) for name, value in zip(COLUMNS, drawn.values[i], strict=True)}

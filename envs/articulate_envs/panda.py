@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from articulate.arm import Arm
 from articulate.errors import MissingError
-from articulate.kinematics import FLANGE_Z_M, HAND_TURN_RAD
+from articulate.robot.arm import Arm
+from articulate.robot.kinematics import FLANGE_Z_M, HAND_TURN_RAD
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 

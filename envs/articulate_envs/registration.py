@@ -27,13 +27,13 @@ def register_tasks() -> None:
     """Register an id for each known task."""
     from gymnasium.envs.registration import register  # a user imported it, or asks for it now
 
-    from articulate.task import TASK_RULES  # numpy, which gymnasium brings in any case
+    from articulate.task.task import TASK_RULES  # numpy, which gymnasium brings in any case
 
     for name in TASK_RULES:
         register(
             id=gym_id(name),
-            entry_point="articulate_envs.gym:ArticulateEnv",
-            vector_entry_point="articulate_envs.vector:ArticulateVectorEnv",
+            entry_point="articulate_envs.gym_env:ArticulateEnv",
+            vector_entry_point="articulate_envs.vector_env:ArticulateVectorEnv",
             kwargs={"task": name},
         )
 

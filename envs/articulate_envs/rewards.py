@@ -1,7 +1,7 @@
 """Reward: a sum of terms, the same for every asset.
 
 Those of a tick are in :mod:`articulate_envs.compiled.reward`; what they pay for is said beside
-their weights, :class:`articulate_envs.settings.RewardConfig`.
+their weights, :class:`articulate_envs.config.RewardConfig`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.asset import Handle
+from articulate.assets.asset import Handle
 from articulate.transforms import Array, Mask
-from articulate_envs.settings import RewardConfig
+from articulate_envs.config import RewardConfig
 
 TERMS = (
     "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",

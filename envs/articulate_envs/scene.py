@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.arm import Arm
-from articulate.asset import Asset
-from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
-from articulate.draw import Draw
-from articulate.follow import check_follow
-from articulate.placing import Place, object_pose, tilted
-from articulate.settings import FollowConfig
+from articulate.assets.asset import Asset
+from articulate.robot.arm import Arm
+from articulate.robot.config import ControlConfig
+from articulate.robot.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
+from articulate.robot.control import check_follow
 from articulate.simulator import mujoco
-from articulate.task import Task
+from articulate.task.object_placement import ObjectPlacement, object_pose, tilted
+from articulate.task.randomization import EpisodeParams
+from articulate.task.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
 from articulate_envs.physics import PhysicsConfig
@@ -65,9 +65,9 @@ class Scene:
     asset: Asset
     task: Task
     arm: Arm
-    follow: FollowConfig
+    follow: ControlConfig
     physics: PhysicsConfig
-    place: Place
+    place: ObjectPlacement
     scales: tuple[float, ...]
     models: tuple[mujoco.MjModel, ...]
     at: Addresses
@@ -87,7 +87,7 @@ class Scene:
         """Ticks in an episode."""
         return round(self.task.episode_s * self.follow.rate_hz)
 
-    def T_wo(self, drawn: Draw) -> Array:
+    def T_wo(self, drawn: EpisodeParams) -> Array:
         """Poses of the object in the world (N, 4, 4) as drawn; see :func:`object_pose`."""
         return object_pose(
             self.asset,
@@ -104,9 +104,9 @@ def build_scene(
     task: Task,
     *,
     arm: Arm,
-    follow: FollowConfig,
+    follow: ControlConfig,
     physics: PhysicsConfig,
-    place: Place,
+    place: ObjectPlacement,
     scales: tuple[float, ...] = (1.0,),
 ) -> Scene:
     """Compile the scene once for each of ``scales``.
@@ -139,7 +139,7 @@ def scene_spec(
     *,
     arm: Arm,
     physics: PhysicsConfig,
-    place: Place,
+    place: ObjectPlacement,
     scale: float,
     visuals: bool,
 ) -> mujoco.MjSpec:
@@ -230,7 +230,7 @@ def _prepare_object(spec: mujoco.MjSpec, *, scale: float, visuals: bool) -> None
             joint.range = scale * np.asarray(joint.range)
 
 
-def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: Place, *, visuals: bool) -> None:
+def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: ObjectPlacement, *, visuals: bool) -> None:
     floor_z = min(0.0, place.pos_w[2])
     floor = spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE)
     floor.size = [3.0, 3.0, 0.1]
@@ -256,7 +256,7 @@ def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: Place, *, visuals: bool
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
 
 
-def _footprint(asset: Asset, place: Place) -> tuple[float, float]:
+def _footprint(asset: Asset, place: ObjectPlacement) -> tuple[float, float]:
     low, high = (np.asarray(b) for b in asset.bounds_o)
     half = (high - low)[:2] / 2.0
     c, s = abs(np.cos(place.yaw_rad)), abs(np.sin(place.yaw_rad))
@@ -318,5 +318,5 @@ def _addresses(model: mujoco.MjModel, task: Task) -> Addresses:
 
 
 def wrench_of(sensors: Array, at: Addresses, tool_w: Array) -> tuple[Array, Mask]:
-    """:func:`articulate.contact.contact_wrench` of sensor data (N, nsensordata) of a scene."""
+    """:func:`articulate.robot.contact.contact_wrench` of sensor data (N, nsensordata) of a scene."""
     return contact_wrench(sensors, at.sensors, tool_w)

@@ -4,7 +4,7 @@ import os
 import pytest
 
 from articulate.errors import UsageError
-from articulate.files import sha256, whole_file, write_bytes, write_json, write_text
+from articulate.files import atomic_write, sha256, write_bytes, write_json, write_text
 
 
 def test_content_is_written_and_hashed(tmp_path):
@@ -17,7 +17,7 @@ def test_content_is_written_and_hashed(tmp_path):
 def test_failure_inside_the_block_keeps_the_old_content_and_leaves_nothing(tmp_path):
     path = tmp_path / "kept.txt"
     write_text(path, "old")
-    with pytest.raises(RuntimeError), whole_file(path) as temporary:
+    with pytest.raises(RuntimeError), atomic_write(path) as temporary:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_text() == "old"
@@ -25,7 +25,7 @@ def test_failure_inside_the_block_keeps_the_old_content_and_leaves_nothing(tmp_p
 
 
 def test_a_file_missing_inside_the_block_is_not_blamed_on_the_target(tmp_path):
-    with pytest.raises(FileNotFoundError), whole_file(tmp_path / "target.txt"):
+    with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "target.txt"):
         (tmp_path / "absent.txt").read_text()
     assert list(tmp_path.iterdir()) == []
 

@@ -6,10 +6,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from articulate.draw import COLUMNS, at_size, drawn_one_by_one
 from articulate.errors import BundleError
-from articulate.manifest import decode_manifest, encode_manifest, with_files
-from articulate_deploy import contents
+from articulate.task.manifest import decode_manifest, encode_manifest, with_files
+from articulate.task.randomization import COLUMNS, at_size, drawn_one_by_one
+from articulate_deploy import bundle_files
 from articulate_deploy.bundle import load_bundle
 from articulate_train.export import write_bundle
 
@@ -122,7 +122,7 @@ def test_a_member_that_unpacks_to_much_more_is_refused(tmp_path):
 
 
 def test_a_bundle_larger_than_allowed_is_refused(exported, monkeypatch):
-    monkeypatch.setattr(contents, "MAX_BYTES", 1000)
+    monkeypatch.setattr(bundle_files, "MAX_BYTES", 1000)
     with pytest.raises(BundleError, match="larger"):
         load_bundle(exported)
 
@@ -243,7 +243,7 @@ def test_a_mesh_whose_faces_are_none_of_its_corners_is_refused(folder, text):
 
 
 def test_a_folder_that_holds_a_whole_disk_is_not_walked_through(tmp_path, monkeypatch):
-    monkeypatch.setattr(contents, "MAX_FILES", 10)
+    monkeypatch.setattr(bundle_files, "MAX_FILES", 10)
     for k in range(25):
         (tmp_path / f"{k}").touch()
     with pytest.raises(BundleError, match="files"):

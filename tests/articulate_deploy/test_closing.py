@@ -7,16 +7,16 @@ from tests.articulate_deploy.test_mujoco import compare
 from tests.assets import make_box, make_cabinet
 from tests.runs import make_run, tiny_run
 
-from articulate.draw import Draw, draw, nominal_draw
-from articulate.judgement import REASONS
+from articulate.task.episode_monitor import REASONS
+from articulate.task.randomization import EpisodeParams, draw, nominal_draw
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.deploy import deploy, one_size
 from articulate_deploy.robots.mujoco import MujocoRobot
-from articulate_envs.starts import home_start
-from articulate_envs.threads import ThreadEngine
-from articulate_train.campaign import train_seeds
+from articulate_envs.initial_states import home_start
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.export import export_policy
 from articulate_train.run import open_run
+from articulate_train.seed_runner import train_seeds
 
 TASKS = {"close_drawer": "drawer_2_slide", "close_lid": "lid_hinge", "open_lid": "lid_hinge"}
 TICKS = 40
@@ -55,7 +55,7 @@ def test_the_stand_in_begins_where_the_part_was_drawn_and_stays_there(made):
         middle = np.mean(run.task.begin)
         assert_allclose(robot.object_state().opened, middle, atol=1e-12)
         for share in (0.0, 1.0):
-            row: Draw = nominal_draw(begin=run.task.begin)
+            row: EpisodeParams = nominal_draw(begin=run.task.begin)
             row.values[:, -1] = run.task.begin[0] + share * np.ptp(run.task.begin)
             robot.set_draw(row)
             robot.reset_to(np.asarray(bundle.manifest.start.q), 0.08)

@@ -8,7 +8,7 @@ import pytest
 
 from articulate.commands import run_command
 from articulate.errors import ConfigError, MissingError, UsageError
-from articulate.observe import OBSERVATION
+from articulate.task.observation import OBSERVATION
 from articulate_deploy.commands.deploy import main
 from articulate_deploy.deploy import deploy, transfer
 from articulate_deploy.report import Transfer

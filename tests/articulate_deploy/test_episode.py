@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.draw import COLUMNS, Draw, draw
-from articulate.judgement import REASONS
-from articulate.settings import NO_DRAW
+from articulate.task.episode_monitor import REASONS
+from articulate.task.randomization import COLUMNS, EpisodeParams, draw
+from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
-from articulate_deploy.policy import Policy
+from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.mujoco import MujocoRobot
+from articulate_envs.config import RewardConfig
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
-from articulate_envs.settings import RewardConfig
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 
-QUIET = dataclasses.replace(NO_DRAW, hand_latency_s=(0.2, 0.2), start_rad=0.1)
+QUIET = dataclasses.replace(NO_RANDOMIZATION, hand_latency_s=(0.2, 0.2), start_rad=0.1)
 
 
 def late_draw(seed):
@@ -51,7 +51,7 @@ def test_an_episode_is_the_one_of_training(bundle, run, seed):
     engine = ThreadEngine(run.scene((1.0,)), 1)
     episodes = Episodes(engine, draws=QUIET, reward=RewardConfig(), starts=None, seed=0)
     start = Start(
-        draw=Draw(drawn.values.copy()),
+        draw=EpisodeParams(drawn.values.copy()),
         q=start_of(bundle.manifest, drawn)[None],
         opened=np.zeros(1),
         width=np.full(1, bundle.manifest.start.hand_width_m),
@@ -83,7 +83,7 @@ def test_an_arm_that_stands_still_leaves_the_drawer_closed(bundle):
 
     values = late_draw(0).values.copy()
     values[:, COLUMNS.index("push_x_n") : COLUMNS.index("push_z_n") + 1] = 0.0
-    result, record = played(bundle, Draw(values), Still())
+    result, record = played(bundle, EpisodeParams(values), Still())
     assert result.reason == "not_open"
     assert not result.success
     assert not result.opened

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.draw import COLUMNS, Draw, draw
 from articulate.errors import BundleError
-from articulate.judgement import COLUMN, judge_sample, judgement_start
-from articulate.kinematics import solve_ik, tool_pose
-from articulate.placing import handle_in_world
+from articulate.robot.kinematics import solve_ik, tool_pose
+from articulate.task.episode_monitor import COLUMN, judge_sample, judgement_start
+from articulate.task.object_placement import handle_in_world
+from articulate.task.randomization import COLUMNS, EpisodeParams, draw
 from articulate_deploy.deploy import one_size
-from articulate_deploy.plant import Plant
+from articulate_deploy.policy_control import Plant
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (
     FORCE_KEYS,
@@ -22,8 +22,8 @@ from articulate_deploy.robots.robot import (
     joints_of,
 )
 from articulate_envs.engine import Start
-from articulate_envs.starts import home_start
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.initial_states import home_start
+from articulate_envs.threaded_engine import ThreadEngine
 
 TICKS = 100
 
@@ -121,7 +121,7 @@ def test_the_stand_in_is_the_plant_of_training_while_it_pulls(engine, robot, bun
     actions[:, 7] = 1.0
     actions[25:55, 2] = -0.12 / (30 * manifest.control.follow.move_m)
     start = Start(
-        draw=Draw(values),
+        draw=EpisodeParams(values),
         q=grip.q,
         opened=np.zeros(1),
         width=np.full(1, 0.08),

@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 from tests.assets import make_box
 from tests.runs import make_run
 
-from articulate.arm import PANDA
-from articulate.draw import COLUMNS, Draw, nominal_draw
 from articulate.errors import BundleError
-from articulate.kinematics import joint_poses, solve_ik, tool_jacobian, tool_pose
-from articulate.placing import handle_in_world
+from articulate.robot.arm import PANDA
+from articulate.robot.kinematics import joint_poses, solve_ik, tool_jacobian, tool_pose
+from articulate.task.object_placement import handle_in_world
+from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_draw
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.pybullet import PybulletRobot, armature_on_links, contact_force
@@ -223,7 +223,7 @@ def test_a_hand_that_pulls_opens_the_drawer_as_far_as_in_mujoco(robot, bundle):
 def test_an_episode_depends_on_nothing_that_was_before_it(robot, bundle):
     def run(seed):
         rng = np.random.default_rng(seed)
-        robot.set_draw(Draw(bundle.draws.values[seed : seed + 1]))
+        robot.set_draw(EpisodeParams(bundle.draws.values[seed : seed + 1]))
         q = start_of(bundle)
         robot.reset_to(q, 0.08)
         for _ in range(10):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.draw import COLUMNS, nominal_draw
 from articulate.errors import ConfigError, MissingError
-from articulate.follow import joint_steps
+from articulate.robot.control import joint_steps
+from articulate.task.randomization import COLUMNS, nominal_draw
 from articulate_deploy.robots import ROBOTS, robot_named
 from articulate_deploy.robots.robot import (
     ACTION_FEATURES,

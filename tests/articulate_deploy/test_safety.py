@@ -2,12 +2,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from articulate.arm import PANDA
-from articulate.follow import joint_steps
-from articulate.settings import FollowConfig
+from articulate.robot.arm import PANDA
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import joint_steps
 from articulate_deploy.safety import safe_target, was_clipped
 
-CONFIG = FollowConfig()
+CONFIG = ControlConfig()
 LOW, HIGH = PANDA.bounds(CONFIG.margin_rad)
 ANY = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=7, max_size=7)
 WITHIN = st.lists(st.floats(0.0, 1.0), min_size=7, max_size=7)

@@ -5,8 +5,8 @@ import pytest
 from tests.assets import make_cabinet
 from tests.scenes import closing_scene, door_scene, drawer_scene, lid_scene
 
-from articulate.asset import load_asset
-from articulate_envs import window
+from articulate.assets.asset import load_asset
+from articulate_envs import viewer
 
 ID = "articulate_envs:Articulate/OpenDrawer-v0"
 
@@ -49,7 +49,9 @@ def cabinet_folder(tmp_path_factory):
 @pytest.fixture
 def named(cabinet_folder, monkeypatch):
     """Arguments of an environment on a cabinet of ours, which is taken as it is, unproven."""
-    monkeypatch.setattr("articulate_envs.make.proven_asset", lambda path, *_: load_asset(path))
+    monkeypatch.setattr(
+        "articulate_envs.make_scene.proven_asset", lambda path, *_: load_asset(path)
+    )
     return {
         "asset": str(cabinet_folder),
         "joint": "drawer_2_slide",
@@ -81,7 +83,7 @@ def opened(monkeypatch):
         return viewers[-1]
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(window, "_open", open_one)
+    monkeypatch.setattr(viewer, "_open", open_one)
     monkeypatch.setattr(time, "sleep", lambda s: None)
     return viewers
 

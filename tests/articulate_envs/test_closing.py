@@ -7,19 +7,19 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.draw import BLOCKS, COLUMNS, draw, nominal_draw
 from articulate.errors import ReachError
-from articulate.judgement import REASONS
-from articulate.kinematics import relative, tool_pose
-from articulate.placing import handle_in_world, object_pose
-from articulate.settings import NO_DRAW
+from articulate.robot.kinematics import relative, tool_pose
+from articulate.task.episode_monitor import REASONS
+from articulate.task.object_placement import handle_in_world, object_pose
+from articulate.task.randomization import BLOCKS, COLUMNS, draw, nominal_draw
+from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate.transforms import axis_angle_to_matrix, rotation_angle
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.episodes import Episodes
-from articulate_envs.place import CLEAR_M, MIN_DRAWN_SHARE, start_clearance
-from articulate_envs.reach import check_grasp
-from articulate_envs.settings import RewardConfig, StartConfig
-from articulate_envs.starts import bank_of_starts, home_start
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.grasp_clearance import check_grasp
+from articulate_envs.initial_states import bank_of_starts, home_start
+from articulate_envs.placement_search import CLEAR_M, MIN_DRAWN_SHARE, start_clearance
+from articulate_envs.threaded_engine import ThreadEngine
 
 PARTS = ["closing_drawer", "closing_door", "closing_lid"]
 
@@ -160,7 +160,7 @@ def test_handle_of_a_hinge_goes_on_a_circle_and_turns_with_it(closing_door):
 def test_part_that_rests_closed_is_a_success_and_one_that_stays_open_is_not_closed(scene):
     n = 4
     engine = ThreadEngine(scene, n)
-    runs = Episodes(engine, draws=NO_DRAW, reward=RewardConfig(), starts=None, seed=0)
+    runs = Episodes(engine, draws=NO_RANDOMIZATION, reward=RewardConfig(), starts=None, seed=0)
     start = home_start(scene, nominal_draw(n, begin=scene.task.begin))
     start.opened[:] = [scene.task.begin[1], scene.task.target + 0.02, scene.task.target - 0.02, 0]
     start.q[2:, 0] += 1.5  # the arm is elsewhere

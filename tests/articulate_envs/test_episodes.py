@@ -6,16 +6,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.draw import nominal_draw
-from articulate.judgement import CODE, REASONS
-from articulate.observe import OBSERVATION
-from articulate.settings import NO_DRAW
-from articulate_envs.critic import PRIVILEGED
+from articulate.task.episode_monitor import CODE, REASONS
+from articulate.task.observation import OBSERVATION
+from articulate.task.randomization import nominal_draw
+from articulate.task.randomization_config import NO_RANDOMIZATION
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.episodes import Episodes
+from articulate_envs.initial_states import bank_of_starts, home_start
+from articulate_envs.privileged_observation import PRIVILEGED
 from articulate_envs.rewards import TERMS
-from articulate_envs.settings import RewardConfig, StartConfig
-from articulate_envs.starts import bank_of_starts, home_start
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 
 N = 4
 STARTS = StartConfig(bank=24)
@@ -47,7 +47,7 @@ def test_every_episode_has_the_tasks_length_and_the_next_begins_by_itself(drawer
 
 
 def test_observation_of_a_tick_that_ends_an_episode_is_of_the_new_one(drawer):
-    runs = episodes(drawer, starts=None, draws=NO_DRAW)
+    runs = episodes(drawer, starts=None, draws=NO_RANDOMIZATION)
     first = runs.reset()
     for action in actions(drawer.ticks):
         tick = runs.step(action)
@@ -136,7 +136,7 @@ def held_open(scene, n):
 @pytest.mark.parametrize("name", ["drawer", "door"])
 def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_not(name, request):
     scene = request.getfixturevalue(name)
-    runs = episodes(scene, starts=None, draws=NO_DRAW)
+    runs = episodes(scene, starts=None, draws=NO_RANDOMIZATION)
     start = held_open(scene, N)
     start.opened[0], start.q[0], start.home[0] = 0.0, scene.place.start_q, True
     runs.reset(start=start)
@@ -212,7 +212,7 @@ def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
 
 def open_and_idle(scene, **starts):
     """Episodes that begin with the part open at rest, and what their ticks give."""
-    runs = episodes(scene, starts=dataclasses.replace(STARTS, **starts), draws=NO_DRAW)
+    runs = episodes(scene, starts=dataclasses.replace(STARTS, **starts), draws=NO_RANDOMIZATION)
     start = home_start(scene, nominal_draw(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     return [runs.step(np.zeros((N, 8))) for _ in range(scene.ticks)]
@@ -259,7 +259,7 @@ def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
         assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
         assert not ticks[-1].ended.cut.any()
         assert ticks[-1].ended.from_home.all()
-    runs = episodes(drawer, starts=None, draws=NO_DRAW)
+    runs = episodes(drawer, starts=None, draws=NO_RANDOMIZATION)
     start = home_start(drawer, nominal_draw(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     done = [runs.step(np.zeros((N, 8))).done.any() for _ in range(drawer.ticks)]

@@ -5,13 +5,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.draw import COLUMNS, draw
 from articulate.errors import EngineError
-from articulate.judgement import CODE, COLUMN, WIDTH, Judgement
+from articulate.task.episode_monitor import CODE, COLUMN, WIDTH, EpisodeMonitor
+from articulate.task.randomization import COLUMNS, draw
+from articulate_envs.config import StartConfig
+from articulate_envs.initial_states import bank_of_starts, home_start
 from articulate_envs.interface import checked_action, drawn_numbers, start_asked_for, told
-from articulate_envs.settings import StartConfig
-from articulate_envs.single import SingleEngine
-from articulate_envs.starts import bank_of_starts, home_start
+from articulate_envs.single_engine import SingleEngine
 
 FREE = [c for c in COLUMNS if not c.endswith("delay_ticks") and c not in ("scale", "part_open")]
 """Columns that take any positive number."""
@@ -85,7 +85,7 @@ def test_users_are_told_what_the_judgement_says(drawer):
         samples = np.zeros((1, WIDTH))
         samples[0, COLUMN["code"]] = code
         held = np.array([rest_s > 0.0])
-        judgement = Judgement(samples, np.array([rest_s]), held, np.array([diverged]))
+        judgement = EpisodeMonitor(samples, np.array([rest_s]), held, np.array([diverged]))
         every = told(judgement, drawer.task, state)
         return every["success"][0], every["reason"][0], every["opened"][0]
 

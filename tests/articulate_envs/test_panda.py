@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.arm import PANDA
-from articulate.kinematics import tool_jacobian, tool_pose
+from articulate.robot.arm import PANDA
+from articulate.robot.kinematics import tool_jacobian, tool_pose
 from articulate.simulator import mujoco
 from articulate_envs.panda import panda_spec
 from articulate_envs.physics import PhysicsConfig

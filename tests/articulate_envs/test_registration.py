@@ -5,7 +5,7 @@ import gymnasium
 import pytest
 
 import articulate_envs  # noqa: F401  it makes the ids known
-from articulate.task import TASK_RULES
+from articulate.task.task import TASK_RULES
 from articulate_envs.registration import gym_id
 
 HEAVY = "numpy mujoco numba gymnasium torch robosuite"
@@ -41,7 +41,7 @@ def test_importing_the_package_imports_nothing_heavy():
 )
 def test_ids_exist_whichever_package_is_imported_first(order):
     code = f"{order}; print(gymnasium.spec('Articulate/OpenDrawer-v0').entry_point)"
-    assert python(code) == "articulate_envs.gym:ArticulateEnv"
+    assert python(code) == "articulate_envs.gym_env:ArticulateEnv"
 
 
 def test_gymnasium_is_what_it_would_be_without_us():

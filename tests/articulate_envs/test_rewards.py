@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from articulate.arm import PANDA
-from articulate.asset import Handle
+from articulate.assets.asset import Handle
 from articulate.errors import ConfigError
-from articulate.follow import HandState
-from articulate.judgement import COLUMN, WIDTH
-from articulate.kinematics import tool_pose
-from articulate.task import Task
+from articulate.robot.arm import PANDA
+from articulate.robot.control import GripperState
+from articulate.robot.kinematics import tool_pose
+from articulate.task.episode_monitor import COLUMN, WIDTH
+from articulate.task.task import Task
 from articulate.transforms import axis_angle_to_matrix, pose
 from articulate_envs.compiled.reward import (
     grip_offset,
@@ -23,6 +23,7 @@ from articulate_envs.compiled.reward import (
     weights_of,
     write_terms,
 )
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.engine import State
 from articulate_envs.rewards import (
     MOST_ALONG_M,
@@ -30,7 +31,6 @@ from articulate_envs.rewards import (
     at_end,
     grasp_of,
 )
-from articulate_envs.settings import RewardConfig, StartConfig
 
 CONFIG = RewardConfig(aside_most_m=1.0)
 TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)
@@ -46,7 +46,7 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=
     for name, value in samples.items():
         rows[0, COLUMN[name]] = value
     one = np.ones(1)
-    hand = HandState(smooth * one, closing * one, 10 * one, 0 * one, closing * one)
+    hand = GripperState(smooth * one, closing * one, 10 * one, 0 * one, closing * one)
     return State(
         q=HOME,
         dq=np.zeros((1, 7)),

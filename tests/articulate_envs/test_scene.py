@@ -5,15 +5,15 @@ import pytest
 from numpy.testing import assert_allclose
 from tests.scenes import DRAWS, rows_of
 
-from articulate.arm import PANDA
-from articulate.kinematics import solve_ik
+from articulate.robot.arm import PANDA
+from articulate.robot.kinematics import solve_ik
 from articulate.simulator import mujoco
 from articulate.transforms import pose
+from articulate_envs.config import StartConfig
+from articulate_envs.initial_states import bank_of_starts
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, wrench_of
-from articulate_envs.settings import StartConfig
-from articulate_envs.starts import bank_of_starts
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 
 
 def in_hand(model, body):

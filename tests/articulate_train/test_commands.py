@@ -9,7 +9,7 @@ from tests.runs import write_checkpoint
 from articulate.commands import main
 from articulate.errors import DivergedError, MissingError
 from articulate.library.procedural.cabinet import embedded_cabinet
-from articulate_train import campaign, judge_run
+from articulate_train import evaluate_run, seed_runner
 from articulate_train.run import DONE, open_run
 
 TINY = """
@@ -29,8 +29,8 @@ def no_pictures(monkeypatch):
     def missing(*_, **__):
         raise MissingError("nothing to draw with")
 
-    monkeypatch.setattr(judge_run, "picture", missing)
-    monkeypatch.setattr(judge_run, "write_film", missing)
+    monkeypatch.setattr(evaluate_run, "picture", missing)
+    monkeypatch.setattr(evaluate_run, "write_film", missing)
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_train_makes_a_run_its_policy_and_its_report(tmp_path, capsys, monkeypat
 
 
 def test_resuming_a_run_that_is_done_goes_straight_to_its_evaluation(done, capsys, monkeypatch):
-    monkeypatch.setattr(campaign, "_start", lambda *_: pytest.fail("trained again"))
+    monkeypatch.setattr(seed_runner, "_start", lambda *_: pytest.fail("trained again"))
     checkpoint = (done.seed_folder(0) / "checkpoint.pt").read_bytes()
     assert main(["train", "--resume", "--out", str(done.folder), "--episodes", "3"]) == 0
     assert "of 3 episodes" in capsys.readouterr().out
@@ -77,7 +77,7 @@ def test_resuming_without_an_evaluation_prints_the_folder_alone(done, capsys):
 
 
 def test_interrupted_training_says_how_to_go_on(done, capsys, monkeypatch):
-    monkeypatch.setattr(campaign, "train_seeds", lambda *_: False)
+    monkeypatch.setattr(seed_runner, "train_seeds", lambda *_: False)
     assert main(["train", "--resume", "--out", str(done.folder)]) == 130
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -89,7 +89,7 @@ def test_training_that_diverges_is_one_line_and_exit_1(done, capsys, monkeypatch
         raise DivergedError("seed 0 diverged: weights are not finite after 64 steps")
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(campaign, "train_seeds", diverged)
+    monkeypatch.setattr(seed_runner, "train_seeds", diverged)
     assert main(["train", "--resume", "--out", str(done.folder)]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 2  # the first says which run it is

@@ -8,7 +8,7 @@ import pytest
 from tests.articulate_train.test_report import INFO, _report, _seed
 
 from articulate.errors import RunError
-from articulate.judgement import CODE
+from articulate.task.episode_monitor import CODE
 from articulate_train.compare import compare, comparison_page, read_report, write_comparison
 from articulate_train.report_html import write_report
 

@@ -3,7 +3,7 @@
 import pytest
 
 from articulate.errors import ConfigError
-from articulate_train.config import PpoConfig, ShowConfig, TrainConfig
+from articulate_train.config import ImitationConfig, PpoConfig, TrainConfig
 
 
 @pytest.mark.parametrize("name", ["n_envs", "n_steps", "n_epochs"])
@@ -40,7 +40,9 @@ def test_members_that_would_only_be_shown_are_refused():
     with pytest.raises(ConfigError, match=r"members is 10 and show\.until 0\.1"):
         TrainConfig(asset="cabinet.urdf", members=10)
     assert TrainConfig(asset="cabinet.urdf", members=9).members == 9
-    assert TrainConfig(asset="cabinet.urdf", members=1, show=ShowConfig(until=1.0)).members == 1
+    assert (
+        TrainConfig(asset="cabinet.urdf", members=1, show=ImitationConfig(until=1.0)).members == 1
+    )
 
 
 @pytest.mark.parametrize("seeds", [(), (1, 1), (-1,), (0, 2**32)])

@@ -7,7 +7,7 @@ from tests.test_bad_input import taken_as_proven
 
 from articulate.commands import main
 from articulate.errors import MissingError
-from articulate_envs.choose import choose_joint
+from articulate_envs.joint_selection import choose_joint
 from articulate_train import dry_run as dry
 from articulate_train import run as runs
 

@@ -5,12 +5,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.runs import write_checkpoint
 
-from articulate.draw import COLUMNS, draw
 from articulate.errors import RunError
-from articulate.judgement import REASONS, WIDTH
-from articulate.observe import OBSERVATION
-from articulate_envs.critic import PRIVILEGED
+from articulate.task.episode_monitor import REASONS, WIDTH
+from articulate.task.observation import OBSERVATION
+from articulate.task.randomization import COLUMNS, draw
 from articulate_envs.episodes import Ended
+from articulate_envs.privileged_observation import PRIVILEGED
 from articulate_envs.rewards import TERMS
 from articulate_train.evaluate import evaluate_seed, first_ends, run_drawn, timelines
 from articulate_train.policy import load_policy

@@ -14,10 +14,11 @@ from tests.assets import make_cabinet
 from tests.runs import make_run, write_checkpoint
 
 from articulate.errors import RunError, UsageError
-from articulate.manifest import decode_manifest
-from articulate.observe import OBSERVATION
+from articulate.task.manifest import decode_manifest
+from articulate.task.observation import OBSERVATION
+from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.commands.export import main
-from articulate_train.config import FineConfig
+from articulate_train.config import ActionScalingConfig
 from articulate_train.export import (
     choose_seed,
     export_policy,
@@ -26,7 +27,6 @@ from articulate_train.export import (
     to_onnx,
     write_bundle,
 )
-from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
 from articulate_train.policy import checkpoint_sha256, load_policy, read_checkpoint
 from articulate_train.run import open_run
 
@@ -70,8 +70,8 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
         linear = network.head(network.body(torch.zeros(1, OBSERVATION.size)))
     mean = network.mean.numpy()[None]
     said = torch.clamp(linear, -1, 1).numpy()
-    said[:, :MOTIONS] *= shares(FineConfig(), mean)
-    said[:, :ELBOW] = np.clip(said[:, :ELBOW] - taken_back(FineConfig(), mean), -1, 1)
+    said[:, :MOTIONS] *= shares(ActionScalingConfig(), mean)
+    said[:, :ELBOW] = np.clip(said[:, :ELBOW] - taken_back(ActionScalingConfig(), mean), -1, 1)
     assert_allclose(act(model, mean), said, rtol=0, atol=1e-5)
 
 

@@ -6,7 +6,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.monitor import Monitor
 
-from articulate_envs.gym import ArticulateEnv
+from articulate_envs.gym_env import ArticulateEnv
 
 
 @pytest.fixture

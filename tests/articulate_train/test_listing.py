@@ -6,9 +6,9 @@ import pytest
 from tests.assets import make_box, make_cabinet
 
 from articulate.commands import main
-from articulate.task import TASK_RULES
+from articulate.task.task import TASK_RULES
 from articulate_train.commands import listing
-from articulate_train.joints import joint_rows, task_rows
+from articulate_train.list_joints import joint_rows, task_rows
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import torch
 from tests.runs import write_checkpoint
 
 from articulate.errors import RunError
-from articulate.observe import OBSERVATION
+from articulate.task.observation import OBSERVATION
 from articulate_train.policy import CHECKPOINT, load_policy, read_checkpoint, trained_steps
 
 POINTER = """version https://git-lfs.github.com/spec/v1

@@ -6,10 +6,10 @@ import torch
 from numpy.testing import assert_array_equal
 
 from articulate.errors import ConfigError, DivergedError
-from articulate.observe import OBSERVATION
-from articulate_envs.critic import PRIVILEGED
+from articulate.task.observation import OBSERVATION
+from articulate_envs.privileged_observation import PRIVILEGED
+from articulate_train.action_scaling import MOTIONS, shares
 from articulate_train.config import PpoConfig
-from articulate_train.fine import MOTIONS, shares
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner, write_checkpoint
 

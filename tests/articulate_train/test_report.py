@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from articulate.draw import COLUMNS, draw
-from articulate.judgement import CODE, COLUMN, WIDTH
-from articulate.settings import NO_DRAW, DrawConfig
+from articulate.task.episode_monitor import CODE, COLUMN, WIDTH
+from articulate.task.randomization import COLUMNS, draw
+from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate_envs.rewards import TERMS
 from articulate_train.report import (
     Curve,
@@ -58,7 +58,7 @@ def _seed(seed, codes, *, nominal=(0, 0, 0, 0), config=None):
         codes=codes,
         opened=codes != CODE["not_open"],
         peaks=peaks,
-        draws=draw(config or DrawConfig(), np.random.default_rng(seed), len(codes)).values,
+        draws=draw(config or RandomizationConfig(), np.random.default_rng(seed), len(codes)).values,
         nominal_codes=nominal,
         nominal_opened=np.ones(len(nominal), dtype=bool),
     )
@@ -74,7 +74,7 @@ def _curve(seed):
 
 def _timeline(name, reason):
     t = np.linspace(0.05, 10.0, 200)
-    drawn = draw(DrawConfig(), np.random.default_rng(3)).values[0]
+    drawn = draw(RandomizationConfig(), np.random.default_rng(3)).values[0]
     return Timeline(
         name=name,
         reason=reason,
@@ -149,7 +149,7 @@ def test_a_diverged_episode_is_left_out_of_the_peaks_and_counted():
 
 
 def test_parameters_that_decide_come_first_and_constant_ones_are_left_out():
-    seed = _seed(0, [0] * 400, config=dataclasses.replace(DrawConfig(), push_n=(0.0, 0.0)))
+    seed = _seed(0, [0] * 400, config=dataclasses.replace(RandomizationConfig(), push_n=(0.0, 0.0)))
     slow = seed.draws[:, COLUMNS.index("hand_latency_s")] > 0.9
     codes = np.where(slow, CODE["not_open"], 0).astype(np.int64)
     report = _report(seeds=[dataclasses.replace(seed, codes=codes)])
@@ -189,7 +189,7 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
 def test_the_page_tells_what_was_drawn_for_the_episodes_that_it_shows(tmp_path):
     page = report_page(_report(), tmp_path)
     fold = page[page.index("What was drawn for them") :].partition("</details>")[0]
-    friction = draw(DrawConfig(), np.random.default_rng(3))["friction"][0]
+    friction = draw(RandomizationConfig(), np.random.default_rng(3))["friction"][0]
     assert f'finger friction, factor</td><td class="n">{friction:.3g}</td>' in fold
     assert len(re.findall("<tr>", fold)) == 1 + len(COLUMNS)
 
@@ -248,7 +248,7 @@ def test_a_training_too_short_for_figures_has_no_empty_charts(tmp_path):
 
 
 def test_a_perfect_run_without_curves_clips_or_nominal_episodes_still_has_a_page(tmp_path):
-    seed = _seed(3, [0] * 20, nominal=(), config=NO_DRAW)
+    seed = _seed(3, [0] * 20, nominal=(), config=NO_RANDOMIZATION)
     report = _report(seeds=[seed], curves=False, timelines=False)
     assert report.nominal_success_rate is None
     assert report.parameters == ()

@@ -3,7 +3,7 @@
 import dataclasses
 
 import pytest
-from tests.articulate.prove.browser import Browser
+from tests.articulate.asset_page.browser import Browser
 from tests.articulate_train.test_report import INFO, PNG, _report
 
 from articulate_train.report_html import write_report

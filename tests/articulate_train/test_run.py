@@ -10,15 +10,15 @@ from tests.runs import JOINT, TINY_PPO
 
 from articulate.config import load_config
 from articulate.errors import AssetError, ReachError, RunError, UsageError
-from articulate.placing import handle_way
-from articulate.settings import DrawConfig
-from articulate_envs import choose
-from articulate_envs.choose import HOME_HEIGHT_M, choose_joint
+from articulate.task.object_placement import handle_way
+from articulate.task.randomization_config import RandomizationConfig
+from articulate_envs import joint_selection
+from articulate_envs.joint_selection import HOME_HEIGHT_M, choose_joint
 from articulate_train import run as runs
-from articulate_train.config import PpoConfig, SelectConfig, TrainConfig
+from articulate_train.config import CheckpointSelectionConfig, PpoConfig, TrainConfig
 from articulate_train.run import DONE, create_run, open_run, prepare_asset, resume_run, run_bytes
 
-DRAWS = dataclasses.replace(DrawConfig(), scales=3)
+DRAWS = dataclasses.replace(RandomizationConfig(), scales=3)
 
 
 def wish(asset, **changes):
@@ -47,14 +47,14 @@ def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_taken(
 
 
 def test_of_several_joints_those_that_cannot_be_reached_are_passed_over(cabinet, monkeypatch):
-    reached = choose._reached
+    reached = joint_selection._reached
 
     def picky(config, asset, joint):
         if joint == JOINT:
             raise ReachError(f"{asset.name}: too far")
         return reached(config, asset, joint)
 
-    monkeypatch.setattr(choose, "_reached", picky)
+    monkeypatch.setattr(joint_selection, "_reached", picky)
     assert choose_joint(wish(cabinet), cabinet)[0].joint == "drawer_1_slide"
 
 
@@ -238,7 +238,7 @@ def test_disk_that_a_run_takes_is_no_less_than_it_was_measured_to(
     cabinet, net, envs, states, seed_mb
 ):
     """Of a seed with two members."""
-    ppo, select = PpoConfig(net=net, n_envs=envs), SelectConfig(states=states)
+    ppo, select = PpoConfig(net=net, n_envs=envs), CheckpointSelectionConfig(states=states)
     config = TrainConfig(asset="a", seeds=(0,), ppo=ppo, select=select)
     two = dataclasses.replace(config, seeds=(0, 1))
     assert seed_mb < (run_bytes(two, cabinet) - run_bytes(config, cabinet)) / 1e6 < 1.5 * seed_mb

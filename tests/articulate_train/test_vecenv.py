@@ -6,16 +6,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tests.scenes import DRAWS
 
-from articulate.draw import nominal_draw
-from articulate.judgement import REASONS
-from articulate.observe import ACTION, OBSERVATION
-from articulate_envs.critic import PRIVILEGED
+from articulate.task.episode_monitor import REASONS
+from articulate.task.observation import ACTION, OBSERVATION
+from articulate.task.randomization import nominal_draw
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.episodes import Episodes
-from articulate_envs.settings import RewardConfig, StartConfig
-from articulate_envs.starts import home_start
-from articulate_envs.threads import ThreadEngine
-from articulate_train.config import FineConfig
-from articulate_train.fine import MOTIONS
+from articulate_envs.initial_states import home_start
+from articulate_envs.privileged_observation import PRIVILEGED
+from articulate_envs.threaded_engine import ThreadEngine
+from articulate_train.action_scaling import MOTIONS
+from articulate_train.config import ActionScalingConfig
 from articulate_train.vecenv import EpisodesVecEnv
 
 N = 4
@@ -30,7 +30,7 @@ def env(drawer):
         starts=StartConfig(bank=16),
         seed=0,
     )
-    made = EpisodesVecEnv(runs, FineConfig())
+    made = EpisodesVecEnv(runs, ActionScalingConfig())
     yield made
     made.close()
 
@@ -131,5 +131,5 @@ def test_motions_are_finer_near_the_handle_and_the_hands_command_is_not(env, mon
 
     monkeypatch.setattr(env.episodes, "step", stepped)
     env.step(np.full((N, ACTION.size), 2.0, dtype=np.float32))
-    assert_allclose(asked[0][:, :MOTIONS], FineConfig().share, rtol=1e-6)
+    assert_allclose(asked[0][:, :MOTIONS], ActionScalingConfig().share, rtol=1e-6)
     assert_allclose(asked[0][:, MOTIONS:], 1.0)

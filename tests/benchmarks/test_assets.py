@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.articulate.prove.objects import Part, make_object
+from tests.articulate.checks.objects import Part, make_object
 
 import assets
 from articulate.simulator import mujoco

@@ -6,16 +6,16 @@ import shutil
 import pytest
 import trimesh
 from lxml import etree
-from tests.articulate.convert.cabinets import write_cabinet
+from tests.articulate.conversion.cabinets import write_cabinet
 
 import defects
 import planted
-from articulate.asset import load_asset
-from articulate.convert import ConvertConfig, convert
-from articulate.convert.convert import read_input
-from articulate.proof import Clause, Proof
-from articulate.prove.clauses import CLAUSES
-from articulate.prove.origin import origin_of_reading
+from articulate.assets.asset import load_asset
+from articulate.assets.check_report import Check, CheckReport
+from articulate.checks.descriptions import CLAUSES
+from articulate.checks.source import origin_of_reading
+from articulate.conversion import ConvertConfig, convert
+from articulate.conversion.convert import read_input
 
 CONFIG = ConvertConfig(decompose=False, size_m=0.4)
 
@@ -80,8 +80,8 @@ def test_a_lost_link_is_refused_and_named(folder, source, tmp_path):
 
 
 def failed(name, subject):
-    clause = Clause(name=name, outcome="failed", subject=subject, message="why")
-    return Proof(asset="a", verdict="refused", reasons=("why",), clauses=(clause,))
+    clause = Check(name=name, outcome="failed", subject=subject, message="why")
+    return CheckReport(asset="a", verdict="refused", reasons=("why",), clauses=(clause,))
 
 
 @pytest.mark.parametrize(

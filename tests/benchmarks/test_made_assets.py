@@ -97,7 +97,7 @@ def settled(monkeypatch, told, verdict, stated="proven"):
     monkeypatch.setattr(made, "made_of", lambda *_: (verdict, ()))
     monkeypatch.setattr(made, "proof_of", proof_of)
     monkeypatch.setattr(made, "stated_of", stated_of)
-    place = made.Place("a", Path("data"), Path("objects/a"), Path("out"))
+    place = made.ObjectPlacement("a", Path("data"), Path("objects/a"), Path("out"))
     return made.pair(place, [], told), asked
 
 

@@ -10,10 +10,10 @@ from tests.assets import make_cabinet
 from tests.runs import make_run
 
 import physics
-from articulate.draw import draw
-from articulate.settings import NO_DRAW
 from articulate.simulator import mujoco
-from articulate_envs.starts import home_start
+from articulate.task.randomization import draw
+from articulate.task.randomization_config import NO_RANDOMIZATION
+from articulate_envs.initial_states import home_start
 from articulate_train.run import open_run
 from gains import motion_to
 
@@ -27,7 +27,7 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def stage(run, tmp_path_factory):
     found = open_run(run)
-    config = replace(found.config, draw=NO_DRAW)
+    config = replace(found.config, draw=NO_RANDOMIZATION)
     cache = tmp_path_factory.mktemp("cache")
     return physics.Stage(config, found.asset.folder, found.asset, found.task, found.place, cache)
 
@@ -49,7 +49,7 @@ def test_every_candidate_is_written_into_every_model(stage):
 
 def test_a_replay_of_what_was_taken_is_the_episode_itself(stage):
     scene = stage.scene(physics.Candidate(name="shipped"))
-    drawn = draw(NO_DRAW, np.random.default_rng(0), 2, begin=scene.task.begin)
+    drawn = draw(NO_RANDOMIZATION, np.random.default_rng(0), 2, begin=scene.task.begin)
     start = home_start(scene, drawn)
     engine = physics.TimedEngine(scene, 2)
     goals, hand = physics.script(scene, start, np.random.default_rng(1))

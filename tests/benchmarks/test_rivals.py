@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
-from tests.articulate.convert.cabinets import write_cabinet
+from tests.articulate.conversion.cabinets import write_cabinet
 
 import rivals
-from articulate.asset import load_asset
-from articulate.convert import ConvertConfig, convert
-from articulate.prove.fk import InputFrame
+from articulate.assets.asset import load_asset
+from articulate.checks.forward_kinematics import InputFrame
+from articulate.conversion import ConvertConfig, convert
 from articulate.simulator import mujoco
 
 CONFIG = ConvertConfig(decompose=False)

@@ -5,11 +5,11 @@ import pytest
 from tests.assets import make_cabinet
 from tests.runs import make_run
 
-from articulate.draw import COLUMNS, draw
-from articulate.kinematics import tool_pose
-from articulate.settings import NO_DRAW
+from articulate.robot.kinematics import tool_pose
+from articulate.task.randomization import COLUMNS, draw
+from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate.transforms import pose
-from articulate_envs.starts import home_start
+from articulate_envs.initial_states import home_start
 from articulate_train.evaluate import run_episodes
 from articulate_train.policy import load_policy
 from articulate_train.run import open_run
@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
 
 
 def test_a_handle_is_told_deeper_along_its_approach_alone():
-    drawn = draw(NO_DRAW, np.random.default_rng(0), 2)
+    drawn = draw(NO_RANDOMIZATION, np.random.default_rng(0), 2)
     along_x = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
     T_wh = np.stack([np.eye(4), pose(np.zeros(3), along_x)])
     change = told_deeper(drawn, T_wh, 0.01).values - drawn.values

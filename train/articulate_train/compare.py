@@ -21,8 +21,8 @@ import yaml
 
 from articulate.errors import RunError
 from articulate.files import write_json, write_text
-from articulate.judgement import REASONS
 from articulate.page import Bars, Chart, Line, Page
+from articulate.task.episode_monitor import REASONS
 from articulate.transforms import Array
 from articulate_train.report import SCHEMA, SCHEMA_VERSION
 from articulate_train.report_html import REASON_TEXT

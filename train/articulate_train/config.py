@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from articulate.errors import ConfigError, nearest
-from articulate.settings import MOST_WIDER, SEEN_BEYOND, DrawConfig, FollowConfig
+from articulate.robot.config import ControlConfig
+from articulate.task.randomization_config import MOST_WIDER, SEEN_BEYOND, RandomizationConfig
+from articulate_envs.config import RewardConfig, StartConfig
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.settings import RewardConfig, StartConfig
 
 if TYPE_CHECKING:
-    from articulate.task import Task
+    from articulate.task.task import Task
 
 SEEDS = 2**32
 """Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
@@ -93,11 +94,11 @@ class PpoConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowConfig:
+class ImitationConfig:
     """How training begins: the policy is shown what a hand would do that sees everything as it is.
 
     For the first ticks, which count as all others do, it learns to say what the guide
-    (:mod:`articulate_envs.guide`) would say where it is itself (DAgger; Ross, Gordon and Bagnell,
+    (:mod:`articulate_envs.scripted_expert`) would say where it is itself (DAgger; Ross, Gordon and Bagnell,
     2011), from what it sees. What there is to gain beyond that, PPO finds.
     """
 
@@ -130,7 +131,7 @@ class ShowConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FineConfig:
+class ActionScalingConfig:
     """How much finer a hand that holds nothing moves near the handle."""
 
     share: float = 0.35
@@ -204,7 +205,7 @@ class FineConfig:
         if not 0.0 <= self.release < math.inf:
             raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
 
-    def of(self, task: Task, way_m: float | None) -> FineConfig:
+    def of(self, task: Task, way_m: float | None) -> ActionScalingConfig:
         """What counts for ``task``.
 
         Leads are taken back where a part meets its stop; one that is farther beyond the target than
@@ -223,7 +224,7 @@ class FineConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SelectConfig:
+class CheckpointSelectionConfig:
     """Which state of a training is kept as its policy.
 
     What a policy has learnt it can lose again while training goes on. States of the second half are
@@ -299,19 +300,19 @@ class TrainConfig:
     """Decides the draws of the evaluation; they are none of training's."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """Algorithm."""
-    show: ShowConfig = field(default_factory=ShowConfig)
+    show: ImitationConfig = field(default_factory=ImitationConfig)
     """What training begins with."""
-    fine: FineConfig = field(default_factory=FineConfig)
+    fine: ActionScalingConfig = field(default_factory=ActionScalingConfig)
     """Finer motions near the handle."""
-    select: SelectConfig = field(default_factory=SelectConfig)
+    select: CheckpointSelectionConfig = field(default_factory=CheckpointSelectionConfig)
     """Which state of the training is kept."""
-    draw: DrawConfig = field(default_factory=DrawConfig)
+    draw: RandomizationConfig = field(default_factory=RandomizationConfig)
     """Randomisation."""
     reward: RewardConfig = field(default_factory=RewardConfig)
     """Reward."""
     starts: StartConfig = field(default_factory=StartConfig)
     """Starts along the task."""
-    follow: FollowConfig = field(default_factory=FollowConfig)
+    follow: ControlConfig = field(default_factory=ControlConfig)
     """Plant between the policy's tick and the joints."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     """Physics."""
@@ -322,7 +323,7 @@ class TrainConfig:
         return -(-self.steps // self.members)
 
     def __post_init__(self) -> None:
-        from articulate.task import TASK_RULES  # brings numpy, which --help does without
+        from articulate.task.task import TASK_RULES  # brings numpy, which --help does without
 
         if self.task not in TASK_RULES:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")

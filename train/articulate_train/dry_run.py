@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from articulate.arm import PANDA
 from articulate.cache import using
 from articulate.errors import MissingError, RunError
 from articulate.files import write_bytes
+from articulate.robot.arm import PANDA
 from articulate.transforms import Array
-from articulate_envs.choose import choose_joint
-from articulate_envs.film import picture
-from articulate_envs.reach import check_grasp
+from articulate_envs.grasp_clearance import check_grasp
+from articulate_envs.joint_selection import choose_joint
 from articulate_envs.scene import PREFIX, Scene, build_scene
-from articulate_train.campaign import processors
+from articulate_envs.video import picture
 from articulate_train.config import TrainConfig
-from articulate_train.judge_run import target_text
+from articulate_train.evaluate_run import target_text
 from articulate_train.ppo import Learner
 from articulate_train.run import prepare_asset, run_bytes
+from articulate_train.seed_runner import processors
 
 MEASURED_S = 3.0
 """So long training is measured at least, after one update that does not count [s]."""

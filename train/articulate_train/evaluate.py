@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from articulate.draw import COLUMNS, Draw, draw
-from articulate.judgement import COLUMN, REASONS
-from articulate.settings import NO_DRAW, DrawConfig
+from articulate.task.episode_monitor import COLUMN, REASONS
+from articulate.task.randomization import COLUMNS, EpisodeParams, draw
+from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.transforms import Array
+from articulate_envs.config import RewardConfig
 from articulate_envs.episodes import Ended, Episodes
+from articulate_envs.initial_states import home_start
 from articulate_envs.scene import Scene
-from articulate_envs.settings import RewardConfig
-from articulate_envs.starts import home_start
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.policy import Policy, checkpoint_sha256, load_policy
 from articulate_train.ppo import EVALUATION
 from articulate_train.report import SeedEvaluation, Timeline
@@ -50,7 +50,7 @@ class Rollout:
 
     ended: Ended
     """Their ends, one row per episode."""
-    draws: Draw
+    draws: EpisodeParams
     """What was drawn for them."""
     traces: Traces
     """What happened."""
@@ -75,7 +75,7 @@ def evaluate_seed(
     config = run.config
     stream = np.random.SeedSequence([config.evaluation_seed, seed, EVALUATION])
     drawn = roll_out(run.scene(), policy, config.draw, stream, episodes=episodes, threads=threads)
-    still = replace(NO_DRAW, start_rad=config.draw.start_rad)
+    still = replace(NO_RANDOMIZATION, start_rad=config.draw.start_rad)
     nominal = roll_out(
         run.scene((1.0,)), policy, still, stream, episodes=min(episodes, NOMINAL), threads=threads
     )
@@ -97,7 +97,7 @@ def evaluate_seed(
 def roll_out(
     scene: Scene,
     policy: Policy,
-    draws: DrawConfig,
+    draws: RandomizationConfig,
     stream: np.random.SeedSequence,
     *,
     episodes: int,
@@ -132,13 +132,13 @@ def roll_out(
 def run_episodes(
     scene: Scene,
     policy: Policy,
-    draws: DrawConfig,
+    draws: RandomizationConfig,
     stream: np.random.SeedSequence,
     *,
     episodes: int,
     threads: int,
     after_tick: Watch = lambda *_: None,
-) -> tuple[Ended, Draw]:
+) -> tuple[Ended, EpisodeParams]:
     """Ends of ``episodes`` episodes from home with the policy's mean action, and their draws.
 
     Args:
@@ -159,8 +159,8 @@ def run_episodes(
 def run_drawn(
     scene: Scene,
     policy: Policy,
-    draws: DrawConfig,
-    drawn: Draw,
+    draws: RandomizationConfig,
+    drawn: EpisodeParams,
     stream: np.random.SeedSequence,
     *,
     threads: int,
@@ -188,7 +188,7 @@ def run_drawn(
     ended: list[Ended] = []
     for begin in range(0, count, side_by_side):
         which = slice(begin, min(begin + side_by_side, count))
-        some = Draw(drawn.values[which])
+        some = EpisodeParams(drawn.values[which])
         engine = ThreadEngine(scene, len(some.values), threads=threads)
         noise = stream if begin == 0 else stream.spawn(1)[0]
         env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=noise)

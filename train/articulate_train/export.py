@@ -21,11 +21,10 @@ import numpy as np
 import onnx
 import torch
 
-from articulate.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
-from articulate.draw import Draw, at_size, drawn_one_by_one
 from articulate.errors import RunError, UsageError
-from articulate.files import require_space, sha256, whole_file
-from articulate.manifest import (
+from articulate.files import atomic_write, require_space, sha256
+from articulate.robot.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
+from articulate.task.manifest import (
     DRAWS_FILE,
     GOLDEN_FILE,
     MANIFEST_FILE,
@@ -33,12 +32,12 @@ from articulate.manifest import (
     POLICY_FILE,
     SCENE_FILE,
     Control,
-    DrawsEntry,
     EstimatorEntry,
     FingersEntry,
     Golden,
     Manifest,
     PolicyEntry,
+    RandomizationEntry,
     SceneEntry,
     StartEntry,
     Training,
@@ -46,13 +45,13 @@ from articulate.manifest import (
     limit_table_sha256,
     with_files,
 )
-from articulate.observe import ACTION, OBSERVATION
-from articulate.settings import DrawConfig
+from articulate.task.observation import ACTION, OBSERVATION
+from articulate.task.randomization import EpisodeParams, at_size, drawn_one_by_one
+from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array
 from articulate_envs.export_object import object_files
 from articulate_envs.export_scene import export_scene
 from articulate_envs.scene import PREFIX, Scene
-from articulate_train.campaign import last_progress
 from articulate_train.policy import (
     CHECKPOINT,
     Policy,
@@ -64,6 +63,7 @@ from articulate_train.policy import (
     trained_steps,
 )
 from articulate_train.run import Run, open_run, versions
+from articulate_train.seed_runner import last_progress
 
 OPSET = 18
 """Version of ONNX's operators that is asked for."""
@@ -185,7 +185,7 @@ def _success_of_report(run: Run) -> dict[int, float]:
         return {}
 
 
-def draws_of(run: Run, scene: Scene) -> Draw:
+def draws_of(run: Run, scene: Scene) -> EpisodeParams:
     """What is drawn for the episodes that robots are compared on.
 
     It is the run's randomisation, the object at the size of the bundle's scene, under the seed of
@@ -196,12 +196,12 @@ def draws_of(run: Run, scene: Scene) -> Draw:
     return drawn_one_by_one(config, entry.seed, entry.count, begin=run.task.begin)
 
 
-def draws_entry(run: Run) -> DrawsEntry:
+def draws_entry(run: Run) -> RandomizationEntry:
     """The manifest's entry for :func:`draws_of`."""
-    return DrawsEntry(seed=run.config.evaluation_seed)
+    return RandomizationEntry(seed=run.config.evaluation_seed)
 
 
-def bundle_files(scene: Scene, policy: Policy, draws: Draw) -> dict[str, bytes]:
+def bundle_files(scene: Scene, policy: Policy, draws: EpisodeParams) -> dict[str, bytes]:
     """Contents of the bundle by path, the manifest aside."""
     with tempfile.TemporaryDirectory(prefix="articulate-export-") as name:
         folder = Path(name)
@@ -371,7 +371,7 @@ def _fingers(scene: Scene) -> FingersEntry:
     )
 
 
-def _estimator(draws: DrawConfig, rate_hz: float) -> EstimatorEntry:
+def _estimator(draws: RandomizationConfig, rate_hz: float) -> EstimatorEntry:
     return EstimatorEntry(
         needs=("T_wh", "opened", "speed"),
         rate_hz=rate_hz,
@@ -391,7 +391,7 @@ def licence_warnings(licence: str, name: str) -> tuple[str, ...]:
 def write_bundle(out: Path, files: dict[str, bytes]) -> None:
     """Write ``files`` to a zip file or a new folder, whole or not at all."""
     if out.suffix == ".zip":
-        with whole_file(out) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        with atomic_write(out) as temporary, zipfile.ZipFile(temporary, "w") as archive:
             for name, content in files.items():
                 item = zipfile.ZipInfo(name)  # a fixed date: equal bundles are equal files
                 item.compress_type = zipfile.ZIP_DEFLATED

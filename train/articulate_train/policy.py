@@ -17,10 +17,10 @@ from torch import Tensor, nn
 
 from articulate.errors import RunError
 from articulate.files import sha256, write_bytes
-from articulate.observe import ACTION, OBSERVATION
+from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array
-from articulate_train.config import FineConfig
-from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.config import ActionScalingConfig
 
 CHECKPOINT = "checkpoint.pt"
 """File of a seed's folder that holds all of its state."""
@@ -62,7 +62,7 @@ class Network(nn.Module):
 class Policy(nn.Module):
     """Raw observations (N, size of OBSERVATION) to actions (N, 8) in [-1, 1], float32."""
 
-    def __init__(self, networks: Sequence[Network], fine: FineConfig) -> None:
+    def __init__(self, networks: Sequence[Network], fine: ActionScalingConfig) -> None:
         """With the networks of a seed's members, of which each says as much as the others."""
         super().__init__()
         self.networks = nn.ModuleList(networks)
@@ -186,7 +186,9 @@ def trained_steps(checkpoint: dict[str, Any]) -> int:
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
     """The policy held in a checkpoint's weights and normalisation."""
     members = acting_members(checkpoint)
-    policy = Policy([_network_of(member) for member in members], FineConfig(**checkpoint["fine"]))
+    policy = Policy(
+        [_network_of(member) for member in members], ActionScalingConfig(**checkpoint["fine"])
+    )
     policy.steps, policy.alone = trained_steps(checkpoint), checkpoint.get(ACTS)
     return policy.eval()
 

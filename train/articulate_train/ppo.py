@@ -21,14 +21,14 @@ from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
 from articulate.errors import DivergedError
-from articulate.observe import OBSERVATION
+from articulate.task.observation import OBSERVATION
 from articulate_envs.episodes import Episodes
-from articulate_envs.guide import guide_of
 from articulate_envs.scene import Scene
-from articulate_envs.threads import ThreadEngine
+from articulate_envs.scripted_expert import guide_of
+from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.imitation import imitate
 from articulate_train.policy import CHECKPOINT, write_state
-from articulate_train.shown import imitate
 from articulate_train.vecenv import EpisodesVecEnv
 
 

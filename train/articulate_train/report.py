@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from articulate.arm import PANDA, Arm
-from articulate.draw import COLUMNS, Draw
-from articulate.judgement import COLUMN, REASONS
-from articulate.task import Limits
+from articulate.robot.arm import PANDA, Arm
+from articulate.task.episode_monitor import COLUMN, REASONS
+from articulate.task.randomization import COLUMNS, EpisodeParams
+from articulate.task.task import Limits
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.rewards import TERMS
 from articulate_train.statistics import (
@@ -48,13 +48,13 @@ class SeedEvaluation:
     seed: int
     """Seed of the training."""
     codes: Ints
-    """Codes of :data:`articulate.judgement.REASONS` (E,)."""
+    """Codes of :data:`articulate.task.episode_monitor.REASONS` (E,)."""
     opened: Mask
     """Whether the part was held open at the end, limits aside (E,)."""
     peaks: Array
-    """Rows with the columns of :data:`articulate.judgement.FIELDS` (E, WIDTH)."""
+    """Rows with the columns of :data:`articulate.task.episode_monitor.FIELDS` (E, WIDTH)."""
     draws: Array
-    """Rows with the columns of :data:`articulate.draw.COLUMNS` (E, len(COLUMNS))."""
+    """Rows with the columns of :data:`articulate.task.randomization.COLUMNS` (E, len(COLUMNS))."""
     nominal_codes: Ints
     """Codes of episodes in which nothing is randomised (E_n,); empty if there were none."""
     nominal_opened: Mask
@@ -90,7 +90,7 @@ class Timeline:
     name: str
     """What it is an example of: ``success`` or ``failure``."""
     reason: str
-    """How it ended, of :data:`articulate.judgement.REASONS`."""
+    """How it ended, of :data:`articulate.task.episode_monitor.REASONS`."""
     t: Array
     """Time (T,) [s]."""
     force_n: Array
@@ -100,7 +100,7 @@ class Timeline:
     opened: Array
     """Fraction open (T,)."""
     drawn: Mapping[str, float] = field(default_factory=dict)
-    """What was drawn for it, by the names of :data:`articulate.draw.COLUMNS`."""
+    """What was drawn for it, by the names of :data:`articulate.task.randomization.COLUMNS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -358,7 +358,7 @@ def _peaks(peaks: Array, limits: Limits, arm: Arm) -> tuple[Peak, ...]:
 
 
 def _parameters(draws: Array, hits: Mask) -> tuple[Parameter, ...]:
-    drawn = Draw(draws)
+    drawn = EpisodeParams(draws)
     values = {name: drawn[name] for name in COLUMNS}
     values |= {
         "distance_m": np.hypot(drawn["x_m"], drawn["y_m"]),

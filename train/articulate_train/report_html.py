@@ -20,9 +20,9 @@ from urllib.parse import quote
 import numpy as np
 
 from articulate.files import write_json, write_text
-from articulate.judgement import REASONS
 from articulate.page import Bars, Chart, Line, Page, Points, Tile
-from articulate.task import done_word
+from articulate.task.episode_monitor import REASONS
+from articulate.task.task import done_word
 from articulate.transforms import Array
 from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
@@ -53,7 +53,7 @@ REASON_TEXT = {
     "diverged": "simulation diverged",
     "not_closed": "not closed at the end",
 }
-"""What a reader is told of :data:`articulate.judgement.REASONS`."""
+"""What a reader is told of :data:`articulate.task.episode_monitor.REASONS`."""
 PEAK_TEXT = {
     "force": "force, 50 ms filter [N]",
     "force_short": "force, 10 ms filter [N]",

@@ -33,22 +33,22 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from articulate.arm import PANDA, Arm, Hand
-from articulate.asset import Asset, load_asset
+from articulate.assets.asset import Asset, load_asset
 from articulate.cache import using
 from articulate.config import from_mapping, read_yaml, to_yaml
-from articulate.convert import ConvertConfig
-from articulate.convert.size import check_category
+from articulate.conversion import ConvertConfig
+from articulate.conversion.metric_size import check_category
 from articulate.errors import RunError, field_error
 from articulate.files import copy_writable, require_space, write_json, write_text
-from articulate.observe import ACTION
-from articulate.prove.prove import proven_asset
-from articulate.task import Limits, Task
-from articulate_envs.choose import choose_joint
-from articulate_envs.place import Place
+from articulate.preparation.prepare import checked_asset
+from articulate.robot.arm import PANDA, Arm, Hand
+from articulate.task.observation import ACTION
+from articulate.task.task import Limits, Task
+from articulate_envs.joint_selection import choose_joint
+from articulate_envs.placement_search import ObjectPlacement
 from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
-from articulate_train.lock import alone
+from articulate_train.run_lock import alone
 
 PACKAGES = (
     "mujoco", "numpy", "torch", "stable_baselines3", "gymnasium", "numba", "robosuite",
@@ -64,7 +64,7 @@ class Run:
     config: TrainConfig
     asset: Asset
     task: Task
-    place: Place
+    place: ObjectPlacement
     arm: Arm
 
     def seed_folder(self, seed: int) -> Path:
@@ -108,7 +108,7 @@ def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
     """The object of ``config``, converted or taken from the cache."""
     check_category(config.category)
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
-    return proven_asset(Path(config.asset), cache, wish)
+    return checked_asset(Path(config.asset), cache, wish)
 
 
 def create_run(
@@ -136,7 +136,7 @@ def create_run(
 
 def _placed(
     config: TrainConfig, cache: Path, say: Callable[[str], None]
-) -> tuple[Asset, Task, Place]:
+) -> tuple[Asset, Task, ObjectPlacement]:
     """The object of ``config``, what is asked of it, and where it stands."""
     say(f"{config.asset}: converting and proving it, or taking it from the cache")
     asset = prepare_asset(config, cache)
@@ -172,7 +172,9 @@ def on_object(
     return dataclasses.replace(run, config=config, asset=other, task=task, place=place)
 
 
-def _write_run(folder: Path, config: TrainConfig, asset: Asset, task: Task, place: Place) -> None:
+def _write_run(
+    folder: Path, config: TrainConfig, asset: Asset, task: Task, place: ObjectPlacement
+) -> None:
     temporary = None
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -323,7 +325,7 @@ def _kept_config(path: Path) -> TrainConfig:
     return from_mapping(TrainConfig, {"members": 1} | read_yaml(path), str(path))
 
 
-def write_scene(folder: Path, task: Task, place: Place, arm: Arm) -> None:
+def write_scene(folder: Path, task: Task, place: ObjectPlacement, arm: Arm) -> None:
     """Write ``scene.json``: what is asked, where the object stands, limits and gains of the arm."""
     scene = {
         "task": dataclasses.asdict(task),
@@ -366,6 +368,6 @@ def _arm(content: dict[str, Any]) -> Arm:
     return Arm(**{**plain, "hand": Hand(**content["hand"])})
 
 
-def _place(content: dict[str, Any]) -> Place:
+def _place(content: dict[str, Any]) -> ObjectPlacement:
     plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return Place(**plain)
+    return ObjectPlacement(**plain)

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from articulate.judgement import REASONS
-from articulate.observe import ACTION, OBSERVATION
+from articulate.task.episode_monitor import REASONS
+from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array, Ints, Mask
-from articulate_envs.critic import PRIVILEGED
 from articulate_envs.episodes import Episodes
-from articulate_envs.guide import Guide
-from articulate_train.config import FineConfig
-from articulate_train.fine import ELBOW, MOTIONS, shares, taken_back
-from articulate_train.shown import said
+from articulate_envs.privileged_observation import PRIVILEGED
+from articulate_envs.scripted_expert import ScriptedExpert
+from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.config import ActionScalingConfig
+from articulate_train.imitation import said
 
 Singles = NDArray[np.float32]
 FINISHED = ("code", "opened", "from_home", "terms")
@@ -40,20 +40,20 @@ class EpisodesVecEnv(VecEnv):
     """N environments as Stable-Baselines3 wants them.
 
     Observations are those of the policy followed by those of the value function alone
-    (:data:`articulate_envs.critic.PRIVILEGED`). Episodes have a fixed length and the observation
+    (:data:`articulate_envs.privileged_observation.PRIVILEGED`). Episodes have a fixed length and the observation
     holds the time left, so that their end is a termination; being cut off while the part rests at
     the target is a truncation. Actions are what a policy says; what the arm is asked for is finer
-    near the handle (:mod:`articulate_train.fine`).
+    near the handle (:mod:`articulate_train.action_scaling`).
     """
 
-    def __init__(self, episodes: Episodes, fine: FineConfig) -> None:
+    def __init__(self, episodes: Episodes, fine: ActionScalingConfig) -> None:
         """Wrap ``episodes``, which this then owns."""
         self.episodes = episodes
         self.fine = fine
         """How much finer motions are; training moves it."""
         self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
-        self.guide: Guide | None = None
+        self.guide: ScriptedExpert | None = None
         """Who shows what to do; None shows nothing."""
         self.led = 0
         """In so many environments the guide acts, and not the policy."""

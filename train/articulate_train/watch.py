@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.judgement import REASONS
-from articulate.render.play import Play
-from articulate.settings import NO_DRAW
-from articulate_envs.film import drawn_model, write_film
+from articulate.render.playback import Play
+from articulate.task.episode_monitor import REASONS
+from articulate.task.randomization_config import NO_RANDOMIZATION
+from articulate_envs.video import drawn_model, write_film
 from articulate_train.evaluate import roll_out
 from articulate_train.export import choose_seed
 from articulate_train.policy import load_policy
@@ -34,7 +34,7 @@ def watch_run(path: Path, *, seed: int | None, episode: int, randomise: bool) ->
     chosen, _, _ = choose_seed(run, seed)
     policy = load_policy(run.seed_folder(chosen))
     draws = run.config.draw
-    draws = draws if randomise else replace(NO_DRAW, start_rad=draws.start_rad)
+    draws = draws if randomise else replace(NO_RANDOMIZATION, start_rad=draws.start_rad)
     scene = run.scene(draws.scale_values)
     stream = np.random.SeedSequence([run.config.evaluation_seed, chosen, EVALUATION, episode])
     acted = roll_out(scene, policy, draws, stream, episodes=1, threads=1)

@@ -15,14 +15,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from articulate.actors.named.meaning import meanings_installed
-from articulate.actors.vlm.gemini import MODEL_VARIABLE, URL_VARIABLE
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import LIBRARIES, Dataset
 from articulate.benchmark.records import Record, is_final, lost_object
 from articulate.errors import ArticulateError, ConfigError, UsageError
 from articulate.files import write_json
-from articulate.jobs.children import Answer, Children
+from articulate.jobs.process_pool import Answer, ProcessPool
+from articulate.reconstruct.actors.semantic.embeddings import meanings_installed
+from articulate.reconstruct.actors.vlm.gemini import MODEL_VARIABLE, URL_VARIABLE
 
 FOLDER = "objects"
 """Folder of the records, below that of the run."""
@@ -47,12 +47,12 @@ class Batch:
     """Run again what was run before."""
     fingerprint: str = field(init=False)
     """Hash of everything that decides a record but the object."""
-    _children: Children = field(init=False)
+    _children: ProcessPool = field(init=False)
 
     def __post_init__(self) -> None:
         """Say once what the records are made of: files may change while they are made."""
         self.fingerprint = fingerprint(self.source, self.data, self.config)
-        self._children = Children("articulate.benchmark.child", self.limit_s)
+        self._children = ProcessPool("articulate.benchmark.child", self.limit_s)
 
     def run(self, ids: Sequence[str], jobs: int) -> Iterator[Record]:
         """Run all objects, ``jobs`` at a time, and yield their records as they come."""

@@ -11,13 +11,13 @@ import json
 import sys
 from pathlib import Path
 
-from articulate.actors.registry import make_actor
 from articulate.benchmark.batch import RECORD_VERSION, USAGE_EXIT
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.run import run_object
 from articulate.errors import MissingError, UsageError
 from articulate.files import write_json
+from articulate.reconstruct.actors.registry import make_actor
 
 OBJECT_EXIT = 3
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from articulate.actors.modality import Modality
 from articulate.errors import ConfigError
+from articulate.reconstruct.actors.modality import Modality
 
 Task = Literal["joints", "placement"]
 Condition = Literal["plain", "camera_off", "noisy"]

@@ -16,10 +16,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from articulate.benchmark.known import KnownJoint, Status
+from articulate.benchmark.known_joint import KnownJoint, Status
 from articulate.benchmark.truth import SCORED_KINDS, TrueObject, joints_in_urdf, true_object
-from articulate.convert.read import SourceObject, read_urdf
 from articulate.errors import AssetError, ConfigError, nearest
+from articulate.formats.read_urdf import SourceObject, read_urdf
 from articulate.library.library import Library
 
 LIBRARIES = {

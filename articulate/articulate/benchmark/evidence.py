@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from articulate.actors.protocol import Evidence
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.disturb import camera_off, noisy_frames, textured
+from articulate.benchmark.perturb import camera_off, noisy_frames, textured
 from articulate.benchmark.truth import TrueJoint, TrueObject
+from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import Camera, front_camera
-from articulate.render.clip import poses_of_parts, sweep
+from articulate.render.joint_video import poses_of_parts, sweep
 from articulate.render.parts import PartMesh
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene

@@ -18,13 +18,13 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from articulate.actors.protocol import Evidence
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.evidence import cases_of
 from articulate.benchmark.truth import TrueObject
-from articulate.files import whole_file, write_bytes, write_json
+from articulate.files import atomic_write, write_bytes, write_json
+from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import Camera
-from articulate.render.clip import Clip, write_clip
+from articulate.render.joint_video import Clip, write_clip
 from articulate.render.parts import PartMesh
 
 
@@ -56,7 +56,7 @@ def write_evidence(evidence: Evidence, folder: Path) -> Path:
     if evidence.clip is not None and evidence.times_s is not None:
         write_clip(folder / "clip.mp4", Clip(frames=evidence.clip, times_s=evidence.times_s))
     if evidence.picture is not None:
-        with whole_file(folder / "picture.png") as path:
+        with atomic_write(folder / "picture.png") as path:
             Image.fromarray(evidence.picture).save(path, "PNG")
     if evidence.camera is not None:
         write_json(folder / "camera.json", _camera(evidence.camera))

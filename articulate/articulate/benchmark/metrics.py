@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from articulate.actors.protocol import PredictedJoint
-from articulate.benchmark.endpoints import Endpoints, endpoint_metrics
+from articulate.benchmark.endpoint_error import Endpoints, endpoint_metrics
+from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.transforms import Array, angle_between, apply, normalised
 
 PARALLEL = 1e-3

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from articulate.actors.protocol import Failure, PredictedJoint
 from articulate.benchmark.metrics import JointErrors, joint_errors, ordered
+from articulate.reconstruct.actors.protocol import Failure, PredictedJoint
 from articulate.transforms import Array
 
 Protocol = Literal["paper", "released_code", "strict"]

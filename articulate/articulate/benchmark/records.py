@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from articulate.benchmark.known import KnownJoint
+from articulate.benchmark.known_joint import KnownJoint
 
 Record = dict[str, Any]
 

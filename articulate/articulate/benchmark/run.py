@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from articulate.actors.protocol import Actor, Failure, PredictedJoint, Prediction
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.endpoints import endpoint_metrics
+from articulate.benchmark.endpoint_error import endpoint_metrics
 from articulate.benchmark.evidence import Case, cases_of, plain_label
 from articulate.benchmark.placement import (
     PlacementErrors,
@@ -29,6 +28,7 @@ from articulate.benchmark.protocols import (
 from articulate.benchmark.records import Record, plain
 from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
 from articulate.errors import MissingError, UsageError
+from articulate.reconstruct.actors.protocol import Actor, Failure, PredictedJoint, Prediction
 from articulate.transforms import Array, matrix_to_quat
 
 

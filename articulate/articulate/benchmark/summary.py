@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from articulate.actors.protocol import FAILURES
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.protocols import PROTOCOLS, Protocol
 from articulate.benchmark.records import Record
 from articulate.benchmark.statistics import clustered_mean, wilson
+from articulate.reconstruct.actors.protocol import FAILURES
 
 SCHEMA = "articulate.benchmark"
 SCHEMA_VERSION = 1

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from articulate.actors.protocol import JointKind, PredictedJoint
-from articulate.benchmark.known import KnownJoint, Status
+from articulate.benchmark.known_joint import KnownJoint, Status
 from articulate.benchmark.metrics import ordered
-from articulate.convert.collada import loader_of
-from articulate.convert.config import ConvertConfig
-from articulate.convert.mesh import Loader
-from articulate.convert.read import SourceJoint, SourceObject
-from articulate.convert.tree import Part, unit_axis
 from articulate.errors import AssetError
+from articulate.formats.collada_up_axis import loader_of
+from articulate.formats.config import ConvertConfig
+from articulate.formats.link_tree import Part, unit_axis
+from articulate.formats.load_meshes import Loader
+from articulate.formats.read_urdf import SourceJoint, SourceObject
+from articulate.reconstruct.actors.protocol import JointKind, PredictedJoint
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, apply, pose
 

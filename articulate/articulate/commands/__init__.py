@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 
 from articulate.commands import console
-from articulate.commands.interrupt import INTERRUPT_EXIT, two_strokes
+from articulate.commands.interrupt import INTERRUPT_EXIT, graceful_interrupt
 from articulate.errors import KilledError, UsageError, nearest
 
 GROUP = "articulate.commands"
@@ -64,7 +64,7 @@ def run_command(command: Main, argv: Sequence[str]) -> int:
     Bad input and a full disk give 2, an interrupt 130, a process of ours that was killed 128 and
     the number of the signal, and a bug 1, with its trace in a file.
     """
-    with console.session(), two_strokes():
+    with console.session(), graceful_interrupt():
         try:
             return command(argv)
         except UsageError as error:

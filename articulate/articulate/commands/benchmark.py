@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from articulate.actors.modality import Modality
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
 from articulate.commands import console, version
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
+from articulate.reconstruct.actors.modality import Modality
 
 LOST_EXIT = 3
 MOST_LIMIT_S = 1e6
@@ -158,10 +158,10 @@ def _export(flags: BenchmarkFlags) -> int:
 
 def _dry_run(flags: BenchmarkFlags) -> int:
     """Write a page of prompts for each object and return how many there are."""
-    from articulate.actors.registry import make_actor
-    from articulate.actors.vlm.dry import write_dry_run
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.evidence import cases_of
+    from articulate.reconstruct.actors.registry import make_actor
+    from articulate.reconstruct.actors.vlm.dry_run import write_dry_run
 
     dataset, actor = open_dataset(flags.dataset, flags.data), make_actor(flags.actor)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
@@ -179,11 +179,11 @@ def _dry_run(flags: BenchmarkFlags) -> int:
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     """Run what the flags say, write results and page, and return the results."""
     # They read meshes, which --help does without.
-    from articulate.actors.registry import make_actor
     from articulate.benchmark.batch import Batch
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.report import write_report
     from articulate.benchmark.summary import summary
+    from articulate.reconstruct.actors.registry import make_actor
 
     config = flags.config()
     others = {str(folder): _results_in(folder) for folder in flags.against}

@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from articulate.cache import cache_folder, using
+from articulate.checks.descriptions import explained, explained_content
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
 from articulate.files import require_space
-from articulate.prove.batch import Batch, Checked, Item, is_there, items_in, write_junit
-from articulate.prove.clauses import explained, explained_content
-from articulate.prove.record import PAGE_FILE, content_of
+from articulate.preparation.batch import Batch, Checked, Item, is_there, items_in, write_junit
+from articulate.preparation.check_report_file import PAGE_FILE, content_of
 
 MOST_LIMIT_S = 1e6
 """Longest time that an object may be given [s]."""
@@ -120,7 +120,7 @@ def main(argv: Sequence[str]) -> int:
             console.emit(explained(flags.explain))
         return 0
     assert flags.asset is not None
-    from articulate.convert.size import check_category  # heavy; --help does without
+    from articulate.conversion.metric_size import check_category  # heavy; --help does without
 
     check_category(flags.category)
     for path in (flags.asset, flags.out, flags.junit):
@@ -204,7 +204,10 @@ def _shown(results: Iterator[Checked], total: int) -> Iterator[Checked]:
 
 
 def _write_index(results: Sequence[Checked], path: Path) -> None:
-    from articulate.prove.index import IndexRow, write_index  # MuJoCo; a cached check does without
+    from articulate.asset_page.index import (  # MuJoCo; a cached check does without
+        IndexRow,
+        write_index,
+    )
 
     rows = [
         IndexRow(proof=r.proof, category=_category(r.folder), page=r.folder / PAGE_FILE)

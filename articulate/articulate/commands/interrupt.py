@@ -18,7 +18,7 @@ STOPPING = b"\nstopping cleanly; Ctrl-C once more ends at once\n"
 
 
 @contextmanager
-def two_strokes() -> Iterator[None]:
+def graceful_interrupt() -> Iterator[None]:
     """Inside, the first SIGINT raises KeyboardInterrupt and the second ends the process."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:

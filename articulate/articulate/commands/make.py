@@ -15,9 +15,9 @@ from articulate.errors import ConfigError
 from articulate.files import require_space
 
 if TYPE_CHECKING:
-    from articulate.make.given import Given
-    from articulate.make.inputs import Question
-    from articulate.make.story import Made
+    from articulate.reconstruct.part_set import PartSet
+    from articulate.reconstruct.query import Query
+    from articulate.reconstruct.result import MakeResult
     from articulate.render.camera import Camera
 
 RESULT_BYTES = 20_000_000
@@ -118,15 +118,15 @@ def main(argv: Sequence[str]) -> int:
     """Make, write and print; 3 if it is doubtful or not proven."""
     flags = parse(MakeFlags, argv, prog="articulate make")
     # They read meshes and films, which --help does without.
-    from articulate.make.make import dry_run, make
-    from articulate.make.story import Order
+    from articulate.reconstruct.make import dry_run, make
+    from articulate.reconstruct.result import MakeRequest
 
     question, given = _question(flags), _given(flags)
     camera = _camera(flags, question)
     out = flags.out or Path("made") / given.name
     require_space(out, RESULT_BYTES, f"making {given.name}")
     cache = cache_folder()
-    order = Order(
+    order = MakeRequest(
         out=out,
         cache=cache,
         actor=flags.actor,
@@ -159,8 +159,8 @@ def _prompts_page(out: Path) -> Path:
     return folder.parent / f"{folder.name}.prompts.html"
 
 
-def _question(flags: MakeFlags) -> Question:
-    from articulate.make.inputs import image_question, text_question, video_question
+def _question(flags: MakeFlags) -> Query:
+    from articulate.reconstruct.query import image_question, text_question, video_question
 
     said = "" if flags.text is None else text_question(flags.text).text
     if flags.video is not None:
@@ -170,8 +170,8 @@ def _question(flags: MakeFlags) -> Question:
     return text_question(said)
 
 
-def _given(flags: MakeFlags) -> Given:
-    from articulate.make.given import given_parts, library_parts
+def _given(flags: MakeFlags) -> PartSet:
+    from articulate.reconstruct.part_set import given_parts, library_parts
 
     if flags.library is not None:
         return library_parts(flags.library)
@@ -179,15 +179,15 @@ def _given(flags: MakeFlags) -> Given:
     return given_parts(flags.parts, up=flags.up, front=flags.front)
 
 
-def _camera(flags: MakeFlags, question: Question) -> Camera:
-    from articulate.make.inputs import View
+def _camera(flags: MakeFlags, question: Query) -> Camera:
+    from articulate.reconstruct.query import View
 
     c = flags.camera
     view = View(file=c.file, eye=c.eye, target=c.target, fovy=c.fovy)
     return view.camera(*question.size_px)
 
 
-def _told(made: Made) -> str:
+def _told(made: MakeResult) -> str:
     """What came of it, for a reader."""
     lines = [f"{made.out.name}: {made.verdict} ({made.seconds:.1f} s)"]
     lines += [f"  because  {reason}" for reason in made.reasons]

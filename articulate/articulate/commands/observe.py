@@ -14,7 +14,7 @@ from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
 
 if TYPE_CHECKING:
-    from articulate.vision.watch import Observation
+    from articulate.video.observe import Observation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +47,8 @@ FLAGS = ObserveFlags
 def main(argv: Sequence[str]) -> int:
     """Watch and print."""
     flags = parse(ObserveFlags, argv, prog="articulate observe")
-    from articulate.vision.video import Reading, read_clip  # OpenCV; --help does without
-    from articulate.vision.watch import watch
+    from articulate.video.observe import watch
+    from articulate.video.read_video import Reading, read_clip  # OpenCV; --help does without
 
     clip = read_clip(flags.clip, Reading(longest_side_px=flags.side, most_frames=flags.frames))
     console.say(f"{flags.clip}: following points over {len(clip.frames)} frames")

@@ -15,7 +15,7 @@ from articulate.commands.flags import parse
 from articulate.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
-    from articulate.render.play import Play
+    from articulate.render.playback import Play
 
 GROUP = "articulate.watchers"
 """Entry points by what is watched: functions ``(path, seed, episode, randomise) -> Play``."""
@@ -69,7 +69,7 @@ def main(argv: Sequence[str]) -> int:
     play = _acted(kind, flags)
     file = None if flags.viewer else _written(play, flags)
     if file is None:
-        from articulate.render.play import show  # MuJoCo; --help does without
+        from articulate.render.playback import show  # MuJoCo; --help does without
 
         show(play)
     content = _content(play, flags.source, file)
@@ -109,7 +109,7 @@ def _acted(kind: str, flags: WatchFlags) -> Play:
 
 
 def _written(play: Play, flags: WatchFlags) -> Path:
-    from articulate.render.play import write_rrd  # MuJoCo; --help does without
+    from articulate.render.playback import write_rrd  # MuJoCo; --help does without
 
     if flags.out is not None and flags.out.suffix.lower() == ".rrd":
         return write_rrd(flags.out, play)

@@ -24,7 +24,7 @@ from typing import Any, Literal
 
 from articulate.errors import RunError
 from articulate.files import write_json
-from articulate.jobs.process import is_here, runs, this_process
+from articulate.jobs.process_identity import is_here, runs, this_process
 
 SCHEMA = "articulate.job"
 SCHEMA_VERSION = 1

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from articulate.convert.origin import PARTNET_LICENCE
-from articulate.convert.paths import resolve
-from articulate.convert.read import read_urdf
+from articulate.conversion.provenance import PARTNET_LICENCE
 from articulate.errors import AssetError, UsageError, nearest
+from articulate.formats.mesh_paths import resolve
+from articulate.formats.read_urdf import read_urdf
 
 URDF_NAME = "mobility.urdf"
 """File that makes a folder an object."""

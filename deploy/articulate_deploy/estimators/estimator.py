@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from articulate.observe import Estimate
+from articulate.task.observation import Estimate
 
 
 class Estimator(Protocol):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.draw import Draw
-from articulate.estimate import NoisyEstimator
-from articulate.observe import Estimate
-from articulate.settings import DrawConfig
-from articulate.task import Task
+from articulate.task.observation import Estimate
+from articulate.task.randomization import EpisodeParams
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.state_estimation import NoisyEstimator
+from articulate.task.task import Task
 from articulate_deploy.robots.robot import StandIn
 
 
@@ -18,9 +18,9 @@ class TruthEstimator:
     def __init__(
         self,
         robot: StandIn,
-        config: DrawConfig,
+        config: RandomizationConfig,
         task: Task,
-        drawn: Draw,
+        drawn: EpisodeParams,
         rng: np.random.Generator,
     ) -> None:
         """With errors and age of ``drawn`` (one row); noise of ``config`` comes from ``rng``."""

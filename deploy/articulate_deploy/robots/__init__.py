@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 from articulate.errors import ConfigError, MissingError, nearest
-from articulate.silence import unheard
+from articulate.suppress_output import suppress_output
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import StandIn
 
@@ -35,7 +35,7 @@ def robot_named(name: str, bundle: Bundle) -> StandIn:
         raise ConfigError(f"--robot {name}: unknown{nearest(name, (*ROBOTS, *COMING))}")
     module, attribute = ROBOTS[name].split(":")
     try:
-        with unheard():  # PyBullet announces itself
+        with suppress_output():  # PyBullet announces itself
             make: Any = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("articulate"):

@@ -1,7 +1,7 @@
 """A stand-in arm in this process: the scene that the policy was trained in, from the bundle.
 
 It repeats the plant of training: the follower at every physics step, the hand's latency and
-speed, joint impedance by the model's own actuators. What a :class:`articulate.draw.Draw` says
+speed, joint impedance by the model's own actuators. What a :class:`articulate.task.randomization.EpisodeParams` says
 is applied, but for the object's size: a bundle holds the scene at one size.
 """
 
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.contact import contact_wrench
 from articulate.errors import BundleError
-from articulate.manifest import Manifest
+from articulate.robot.contact import contact_wrench
 from articulate.simulator import mujoco
+from articulate.task.manifest import Manifest
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.judgement import FIELDS
 from articulate.render.canvas import Canvas, Pixels
-from articulate.render.encode import write_clip
-from articulate.render.play import Play
-from articulate.render.view import View, fitted_view
+from articulate.render.encode_video import write_clip
+from articulate.render.playback import Play
+from articulate.render.view_camera import View, fitted_view
 from articulate.simulator import mujoco
+from articulate.task.episode_monitor import FIELDS
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.deploy import plan_of
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
-from articulate_deploy.policy import Policy
+from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.mujoco import MujocoRobot
 
 SIZE = (640, 480)

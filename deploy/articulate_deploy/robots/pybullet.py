@@ -18,10 +18,10 @@ import numpy as np
 import pybullet
 import pybullet_data
 
-from articulate.arm import Arm
 from articulate.errors import BundleError
-from articulate.kinematics import joint_poses, tool_pose
-from articulate.silence import unheard
+from articulate.robot.arm import Arm
+from articulate.robot.kinematics import joint_poses, tool_pose
+from articulate.suppress_output import suppress_output
 from articulate.transforms import Array, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample
@@ -138,7 +138,7 @@ class PybulletRobot(SimulatedRobot):
             flags=pybullet.URDF_IGNORE_VISUAL_SHAPES,
         )
         try:
-            with unheard():  # what it says of a file that it refuses, beside the error
+            with suppress_output():  # what it says of a file that it refuses, beside the error
                 item = self._call(
                     "loadURDF",
                     str(self._object_urdf),

@@ -13,9 +13,9 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from articulate.draw import Draw
 from articulate.errors import ArticulateError
-from articulate.observe import Estimate
+from articulate.task.observation import Estimate
+from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array
 
 JOINT_KEYS = tuple(f"joint_{i}.pos" for i in range(1, 8))
@@ -125,7 +125,11 @@ class StandIn(Robot, Protocol):
         """What of a draw it takes otherwise than the simulator of training, or not at all."""
 
     def set_draw(
-        self, drawn: Draw, *, force_noise_n: float = 0.0, noise: np.random.Generator | None = None
+        self,
+        drawn: EpisodeParams,
+        *,
+        force_noise_n: float = 0.0,
+        noise: np.random.Generator | None = None,
     ) -> None:
         """What the next episodes are like (one row); takes effect at :meth:`Robot.reset_to`.
 

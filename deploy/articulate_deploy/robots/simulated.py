@@ -11,12 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from articulate.draw import PUSH_S, Draw, nominal_draw
 from articulate.errors import ConfigError, nearest
-from articulate.estimate import felt
-from articulate.follow import ROUNDING_S, discrete, finger_command, follow, follow_start
-from articulate.observe import Estimate
-from articulate.placing import handle_in_world, object_pose
+from articulate.robot.control import ROUNDING_S, discrete, finger_command, follow, follow_start
+from articulate.task.object_placement import handle_in_world, object_pose
+from articulate.task.observation import Estimate
+from articulate.task.randomization import PUSH_S, EpisodeParams, nominal_draw
+from articulate.task.state_estimation import felt
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import (
@@ -134,7 +134,11 @@ class SimulatedRobot(StandIn, ABC):
         self._shut()
 
     def set_draw(
-        self, drawn: Draw, *, force_noise_n: float = 0.0, noise: np.random.Generator | None = None
+        self,
+        drawn: EpisodeParams,
+        *,
+        force_noise_n: float = 0.0,
+        noise: np.random.Generator | None = None,
     ) -> None:
         """What the next episodes are like; see :meth:`StandIn.set_draw`.
 

@@ -2,8 +2,8 @@
 
 ``advance`` steps a slice of environments through one tick. It calls ``mj_step`` of MuJoCo's own
 library through its address and reads MuJoCo's arrays in place, so that several Python threads
-run it side by side. It repeats :func:`articulate.follow.follow` and
-:func:`articulate.judgement.judge_sample` number by number; tests hold them together.
+run it side by side. It repeats :func:`articulate.robot.control.follow` and
+:func:`articulate.task.episode_monitor.judge_sample` number by number; tests hold them together.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numba import carray, njit, types  # type: ignore[attr-defined]  # numba say
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from articulate.judgement import COLUMN
+from articulate.task.episode_monitor import COLUMN
 from articulate.transforms import Array, Ints, Mask
-from articulate_envs.buffered import DIVERGED
+from articulate_envs.buffered_engine import DIVERGED
 from articulate_envs.compiled.motion import aim, room_of, write_tool
 from articulate_envs.compiled.observe import write_part
 
@@ -50,7 +50,7 @@ class Pointers(NamedTuple):
     xfrc: Ints
 
 
-class Desks(NamedTuple):
+class ThreadWorkspaces(NamedTuple):
     """Addresses of what each of T threads steps environments with, one after the other.
 
     That is one ``mjData``, and one model of each of S sizes, in which ``drawn`` are the arrays that

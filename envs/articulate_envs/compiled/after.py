@@ -27,7 +27,7 @@ class Rules(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """The arrays of :class:`articulate.judgement.Judgement` but its samples, (N,) each."""
+    """The arrays of :class:`articulate.task.episode_monitor.EpisodeMonitor` but its samples, (N,) each."""
 
     rest_s: Array
     opened: Mask

@@ -1,7 +1,7 @@
 """What a tick begins with, compiled: delayed motions, the hand, what it feels, the push.
 
-It repeats :func:`articulate.follow.hand_tick`, :func:`articulate.follow.presses` and
-:func:`articulate.follow.finger_command`, which a robot runs, for one environment at a time; tests
+It repeats :func:`articulate.robot.control.hand_tick`, :func:`articulate.robot.control.presses` and
+:func:`articulate.robot.control.finger_command`, which a robot runs, for one environment at a time; tests
 hold them together. A hand feels its force with the constant error that was drawn, and without
 noise.
 """
@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from numba import njit
 
-from articulate.arm import Hand
-from articulate.draw import COLUMNS, PUSH_S
-from articulate.follow import OPEN_M, ROUNDING_S
-from articulate.settings import FollowConfig
+from articulate.robot.arm import Hand
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import OPEN_M, ROUNDING_S
+from articulate.task.randomization import COLUMNS, PUSH_S
 from articulate.transforms import Array
 
 _LATENCY = COLUMNS.index("hand_latency_s")
@@ -37,7 +37,7 @@ class Times(NamedTuple):
 
 
 class Hands(NamedTuple):
-    """The arrays of :class:`articulate.follow.HandState`, (N,) each."""
+    """The arrays of :class:`articulate.robot.control.GripperState`, (N,) each."""
 
     smooth: Array
     wish: Array
@@ -46,7 +46,7 @@ class Hands(NamedTuple):
     closing: Array
 
 
-def times_of(hand: Hand, follow: FollowConfig, episode_s: float) -> Times:
+def times_of(hand: Hand, follow: ControlConfig, episode_s: float) -> Times:
     """The hand's, the plant's and the episode's numbers."""
     return Times(
         tick_s=follow.tick_s,

@@ -1,4 +1,4 @@
-"""What a tick shows of an episode, compiled: :func:`articulate.judgement.judge_tick` row by row."""
+"""What a tick shows of an episode, compiled: :func:`articulate.task.episode_monitor.judge_tick` row by row."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from articulate.task import Task
+from articulate.task.task import Task
 
 
 class Asked(NamedTuple):
@@ -29,7 +29,7 @@ def write_judgement(  # type: ignore[no-untyped-def]
 ):
     """Write what N episodes have shown after a tick, from what they had shown ``before`` it.
 
-    Both have ``rest_s``, ``opened`` and ``diverged`` (N,), as :mod:`articulate.judgement` says.
+    Both have ``rest_s``, ``opened`` and ``diverged`` (N,), as :mod:`articulate.task.episode_monitor` says.
     """
     for i in range(len(samples)):
         judged.opened[i] = is_there(asked, opened[i])
@@ -43,11 +43,11 @@ def write_judgement(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def is_there(asked, opened):  # type: ignore[no-untyped-def]
-    """:func:`articulate.task.beyond_target` of one part."""
+    """:func:`articulate.task.task.beyond_target` of one part."""
     return abs(opened) <= asked.target if asked.closes else opened >= asked.target
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def rests(asked, opened, speed):  # type: ignore[no-untyped-def]
-    """:func:`articulate.task.at_target` of one part."""
+    """:func:`articulate.task.task.at_target` of one part."""
     return is_there(asked, opened) and abs(speed) < asked.slow

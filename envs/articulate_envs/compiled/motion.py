@@ -1,6 +1,6 @@
 """What a tick does before and after its substeps, compiled: targets and tool poses.
 
-It repeats :func:`articulate.follow.next_target` and :func:`articulate.kinematics.tool_pose` for one
+It repeats :func:`articulate.robot.control.next_target` and :func:`articulate.robot.kinematics.tool_pose` for one
 environment at a time; tests hold them together.
 """
 
@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from articulate.arm import Arm
-from articulate.follow import joint_steps
-from articulate.kinematics import DH, FLANGE_Z_M, HAND_TURN_RAD, QUARTERS
-from articulate.settings import FollowConfig
+from articulate.robot.arm import Arm
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import joint_steps
+from articulate.robot.kinematics import DH, FLANGE_Z_M, HAND_TURN_RAD, QUARTERS
 from articulate.transforms import Array, Ints
 
 DAMPING = 0.02
-"""That of :func:`articulate.kinematics.resolve_motion`."""
+"""That of :func:`articulate.robot.kinematics.resolve_motion`."""
 FADING = 1e-4
 """Length of a self motion's minors below which it fades."""
 
@@ -49,7 +49,7 @@ class Chain(NamedTuple):
     """Largest targets (7,) [rad]."""
 
 
-def chain_of(arm: Arm, config: FollowConfig) -> Chain:
+def chain_of(arm: Arm, config: ControlConfig) -> Chain:
     """The arm and the plant as numbers."""
     low, high = arm.bounds(config.margin_rad)
     return Chain(

@@ -1,8 +1,8 @@
 """What is true of a tick and what a policy sees of it, compiled.
 
-It repeats, for one environment at a time, :meth:`articulate.placing.HandleWay.in_world`,
-:meth:`articulate.estimate.NoisyEstimator.estimate`, :func:`articulate.estimate.felt` and
-:func:`articulate.observe.observation`, which a robot runs; tests hold them together.
+It repeats, for one environment at a time, :meth:`articulate.task.object_placement.HandlePath.in_world`,
+:meth:`articulate.task.state_estimation.NoisyEstimator.estimate`, :func:`articulate.task.state_estimation.felt` and
+:func:`articulate.task.observation.observation`, which a robot runs; tests hold them together.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from articulate.draw import COLUMNS
-from articulate.observe import (
+from articulate.task.object_placement import HandlePath
+from articulate.task.observation import (
     BENT_UNIT_RAD,
     BEYOND_UNIT,
     FORCE_UNIT_N,
@@ -26,7 +26,7 @@ from articulate.observe import (
     SPEED_UNIT_M_S,
     WIDTH_UNIT_M,
 )
-from articulate.placing import HandleWay
+from articulate.task.randomization import COLUMNS
 from articulate.transforms import Array, Ints
 
 _BIAS, _YAW = COLUMNS.index("bias_x_m"), COLUMNS.index("bias_yaw_rad")
@@ -38,7 +38,7 @@ _SIZE, _LOW, _HIGH = OBSERVATION.size, OBSERVATION.low, OBSERVATION.high
 
 
 class Part(NamedTuple):
-    """How the handle of the task's part moves; see :class:`articulate.placing.HandleWay`."""
+    """How the handle of the task's part moves; see :class:`articulate.task.object_placement.HandlePath`."""
 
     hinge: bool
     axis: Array
@@ -119,7 +119,7 @@ class Scales(NamedTuple):
     """That of the force [N]."""
 
 
-def part_of(way: HandleWay) -> Part:
+def part_of(way: HandlePath) -> Part:
     """``way`` as numbers."""
     joint = way.joint
     return Part(
@@ -187,7 +187,7 @@ def write_parts(rows, rest, shown):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
 def push(past, T_wh, opened, speed):  # type: ignore[no-untyped-def]
-    """:meth:`articulate.estimate.NoisyEstimator.push`."""
+    """:meth:`articulate.task.state_estimation.NoisyEstimator.push`."""
     for age in range(len(past.opened) - 1, 0, -1):
         past.T_wh[age] = past.T_wh[age - 1]
         past.opened[age] = past.opened[age - 1]

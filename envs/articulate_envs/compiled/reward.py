@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from articulate.arm import PAD_M
-from articulate.judgement import COLUMN
-from articulate.task import Task
+from articulate.robot.arm import PAD_M
+from articulate.task.episode_monitor import COLUMN
+from articulate.task.task import Task
 from articulate.transforms import Array
 from articulate_envs.compiled.judge import rests
+from articulate_envs.config import RewardConfig
 from articulate_envs.engine import State
-from articulate_envs.settings import RewardConfig
 
 HELD_SHARE = 0.6
 """Fingers at the handle that are at least this share of its thickness apart have it between them,

@@ -9,9 +9,9 @@ import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from articulate.actors.protocol import Attempt, Evidence, Prediction, Verdict
 from articulate.benchmark.dataset import IndexDataset
 from articulate.benchmark.truth import TrueJoint, TrueObject
+from articulate.reconstruct.actors.protocol import Attempt, Evidence, Prediction, Verdict
 from articulate.transforms import pose
 
 BOX = '<visual><origin xyz="{xyz}"/><geometry><box size="{size}"/></geometry></visual>'

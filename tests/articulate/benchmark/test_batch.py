@@ -8,15 +8,15 @@ from dataclasses import replace
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
-from articulate.actors.named.meaning import meanings_installed
 from articulate.benchmark.batch import Batch, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.errors import UsageError
+from articulate.reconstruct.actors.semantic.embeddings import meanings_installed
 
 CRASHING = '''
 import os, pathlib
-from articulate.actors.protocol import Prediction
+from articulate.reconstruct.actors.protocol import Prediction
 
 class Crashes:
     """It dies of the second object it sees."""
@@ -34,7 +34,7 @@ class Crashes:
 
 BUSY = '''
 import os
-from articulate.actors.protocol import Prediction
+from articulate.reconstruct.actors.protocol import Prediction
 from articulate.errors import UsageError
 
 class Asks:

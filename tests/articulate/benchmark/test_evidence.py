@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from tests.articulate.benchmark.objects import LINKS, cupboard
 
-from articulate.actors.protocol import Prediction
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.disturb import OFF_RAD, camera_off
 from articulate.benchmark.evidence import cases_of, motion_px, plain_label
+from articulate.benchmark.perturb import OFF_RAD, camera_off
 from articulate.benchmark.run import run_object
 from articulate.benchmark.truth import TrueObject
 from articulate.errors import ConfigError
+from articulate.reconstruct.actors.protocol import Prediction
 from articulate.render.camera import front_camera
 from articulate.render.scene import PartScene
 from articulate.transforms import inverse, pose, rotation_angle

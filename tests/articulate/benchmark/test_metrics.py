@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from articulate.actors.protocol import PredictedJoint
-from articulate.benchmark.endpoints import endpoint_metrics
+from articulate.benchmark.endpoint_error import endpoint_metrics
 from articulate.benchmark.metrics import (
     axis_error,
     foot_distance,
@@ -29,6 +28,7 @@ from articulate.benchmark.protocols import (
     released_failure,
     score,
 )
+from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.transforms import axis_angle_to_matrix
 
 BOX = np.array([[0.0, -0.02, -0.5], [0.6, 0.02, 0.5]])

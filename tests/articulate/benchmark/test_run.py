@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tests.articulate.benchmark.objects import Oracle, attempt, cupboard
 
-from articulate.actors.protocol import PredictedJoint, Prediction, Verdict
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.run import run_object
 from articulate.errors import UsageError
 from articulate.files import write_json
+from articulate.reconstruct.actors.protocol import PredictedJoint, Prediction, Verdict
 from articulate.transforms import pose
 
 SMALL = BenchmarkConfig(actor="oracle", width_px=64, height_px=48, n_frames=3)

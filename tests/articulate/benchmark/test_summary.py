@@ -9,7 +9,7 @@ from tests.articulate.benchmark.objects import Oracle, cupboard
 from tests.articulate.benchmark.test_run import Loops
 
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.known import KnownJoint
+from articulate.benchmark.known_joint import KnownJoint
 from articulate.benchmark.records import lost_object
 from articulate.benchmark.report import write_report
 from articulate.benchmark.run import run_object

@@ -2,7 +2,7 @@ import json
 import shutil
 
 import pytest
-from tests.articulate.convert.cabinets import write_cabinet
+from tests.articulate.conversion.cabinets import write_cabinet
 
 from articulate.commands import run_command
 from articulate.commands.check import main

@@ -11,16 +11,16 @@ import pytest
 import trimesh
 
 from articulate import commands
-from articulate.asset import load_asset
+from articulate.assets.asset import load_asset
 from articulate.commands import console
 from articulate.commands import make as module
 from articulate.commands.make import MakeFlags, main
-from articulate.make import inputs
-from articulate.make.make import overlap
-from articulate.make.pictures import view_of
-from articulate.program.built import Built
-from articulate.program.parts import parts_of
-from articulate.program.run import run_program
+from articulate.reconstruct import query
+from articulate.reconstruct.images import view_of
+from articulate.reconstruct.make import overlap
+from articulate.reconstruct.program.program_parts import parts_of
+from articulate.reconstruct.program.result import Built
+from articulate.reconstruct.program.run import run_program
 from articulate.render.camera import FRONT_EYE_W, FRONT_TARGET_W
 from articulate.render.scene import PartScene
 
@@ -139,7 +139,7 @@ def test_a_picture_is_compared_with_the_parts(capsys):
     given = module._given(MakeFlags(text="x", library="cabinet:3"))
     camera = view_of(given.meshes, {})
     cv2.imwrite("seen.png", PartScene(given.meshes).picture(camera)[..., ::-1])
-    question = inputs.image_question(Path("seen.png"))
+    question = query.image_question(Path("seen.png"))
     assert overlap(question, given, camera) > 0.95
     # The benchmark's camera, which is the usual one, did not take it.
     assert main(["--image", "seen.png", "--library", "cabinet:3", "--out", "asset", "-q"]) == 3
@@ -229,4 +229,4 @@ def test_every_flag_has_a_word_of_help(capsys):
 def test_the_camera_that_is_written_out_for_help_is_the_benchmarks():
     assert module.FRONT_EYE == FRONT_EYE_W
     assert module.FRONT_TARGET == FRONT_TARGET_W
-    assert pytest.approx(inputs.View().fovy) == module.FRONT_FOVY
+    assert pytest.approx(query.View().fovy) == module.FRONT_FOVY

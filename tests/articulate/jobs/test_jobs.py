@@ -18,7 +18,7 @@ import pytest
 
 from articulate.errors import RunError
 from articulate.files import write_json
-from articulate.jobs import process
+from articulate.jobs import process_identity
 from articulate.jobs.job import (
     LEASE,
     LOG,
@@ -35,7 +35,7 @@ from articulate.jobs.job import (
 )
 from articulate.jobs.launcher import MOST_LOSSES, Progress, make_launcher, run_jobs
 from articulate.jobs.local import LocalLauncher
-from articulate.jobs.process import this_process
+from articulate.jobs.process_identity import this_process
 from articulate.jobs.worker import LEASED, phase_of, run_job
 
 MAKE = "import pathlib, sys; p = pathlib.Path(sys.argv[1]); p.mkdir(); (p / 'x').write_text('a')"
@@ -176,7 +176,7 @@ def test_a_lease_of_another_machine_is_old_by_its_age(tmp_path):
 
 def test_a_lease_whose_number_another_process_has_now_is_over(tmp_path):
     """A container that is restarted gives the same small numbers again."""
-    held = {**this_process(), "pid": os.getppid(), "start": process.started(os.getppid())}
+    held = {**this_process(), "pid": os.getppid(), "start": process_identity.started(os.getppid())}
     write_json(tmp_path / LEASE, held)
     assert is_leased(tmp_path)
     write_json(tmp_path / LEASE, held | {"start": held["start"] - 1})
@@ -199,8 +199,8 @@ def test_a_lease_that_tells_the_number_alone_is_believed_while_that_lives(tmp_pa
 
 
 def test_where_nothing_tells_of_processes_their_numbers_decide(tmp_path, monkeypatch):
-    monkeypatch.setattr(process, "BOOT", tmp_path / "none")
-    monkeypatch.setattr(process, "started", lambda _: None)
+    monkeypatch.setattr(process_identity, "BOOT", tmp_path / "none")
+    monkeypatch.setattr(process_identity, "started", lambda _: None)
     assert take_lease(tmp_path)
     assert json.loads((tmp_path / LEASE).read_text())["start"] is None
     assert is_leased(tmp_path)
@@ -211,14 +211,14 @@ def test_the_start_of_a_process_is_read_whatever_its_name(tmp_path):
     program.symlink_to(shutil.which("sleep"))
     child = subprocess.Popen([program, "60"])
     try:
-        start, own = process.started(child.pid), process.started(os.getpid())
+        start, own = process_identity.started(child.pid), process_identity.started(os.getpid())
         assert start is not None
         assert own is not None
         assert start >= own
     finally:
         child.kill()
         child.wait()
-    assert process.started(child.pid) is None
+    assert process_identity.started(child.pid) is None
 
 
 def test_another_launcher_adopts_what_one_left(tmp_path):

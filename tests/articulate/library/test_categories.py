@@ -7,15 +7,15 @@ import pytest
 import trimesh
 import yourdfpy
 
-from articulate.asset import load_asset
-from articulate.convert.config import ConvertConfig
-from articulate.convert.convert import convert, placement_of, read_input
-from articulate.convert.meshfile import read_mesh
-from articulate.convert.repairs import Repairs, is_note
+from articulate.assets.asset import load_asset
+from articulate.conversion.convert import convert, placement_of, read_input
+from articulate.formats.config import ConvertConfig
+from articulate.formats.mesh_file import read_mesh
+from articulate.formats.repairs import Repairs, is_note
 from articulate.library.procedural.categories import CATEGORIES, write_object
 from articulate.library.procedural.meshes import mass_properties
 from articulate.library.procedural.truth import bounds, joints_of, origins
-from articulate.prove.prove import check
+from articulate.preparation.prepare import check
 from articulate.simulator import mujoco
 from articulate.transforms import axis_angle_to_matrix, pose
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from articulate.convert.config import ConvertConfig
-from articulate.convert.convert import read_input
+from articulate.conversion.convert import read_input
 from articulate.errors import AssetError, UsageError
+from articulate.formats.config import ConvertConfig
 from articulate.library import Library, PartNetLibrary, ProceduralLibrary, open_library
 from articulate.library.procedural.categories import write_object
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from articulate.arm import PANDA
-from articulate.draw import BLOCKS, COLUMNS, PUSH_S
-from articulate.follow import finger_command, hand_start, hand_tick, presses
-from articulate.settings import FollowConfig
-from articulate_envs.buffered import KEPT_ACTIONS, _buffers
+from articulate.robot.arm import PANDA
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import finger_command, hand_start, hand_tick, presses
+from articulate.task.randomization import BLOCKS, COLUMNS, PUSH_S
+from articulate_envs.buffered_engine import KEPT_ACTIONS, _buffers
 from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
 
-FOLLOW = FollowConfig()
+FOLLOW = ControlConfig()
 N, TICK_S, EPISODE_S = 50, FOLLOW.tick_s, 10.0
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from articulate.judgement import WIDTH, judge_tick, judgement_start
-from articulate.task import Task
+from articulate.task.episode_monitor import WIDTH, judge_tick, judgement_start
+from articulate.task.task import Task
 from articulate_envs.compiled.after import Judged
 from articulate_envs.compiled.judge import asked_of, write_judgement
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from articulate.arm import PANDA
-from articulate.follow import joint_steps, next_target
-from articulate.kinematics import tool_pose
-from articulate.settings import FollowConfig
+from articulate.robot.arm import PANDA
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import joint_steps, next_target
+from articulate.robot.kinematics import tool_pose
 from articulate_envs.compiled.motion import aim, chain_of, room_of, write_tool
 
-CONFIG = FollowConfig()
+CONFIG = ControlConfig()
 N = 200
 
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from articulate.arm import PANDA
-from articulate.asset import Joint
-from articulate.draw import COLUMNS, Draw
-from articulate.estimate import MAX_AGE, NoisyEstimator, felt
-from articulate.follow import HandState
-from articulate.judgement import WIDTH
-from articulate.kinematics import tool_pose
-from articulate.observe import OBSERVATION, observation
-from articulate.placing import HandleWay
-from articulate.settings import DrawConfig
+from articulate.assets.asset import Joint
+from articulate.robot.arm import PANDA
+from articulate.robot.control import GripperState
+from articulate.robot.kinematics import tool_pose
+from articulate.task.episode_monitor import WIDTH
+from articulate.task.object_placement import HandlePath
+from articulate.task.observation import OBSERVATION, observation
+from articulate.task.randomization import COLUMNS, EpisodeParams
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.state_estimation import MAX_AGE, NoisyEstimator, felt
 from articulate.transforms import axis_angle_to_matrix, pose
 from articulate_envs.compiled.observe import (
     NOISES,
@@ -31,7 +31,7 @@ from articulate_envs.compiled.observe import (
 )
 
 N, TICK_S, TICKS, MOVE_M, GOAL = 60, 0.05, 200, 0.01, 0.8
-CONFIG = DrawConfig()
+CONFIG = RandomizationConfig()
 JOINT = Joint(
     name="j",
     link="l",
@@ -57,7 +57,7 @@ def turned(rng, n):
 @pytest.mark.parametrize("kind", ["slide", "hinge"])
 def test_handles_are_where_the_python_function_puts_them(kind):
     rng = np.random.default_rng(0)
-    way = HandleWay(dataclasses.replace(JOINT, kind=kind), turned(rng, 1)[0])
+    way = HandlePath(dataclasses.replace(JOINT, kind=kind), turned(rng, 1)[0])
     T_wo, scale, opened = turned(rng, N), rng.uniform(0.8, 1.2, N), rng.uniform(-0.2, 1.2, N)
     size = scale if kind == "slide" else np.ones(N)
     rest = np.zeros((N, 4))
@@ -82,13 +82,13 @@ def world():
     one = rng.uniform(-1, 1, (5, N))
     return {
         "estimator": estimator,
-        "drawn": Draw(values),
+        "drawn": EpisodeParams(values),
         "q": q,
         "dq": rng.normal(size=(N, 7)),
         "target": q + rng.uniform(-0.15, 0.15, (N, 7)),
         "width": rng.uniform(0.0, 0.08, N),
         "width_before": rng.uniform(0.0, 0.08, N),
-        "hand": HandState(one[0], one[1], 3.0 * np.abs(one[2]), one[3], one[4]),
+        "hand": GripperState(one[0], one[1], 3.0 * np.abs(one[2]), one[3], one[4]),
         "last_action": rng.uniform(-1, 1, (N, 8)),
         "motions_due": rng.uniform(-3, 3, (N, 7)),
         "samples": rng.normal(scale=60.0, size=(N, WIDTH)),

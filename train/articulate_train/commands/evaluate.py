@@ -85,7 +85,7 @@ def main(argv: Sequence[str]) -> int:
 def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
     """Evaluate each run, write the comparison, and say whether all reached what was required."""
     from articulate_train.compare import compare, read_report, write_comparison  # heavy, see main
-    from articulate_train.judge_run import judge_run
+    from articulate_train.evaluate_run import judge_run
 
     out = flags.out or Path("runs") / f"comparison-{time.strftime('%Y%m%d-%H%M%S')}"
     if (out / "comparison.json").exists():
@@ -115,7 +115,7 @@ def show(
     on: Run | None = None,
 ) -> int:
     """Evaluate ``run``, print the report, and say whether it reached ``required``."""
-    from articulate_train.judge_run import judge_run  # torch and MuJoCo
+    from articulate_train.evaluate_run import judge_run  # torch and MuJoCo
 
     done = judge_run(run, episodes=episodes, ranges=ranges, on=on, say=console.say)
     console.emit_json(done.report.content()) if as_json else console.emit(done.text())

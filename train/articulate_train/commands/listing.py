@@ -11,7 +11,7 @@ from articulate.commands import console
 from articulate.commands.flags import parse
 
 if TYPE_CHECKING:
-    from articulate_train.joints import JointRow
+    from articulate_train.list_joints import JointRow
 
 LISTS = ("--list-tasks", "--list-joints")
 """Flags that ask for a list instead of a training."""
@@ -48,7 +48,7 @@ def asks_for_a_list(argv: Sequence[str]) -> bool:
 def show_list(argv: Sequence[str]) -> int:
     """Print the lists that ``argv`` asks for."""
     flags = parse(ListFlags, argv, prog="train")
-    from articulate_train.joints import joint_rows, task_rows  # see commands/train.py
+    from articulate_train.list_joints import joint_rows, task_rows  # see commands/train.py
 
     content: dict[str, object] = {}
     lines: list[str] = []

@@ -15,13 +15,13 @@ from articulate.commands import console
 from articulate.commands.flags import parse
 from articulate.commands.success import MISSED, check_share, missed
 from articulate.errors import ConfigError, RunError
+from articulate_train.asset_patterns import is_many
 from articulate_train.commands.listing import asks_for_a_list, show_list
 from articulate_train.config import TrainConfig
-from articulate_train.objects import is_many
 
 if TYPE_CHECKING:
-    from articulate_train.campaign import SeedProgress
     from articulate_train.run import Run
+    from articulate_train.seed_runner import SeedProgress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +71,9 @@ def main(argv: Sequence[str]) -> int:
         return show_list(argv)
     flags = parse(TrainFlags, argv, prog="train", default=_resumed(argv))
     # From here on torch and MuJoCo are needed; --help and bad flags are answered without them.
-    from articulate_train.campaign import train_seeds
     from articulate_train.commands.evaluate import show
     from articulate_train.run import resume_run
+    from articulate_train.seed_runner import train_seeds
 
     if not flags.resume and is_many(flags.asset):
         return _many(flags, argv)
@@ -94,7 +94,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _many(flags: TrainFlags, argv: Sequence[str]) -> int:
     """Train every object with every seed as a job of its own; 3 if a job or the target failed."""
-    from articulate_train.many import train_many  # heavy, see main
+    from articulate_train.sweep import train_many  # heavy, see main
 
     for name, asked in (("--dry-run", flags.dry_run), ("--no-evaluate", flags.no_evaluate)):
         if asked:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from articulate.asset import Vec3
+from articulate.assets.asset import Vec3
 from articulate.library.procedural.materials import PALETTE
 from articulate.library.procedural.solids import Box, Loft, Ring, Rod, Solid
 from articulate.library.procedural.urdf import Motion, Part, Shape

@@ -9,7 +9,7 @@ from typing import Literal, Protocol, Self
 
 import numpy as np
 
-from articulate.asset import Vec3
+from articulate.assets.asset import Vec3
 from articulate.transforms import Array, Ints
 
 ROUND = 32

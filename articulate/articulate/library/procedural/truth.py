@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from articulate.asset import Vec3
+from articulate.assets.asset import Vec3
 from articulate.library.procedural.urdf import Part
 from articulate.transforms import Array
 

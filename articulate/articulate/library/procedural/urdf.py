@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET  # noqa: TID251 - it only writes here, reads nothing
 
-from articulate.asset import Vec3
+from articulate.assets.asset import Vec3
 from articulate.files import write_bytes, write_text
 from articulate.library.procedural.materials import PALETTE, Material, picture
 from articulate.library.procedural.meshes import hull_text, mass_properties, number, obj_text

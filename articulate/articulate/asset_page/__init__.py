@@ -1,0 +1,1 @@
+"""HTML pages of checked assets, with a 3-D view."""

@@ -1,0 +1,145 @@
+"""The page of many proofs: verdicts at a glance, sorted and filtered where it is opened."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from urllib.parse import quote
+
+from articulate.asset_page.page import ReportPage, escaped
+from articulate.assets.check_report import CheckReport, Verdict
+from articulate.page import Tile
+
+VERDICT_TEXT: dict[Verdict, str] = {
+    "refused": "refused",
+    "repaired": "repaired",
+    "proven": "proven",
+}
+"""In the order in which rows stand: what wants a look comes first."""
+LONGEST_REASON = 240
+"""Letters of a reason that are shown in the list; the page of the object has all."""
+HEADER = ("", "object", "verdict", "category", "why", "joints", "collision shapes", "seconds")
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndexRow:
+    """One proof in the list."""
+
+    proof: CheckReport
+    category: str = "unknown"
+    """Category of the object."""
+    page: Path | None = None
+    """Its page; a picture of the same name that ends in ``.webp`` is shown."""
+
+
+def write_index(rows: Sequence[IndexRow], path: Path, *, title: str = "Proofs") -> None:
+    """Write the page that lists ``rows``, with links to their pages, whole or not at all.
+
+    Args:
+        rows: What is listed; refused ones come first, then by name.
+        path: File that is written. Pictures are put into it, links are relative to it.
+        title: Headline.
+    """
+    counts = Counter(row.proof.verdict for row in rows)
+    good = counts["proven"] + counts["repaired"]
+    page = ReportPage(title, f"{good} of {len(rows)} objects are proven, some after repairs.")
+    page.tiles(
+        Tile(value=counts["proven"], label="proven as they are", tone="good"),
+        Tile(value=counts["repaired"], label="proven after listed repairs", tone="good"),
+        Tile(
+            value=counts["refused"],
+            label="refused with a reason",
+            tone="bad" if counts["refused"] else "plain",
+        ),
+    )
+    order = list(VERDICT_TEXT)
+    listed = sorted(rows, key=lambda row: (order.index(row.proof.verdict), row.proof.asset))
+    body = "".join(_row(row, path.parent) for row in listed)
+    head = "".join(_head(k, name) for k, name in enumerate(HEADER))
+    script = resources.files("articulate.asset_page").joinpath("assets/index.js").read_text("utf-8")
+    page.view(
+        f'{_filters(counts)}<div class="scroll index" tabindex="0" role="region" '
+        f'aria-label="objects"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+        f"</div><script>{script}</script>"
+    )
+    page.save(path)
+
+
+def _filters(counts: Counter[Verdict]) -> str:
+    buttons = "".join(
+        f'<button type="button" data-verdict="{verdict}" aria-pressed="false">'
+        f"{text} {counts[verdict]}</button>"
+        for verdict, text in VERDICT_TEXT.items()
+    )
+    return (
+        '<div class="filters"><button type="button" data-verdict="" aria-pressed="true">all '
+        f"{sum(counts.values())}</button>{buttons}"
+        '<input type="search" placeholder="name, category or reason" aria-label="search"></div>'
+    )
+
+
+def _head(column: int, name: str) -> str:
+    if not name:
+        return '<th scope="col"></th>'
+    kind = ' class="n"' if column > 4 else ""
+    return (
+        f'<th scope="col"{kind} data-column="{column}"><button type="button">{name}</button></th>'
+    )
+
+
+def _row(row: IndexRow, folder: Path) -> str:
+    proof = row.proof
+    name = escaped(proof.asset)
+    if row.page is not None:
+        name = f'<a href="{escaped(_address(row.page, folder))}">{name}</a>'
+    cells = [
+        _picture(row.page),
+        name,
+        f'<span class="mark {"failed" if proof.verdict == "refused" else "passed"}">'
+        f"{VERDICT_TEXT[proof.verdict]}</span>",
+        escaped(row.category),
+        escaped(_why(proof)),
+    ]
+    keys = ["", proof.asset, list(VERDICT_TEXT).index(proof.verdict), row.category, _why(proof)]
+    kinds = ["", "", "", "", ' class="why"']
+    for value, text in (
+        (len(proof.joints), str(len(proof.joints))),
+        (proof.colliders, str(proof.colliders)),
+        (proof.seconds, f"{proof.seconds:.1f}"),
+    ):
+        keys.append(value)
+        cells.append(text)
+        kinds.append(' class="n"')
+    inner = "".join(
+        f'<td{kind} data-key="{escaped(key)}">{cell}</td>'
+        for kind, key, cell in zip(kinds, keys, cells, strict=True)
+    )
+    return f'<tr class="{proof.verdict}" data-verdict="{proof.verdict}">{inner}</tr>'
+
+
+def _why(proof: CheckReport) -> str:
+    if proof.verdict == "proven":
+        return ""
+    told = proof.reasons if proof.verdict == "refused" else proof.repairs
+    if not told:
+        return ""
+    first = told[0] if len(told[0]) <= LONGEST_REASON else f"{told[0][: LONGEST_REASON - 1]}…"
+    return first if len(told) == 1 else f"{first} (+ {len(told) - 1} more)"
+
+
+def _picture(page: Path | None) -> str:
+    path = None if page is None else page.with_suffix(".webp")
+    if path is None or not path.is_file():
+        return '<span class="blank"></span>'
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return f'<img alt="" loading="lazy" src="data:image/webp;base64,{data}">'
+
+
+def _address(page: Path, folder: Path) -> str:
+    relative = os.path.relpath(page.resolve(), folder.resolve())
+    return quote(Path(relative).as_posix())

@@ -1,0 +1,373 @@
+"""The page of one proof: the verdict in words, the object to play with, and all the evidence."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+
+from articulate.asset_page.images import MOST_OPEN, Picture, Pictures, draw_pictures
+from articulate.asset_page.viewer import viewer_html
+from articulate.assets.asset import Asset
+from articulate.assets.check_report import Check, CheckReport, JointCheck
+from articulate.checks.model import ObjectModel, load_model
+from articulate.errors import AssetError, MissingError
+from articulate.files import write_bytes
+from articulate.page import Page, Tile
+from articulate.page.numbers import shown
+
+OUTCOME_TEXT = {"passed": "holds", "failed": "fails", "not_applicable": "does not apply"}
+THIN = "\N{NARROW NO-BREAK SPACE}"
+FEW = 12
+"""Lists of at most so many lines are shown as they are; longer ones are folded away."""
+
+
+def write_page(
+    proof: CheckReport,
+    asset: Asset | None,
+    path: Path,
+    *,
+    meanings: Mapping[str, str] | None = None,
+) -> None:
+    """Write the page of ``proof`` to ``path``, and a small picture beside it as ``.webp``.
+
+    The page needs no other file. Where nothing can be drawn it has no pictures and says so.
+
+    Args:
+        proof: What is shown.
+        asset: The object it is about; None where none could be made.
+        path: File that is written, whole or not at all.
+        meanings: What each clause means, by its name, in a sentence.
+    """
+    page = ReportPage(proof.asset, _lead(proof, asset))
+    page.verdict(proof)
+    if asset is None:
+        page.text("No object could be made of the input, so there is nothing to show.")
+    else:
+        drawn = _show(page, proof, asset)
+        if drawn is not None:
+            write_bytes(path.with_suffix(".webp"), drawn.thumbnail)
+    _figures(page, proof)
+    _joints(page, proof)
+    _clauses(page, proof.clauses, meanings or {})
+    _repairs(page, proof)
+    _origin(page, proof, asset)
+    page.save(path)
+
+
+class ReportPage(Page):
+    """A page with what only proofs need: verdicts, marks, small pictures, lists, folds."""
+
+    def __init__(self, title: str, lead: str = "") -> None:
+        super().__init__(title, lead)
+        assets = resources.files("articulate.asset_page").joinpath("assets")
+        self._add(f"<style>{assets.joinpath('proof.css').read_text('utf-8')}</style>")
+
+    def verdict(self, proof: CheckReport) -> None:
+        """Add what came of it, in words."""
+        title, text = verdict_text(proof)
+        reasons = "".join(f"<li>{escaped(reason)}</li>" for reason in proof.reasons)
+        self._add(
+            f'<div class="verdict {proof.verdict}"><b>{escaped(title)}</b>'
+            f"<p>{escaped(text)}</p>{f'<ul>{reasons}</ul>' if reasons else ''}</div>"
+        )
+
+    def view(self, inner: str) -> None:
+        """Add a 3-D view; ``inner`` is HTML."""
+        self._add(inner)
+
+    def pictures(self, pictures: Iterable[Picture]) -> None:
+        """Add pictures side by side."""
+        figures = "".join(
+            f'<figure><img alt="{escaped(p.caption)}" loading="lazy" '
+            f'src="data:image/webp;base64,{base64.b64encode(p.webp).decode("ascii")}">'
+            f"<figcaption>{escaped(p.caption)}</figcaption></figure>"
+            for p in pictures
+        )
+        self._add(f'<div class="pictures">{figures}</div>')
+
+    def lines(self, lines: Sequence[str]) -> None:
+        """Add a list of sentences."""
+        items = "".join(f"<li>{escaped(line)}</li>" for line in lines)
+        self._add(f'<ul class="plain">{items}</ul>')
+
+    def fold(self, title: str) -> None:
+        """Begin what is shown on request; :meth:`unfold` ends it."""
+        self._add(f"<details><summary>{escaped(title)}</summary>")
+
+    def unfold(self) -> None:
+        """End what :meth:`fold` began."""
+        self._add("</details>")
+
+    def clause_table(
+        self,
+        header: Sequence[str],
+        rows: Sequence[tuple[str, Sequence[str]]],
+        name: str,
+        *,
+        wide: bool = True,
+    ) -> None:
+        """Add a table of rows that carry an outcome; cells are HTML, the header is text.
+
+        Args:
+            header: Titles of the columns.
+            rows: Outcome and cells of each row.
+            name: What the table shows, for those who cannot see it.
+            wide: Set each row as a card where the window is narrow.
+        """
+        head = "".join(f'<th scope="col">{escaped(title)}</th>' for title in header)
+        body = "".join(
+            f'<tr class="{outcome}">{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
+            for outcome, cells in rows
+        )
+        kind = "evidence cards" if wide else "evidence"
+        self._add(
+            f'<div class="scroll {kind}" tabindex="0" role="region" aria-label="{escaped(name)}">'
+            f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+        )
+
+
+def verdict_text(proof: CheckReport) -> tuple[str, str]:
+    """Verdict of ``proof`` as a headline and a sentence."""
+    counted = [c for c in proof.clauses if c.outcome != "not_applicable"]
+    held = sum(c.outcome == "passed" for c in counted)
+    if proof.verdict == "refused":
+        if not counted:
+            return "Refused", "It was not measured:"
+        return "Refused", f"{held} of {len(counted)} measurements hold. What speaks against it:"
+    what = f"All {len(counted)} measurements hold." if counted else "There was nothing to measure."
+    if not proof.joints:
+        what = f"It has no movable joint and is proven as a rigid object. {what}"
+    if proof.verdict == "proven":
+        return "Proven", f"{what} Nothing had to be repaired."
+    repairs = _count(len(proof.repairs), "repair")
+    return f"Proven after {repairs}", f"{what} What was changed is listed below."
+
+
+def amount(value: float | None, unit: str) -> str:
+    """A figure with its unit as people read it: millimetres, degrees, per cent."""
+    if value is None:
+        return ""
+    factor, name = {"m": (1000.0, "mm"), "rad": (57.29577951308232, "°"), "1": (100.0, "%")}.get(
+        unit, (1.0, unit)
+    )
+    return f"{shown(float(f'{factor * value:.4g}'))}{THIN if name != '°' else ''}{name}".strip()
+
+
+def bound(clauses: Sequence[Check]) -> str:
+    """``"≤"`` or ``"≥"``: how measured and allowed values of one clause are compared.
+
+    Outcomes tell: what passes below the allowed value passes by being small.
+    """
+    for clause in clauses:
+        if clause.measured is None or clause.allowed is None or clause.measured == clause.allowed:
+            continue
+        if clause.outcome != "not_applicable":
+            small = (clause.measured < clause.allowed) == (clause.outcome == "passed")
+            return "≤" if small else "≥"
+    return ""
+
+
+def escaped(text: object) -> str:
+    """``text`` so that it is shown as it is."""
+    return html.escape(str(text), quote=True)
+
+
+def _lead(proof: CheckReport, asset: Asset | None) -> str:
+    known = [] if asset is None or asset.category == "unknown" else [asset.category]
+    if proof.joints:
+        known.append(_count(len(proof.joints), "joint"))
+    if asset is not None:
+        size = (b - a for a, b in zip(*asset.bounds_o, strict=True))
+        known.append(" × ".join(f"{100.0 * side:.0f}" for side in size) + " cm")
+    if proof.seconds:
+        known.append(f"converted and proven in {proof.seconds:.1f} s")
+    return " · ".join(known)
+
+
+def _show(page: ReportPage, proof: CheckReport, asset: Asset) -> Pictures | None:
+    """Add the 3-D view and the pictures, or why there are none."""
+    try:
+        subject = load_model(asset)
+    except AssetError as error:
+        page.text(f"There is no 3-D view and no picture: {error}.")
+        return None
+    needs = {joint.name: joint.needs for joint in proof.joints if joint.needs}
+    page.view(viewer_html(subject, needs))
+    return _pictures(page, subject, needs)
+
+
+def _pictures(
+    page: ReportPage, subject: ObjectModel, needs: Mapping[str, tuple[str, ...]]
+) -> Pictures | None:
+    page.section("Pictures")
+    try:
+        drawn = draw_pictures(subject, needs)
+    except (MissingError, AssetError) as error:
+        page.text(f"They were left out: {error}.")
+        return None
+    page.pictures(drawn.in_order)
+    if len(subject.free_joints) > MOST_OPEN:
+        page.text(f"Of {len(subject.free_joints)} joints the first {MOST_OPEN} are shown open.")
+    return drawn
+
+
+def _figures(page: ReportPage, proof: CheckReport) -> None:
+    counted = [c for c in proof.clauses if c.outcome != "not_applicable"]
+    held = sum(c.outcome == "passed" for c in counted)
+    tiles = []
+    if counted:
+        tiles.append(_share_tile(held, len(counted), "measurements hold"))
+    if proof.joints:
+        free = sum(not joint.blocked for joint in proof.joints)
+        tiles.append(_share_tile(free, len(proof.joints), "joints go through their range"))
+    tried = [c for c in counted if c.name == "open"]
+    if tried:
+        opened = sum(c.outcome == "passed" for c in tried)
+        tiles.append(_share_tile(opened, len(tried), "joints open under a hand's force"))
+    tiles.append(Tile(value=proof.colliders, label="collision shapes"))
+    if proof.step_us is not None:
+        tiles.append(Tile(value=float(f"{proof.step_us:.3g}"), label="physics step [µs]"))
+    page.tiles(*tiles)
+
+
+def _share_tile(part: int, whole: int, label: str) -> Tile:
+    return Tile(
+        value=f"{part}{THIN}/{THIN}{whole}", label=label, tone="good" if part == whole else "bad"
+    )
+
+
+def _joints(page: ReportPage, proof: CheckReport) -> None:
+    if not proof.joints:
+        return
+    page.section("Joints")
+    rows = [(_joint_outcome(joint), _joint_cells(joint)) for joint in proof.joints]
+    header = ["joint", "moves", "free of others", "opened by a hand", "needs"]
+    page.clause_table(header, rows, "joints", wide=False)
+
+
+def _joint_outcome(joint: JointCheck) -> str:
+    return "failed" if joint.blocked else "passed"
+
+
+def _joint_cells(joint: JointCheck) -> list[str]:
+    way = amount(abs(joint.span), "m" if joint.kind == "slide" else "rad")
+    kind = "slides" if joint.kind == "slide" else "turns"
+    free = f"{100.0 * joint.swept:.0f}{THIN}% of its way"
+    if joint.blocked:
+        free = f'<span class="mark failed">blocked</span><small>{free} is free</small>'
+    opened = "not tried" if joint.opened is None else f"{100.0 * joint.opened:.0f}{THIN}%"
+    needs = f"{escaped(', '.join(joint.needs))} open" if joint.needs else "–"
+    return [f"<b>{escaped(joint.name)}</b>", f"{kind} {way}", free, opened, needs]
+
+
+def _clauses(page: ReportPage, clauses: Sequence[Check], meanings: Mapping[str, str]) -> None:
+    if not clauses:
+        return
+    page.section("What was measured")
+    names = list(dict.fromkeys(clause.name for clause in clauses))
+    names.sort(key=lambda name: not any(c.outcome == "failed" for c in clauses if c.name == name))
+    rows: list[tuple[str, list[str]]] = []
+    for name in names:
+        rows += _clause_rows([c for c in clauses if c.name == name], meanings.get(name, ""))
+    header = ["clause", "outcome", "measured", "allowed", "what was found"]
+    page.clause_table(header, rows, "clauses")
+    page.text("What a clause means, why it matters and how to mend it is said by "
+              "`check-asset --explain CLAUSE`.")  # fmt: skip
+    page.fold(f"All {len(clauses)} measurements")
+    every = [
+        (c.outcome, [escaped(c.name), escaped(c.subject or "–"), *_measured_cells(c, clauses)])
+        for c in clauses
+    ]
+    page.clause_table(["clause", "about", "outcome", "measured", "allowed", "what was found"],
+                      every, "all measurements")  # fmt: skip
+    page.unfold()
+
+
+def _clause_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[str]]]:
+    """Every failure of one clause, and one row for all that holds or does not apply."""
+    title = f"<b>{escaped(group[0].name)}</b>"
+    failed = [c for c in group if c.outcome == "failed"]
+    passed = [c for c in group if c.outcome == "passed"]
+    rows = []
+    for clause in failed:
+        about = f"<b>{escaped(clause.subject)}</b>: " if clause.subject else ""
+        *figures, message = _measured_cells(clause, group)
+        rows.append(("failed", [title, *figures, about + message]))
+    if passed:
+        sign = bound(group)
+        mark, measured, allowed, message = _measured_cells(_worst(passed, sign), group)
+        if len(passed) > 1:
+            of = (
+                f"all {len(group)}"
+                if len(passed) == len(group)
+                else f"{len(passed)} of {len(group)}"
+            )
+            mark += f"<small>{of}</small>"
+            about = escaped(_worst(passed, sign).subject)
+            about = f", {about}" if about else ""
+            message = f"<small>closest to the limit{about}:</small>{message}" if sign else message
+        rows.append(("passed", [title, mark, measured, allowed, message]))
+    if not rows:
+        *figures, message = _measured_cells(group[0], group)
+        reasons = list(dict.fromkeys(c.message for c in group))
+        more = f"<small>and {len(reasons) - 1} other reasons</small>" if len(reasons) > 1 else ""
+        rows.append(("not_applicable", [title, *figures, message + more]))
+    if meaning:
+        rows[0][1][-1] += f"<small>{escaped(meaning)}</small>"
+    return rows
+
+
+def _worst(passed: Sequence[Check], sign: str) -> Check:
+    """The measurement that comes nearest to what is allowed."""
+    known = [c for c in passed if c.measured is not None]
+    if not known or not sign:
+        return (known or list(passed))[0]
+    return (max if sign == "≤" else min)(known, key=lambda c: c.measured or 0.0)
+
+
+def _measured_cells(clause: Check, peers: Sequence[Check]) -> list[str]:
+    """Outcome, measured, allowed and message of a clause as HTML."""
+    mark = f'<span class="mark {clause.outcome}">{OUTCOME_TEXT[clause.outcome]}</span>'
+    sign = bound([c for c in peers if c.name == clause.name])
+    allowed = amount(clause.allowed, clause.unit)
+    limit = f"{sign} {allowed}".strip() if allowed else "–"
+    measured = amount(clause.measured, clause.unit) or "–"
+    cells = [escaped(text).replace(" ", "&nbsp;") for text in (measured, limit)]
+    return [mark, *cells, escaped(clause.message)]
+
+
+def _repairs(page: ReportPage, proof: CheckReport) -> None:
+    page.section("What was changed")
+    if not proof.repairs:
+        page.text("Nothing.")
+        return
+    if len(proof.repairs) > FEW:
+        page.fold(f"{len(proof.repairs)} changes")
+    page.lines(proof.repairs)
+    if len(proof.repairs) > FEW:
+        page.unfold()
+
+
+def _origin(page: ReportPage, proof: CheckReport, asset: Asset | None) -> None:
+    page.section("Where it came from")
+    if proof.counts is not None:
+        counts = proof.counts
+        page.table(
+            ["", "in the input", "in the asset"],
+            [
+                [name, *getattr(counts, name)]
+                for name in ("links", "joints", "visuals", "collisions")
+            ],
+        )
+    about = {"source": proof.source, "licence": proof.licence}
+    if asset is not None:
+        about["size"] = asset.size_rule or "as given"
+        about["mass"] = f"{sum(link.mass_kg for link in asset.links):.3g} kg"
+    page.pairs(about)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

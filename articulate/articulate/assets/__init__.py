@@ -1,0 +1,1 @@
+"""Assets: links, joints, handles, the asset folder and its check report."""

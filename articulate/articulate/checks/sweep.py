@@ -1,0 +1,268 @@
+"""Clause: every joint goes through its range without parts going through each other.
+
+By distance queries on the collision shapes, whatever the engine leaves out. What counts is how
+much deeper a shape lies in another part than it does with everything closed: parts of real
+objects touch, and their shapes overlap a little, while they are at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from articulate.assets.asset import Joint
+from articulate.assets.check_report import Check, JointCheck
+from articulate.checks.interference import LIMIT_M, Interference, Sweeper, Way
+from articulate.checks.model import ObjectModel
+
+DRAWS = 8
+"""Draws of the other joints for each joint."""
+DRAW_STATES = 32
+"""Most states along one way for each of them."""
+MAX_REDRAWS = 24
+"""So often are the others drawn again where authored parts meet."""
+MAX_NEEDS = 3
+"""So many joints may have to be open before another one can move."""
+ONLY_SHAPES = "; only the collision shapes meet there: the conversion made them too large"
+AUTHORED = "; the authored parts meet there too: mend the limits, the axis or the mesh"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A way on which parts meet that should not."""
+
+    joint: str
+    """Joint that is moved."""
+    others: Mapping[str, float]
+    """Positions of the joints that are not closed [m or rad]."""
+    way: Way
+    authored: tuple[tuple[str, str], ...]
+    """Pairs of links that meet as authored, too."""
+    alone: bool
+    """Whether all other joints stand where they have to."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swept:
+    """What sweeping the joints of an object brought to light."""
+
+    clauses: tuple[Check, ...]
+    joints: tuple[JointCheck, ...]
+    faults: tuple[Fault, ...]
+
+
+def sweep(model: ObjectModel) -> Swept:
+    """Clauses ``sweep``, ``sweep_authored`` and ``sweep_random``, and how far each joint went.
+
+    ``sweep_authored`` appears, failed, where the authored parts meet in the same place: then the
+    object itself is at fault and not its shapes.
+    """
+    asset = model.asset
+    sweeper = Sweeper(model=model)
+    followers = {f.joint: f.leader for f in model.followers}
+    clauses: list[Check] = []
+    faults: list[Fault] = []
+    joints: dict[str, JointCheck] = {}
+    for name in model.free_joints:
+        joint = asset.joint(name)
+        way, needs = _needed(sweeper, joint)
+        alone, fault = _alone(sweeper, joint, way, needs)
+        clauses += alone
+        passes = fault is None or len(fault.authored) == len(way.meetings)
+        faults += [] if fault is None else [fault]
+        if passes and len(model.free_joints) > 1:
+            clause, fault = _together(sweeper, joint, way, needs)
+            clauses.append(clause)
+            faults += [] if fault is None else [fault]
+        joints[name] = JointCheck(
+            name=name,
+            kind=joint.kind,
+            span=joint.span,
+            swept=way.free,
+            blocked=bool(way.meetings),
+            needs=needs,
+        )
+    for name, proof in _locked(joints).items():
+        clauses.append(_deadlock(proof))
+        joints[name] = replace(proof, blocked=True, swept=0.0)
+    for joint in asset.joints:
+        if joint.name in followers:
+            leader = joints.get(_leader(joint.name, followers))
+            joints[joint.name] = JointCheck(
+                name=joint.name,
+                kind=joint.kind,
+                span=joint.span,
+                swept=leader.swept if leader else 0.0,
+                blocked=leader.blocked if leader else True,
+                needs=leader.needs if leader else (),
+            )
+    proofs = tuple(joints[joint.name] for joint in asset.joints)
+    return Swept(clauses=tuple(clauses), joints=proofs, faults=tuple(faults))
+
+
+def _leader(name: str, followers: Mapping[str, str]) -> str:
+    for _ in followers:
+        name = followers.get(name, name)
+    return name
+
+
+def _needed(sweeper: Sweeper, joint: Joint) -> tuple[Way, tuple[str, ...]]:
+    """The way of a joint, and the joints that had to be opened for it.
+
+    Another joint is opened only where the authored parts meet as well: shapes alone that
+    meet are a fault of the shapes. What no other joint can change is left as it is.
+    """
+    alone = way = sweeper.way(joint.name, {})
+    opened: dict[str, float] = {}
+    while len(opened) < MAX_NEEDS and _foreign(sweeper, way):
+        stopper = _stopper(sweeper, joint, way, opened)
+        if stopper is None:
+            return alone, ()
+        opened[stopper.name] = stopper.open
+        way = sweeper.way(joint.name, opened)
+    if _foreign(sweeper, way):
+        return alone, ()
+    for name in list(opened):
+        fewer = {k: v for k, v in opened.items() if k != name}
+        if fewer and not _foreign(sweeper, sweeper.way(joint.name, fewer)):
+            opened = fewer
+    return way, tuple(opened)
+
+
+def _foreign(sweeper: Sweeper, way: Way) -> list[Interference]:
+    """The meetings that another joint could change."""
+    return [meeting for meeting in way.meetings if not sweeper.is_own(meeting)]
+
+
+def _stopper(sweeper: Sweeper, joint: Joint, way: Way, opened: Mapping[str, float]) -> Joint | None:
+    """The joint that moves what is in the way, if there is one for every meeting."""
+    free = set(sweeper.model.free_joints)
+    kept = set(sweeper.chains[joint.link]) | sweeper.moved_with(joint.name)
+    stoppers = []
+    for meeting in _foreign(sweeper, way):
+        chain = [c for c in sweeper.chains[meeting.other] if c in free and c not in kept]
+        if not chain or chain[-1] in opened or not sweeper.authored(meeting):
+            return None
+        stoppers.append(chain[-1])
+    return sweeper.model.asset.joint(stoppers[0])
+
+
+def _locked(joints: Mapping[str, JointCheck]) -> dict[str, JointCheck]:
+    """The joints that need each other open, so that none of them can be the first."""
+    waiting = dict(joints)
+    while True:
+        free = [j for j in waiting.values() if not set(j.needs) & set(waiting)]
+        if not free:
+            return waiting
+        for joint in free:
+            del waiting[joint.name]
+
+
+def _deadlock(joint: JointCheck) -> Check:
+    return Check(
+        name="sweep_authored",
+        outcome="failed",
+        subject=joint.name,
+        message=f"needs {' and '.join(joint.needs)} open, which needs this one open first: "
+        "mend the limits or the axes",
+    )
+
+
+def _alone(
+    sweeper: Sweeper, joint: Joint, way: Way, needs: Sequence[str]
+) -> tuple[list[Check], Fault | None]:
+    """Clauses about a joint on its own, and what is at fault.
+
+    What the authored parts do themselves is told apart from what the shapes make of them.
+    """
+    authored = [meeting for meeting in way.meetings if sweeper.authored(meeting)]
+    shapes = [meeting for meeting in way.meetings if meeting not in authored]
+    clauses = []
+    if shapes:
+        clauses.append(_failed("sweep", shapes[0], f"{_words(shapes[0], joint)}{ONLY_SHAPES}"))
+    if authored:
+        text = f"{_words(authored[0], joint)}{AUTHORED}"
+        clauses.append(_failed("sweep_authored", authored[0], text))
+    if not clauses:
+        extra = f"with {' and '.join(needs)} open" if needs else "with the others closed"
+        clauses.append(_passed("sweep", joint, f"goes through its whole range {extra}"))
+    if not way.meetings:
+        return clauses, None
+    fault = Fault(
+        joint=joint.name,
+        others={name: sweeper.model.asset.joint(name).open for name in needs},
+        way=way,
+        authored=tuple((meeting.one, meeting.other) for meeting in authored),
+        alone=True,
+    )
+    return clauses, fault
+
+
+def _together(
+    sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]
+) -> tuple[Check, Fault | None]:
+    """The same with the other joints anywhere in their ranges.
+
+    What nothing but the joint itself decides, and what it met ``alone``, does not count again.
+    """
+    known = {(meeting.one, meeting.other) for meeting in alone.meetings}
+    done = redrawn = 0
+    while done < DRAWS and redrawn < MAX_REDRAWS:
+        others = sweeper.model.random_joints(sweeper.rng)
+        others = {k: v for k, v in others.items() if k in sweeper.model.free_joints}
+        del others[joint.name]
+        others.update({name: sweeper.model.asset.joint(name).open for name in needs})
+        way = sweeper.way(joint.name, others, DRAW_STATES)
+        new = [
+            meeting
+            for meeting in way.meetings
+            if (meeting.one, meeting.other) not in known and not sweeper.is_own(meeting)
+        ]
+        bad = [meeting for meeting in new if not sweeper.authored(meeting)]
+        if bad:
+            text = f"with the others at random: {_words(bad[0], joint)}{ONLY_SHAPES}"
+            way = replace(way, meetings=tuple(bad))
+            fault = Fault(joint=joint.name, others=others, way=way, authored=(), alone=False)
+            return _failed("sweep_random", bad[0], text), fault
+        redrawn += bool(new)
+        done += not new
+    again = f"; {redrawn} states in which authored parts meet were drawn again" if redrawn else ""
+    text = f"goes through its whole range with the others at {done} random states{again}"
+    clause = _passed("sweep_random", joint, text)
+    if done:
+        return clause, None
+    text = f"in all of {redrawn} random states of the others the authored parts themselves meet"
+    return replace(clause, outcome="not_applicable", measured=None, message=text), None
+
+
+def _failed(name: str, meeting: Interference, message: str) -> Check:
+    return Check(
+        name=name,
+        outcome="failed",
+        subject=meeting.joint,
+        measured=meeting.excess_m,
+        allowed=LIMIT_M,
+        unit="m",
+        message=message,
+    )
+
+
+def _passed(name: str, joint: Joint, message: str) -> Check:
+    return Check(
+        name=name,
+        outcome="passed",
+        subject=joint.name,
+        measured=0.0,
+        allowed=LIMIT_M,
+        unit="m",
+        message=message,
+    )
+
+
+def _words(worst: Interference, joint: Joint) -> str:
+    """What meets what, and where."""
+    where = f"{worst.q[joint.name]:.3g} {'m' if joint.kind == 'slide' else 'rad'}"
+    return (
+        f"{worst.one} goes {1e3 * worst.excess_m:.1f} mm deeper into {worst.other} at {where} "
+        "than at rest"
+    )

@@ -1,0 +1,509 @@
+"""From a URDF or MJCF to an asset folder, whole or absent."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from articulate.assets.asset import Asset, Joint, Link, load_asset, save_asset
+from articulate.conversion.contact_exclusions import excludes_of
+from articulate.conversion.handles import handles_of
+from articulate.conversion.joints import Travel, travel_of
+from articulate.conversion.metric_size import category_of, is_normalised, scale_of
+from articulate.conversion.mimic import followed, with_followers
+from articulate.conversion.provenance import ORIGIN_FILE, origin_of
+from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
+from articulate.errors import AssetError, UsageError
+from articulate.files import write_text
+from articulate.formats.collada_up_axis import loaded
+from articulate.formats.config import ConvertConfig
+from articulate.formats.decompose_joints import expand
+from articulate.formats.link_tree import Part, build_parts, poses_at
+from articulate.formats.load_meshes import PartGeometry, bounds
+from articulate.formats.read_mjcf import read_mjcf
+from articulate.formats.read_mjcf_files import is_mjcf
+from articulate.formats.read_urdf import SourceObject, free_name, read_urdf
+from articulate.formats.repairs import Repairs
+from articulate.geometry.collision import collision_shapes
+from articulate.geometry.inertia import inertial_of
+from articulate.geometry.presets import given_dynamics, joint_preset, weight
+from articulate.geometry.rays import NOTHING
+from articulate.geometry.shapes import Shape
+from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
+from articulate.replace_directory import is_asset, replace_directory
+from articulate.transforms import Array, inverse, matrix_to_quat
+
+VERSION = "28"
+"""Enters every cache key; change it with anything that changes what is written."""
+SIZE_M = (0.005, 300.0)
+"""Shortest and longest object [m] that is taken for one in metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """A source with its parts, geometry and joints, in its own units."""
+
+    source: SourceObject
+    parts: tuple[Part, ...]
+    geometry: Mapping[str, PartGeometry]
+    travels: Mapping[str, Travel]
+    """By part."""
+    files: Mapping[str, Path]
+    """Mesh files in use, by reference."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """How units of the source become the object frame in metres."""
+
+    scale: float
+    rule: str
+    T_os: Array
+    """Pose of the URDF's root frame, already scaled, in the object frame (4, 4)."""
+
+
+def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Asset:
+    """Make the asset folder ``out`` from ``source``.
+
+    Args:
+        source: URDF or MJCF file, or a folder that holds one.
+        out: Folder to write; replaced if it is an asset, refused if it is anything else.
+        config: What to do otherwise than by default.
+
+    Raises:
+        AssetError: The source cannot be read or made into an object.
+        UsageError: ``out`` cannot be written.
+    """
+    config = config or ConvertConfig()
+    _check_out(out)
+    asset, bodies, mimics = build_asset(read_input(urdf_in(source), config), config)
+    return write_asset(asset, bodies, mimics, out)
+
+
+def urdf_in(source: Path) -> Path:
+    """The URDF or MJCF file that ``source`` is or holds; a folder's only URDF comes first.
+
+    Raises:
+        AssetError: There is none, or more than one, or it cannot be looked at.
+    """
+    try:
+        return _only_source(source)
+    except OSError as error:  # a name too long, a folder that is closed
+        raise AssetError(f"{source}: cannot be read ({error.strerror}); give another") from None
+
+
+def _only_source(source: Path) -> Path:
+    if not source.exists():
+        raise AssetError(
+            f"{source}: does not exist; give a URDF, an MJCF file or a folder that holds one"
+        )
+    if not source.is_dir():
+        return source
+    urdfs = sorted(source.glob("*.urdf"))
+    found = urdfs or sorted(p for p in source.iterdir() if p.suffix.lower() in {".xml", ".mjcf"})
+    if len(found) != 1:
+        names = ", ".join(p.name for p in found[:6])
+        kind = "URDFs" if urdfs else "URDF or MJCF files"
+        if not found:
+            raise AssetError(f"{source}: holds no URDF or MJCF file; give one, or a folder of one")
+        raise AssetError(f"{source}: holds {len(found)} {kind} ({names}); name one")
+    return found[0]
+
+
+def read_source(path: Path) -> SourceObject:
+    """What stands in the URDF or MJCF file at ``path``.
+
+    Raises:
+        AssetError: It cannot be read, or holds no object.
+    """
+    return read_mjcf(path) if is_mjcf(path) else read_urdf(path)
+
+
+def read_input(path: Path, config: ConvertConfig) -> Reading:
+    """What the URDF or MJCF at ``path`` says, with its geometry.
+
+    Raises:
+        AssetError: It cannot be read, or nothing in it has geometry.
+    """
+    source = read_source(path)
+    parts = build_parts(expand(source))
+    loader, geometry = loaded(source, parts, config)
+    parts = _without_empty(parts, geometry, source)
+    if not any(geometry[part.name].shown for part in parts):
+        raise AssetError(f"{path}: no link has geometry; nothing can be made of it")
+    travels = _travels(parts, geometry, config, source.repairs)
+    files = {**source.files, **loader.files}
+    return Reading(source=source, parts=parts, geometry=geometry, travels=travels, files=files)
+
+
+def _travels(
+    parts: Sequence[Part],
+    geometry: Mapping[str, PartGeometry],
+    config: ConvertConfig,
+    repairs: Repairs,
+) -> dict[str, Travel]:
+    """How far each part goes, by part."""
+    moving = [(part, part.joint) for part in parts if part.joint is not None]
+    own = {j.name: travel_of(j, geometry[part.name], config, repairs) for part, j in moving}
+    leads, _ = followed(joint for _, joint in moving)
+    found = with_followers(own, leads, repairs)
+    return {part.name: found[joint.name] for part, joint in moving}
+
+
+def _without_empty(
+    parts: tuple[Part, ...], geometry: Mapping[str, PartGeometry], source: SourceObject
+) -> tuple[Part, ...]:
+    """The parts without moving leaves that have no geometry and lead no other part."""
+    kept = list(parts)
+    while True:
+        parents = {part.parent for part in kept}
+        leaders = {part.joint.mimic[0] for part in kept if part.joint and part.joint.mimic}
+        leads = {part.name for part in kept if part.joint and part.joint.name in leaders}
+        empty = [
+            part
+            for part in kept[1:]
+            if not geometry[part.name].shown and part.name not in parents | leads
+        ]
+        if not empty:
+            return tuple(kept)
+        for part in empty:
+            source.repairs.add(f"link {part.name} has no geometry: left out with its joint")
+            kept.remove(part)
+
+
+def input_key(reading: Reading, config: ConvertConfig) -> str:
+    """Content hash of all that an asset is made from: files, options, version of the converter.
+
+    The names of the file and of its folder are hashed too: an asset says where it comes from.
+    """
+    digest = hashlib.sha256(f"convert {VERSION}\0".encode())
+    options = dataclasses.asdict(config)
+    del options["cache_dir"], options["decompose_s"]
+    digest.update(json.dumps(options, sort_keys=True, default=str).encode())
+    path = reading.source.path
+    digest.update(json.dumps([path.name, path.parent.resolve().name]).encode() + b"\0")
+    extra = [path.parent / n for n in ("meta.json", "semantics.txt", ORIGIN_FILE)]
+    files = [("urdf", path), *sorted(reading.files.items())]
+    files += [(p.name, p) for p in extra if p.is_file()]
+    digest.update(str(is_normalised(path)).encode())
+    for name, file in files:
+        digest.update(name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+    colours = [[p.rgba for p in g.shown] for g in reading.geometry.values()]  # of other files too
+    digest.update(json.dumps(colours).encode())
+    return digest.hexdigest()
+
+
+def placement_of(reading: Reading, config: ConvertConfig) -> Placement:
+    """Size and place of the object frame.
+
+    Raises:
+        AssetError: The object has no extent.
+    """
+    closed = {
+        part.joint.name: reading.travels[part.name].closed
+        for part in reading.parts
+        if part.joint is not None
+    }
+    poses = poses_at(reading.parts, closed)
+    boxes = [bounds(reading.geometry[p.name], poses[p.name]) for p in reading.parts]
+    found = [box for box in boxes if box is not None]
+    low = np.min([box[0] for box in found], axis=0)
+    high = np.max([box[1] for box in found], axis=0)
+    longest = float((high - low).max())
+    if longest <= 0.0:
+        raise AssetError(f"{reading.source.path}: all geometry lies in one point")
+    scale, rule = scale_of(reading.source.path, config, longest)
+    low_m, high_m = SIZE_M
+    if not low_m <= scale * longest <= high_m:
+        raise AssetError(
+            f"{reading.source.path}: the closed object is {scale * longest:.3g} m long; {low_m:g} "
+            f"to {high_m:g} m are accepted: is it in metres? else give its longest side (size_m)"
+        )
+    T_os = np.eye(4)
+    T_os[:3, 3] = -scale * np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    return Placement(scale=scale, rule=rule, T_os=T_os)
+
+
+def _scaled_pose(T: Array, scale: float) -> Array:
+    out = np.array(T)
+    out[:3, 3] *= scale
+    return out
+
+
+Shaped = dict[tuple[str, int], tuple[tuple[Shape, ...], tuple[str, ...]]]
+"""Collision shapes of links, and what was said of them, by name and how often they were made
+finer."""
+
+
+def build_asset(
+    reading: Reading,
+    config: ConvertConfig,
+    known: Shaped | None = None,
+    hollow: Mapping[str, Array] | None = None,
+    budget: Budget = UNLIMITED,
+) -> tuple[Asset, list[Body], list[Mimic]]:
+    """The asset with its bodies and followers, not written yet.
+
+    Args:
+        reading: The source.
+        config: What to do otherwise than by default.
+        known: Shapes of an earlier call for the same reading; those of this one are added.
+        hollow: Points (H, 3) in the cavities of links that no shape may fill [m], by link and
+            in its frame.
+        budget: Time for links that are made finer than in an earlier call; what is not done by
+            then stays as it was made there.
+    """
+    source = reading.source
+    place = placement_of(reading, config)
+    category = category_of(source.path, config)
+    origin, licence = origin_of(source.path, config)
+    known = {} if known is None else known
+    bodies, T_ob = _bodies(reading, place, category, config, known, hollow or {}, budget)
+    if not any(body.shapes for body in bodies):
+        raise AssetError(f"{source.path}: no link has geometry of any area; nothing can be made")
+    joints = tuple(body.joint for body in bodies if body.joint is not None)
+    links = tuple(_link(body, T_ob[body.name]) for body in bodies)
+    mimics = _mimics(reading, place)
+    if not joints:
+        source.repairs.note("no joint moves: the object is rigid")
+    asset = Asset(
+        name=config.name or source.name,
+        category=category,
+        links=links,
+        joints=joints,
+        handles=(),
+        bounds_o=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        source=origin,
+        licence=licence,
+        size_rule=place.rule,
+    )
+    handles, closed_box = handles_of(asset, bodies, source.repairs)
+    asset = replace(asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.sentences)
+    return asset, bodies, mimics
+
+
+def _bodies(
+    reading: Reading,
+    place: Placement,
+    category: str,
+    config: ConvertConfig,
+    known: Shaped,
+    hollow: Mapping[str, Array],
+    budget: Budget,
+) -> tuple[list[Body], dict[str, Array]]:
+    """Bodies in metres and their poses in the object frame with every joint at 0."""
+    repairs = reading.source.repairs
+    bodies: list[Body] = []
+    T_ob: dict[str, Array] = {}
+    names: dict[str, str] = {}
+    rescaled = abs(place.scale - 1.0) > 1e-9
+    if rescaled:
+        repairs.add(f"scaled by {place.scale:.4g}: {place.rule}")
+    for part in reading.parts:
+        geometry = reading.geometry[part.name].scaled(place.scale)
+        specks = len(reading.geometry[part.name].visuals) - len(geometry.visuals)
+        if specks:
+            repairs.add(f"part {part.name}: {specks} visual pieces of next to no area left out")
+        T_op = place.T_os @ _scaled_pose(part.T_sp, place.scale)
+        members = tuple((link, _scaled_pose(T, place.scale)) for link, T in part.members)
+        if part.joint is None:  # the fixed body has the object frame for its own
+            geometry = geometry.moved(T_op)
+            members = tuple((link, T_op @ T_pl) for link, T_pl in members)
+            T_op = np.eye(4)
+        name = part.name  # MuJoCo keeps the name "world" for itself
+        if name == "world":
+            name = free_name("world_link", reading.source.links)
+        names[part.name] = name
+        shapes, sentences = _shapes_of(name, geometry, config, known, hollow, budget)
+        for sentence in sentences:
+            repairs.add(sentence)
+        inertial = inertial_of(
+            members,
+            shapes,
+            weight(category),
+            rescaled=rescaled,
+            kind=reading.travels[part.name].kind if part.joint is not None else "fixed",
+            repairs=repairs,
+        )
+        parent = None if part.parent is None else names[part.parent]
+        T_pc = np.eye(4) if parent is None else inverse(T_ob[parent]) @ T_op
+        T_ob[name] = T_op
+        joint = None
+        travel = reading.travels.get(part.name)
+        armature = 0.0
+        if travel is not None and parent is not None and part.joint is not None:
+            preset = joint_preset(travel.kind, inertial.mass_kg)
+            said = part.joint.armature
+            armature = said if said and not rescaled else preset.armature
+            joint = _joint(part.joint.name, name, parent, travel, place.scale, T_op)
+            given = (part.joint.damping, part.joint.friction)
+            damping, friction = given_dynamics(preset, *given, rescaled=rescaled)
+            joint = replace(joint, damping=damping, frictionloss=friction)
+        bodies.append(
+            Body(
+                name=name,
+                parent=parent,
+                T_pc=T_pc,
+                visuals=geometry.shown,
+                shapes=shapes,
+                inertial=inertial,
+                joint=joint,
+                axis_l=None if travel is None else travel.axis,
+                armature=armature,
+                frames=tuple(
+                    (link.name, T) for link, T in members if link.name not in {part.name, "world"}
+                ),
+            )
+        )
+    _note_inertia(reading, bodies, category, rescaled=rescaled)
+    return bodies, T_ob
+
+
+def _shapes_of(
+    name: str,
+    geometry: PartGeometry,
+    config: ConvertConfig,
+    known: Shaped,
+    hollow: Mapping[str, Array],
+    budget: Budget,
+) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
+    """Shapes of a body, and what was changed for them, made once for each fineness.
+
+    Finer ones that are not done within ``budget`` are left at what they were.
+    """
+    key = (name, config.finer.count(name))
+    if key not in known:
+        before = known.get((name, key[1] - 1))
+        own = Repairs()
+        left = UNLIMITED if before is None else budget
+        try:
+            free = hollow.get(name, NOTHING)
+            shapes = collision_shapes(geometry, name, config, own, free, left)
+            known[key] = shapes, own.sentences
+        except OutOfTimeError:
+            assert before is not None
+            known[key] = before
+    return known[key]
+
+
+def _note_inertia(
+    reading: Reading, bodies: Sequence[Body], category: str, *, rescaled: bool
+) -> None:
+    """Say where masses come from that do not stand in the source."""
+    repairs = reading.source.repairs
+    said = any(link.inertial is not None for link in reading.source.links.values())
+    computed = sum(not body.inertial.given for body in bodies)
+    if said and rescaled:
+        repairs.add("masses, damping and friction of the file left out, for it is not metric")
+    if computed and (rescaled or not said):
+        repairs.add(
+            f"mass and inertia of {computed} links computed from their shapes at "
+            f"{weight(category).density_kg_m3:g} kg/m3, at least "
+            f"{weight(category).sheet_kg_m2:g} kg for each m2 of a panel"
+        )
+
+
+def _joint(name: str, link: str, parent: str, travel: Travel, scale: float, T_ol: Array) -> Joint:
+    unit = scale if travel.kind == "slide" else 1.0
+    axis = T_ol[:3, :3] @ travel.axis
+    return Joint(
+        name=name,
+        kind=travel.kind,
+        link=link,
+        parent=parent,
+        axis_o=(float(axis[0]), float(axis[1]), float(axis[2])),
+        pivot_o=(float(T_ol[0, 3]), float(T_ol[1, 3]), float(T_ol[2, 3])),
+        lower=None if travel.lower is None else travel.lower * unit,
+        upper=None if travel.upper is None else travel.upper * unit,
+        closed=travel.closed * unit,
+        open=travel.open * unit,
+        closed_rule=travel.closed_rule,
+    )
+
+
+def _link(body: Body, T_ol: Array) -> Link:
+    points = [piece.mesh.bounds for piece in body.visuals]
+    low = np.min([p[0] for p in points], axis=0) if points else np.zeros(3)
+    high = np.max([p[1] for p in points], axis=0) if points else np.zeros(3)
+    quat = matrix_to_quat(T_ol[:3, :3])
+    return Link(
+        name=body.name,
+        parent=body.parent,
+        pos_o=(float(T_ol[0, 3]), float(T_ol[1, 3]), float(T_ol[2, 3])),
+        quat_o=(float(quat[0]), float(quat[1]), float(quat[2]), float(quat[3])),
+        mass_kg=body.inertial.mass_kg,
+        bounds_l=(
+            (float(low[0]), float(low[1]), float(low[2])),
+            (float(high[0]), float(high[1]), float(high[2])),
+        ),
+        visuals=len(body.visuals),
+        collisions=len(body.shapes),
+    )
+
+
+def _mimics(reading: Reading, place: Placement) -> list[Mimic]:
+    kinds = {p.joint.name: reading.travels[p.name].kind for p in reading.parts if p.joint}
+    leads, dropped = followed(part.joint for part in reading.parts if part.joint)
+    for name, what in dropped.items():
+        reading.source.repairs.add(f"joint {name} mimics {what}: made independent")
+    units = {name: place.scale if kind == "slide" else 1.0 for name, kind in kinds.items()}
+    return [
+        Mimic(
+            joint=name,
+            leader=leader,
+            multiplier=multiplier * units[name] / units[leader],
+            offset=offset * units[name],
+        )
+        for name, (leader, multiplier, offset) in leads.items()
+    ]
+
+
+def _check_out(out: Path) -> None:
+    try:
+        free = not out.exists() or is_asset(out) or (out.is_dir() and not any(out.iterdir()))
+    except OSError as error:  # a name too long, a folder that is closed
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    if not free:
+        raise UsageError(f"{out}: exists and is not an asset; choose another --out")
+
+
+def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path) -> Asset:
+    """Write everything beside ``out`` and move it there in one step.
+
+    Raises:
+        UsageError: ``out`` cannot be written, or holds something other than an asset.
+    """
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
+    except OSError as error:
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    folder = beside / "new"
+    try:
+        folder.mkdir()
+        folder.chmod(0o755)
+        write_meshes(folder / "meshes", mesh_files(bodies))
+        write_text(folder / "object.urdf", urdf(asset.name, bodies, mimics))
+        excludes = excludes_of(asset, bodies, mimics, folder)
+        text = mjcf(asset.name, bodies, asset.handles, excludes, mimics)
+        write_text(folder / "object.xml", text)
+        save_asset(replace(asset, folder=folder))
+        written = load_asset(folder)  # in its place another writer's may follow it at once
+        replace_directory(folder, out, beside)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return replace(written, folder=out)

@@ -1,0 +1,166 @@
+"""The handle of each joint of a converted object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import trimesh
+
+from articulate.assets.asset import Asset, Handle, Joint, Vec3
+from articulate.conversion.write_asset import Body
+from articulate.formats.load_meshes import joined
+from articulate.formats.repairs import Repairs
+from articulate.geometry.collision import is_handle
+from articulate.geometry.handle import Grasp, best_grasp
+from articulate.transforms import Array, angle_between, inverse, normalised
+
+SNAP_RAD = 0.6
+"""A hinge's opening direction is turned to an axis of the object within this angle [rad]."""
+ALL_ROUND = 1e-6
+"""A part whose outermost points lie on average this near to its axis, as a share of its radius,
+lies all round it."""
+UPRIGHT = 0.9
+"""Cosine of the angle to the vertical from which an axis is taken for upright."""
+
+
+def handles_of(
+    asset: Asset, bodies: Sequence[Body], repairs: Repairs
+) -> tuple[tuple[Handle, ...], tuple[Vec3, Vec3]]:
+    """Handles, at most one for each joint, and the bounds of the closed object.
+
+    Places to hold are looked for on the collision shapes: those are what fingers will meet.
+    """
+    poses = closed_poses(asset)
+    meshes, owners, named, corners = [], [], [], []
+    for b, body in enumerate(bodies):
+        T_ob = poses[body.name]
+        corners += [trimesh.transform_points(p.mesh.vertices, T_ob) for p in body.visuals]
+        for shape in body.shapes:
+            mesh = shape.mesh.copy()
+            mesh.apply_transform(T_ob)
+            meshes.append(mesh)
+            owners.append(np.full(len(mesh.faces), b))
+            named.append(np.full(len(mesh.faces), is_handle(shape.piece)))
+    surface = joined(meshes)
+    owner, is_named = np.concatenate(owners), np.concatenate(named)
+    handles = []
+    for b, body in enumerate(bodies):
+        if body.joint is None:
+            continue
+        moved = np.isin(owner, _carried(bodies, b))
+        who = np.where(owner == b, np.where(is_named, 2, 1), np.where(moved, 1, 0))
+        if not (owner == b).any():
+            continue
+        handle = _handle(body.joint, surface, who, poses, repairs)
+        if handle is not None:
+            handles.append(handle)
+    low = np.min([c.min(axis=0) for c in corners], axis=0)
+    high = np.max([c.max(axis=0) for c in corners], axis=0)
+    return tuple(handles), (_vec(low), _vec(high))
+
+
+def closed_poses(asset: Asset) -> dict[str, Array]:
+    """Pose of every link in the object frame with every joint closed (4, 4)."""
+    poses: dict[str, Array] = {asset.links[0].name: np.eye(4)}
+    at_zero = {link.name: _rest(asset, link.name) for link in asset.links}
+    by_link = {joint.link: joint for joint in asset.joints}
+    for link in asset.links[1:]:
+        joint = by_link[link.name]
+        T_parent = poses[joint.parent] @ inverse(at_zero[joint.parent])
+        poses[link.name] = T_parent @ asset.T_ol(joint.name, joint.closed)
+    return poses
+
+
+def _rest(asset: Asset, name: str) -> Array:
+    for joint in asset.joints:
+        if joint.link == name:
+            return asset.T_ol(joint.name, 0.0)
+    return np.eye(4)
+
+
+def _carried(bodies: Sequence[Body], b: int) -> list[int]:
+    """Bodies that move with body ``b``, itself not counted."""
+    names = {bodies[b].name}
+    out = []
+    for i, body in enumerate(bodies):
+        if body.parent in names:
+            names.add(body.name)
+            out.append(i)
+    return out
+
+
+def _handle(
+    joint: Joint, surface: trimesh.Trimesh, owner: Array, poses: dict[str, Array], repairs: Repairs
+) -> Handle | None:
+    T_ol = poses[joint.link]
+    own = surface.vertices[np.unique(surface.faces[owner == (2 if (owner == 2).any() else 1)])]
+    opening, far_from = _opening(joint, own, poses)
+    grasp = best_grasp(surface, owner, opening=opening, far_from=far_from)
+    if grasp is None:
+        grasp = _doubtful(own, opening)
+        repairs.add(f"joint {joint.name}: nowhere fit for a hand; its outermost point is named")
+    elif (owner == 2).any() and not grasp.named:
+        repairs.add(f"joint {joint.name}: the piece called handle cannot be held; another place is")
+    R_lo = T_ol[:3, :3].T
+    source: Literal["name", "geometry", "edge"] = (
+        "name" if grasp.named else "edge" if grasp.kind == "edge" else "geometry"
+    )
+    return Handle(
+        name=f"handle_{joint.name}",
+        link=joint.link,
+        joint=joint.name,
+        pos_l=_vec(R_lo @ (grasp.pos_o - T_ol[:3, 3])),
+        normal_l=_vec(_clean(R_lo @ grasp.normal_o)),
+        along_l=_vec(_clean(R_lo @ grasp.along_o)),
+        extent=grasp.extent,
+        kind=grasp.kind,
+        source=source,
+    )
+
+
+def _opening(joint: Joint, points: Array, poses: dict[str, Array]) -> tuple[Array, Array | None]:
+    """Direction in which the part begins to open, and a hinge's point and axis."""
+    sign = 1.0 if joint.span >= 0.0 else -1.0
+    axis = np.asarray(joint.axis_o)
+    if joint.kind == "slide":
+        return sign * axis, None
+    pivot = np.asarray(joint.pivot_o)
+    offset = points - pivot
+    radial = offset - (offset @ axis)[:, None] * axis
+    reach = np.linalg.norm(radial, axis=1)
+    side = radial[reach >= 0.9 * reach.max()].mean(axis=0)
+    if np.linalg.norm(side) <= ALL_ROUND * reach.max():  # alike to all sides: any of them will do
+        side = np.eye(3)[2 if abs(axis[2]) < UPRIGHT else 0]
+    tangent = normalised(np.cross(sign * axis, side))
+    axes = np.vstack([np.eye(3), -np.eye(3)])
+    angles = angle_between(axes, tangent[None])
+    k = int(np.argmin(angles))
+    direction = axes[k] if angles[k] < SNAP_RAD else tangent
+    return direction, np.stack([pivot, axis])
+
+
+def _doubtful(points: Array, opening: Array) -> Grasp:
+    """The outermost point along the opening direction, as an edge."""
+    height = points @ opening
+    top = points[height >= height.max() - 0.005].mean(axis=0)
+    other = np.array([0.0, 0.0, 1.0]) if abs(opening[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    along = normalised(np.cross(opening, other))
+    return Grasp(
+        pos_o=top,
+        normal_o=opening,
+        along_o=along,
+        extent=(0.02, 0.02, 0.02),
+        kind="edge",
+        named=False,
+    )
+
+
+def _clean(v: Array) -> Array:
+    """A unit vector without the last digits that rotations leave."""
+    return normalised(np.where(np.abs(v) < 1e-9, 0.0, v))
+
+
+def _vec(v: Array) -> Vec3:
+    return (float(v[0]), float(v[1]), float(v[2]))

@@ -1,0 +1,1 @@
+"""File formats: read URDF, MJCF and mesh files from untrusted sources."""

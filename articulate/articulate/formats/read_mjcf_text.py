@@ -1,0 +1,401 @@
+"""What an MJCF file says about shape, mass and motion, as one text that names no file.
+
+The file is not trusted: MuJoCo never sees it. Its elements are copied one by one, those in the
+table ``KEPT`` only, so that nothing in it makes MuJoCo open a path, load a plug-in or expand an
+entity. Sites, cameras, lights, sensors, keyframes and solver settings say nothing about the
+object and are passed over.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lxml import etree
+
+from articulate.errors import AssetError
+from articulate.formats.read_mjcf_files import merged, where
+from articulate.formats.read_urdf import free_name
+from articulate.formats.repairs import Repairs
+from articulate.formats.xml_input import Element, tag_of
+
+_FRAME = "pos quat axisangle xyaxes zaxis euler"
+KEPT = {
+    "compiler": "angle eulerseq inertiafromgeom inertiagrouprange fitaabb settotalmass boundmass "
+    "boundinertia",
+    "default": "class",
+    "asset": "",
+    "mesh": "name class file scale refpos refquat vertex face builtin params inertia",
+    "material": "name class rgba",
+    "worldbody": "",
+    "body": f"name childclass mocap {_FRAME}",
+    "frame": f"name childclass {_FRAME}",
+    "replicate": f"count offset sep childclass {_FRAME}",
+    "inertial": f"{_FRAME} mass diaginertia fullinertia",
+    "joint": "name class type pos axis range limited ref damping frictionloss armature stiffness",
+    "freejoint": "name",
+    "geom": f"name class type size {_FRAME} fromto mesh material rgba group contype conaffinity "
+    "mass density shellinertia fitscale",
+    "equality": "active",
+}
+"""Attributes that are read, by element; contact, solver and looks come from our own table."""
+COUPLINGS = {
+    "joint": "class joint1 joint2 polycoef active",
+    "weld": "class body1 body2 active",
+    "connect": "class body1 body2 anchor active",
+}
+"""Attributes that are read of what stands in ``<equality>``."""
+WORDS = (
+    "name class childclass type mesh material file builtin limited angle eulerseq inertiafromgeom "
+    "fitscale fitaabb shellinertia mocap sep inertia joint1 joint2 body1 body2 active"
+)
+"""Attributes that are no numbers."""
+_IN_BODY = "body frame replicate geom joint freejoint inertial"
+PLACES = {
+    "mujoco": "default asset worldbody equality",
+    "default": "default mesh material joint geom equality",
+    "asset": "mesh material",
+    "equality": "joint weld connect",
+    "worldbody": "body frame replicate geom",
+    "body": _IN_BODY,
+    "frame": _IN_BODY,
+    "replicate": _IN_BODY,
+}
+"""What is read where."""
+NOTED = {
+    "actuator": "actuators",
+    "tendon": "tendons",
+    "contact": "contact pairs",
+    "deformable": "deformable things",
+    "flexcomp": "deformable things",
+    "composite": "composites",
+    "hfield": "height fields",
+    "skin": "skins",
+}
+"""Elements that are left out with a word."""
+GROUPS = ("actuator", "tendon", "contact", "deformable")
+"""Those of them that hold several things."""
+UNREADABLE = {"attach": "another model attached to it", "model": "another model in its assets"}
+SHAPELESS = ("site", "camera", "light", "plugin", "joint", "freejoint", "inertial")
+"""Elements of a body that are left out without a word where they are not read."""
+MAX_THINGS = 20_000
+"""Most elements of the model after ``<replicate>``."""
+LARGEST_RADIAN = 2.01 * math.pi
+"""Largest angle of a file in radians that does not say so, a full turn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MjcfText:
+    """An MJCF file reduced to shape, mass and motion."""
+
+    name: str
+    path: Path
+    text: str
+    meshes: Mapping[str, str]
+    """File by name of the mesh, from the folder of ``path``."""
+    textures: Mapping[str, str]
+    """File by name of the material."""
+    geoms: tuple[tuple[str, str], ...]
+    """Name, and file and line, of each geom; in ``text`` its name is ``g{index}#``."""
+    lines: Mapping[tuple[str, str], str]
+    """File and line by ``body`` or ``joint`` and its name, or by ``equality`` and the name that it
+    has in ``text``."""
+    driven: frozenset[str]
+    """Joints that an actuator drives."""
+    files: Mapping[str, Path]
+    """Included files, by reference."""
+    repairs: Repairs
+
+    def mesh_file(self, name: str) -> str:
+        """Name of the file of mesh ``name`` in ``text``, where nothing of its path is left."""
+        return _mesh_file(self.meshes, name)
+
+
+def read_text(path: Path) -> MjcfText:
+    """The MJCF file at ``path`` with its includes, reduced to ``KEPT``.
+
+    Raises:
+        AssetError: It cannot be read, or holds something that cannot be left out.
+    """
+    repairs = Repairs()
+    root, files = merged(path, repairs)
+    compiler: dict[str, str] = {}
+    for element in root.iter():
+        if tag_of(element) == "compiler":
+            compiler.update(element.attrib)
+    if compiler.get("coordinate", "local") != "local":
+        raise AssetError(
+            f"{path}: coordinate={compiler['coordinate']!r} is not read any more; save the model "
+            "in local coordinates with MuJoCo 2.1"
+        )
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", root.get("model") or path.stem)
+    assets = _Assets(root, compiler)
+    reduced = _Reduced(name, root, assets, repairs)
+    out = etree.Element("mujoco")
+    kept = {key: compiler[key] for key in KEPT["compiler"].split() if key in compiler}
+    if "angle" not in compiler and _is_in_radians(root, repairs):
+        kept["angle"] = "radian"
+    etree.SubElement(out, "compiler", {**kept, "autolimits": "true"})
+    for child in root:
+        reduced.copy(child, out)
+    reduced.tie()
+    for what, count in sorted(reduced.left_out.items()):
+        repairs.note(f"{count} {what} left out")
+    return MjcfText(
+        name=name,
+        path=path,
+        text=etree.tostring(out, encoding="unicode"),
+        meshes=assets.meshes,
+        textures=assets.textures,
+        geoms=tuple(reduced.geoms),
+        lines=reduced.lines,
+        driven=frozenset(assets.driven),
+        files=files,
+        repairs=repairs,
+    )
+
+
+class _Assets:
+    """Files of meshes and textures, by name, and what drives the joints."""
+
+    def __init__(self, root: Element, compiler: Mapping[str, str]) -> None:
+        self.meshes: dict[str, str] = {}
+        self.materials: dict[str, str] = {}
+        self.driven: set[str] = set()
+        self.images: dict[str, str] = {}
+        self.compiler = compiler
+        for element in root.iter():
+            parent = element.getparent()
+            if parent is None:
+                continue
+            if tag_of(parent) == "asset":
+                self.add(element, tag_of(element))
+            elif tag_of(parent) == "actuator" and element.get("joint"):
+                self.driven.add(element.get("joint"))
+
+    @property
+    def textures(self) -> dict[str, str]:
+        """Picture by material."""
+        named = self.materials.items()
+        return {name: self.images[image] for name, image in named if image in self.images}
+
+    def add(self, element: Element, tag: str) -> None:
+        file = (element.get("file") or "").strip().replace("\\", "/")
+        stem = file.rsplit("/", 1)[-1].rsplit(".", 1)[0]
+        if tag == "mesh":
+            element.set("name", element.get("name") or stem)
+            if file:
+                self.meshes.setdefault(element.get("name"), self.reference(file, "meshdir"))
+        elif tag == "texture" and file:
+            name = element.get("name") or stem
+            self.images.setdefault(name, self.reference(file, "texturedir"))
+        elif tag == "material" and element.get("name"):
+            layers = [layer.get("texture") for layer in element if layer.get("role") == "rgb"]
+            image = element.get("texture") or next(iter(layers), None) or ""
+            self.materials.setdefault(element.get("name"), image)
+
+    def reference(self, file: str, folder: str) -> str:
+        """Where MuJoCo looks for a file, from the folder of the model."""
+        if self.compiler.get("strippath") == "true":
+            file = file.rsplit("/", 1)[-1]
+        inside = self.compiler.get(folder, self.compiler.get("assetdir", ""))
+        absolute = file.startswith("/") or file[1:2] == ":"
+        return file if absolute or not inside else f"{inside.rstrip('/')}/{file}"
+
+
+class _Reduced:
+    """Copies elements that are read, names made unique."""
+
+    def __init__(self, model: str, root: Element, assets: _Assets, repairs: Repairs) -> None:
+        self.model = model
+        self.given = {"world"} | {e.get("name") for e in root.iter() if e.get("name")}
+        self.assets = assets
+        self.repairs = repairs
+        self.left_out: dict[str, int] = {}
+        self.geoms: list[tuple[str, str]] = []
+        self.lines: dict[tuple[str, str], str] = {}
+        self.taken: dict[str, set[str]] = {"body": {"world"}}
+        self.sites: dict[str, str] = {}
+        """Body of each site."""
+        self.coupled = 0
+        self.ties: list[tuple[Element, Element]] = []
+        """Constraints between bodies and what was made of them."""
+        self.times = 1.0
+        """How often the element at hand is repeated."""
+        self.things = 0.0
+
+    def copy(self, element: Element, into: Element) -> None:
+        """Copy what is read of ``element`` and below."""
+        tag, parent = tag_of(element), tag_of(into)
+        if tag == "site" and element.get("name"):
+            self.sites.setdefault(element.get("name"), _owner(into))
+        if not self.is_read(element, tag, parent):
+            return
+        keys = (COUPLINGS if parent == "equality" else KEPT)[tag].split()
+        if parent == "default":
+            keys = [key for key in keys if key not in {"name", "file", "vertex", "face"}]
+        made = etree.SubElement(into, tag)
+        for key in keys:
+            value = element.get(key)
+            if value is not None and not self.is_foreign(key, value):
+                made.set(key, self.value(element, key, value))
+        if parent == "equality":
+            self.couple(element, made, tag)
+        elif parent != "default":
+            self.name(element, made, tag)
+        before = self.times
+        if tag == "replicate":
+            self.times *= max(float((made.get("count") or "1").split()[0]), 1.0)
+        self.count(element)
+        for child in element:
+            self.copy(child, made)
+        self.times = before
+
+    def couple(self, element: Element, made: Element, tag: str) -> None:
+        """Give a coupling a name of its own, and keep where it stands."""
+        name = f"e{self.coupled}#"
+        self.coupled += 1
+        made.set("name", name)
+        self.lines["equality", name] = where(element)
+        if tag != "joint":
+            self.ties.append((element, made))
+
+    def tie(self) -> None:
+        """Say which bodies are held where a constraint names sites, wherever those stand."""
+        for element, made in self.ties:
+            if element.get("site1") or element.get("site2"):
+                for key, site in (("body1", "site1"), ("body2", "site2")):
+                    made.set(key, self.sites.get(element.get(site) or "", "world"))
+            if tag_of(made) == "connect":
+                made.set("anchor", made.get("anchor") or "0 0 0")
+
+    def count(self, element: Element) -> None:
+        """Count one element, as often as it is repeated.
+
+        Raises:
+            AssetError: They are too many.
+        """
+        self.things += self.times
+        if self.things > MAX_THINGS:
+            raise AssetError(f"{where(element)}: more than {MAX_THINGS} elements with <replicate>")
+
+    def is_read(self, element: Element, tag: str, parent: str) -> bool:
+        """Whether the element is copied; notes what is left out.
+
+        Raises:
+            AssetError: It cannot be left out.
+        """
+        if tag in UNREADABLE and parent in {"asset", "body", "frame", "worldbody"}:
+            raise AssetError(
+                f"{where(element)}: has {UNREADABLE[tag]} (<{tag}>), which is not read; save it "
+                "as one model with MuJoCo first"
+            )
+        coupling = parent == "equality" and tag not in COUPLINGS
+        if tag in NOTED or coupling:
+            what = "constraints between bodies" if coupling else NOTED[tag]
+            count = len(element) if tag in GROUPS else 1
+            self.left_out[what] = self.left_out.get(what, 0) + count
+            return False
+        if tag not in PLACES.get(parent, "").split():
+            if parent in {"body", "frame", "worldbody"} and tag not in SHAPELESS:
+                self.repairs.add(f"unknown element <{tag}> left out ({where(element)})")
+            return False
+        name = element.get("name") or ""
+        if parent == "asset" and name in self.taken.setdefault(tag, set()):
+            self.repairs.add(f"a second {tag} called {name!r} left out ({where(element)})")
+            return False
+        if parent == "asset":
+            self.taken[tag].add(name)
+        return True
+
+    def is_foreign(self, key: str, value: str) -> bool:
+        """Whether the attribute names a material that another file defines."""
+        if key != "material" or value in self.assets.materials:
+            return False
+        self.repairs.note(f"material {value!r} is not defined: grey instead")
+        return True
+
+    def value(self, element: Element, key: str, text: str) -> str:
+        """The attribute as MuJoCo reads it, numbers separated by blanks."""
+        if key == "file":
+            return _mesh_file(self.assets.meshes, element.get("name"))
+        if key in WORDS.split():
+            return text
+        if "," in text:
+            self.repairs.add(f"commas between numbers read as spaces ({where(element)})")
+            text = text.replace(",", " ")
+        said = f"{where(element)}: {key}={text[:60]!r} of <{tag_of(element)}>"
+        try:
+            numbers = [float(word) for word in text.split()]
+        except ValueError:
+            raise AssetError(f"{said} is not made of numbers") from None
+        if not all(math.isfinite(number) for number in numbers):
+            raise AssetError(f"{said} is not finite")
+        return text
+
+    def name(self, element: Element, made: Element, tag: str) -> None:
+        """Give geoms, bodies and joints names of their own, and keep where they stand."""
+        given = element.get("name") or ""
+        if tag == "geom":
+            label = f"{given} {element.get('mesh') or ''}".strip()
+            self.geoms.append((label, f"{where(element)} (geom {len(self.geoms)})"))
+            made.set("name", f"g{len(self.geoms) - 1}#")
+        elif tag in {"body", "joint"}:
+            taken = self.taken.setdefault(tag, set())
+            owner = _owner(made.getparent())
+            if given:
+                name = free_name(given, taken)
+            else:
+                wish = _body_name(element, self.model) if tag == "body" else f"{owner}_joint"
+                name = free_name(wish, taken | self.given)
+            if given and name != given:
+                self.repairs.add(
+                    f"a second {tag} is called {given}: renamed {name} ({where(element)})"
+                )
+            taken.add(name)
+            made.set("name", name)
+            self.lines[tag, name] = where(element)
+
+
+def _owner(made: Element) -> str:
+    """Name of the body that ``made`` is or stands in."""
+    bodies = (e for e in (made, *made.iterancestors()) if tag_of(e) == "body")
+    return next((body.get("name") for body in bodies), "world")
+
+
+def _body_name(element: Element, model: str) -> str:
+    """What to call a body without a name: after its joint, else after the model."""
+    names = (child.get("name") for child in element if tag_of(child) == "joint")
+    joint = next((name for name in names if name), None)
+    return f"{joint}_link" if joint else model
+
+
+def _mesh_file(meshes: Mapping[str, str], name: str) -> str:
+    suffix = "".join(re.findall(r"\.[A-Za-z0-9]+$", meshes[name])).lower()
+    return f"mesh_{list(meshes).index(name)}{suffix}"
+
+
+def _is_in_radians(root: Element, repairs: Repairs) -> bool:
+    """Whether a file that does not name its unit of angles, degrees by default, has radians."""
+    angles = [abs(angle) for element in root.iter() for angle in _angles(element)]
+    largest = max(angles, default=0.0)
+    if not 0.0 < largest <= LARGEST_RADIAN:
+        return False
+    repairs.add(f"no unit of angles is given, none is above {largest:.4g}: read as radians")
+    return True
+
+
+def _angles(element: Element) -> Iterator[float]:
+    """Angles of an element as they stand: of its frame and, for a hinge, of its range."""
+    words = (element.get("euler") or "").replace(",", " ").split()
+    words += (element.get("axisangle") or "").replace(",", " ").split()[3:]
+    if tag_of(element) == "joint" and element.get("type", "hinge") == "hinge":
+        words += f"{element.get('range') or ''} {element.get('ref') or ''}".split()
+    for word in words:
+        try:
+            yield float(word)
+        except ValueError:
+            continue

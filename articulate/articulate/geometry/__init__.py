@@ -1,0 +1,1 @@
+"""Geometry: collision shapes, inertia, handles and convex decomposition."""

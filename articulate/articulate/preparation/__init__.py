@@ -1,0 +1,1 @@
+"""Preparation: convert, repair, check and cache an asset."""

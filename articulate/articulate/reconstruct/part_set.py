@@ -1,0 +1,332 @@
+"""Given: the parts of an object as an actor and a program get them, without any joint.
+
+All parts are in one frame ``o``: z is up, the front is +x. Parts of the library stand on z = 0 as
+those of the benchmark do; what a user gives stays where it lies.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import trimesh
+
+from articulate.benchmark.dataset import semantic_names
+from articulate.benchmark.evidence import plain_label
+from articulate.benchmark.truth import HALF_TURN, link_poses
+from articulate.conversion.metric_size import category_of, is_normalised
+from articulate.conversion.provenance import ORIGIN_FILE
+from articulate.errors import AssetError
+from articulate.formats.collada_up_axis import loader_of
+from articulate.formats.config import ConvertConfig
+from articulate.formats.link_tree import Part as Body
+from articulate.formats.load_meshes import GREY, Loader, Piece
+from articulate.formats.read_urdf import SourceObject, read_urdf
+from articulate.library import PartNetLibrary, ProceduralLibrary
+from articulate.library.partnet import URDF_NAME
+from articulate.reconstruct.program.program_parts import PartMesh as ProgramPart
+from articulate.reconstruct.program.program_parts import Parts, check_name, mesh_files, parts_of
+from articulate.reconstruct.vertex_colours import groups_of
+from articulate.render.parts import PartMesh, joint_bounds
+from articulate.transforms import Array, pose
+
+Pieces = dict[str, tuple[Piece, ...]]
+Up = Literal["auto", "z", "y"]
+Front = Literal["x", "-x", "y", "-y"]
+SCENES = (".glb", ".gltf")
+"""Files that hold several parts by name."""
+FROM_Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""glTF has y up and its front along +z."""
+QUARTERS: Mapping[Front, int] = {"x": 0, "y": 3, "-x": 2, "-y": 1}
+"""Quarter turns about z that bring a front to +x."""
+FAR = 0.5
+"""A part whose box is farther from all others than this share of their diagonal belongs to
+something else."""
+UNLIKE = 300.0
+"""Diagonals whose ratio is above this are in different units."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PartSet:
+    """Parts in their places, and where they come from."""
+
+    name: str
+    """What the object is called."""
+    meshes: tuple[PartMesh, ...]
+    """For actors: triangles in ``o``."""
+    parts: Parts
+    """The same for programs."""
+    labels: Mapping[str, str]
+    """What each part is, by its name, without words that tell a joint."""
+    kind: str = ""
+    """What the object is, in words; empty where nobody said."""
+    category: str = "unknown"
+    source: str = "unknown"
+    licence: str = "unknown"
+    normalised: bool = False
+    """Lengths are those of a data set that scales everything to one size."""
+
+    def write_origin(self, folder: Path) -> None:
+        """Say beside a URDF in ``folder`` where its parts come from."""
+        content = {"source": self.source, "licence": self.licence, "category": self.category}
+        (folder / ORIGIN_FILE).write_text(json.dumps(content), encoding="utf-8")
+        if self.normalised:
+            meta = json.dumps({"model_cat": self.category})
+            (folder / "meta.json").write_text(meta, encoding="utf-8")
+
+
+def given_parts(path: Path, *, up: Up = "auto", front: Front = "x") -> PartSet:
+    """Parts from a folder of meshes, a URDF, or one GLB.
+
+    Args:
+        path: A folder with one mesh for each part; a URDF, whose links are taken at their joints'
+            0; a GLB or glTF file with one named mesh for each part.
+        up: Upward axis of the files; ``auto``: y for one GLB or glTF file, z for all else.
+        front: Where the object's front is, seen after that.
+
+    Raises:
+        AssetError: There are no parts, or they do not belong together.
+    """
+    suffix = path.suffix.lower()
+    try:
+        there = path.exists()
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise AssetError(f"{path}: cannot be read ({error.strerror}); give another path") from None
+    if not there:
+        raise AssetError(f"{path}: does not exist; give a folder of meshes, a URDF or a GLB")
+    if path.is_file() and suffix not in {".urdf", *SCENES}:
+        raise AssetError(f"{path}: neither a folder, nor a .urdf, .glb or .gltf file")
+    lone = path.is_file() and suffix in SCENES
+    T = _upright(up == "y" or (up == "auto" and lone), front)
+    names = semantic_names(path.parent if path.is_file() else path)
+    names |= _labels_file(path if path.is_dir() else path.parent)
+    if lone:
+        pieces = _named(groups_of(path))
+    elif path.is_file():
+        return _from_urdf(path, T, names)
+    else:
+        inside = sorted(path.glob("*.urdf"))
+        if len(inside) == 1:
+            return _from_urdf(inside[0], T, names)
+        pieces = {
+            name: tuple(
+                Piece(name=name, mesh=mesh, rgba=_four(rgba), link=name)
+                for _, mesh, rgba in groups_of(file)
+            )
+            for name, file in _files(path).items()
+        }
+    name = path.stem if path.is_file() else path.resolve().name
+    given = _given(name, pieces, T, names)
+    return replace(given, source=path.name)
+
+
+def library_parts(wanted: str) -> PartSet:
+    """Parts of an object of a library, without its joints.
+
+    Args:
+        wanted: A procedural category with or without a seed (``cabinet``, ``cabinet:3``,
+            ``cabinet-0003``), or the folder of a PartNet-Mobility object.
+
+    Raises:
+        AssetError: There is no such object.
+        UsageError: The folder holds no object.
+    """
+    folder = Path(wanted)
+    try:
+        is_folder = folder.is_dir()
+    except OSError as error:
+        raise AssetError(f"--library {wanted}: cannot be read ({error.strerror})") from None
+    if is_folder:
+        return _partnet(folder)
+    library = ProceduralLibrary()
+    found = re.fullmatch(r"([^:]+):(\d{1,9})", wanted)
+    if found:
+        object_id = f"{found[1]}-{int(found[2]):04d}"
+    else:
+        object_id = wanted if re.search(r"-\d+$", wanted) else f"{wanted}-0000"
+    library.parse(object_id)
+    with tempfile.TemporaryDirectory() as place:
+        given = _standing(library.write(object_id, Path(place)))
+    source, licence = f"{library.source} {object_id}", library.licence
+    return replace(
+        given,
+        name=object_id.replace("-", "_"),
+        kind=object_id.partition("-")[0].replace("_", " "),
+        category=library.category(object_id),
+        source=source,
+        licence=licence,
+    )
+
+
+def _partnet(folder: Path) -> PartSet:
+    if not (folder / URDF_NAME).is_file():
+        PartNetLibrary(folder)  # refuses a folder without candidates
+        raise AssetError(
+            f"--library {folder}: holds several objects; give the folder of one of them"
+        )
+    library = PartNetLibrary(folder.resolve().parent)
+    object_id = folder.resolve().name
+    given = _standing(library.folder / object_id / URDF_NAME)
+    return replace(
+        given,
+        name=f"object_{object_id}",
+        kind=_kind(library.category(object_id)),
+        category=library.category(object_id),
+        source=f"{library.source} {object_id}",
+        licence=library.licence,
+        normalised=True,
+    )
+
+
+def _standing(urdf: Path) -> PartSet:
+    """The links of a library's URDF, its front turned from -x to +x, standing on z = 0."""
+    given = _from_urdf(urdf, pose(np.zeros(3), HALF_TURN), semantic_names(urdf.parent))
+    down = pose([0.0, 0.0, -float(joint_bounds(given.meshes)[0, 2])])
+    pieces = {n: tuple(p.moved(down) for p in part.pieces) for n, part in given.parts.items()}
+    return replace(
+        given,
+        parts=_parts(pieces),
+        meshes=tuple(mesh.moved(down) for mesh in given.meshes),
+    )
+
+
+def _upright(y_up: bool, front: Front) -> Array:
+    """Pose (4, 4) that brings what lies in files to ``o``."""
+    rot = FROM_Y_UP if y_up else np.eye(3)
+    k = QUARTERS[front]
+    c, s = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][k]
+    return pose(np.zeros(3), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ rot)
+
+
+def _files(folder: Path) -> dict[str, Path]:
+    """Mesh files of a folder by name; its own complaints are those of programs."""
+    parts_of(folder)
+    return mesh_files(folder)
+
+
+def _labels_file(folder: Path) -> dict[str, str]:
+    """What a ``labels.json`` in or beside the folder calls each part."""
+    for path in (folder / "labels.json", folder.resolve().parent / "labels.json"):
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):  # RecursionError: nested too deeply
+            continue
+        if isinstance(content, dict):
+            return {str(k): str(v) for k, v in content.items() if isinstance(v, str)}
+    return {}
+
+
+def _named(groups: Sequence[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]) -> Pieces:
+    """Pieces by the names of a file's meshes."""
+    found: dict[str, list[Piece]] = {}
+    for name, mesh, rgba in groups:
+        piece = Piece(name=name, mesh=mesh, rgba=_four(rgba), link=name)
+        found.setdefault(name, []).append(piece)
+    return {name: tuple(pieces) for name, pieces in found.items()}
+
+
+def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
+    source = read_urdf(path)
+    poses = link_poses(source)
+    loader = loader_of(source, ConvertConfig())
+    pieces = {name: _shown(loader, source, name, poses[name]) for name in source.links}
+    given = _given(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
+    category = category_of(path, ConvertConfig())
+    return replace(
+        given,
+        source=path.name,
+        kind=_kind(category),
+        category=category,
+        normalised=is_normalised(path),
+    )
+
+
+def _shown(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> tuple[Piece, ...]:
+    body = Body(
+        name=link,
+        parent=None,
+        joint=None,
+        T_sp=np.eye(4),
+        T_pc=np.eye(4),
+        members=((source.links[link], T_sl),),
+    )
+    return tuple(replace(piece, link=link) for piece in loader.part(body).shown)
+
+
+def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> PartSet:
+    for part in pieces:
+        check_name(part)
+    placed = {n: tuple(p.moved(T_os) for p in found) for n, found in pieces.items()}
+    if len(placed) < 2:
+        raise AssetError(
+            f"{name}: {len(placed)} part{'s' * (len(placed) != 1)}; a joint needs two or more, "
+            "one mesh for each part"
+        )
+    meshes = tuple(_drawn(n, found) for n, found in placed.items())
+    _check_together(name, meshes)
+    labels = {n: plain_label(names.get(n, n)) for n in placed}
+    return PartSet(name=name, meshes=meshes, parts=_parts(placed), labels=labels)
+
+
+def _parts(pieces: Mapping[str, tuple[Piece, ...]]) -> Parts:
+    return Parts({n: ProgramPart(n, partial(tuple, found)) for n, found in pieces.items()})
+
+
+def _drawn(name: str, pieces: Sequence[Piece]) -> PartMesh:
+    """The pieces as one mesh with a colour for each face."""
+    starts = np.cumsum([0, *(len(p.mesh.vertices) for p in pieces)])
+    faces = [np.asarray(p.mesh.faces) + s for p, s in zip(pieces, starts, strict=False)]
+    rgb = [np.tile(np.array(p.rgba[:3]), (len(p.mesh.faces), 1)) for p in pieces]
+    return PartMesh(
+        name=name,
+        vertices=np.concatenate([np.asarray(p.mesh.vertices, dtype=np.float64) for p in pieces]),
+        faces=np.concatenate(faces).astype(np.int64),
+        rgb=np.concatenate(rgb),
+    )
+
+
+def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
+    """Refuse parts that cannot be those of one object in their places."""
+    boxes = np.stack([mesh.bounds for mesh in meshes])
+    diagonals = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=-1)
+    centres = boxes.mean(axis=1)
+    large, small = int(np.argmax(diagonals)), int(np.argmin(diagonals))
+    if diagonals[large] > UNLIKE * diagonals[small]:
+        raise AssetError(
+            f"{name}: the parts do not belong together: {meshes[large].name} is "
+            f"{diagonals[large] / diagonals[small]:.0f} times as large as {meshes[small].name}; "
+            "give all in one unit"
+        )
+    if float(np.abs(centres).max()) < 1e-6 * diagonals[large]:
+        raise AssetError(
+            f"{name}: all parts lie about the origin; give them in their places, as they are "
+            "when every joint is at 0"
+        )
+    for k, mesh in enumerate(meshes):
+        others = np.delete(boxes, k, axis=0)
+        gaps = np.maximum(0.0, np.maximum(others[:, 0] - boxes[k, 1], boxes[k, 0] - others[:, 1]))
+        gap = float(np.linalg.norm(gaps, axis=-1).min())
+        whole = float(np.linalg.norm(others[:, 1].max(axis=0) - others[:, 0].min(axis=0)))
+        if gap > FAR * max(whole, float(diagonals[k])):
+            raise AssetError(
+                f"{name}: the parts do not belong together: {mesh.name} is {gap:.3g} m from all "
+                f"others, which are {whole:.3g} m across; give parts of one object in their places"
+            )
+
+
+def _kind(category: str) -> str:
+    """A category of PartNet-Mobility in words: ``WashingMachine`` is a washing machine."""
+    return "" if category == "unknown" else re.sub(r"(?<=[a-z])(?=[A-Z])", " ", category).lower()
+
+
+def _four(rgba: tuple[float, ...] | None) -> tuple[float, float, float, float]:
+    if rgba is None:
+        return GREY
+    return (rgba[0], rgba[1], rgba[2], rgba[3] if len(rgba) > 3 else 1.0)

@@ -1,0 +1,70 @@
+"""Arguments that a stranger's program hands over, made into numbers and names or refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from articulate.reconstruct.program.language import MAX_NUMBER, MAX_TEXT
+from articulate.reconstruct.program.values import ValueRefused
+from articulate.transforms import Array
+
+# Every argument comes as JSON from another process: it may be anything.
+
+
+def told(value: Any) -> str:
+    """``value`` in a message, shortened; what is nested is named only, for it may be deep."""
+    if isinstance(value, (list, dict)):
+        return f"a {type(value).__name__} of {len(value)}"
+    return repr(value[:40] if isinstance(value, str) else value)[:60]
+
+
+def named(value: Any) -> str:
+    """A new name: short, and all of it seen."""
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT or not value.isprintable():
+        raise ValueRefused(f"a name has 1 to {MAX_TEXT} characters that can be seen")
+    return value
+
+
+def number(value: Any, what: str) -> float:
+    """A finite number; ``what`` names it in messages."""
+    if type(value) not in {int, float} or not abs(value) <= MAX_NUMBER:
+        raise ValueRefused(f"{what} is {told(value)}; a number was expected")
+    return float(value)
+
+
+def least_zero(value: Any, what: str) -> float | None:
+    """A number of 0 or more, or None."""
+    if value is None:
+        return None
+    found = number(value, what)
+    if found < 0.0:
+        raise ValueRefused(f"{what} is {found:g}; it must be 0 or more")
+    return found
+
+
+def vector(value: Any, what: str) -> Array:
+    """Three numbers (3,)."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise ValueRefused(f"{what} is {told(value)}; three numbers were expected")
+    return np.array([number(part, what) for part in value])
+
+
+def unit(value: Any) -> Array:
+    """A direction as a unit vector (3,)."""
+    axis = vector(value, "axis")
+    length = float(np.linalg.norm(axis))
+    if length < 1e-9:
+        raise ValueRefused("the axis is zero; give its direction")
+    return np.asarray(axis / length)
+
+
+def limits(lower: Any, upper: Any) -> tuple[float | None, float | None]:
+    """Lower and upper limit in order, or None for both."""
+    if lower is None and upper is None:
+        return None, None
+    low, high = number(lower, "lower"), number(upper, "upper")
+    if low > high:
+        raise ValueRefused(f"lower is {low:g} and upper {high:g}; swap them")
+    return low, high

@@ -1,0 +1,133 @@
+"""From text to a syntax tree, without harm to the parser: what is looked at before it is parsed.
+
+Needs the standard library alone.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+import warnings
+from collections.abc import Iterator
+
+from articulate.reconstruct.program.language import MAX_DEPTH, MAX_SOURCE, Violation
+
+MAX_RUN = 12
+"""Most unary operators or openers in a row."""
+MAX_TOKENS = 9_000
+"""Most words and signs of a statement: a list of 2,000 items, with their commas and brackets."""
+COOKIE = re.compile(r"^[ \t\f]*#.*?coding[:=][ \t]*[-\w.]+")
+"""What Python takes for the declaration of an encoding in the first two lines."""
+INVISIBLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\U000e0000-\U000e007f]"
+)
+"""Characters that show nothing or turn the direction of writing."""
+
+
+class Refused(Exception):  # noqa: N818  # a verdict
+    """A rule is broken; carries the violation."""
+
+    def __init__(self, violation: Violation) -> None:
+        super().__init__(violation.message)
+        self.violation = violation
+
+
+def refuse(line: int, column: int, message: str, kind: str = "guard") -> Refused:
+    """The exception for a rule that is broken at a place, both from 1."""
+    return Refused(Violation(line, column, message, kind))
+
+
+def _check_text(source: str) -> None:
+    """Rules that hold before the parser may see the text."""
+    if len(source) > MAX_SOURCE:
+        raise refuse(0, 0, f"the program has {len(source)} characters; {MAX_SOURCE} are accepted")
+    lines = source.split("\n")
+    for number, line in enumerate(lines, 1):
+        found = INVISIBLE.search(line.removesuffix("\r"))
+        if found:
+            code = f"U+{ord(found[0]):04X}"
+            what = f"the character {code} cannot be seen and is refused; remove it"
+            raise refuse(number, found.start() + 1, what)
+        if number <= 2 and COOKIE.match(line):
+            raise refuse(number, 1, "a declaration of the encoding is refused; remove the comment")
+    _check_tokens(source)
+
+
+def _check_tokens(source: str) -> None:
+    """Bound what the parser, which recurs, would have to nest."""
+    counts = _Counts()
+    for token in _tokens(source):
+        line, column = token.start[0], token.start[1] + 1
+        if token.type not in {tokenize.STRING, tokenize.COMMENT} and not token.string.isascii():
+            what = f"{token.string[:20]!r} is not ASCII; only texts and comments may be otherwise"
+            raise refuse(line, column, what)
+        if counts.too_deep(token):
+            raise refuse(line, column, "nested too deeply or too long; break it into statements")
+
+
+class _Counts:
+    """What of a statement nests."""
+
+    def __init__(self) -> None:
+        self.depth = self.run = self.length = self.lambdas = self.elifs = 0
+
+    def too_deep(self, token: tokenize.TokenInfo) -> bool:
+        """Count a token; whether it is one too many."""
+        text = "" if token.type in {tokenize.STRING, tokenize.COMMENT} else token.string
+        opens = text in {"(", "[", "{"}
+        self.depth += opens - (text in {")", "]", "}"})
+        self.run = self.run + 1 if opens or text in {"-", "+", "~", "not"} else 0
+        self.length = 0 if token.type == tokenize.NEWLINE else self.length + 1
+        self.lambdas = 0 if token.type == tokenize.NEWLINE else self.lambdas + (text == "lambda")
+        self.elifs = 0 if text == "if" else self.elifs + (text == "elif")
+        return (
+            max(self.depth, self.elifs) > MAX_DEPTH
+            or max(self.run, self.lambdas) > MAX_RUN
+            or self.length > MAX_TOKENS
+        )
+
+
+def _tokens(source: str) -> Iterator[tokenize.TokenInfo]:
+    """Tokens up to the first that is none; what is left open at the end the parser tells better."""
+    try:
+        yield from tokenize.generate_tokens(io.StringIO(source).readline)
+    except tokenize.TokenError:
+        return
+    except SyntaxError as error:
+        line, column = error.lineno or 0, error.offset or 0
+        raise refuse(line, max(column, 1), f"not Python: {error.msg}", "syntax") from None
+
+
+def parsed(source: str) -> ast.Module:
+    """The tree of a text that the parser can take.
+
+    Raises:
+        Refused: It is too long, too deep, not to be read by people, or no Python.
+    """
+    _check_text(source)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = ast.parse(source)
+    except SyntaxError as error:
+        what = f"not Python: {(error.msg or '').splitlines()[0][:200]}"
+        raise refuse(error.lineno or 1, max(error.offset or 1, 1), what, "syntax") from None
+    except (RecursionError, MemoryError):
+        raise refuse(0, 0, "the program is nested too deeply; simplify it", "syntax") from None
+    except ValueError as error:
+        raise refuse(0, 0, f"not Python: {error}", "syntax") from None
+    if not source.isascii():
+        _count_letters(tree, source)
+    return tree
+
+
+def _count_letters(tree: ast.Module, source: str) -> None:
+    """Make columns count letters; the parser counts bytes."""
+    lines = [line.encode() for line in source.split("\n")]
+    for node in ast.walk(tree):
+        at = getattr(node, "lineno", 0)
+        if 0 < at <= len(lines):
+            before = lines[at - 1][: getattr(node, "col_offset", 0)]
+            node.col_offset = len(before.decode(errors="replace"))  # type: ignore[attr-defined]  # it has a line

@@ -1,0 +1,1 @@
+"""Tasks: part kinds, success criteria, observations, actions and randomization."""

@@ -1,0 +1,346 @@
+"""Manifest of a policy bundle: all that running the policy needs to know, strictly read.
+
+A bundle is a folder or a zip file::
+
+    manifest.json       what stands below, and the SHA-256 of every other file
+    policy.onnx         raw observations in, clipped actions out
+    golden.npz          observations and the actions that they must give
+    draws.npz           what is drawn for the episodes that compare robots
+    scene/scene.xml     the nominal scene, with scene/meshes/
+    object/object.urdf  the object alone, with object/meshes/
+
+Every key must be there and no other. ``content_id`` is the SHA-256 of the rest of the manifest.
+It shows damage; it does not show who made the bundle.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from articulate.assets.asset import Asset
+from articulate.config import from_mapping, to_plain
+from articulate.errors import BundleError, ConfigError
+from articulate.robot.arm import Arm
+from articulate.robot.config import ControlConfig
+from articulate.task.layout import Layout
+from articulate.task.object_placement import ObjectPlacement
+from articulate.task.randomization import COLUMNS
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.task.task import Task
+
+SCHEMA = "articulate.policy-bundle"
+SCHEMA_VERSION = 5
+MANIFEST_FILE, POLICY_FILE = "manifest.json", "policy.onnx"
+GOLDEN_FILE, SCENE_FILE = "golden.npz", "scene/scene.xml"
+DRAWS_FILE, OBJECT_FILE = "draws.npz", "object/object.urdf"
+LIMIT_TABLES = ("q_min", "q_max", "dq_max", "ddq_max", "dddq_max", "tau_max", "dtau_max")
+"""Fields of :class:`articulate.robot.arm.Arm` that the arm's maker sets."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyEntry:
+    """The network."""
+
+    file: str = POLICY_FILE
+    """File in the bundle."""
+    opset: int
+    """Version of ONNX's operators."""
+    input: str = "observation"
+    """Name of the input, float32 (batch, size of the observation)."""
+    output: str = "action"
+    """Name of the output, float32 (batch, size of the action)."""
+    recurrent: bool = False
+    """Whether it keeps a state between ticks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Golden:
+    """Pairs of observations and actions made when the policy was exported."""
+
+    file: str = GOLDEN_FILE
+    """File in the bundle, with the arrays ``observation`` and ``action``."""
+    count: int = 64
+    """Number of pairs."""
+    atol: float = 1e-5
+    """Largest difference of an action."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomizationEntry:
+    """What is drawn for the episodes that robots are compared on, the same for all of them."""
+
+    file: str = DRAWS_FILE
+    """File in the bundle, with the array ``values``, one row for each episode."""
+    columns: tuple[str, ...] = COLUMNS
+    """Names of its columns."""
+    count: int = 200
+    """Number of episodes."""
+    seed: int
+    """What they were drawn from; it decides the noise within an episode as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingersEntry:
+    """How the stand-in's fingers are driven and what they are made of; each of the two alike."""
+
+    stiffness_n_m: float
+    """Force = stiffness (set point - position) - damping speed, up to the limit [N/m]."""
+    damping_n_s_m: float
+    """See above [N s/m]."""
+    force_n: float
+    """Largest force of a finger [N]."""
+    passive_damping_n_s_m: float
+    """Damping of its slide [N s/m]."""
+    friction_n: float
+    """Dry friction of its slide [N]."""
+    sliding_friction: float
+    """Coefficient of friction of a contact with a finger, whatever it touches."""
+    spin_friction_m: float
+    """Moment against turning about the contact's normal as a share of the normal force [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Control:
+    """How set points become torques; the gains stand with the robot."""
+
+    law: Literal["joint_impedance"] = "joint_impedance"
+    """Torque = stiffness (set point - q) - damping dq + gravity."""
+    gravity_compensation: bool = True
+    """Whether the controller carries the arm's weight."""
+    target_filter: Literal["triple_pole"] = "triple_pole"
+    """The follower between targets and set points; its bandwidth is ``follow.omega_rad_s``."""
+    follow: ControlConfig
+    """Rate, bandwidth, step, lead and margin of the targets."""
+    trained_delay_ticks: tuple[int, int]
+    """Delays of actions met in training, shortest and longest [ticks]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartEntry:
+    """Where an episode begins."""
+
+    q: tuple[float, ...]
+    """Angles of the arm (7,) [rad]."""
+    tolerance_rad: float
+    """How far each joint was from there in training [rad]."""
+    hand_width_m: float
+    """Opening of the empty hand [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorEntry:
+    """What must be known of the object."""
+
+    needs: tuple[str, ...]
+    """Fields of :class:`articulate.task.observation.Estimate`."""
+    rate_hz: float
+    """How often [Hz]."""
+    max_age_s: float
+    """Oldest state met in training [s]; its noise stands in ``draw``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneEntry:
+    """Names in the exported scene."""
+
+    file: str = SCENE_FILE
+    """MJCF file in the bundle."""
+    timestep_s: float
+    """Physics step [s]."""
+    scale: float
+    """Size of the object in it."""
+    arm_joints: tuple[str, ...]
+    """Joints, and actuators of the same names, in order."""
+    finger_joints: tuple[str, str]
+    """Likewise; the second moves the other way."""
+    finger_geoms: tuple[str, ...]
+    """Geoms whose friction rules contacts of the fingers."""
+    tool_site: str
+    """Site of the tool frame."""
+    object_prefix: str
+    """Before every name of the object."""
+    object_root: str
+    """Its root body."""
+    sensors: tuple[str, str, str]
+    """Contact sensors: object on hand, floor on hand, robot on object."""
+    object_file: str = OBJECT_FILE
+    """URDF of the object at the scene's size, its root frame the object's, without visuals."""
+    carried: tuple[str, ...]
+    """Links of the object whose weight is carried, as springs of lids do."""
+    fingers: FingersEntry
+    """The hand's two fingers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """Where the policy comes from."""
+
+    run: str
+    """Name of the run's folder."""
+    seed: int
+    """Seed of the policy."""
+    seed_rule: str
+    """Why this one."""
+    steps: int
+    """Ticks of experience."""
+    config_sha256: str
+    """SHA-256 of the run's ``config.yaml``."""
+    success: float | None
+    """Share of successful episodes of that seed, where it was measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manifest:
+    """All that running a policy needs to know."""
+
+    name: str
+    """Short name of the bundle."""
+    created_utc: str
+    """When it was made."""
+    producer: dict[str, str]
+    """Versions of the packages that made it."""
+    licences: dict[str, str]
+    """Licences of what is inside, by part."""
+    files: dict[str, str]
+    """SHA-256 of every other file of the bundle, by its path."""
+    policy: PolicyEntry
+    control: Control
+    observation: Layout
+    action: Layout
+    robot: Arm
+    limit_table_sha256: str
+    """:func:`limit_table_sha256` of the robot."""
+    start: StartEntry
+    task: Task
+    place: ObjectPlacement
+    object: Asset
+    object_sha256: str
+    """Content id of the asset's folder."""
+    scene: SceneEntry
+    estimator: EstimatorEntry
+    draw: RandomizationConfig
+    """Randomisation in training."""
+    draws: RandomizationEntry
+    training: Training
+    golden: Golden
+
+
+def limit_table_sha256(arm: Arm) -> str:
+    """SHA-256 of the arm's limit tables."""
+    return _digest({name: to_plain(getattr(arm, name)) for name in LIMIT_TABLES})
+
+
+def encode_manifest(manifest: Manifest) -> str:
+    """The text of ``manifest.json``."""
+    content = _plain(manifest)
+    head = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "content_id": _digest(content)}
+    return json.dumps(head | content, indent=1, allow_nan=False) + "\n"
+
+
+def decode_manifest(text: str, where: str) -> Manifest:
+    """The manifest that :func:`encode_manifest` wrote.
+
+    Args:
+        text: Content of ``manifest.json``.
+        where: Where it comes from, for messages.
+
+    Raises:
+        BundleError: It is of another schema, a key is missing or not known, a value is not
+            accepted, or it was changed.
+    """
+    content = _parse(text, where)
+    schema, version = content.pop("schema", None), content.pop("schema_version", None)
+    if schema != SCHEMA or version != SCHEMA_VERSION:
+        raise BundleError(
+            f"{where}: schema {str(schema)[:40]} {str(version)[:10]}; this version reads "
+            f"{SCHEMA} {SCHEMA_VERSION}: export it again from its run"
+        )
+    content_id = content.pop("content_id", None)
+    try:
+        place = f"{where} (schema {version})"
+        manifest = from_mapping(Manifest, _layouts_checked(content, place), place)
+    except ConfigError as error:
+        raise BundleError(str(error)) from None
+    missing = _missing(_plain(manifest), content)
+    if missing:
+        raise BundleError(f"{where} (schema {version}): key {missing} is missing")
+    if content_id != _digest(content):
+        raise BundleError(f"{where}: the manifest was changed after export; export it again")
+    return manifest
+
+
+def _plain(manifest: Manifest) -> dict[str, Any]:
+    content: dict[str, Any] = to_plain(manifest)
+    content["observation"] = manifest.observation.as_list()
+    content["action"] = manifest.action.as_list()
+    del content["object"]["folder"]
+    return content
+
+
+def _parse(text: str, where: str) -> dict[str, Any]:
+    def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len({key for key, _ in items}) != len(items):
+            raise ValueError("a key stands twice")
+        return dict(items)
+
+    def constant(word: str) -> float:
+        raise ValueError(f"{word} is no number of JSON")
+
+    try:
+        content = json.loads(text, object_pairs_hook=pairs, parse_constant=constant)
+    except (ValueError, RecursionError) as error:
+        raise BundleError(f"{where}: not a manifest ({error})") from None
+    if not isinstance(content, dict):
+        raise BundleError(f"{where}: not a manifest; it must be a JSON object")
+    return content
+
+
+def _layouts_checked(content: dict[str, Any], where: str) -> dict[str, Any]:
+    """The content with its two layouts as :class:`Layout` has them, slices checked."""
+    out = dict(content)
+    for key in ("observation", "action"):
+        items = content.get(key)
+        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+            raise ConfigError(f"{where}: {key} must be a list of fields")
+        bare = [{k: v for k, v in item.items() if k != "slice"} for item in items]
+        layout = from_mapping(Layout, {"fields": bare}, f"{where}: {key}")
+        if layout.as_list() != items:
+            raise ConfigError(
+                f"{where}: {key}: a field lacks a key, or its slice does not fit its size"
+            )
+        out[key] = {"fields": bare}
+    if isinstance(out.get("object"), dict) and "folder" in out["object"]:
+        raise ConfigError(f"{where}: unknown key object.folder")
+    return out
+
+
+def _missing(whole: Any, given: Any, prefix: str = "") -> str:
+    """Dotted name of the first key of ``whole`` that ``given`` lacks, or an empty text."""
+    if isinstance(whole, dict):
+        for key, value in whole.items():
+            name = f"{prefix}.{key}" if prefix else key
+            if key not in given:
+                return name
+            found = _missing(value, given[key], name)
+            if found:
+                return found
+    if isinstance(whole, list):
+        for i, (a, b) in enumerate(zip(whole, given, strict=True)):
+            found = _missing(a, b, f"{prefix}[{i}]")
+            if found:
+                return found
+    return ""
+
+
+def _digest(content: Any) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def with_files(manifest: Manifest, files: dict[str, bytes]) -> Manifest:
+    """The manifest with the SHA-256 of ``files`` (by path, the manifest itself aside)."""
+    sums = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
+    return replace(manifest, files=sums)

@@ -1,0 +1,194 @@
+"""Whether what a manifest says can be run by this version on the arm that it names.
+
+Types were checked when it was read; here stand the values that nothing else would stop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from articulate.config import to_plain
+from articulate.errors import BundleError, ConfigError, nearest
+from articulate.robot.arm import arm_named
+from articulate.robot.control import check_follow
+from articulate.task.manifest import Manifest, limit_table_sha256
+from articulate.task.observation import ACTION, OBSERVATION
+from articulate.task.task import TASK_RULES, Limits
+
+MAX_RATE_HZ = 200.0
+"""Fastest tick [Hz]; ours are of 20 Hz."""
+MAX_STEPS = 1000
+"""Most physics steps in a tick."""
+MOST_ATOL = 1e-2
+"""Largest difference of an action that golden pairs may allow."""
+MOST_DRAWN = 1e6
+"""Largest number of a range of the randomisation: differences of larger ones overflow."""
+MAX_SIZES = 1000
+"""Most sizes of the object."""
+Bound = tuple[str, bool, str]
+"""Name of a value, whether it is accepted, and what would be."""
+
+
+def check_fits(manifest: Manifest, where: str) -> None:
+    """Refuse a manifest for another arm, other layouts, or with values that make no sense.
+
+    Raises:
+        BundleError: It is such a one.
+    """
+    for name in _not_finite(to_plain(manifest), ""):
+        raise BundleError(f"{where}: {name} is not a finite number")
+    _check_arm(manifest, where)
+    _check_layouts(manifest, where)
+    _check_task(manifest, where)
+    for bounds in (_follow_bounds, _task_bounds, _other_bounds):
+        for name, accepted, wanted in bounds(manifest):
+            if not accepted:
+                raise BundleError(f"{where}: {name} {wanted}; export it again")
+    _check_follower(manifest, where)
+
+
+def _not_finite(value: Any, name: str) -> Iterator[str]:
+    """Dotted names of the numbers that are none."""
+    if isinstance(value, float) and not math.isfinite(value):
+        yield name
+    inside = value if isinstance(value, dict) else {}
+    inside = dict(enumerate(value)) if isinstance(value, list) else inside
+    for key, item in inside.items():
+        yield from _not_finite(item, f"{name}.{key}" if name else str(key))
+
+
+def _check_arm(manifest: Manifest, where: str) -> None:
+    try:
+        arm = arm_named(manifest.robot.name)
+    except ConfigError as error:
+        raise BundleError(f"{where}: {error}") from None
+    own = limit_table_sha256(arm)
+    if manifest.limit_table_sha256 != own or limit_table_sha256(manifest.robot) != own:
+        raise BundleError(
+            f"{where}: its limit tables are not those of the {arm.name}; export it again"
+        )
+
+
+def _check_layouts(manifest: Manifest, where: str) -> None:
+    for name, layout, known in (
+        ("observation", manifest.observation, OBSERVATION),
+        ("action", manifest.action, ACTION),
+    ):
+        if layout != known:
+            names = [a.name for a, b in zip(layout.fields, known.fields, strict=False) if a != b]
+            what = names[0] if names else "its number of fields"
+            raise BundleError(
+                f"{where}: {name} is not the one of this version ({what}); export it again"
+            )
+
+
+def _check_task(manifest: Manifest, where: str) -> None:
+    """The task is one of ours, and its joint one of the object's."""
+    task, joints = manifest.task, {joint.name: joint for joint in manifest.object.joints}
+    if task.name not in TASK_RULES:
+        known = nearest(task.name, TASK_RULES)
+        raise BundleError(f"{where}: task.name is {task.name[:60]!r}{known}")
+    if task.joint not in joints:
+        raise BundleError(f"{where}: its object has no joint {task.joint[:60]!r}; export it again")
+    if not task.joint.isprintable():  # it stands in reports, on a line of its own
+        raise BundleError(f"{where}: task.joint is {task.joint[:60]!a}; no such name is shown")
+    joint = joints[task.joint]
+    if joint.kind != task.kind or joint.span == 0.0 or task.span * joint.span <= 0.0:
+        raise BundleError(
+            f"{where}: task.span is {task.span:.3g} ({task.kind}), and joint {joint.name} opens by "
+            f"{joint.span:.3g} ({joint.kind}); both must open the same way, and not by 0"
+        )
+
+
+def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
+    follow = manifest.control.follow
+    for name in ("omega_rad_s", "step_rad", "move_m", "turn_rad", "lead_rad"):
+        value = getattr(follow, name)
+        yield f"control.follow.{name}", value > 0.0, f"is {value}; it must be above 0"
+    low, high = manifest.robot.bounds(max(follow.margin_rad, 0.0))
+    yield (
+        "control.follow.margin_rad",
+        follow.margin_rad >= 0.0 and bool(np.all(low < high)),
+        f"is {follow.margin_rad}; it must not be negative, nor leave a joint no room",
+    )
+    rate = follow.rate_hz
+    yield (
+        "control.follow.rate_hz",
+        1.0 <= rate <= MAX_RATE_HZ,
+        f"is {rate}; it must be in [1, {MAX_RATE_HZ:g}]",
+    )
+    step = manifest.scene.timestep_s
+    count = 1.0 / (rate * step) if step > 0.0 else 0.0
+    whole = 1.0 <= round(count) <= MAX_STEPS and abs(count - round(count)) <= 1e-6
+    yield "scene.timestep_s", whole, f"is {step}; a tick must be 1 to {MAX_STEPS} of them"
+
+
+def _task_bounds(manifest: Manifest) -> Iterator[Bound]:
+    task = manifest.task
+    episode, limits = task.episode_s, task.limits
+    tick_s = manifest.control.follow.tick_s
+    accepted = tick_s <= episode <= 10.0
+    yield "task.episode_s", accepted, f"is {episode}; it must be in [{tick_s:g}, 10] s"
+    yield (
+        "task.hold_s",
+        0.0 < task.hold_s <= episode,
+        f"is {task.hold_s}; it must be in (0, {episode}] s",
+    )
+    own = Limits()
+    for name in (
+        "speed_share", "torque_share", "force_n", "moment_nm", "filter_s", "short_filter_s",
+    ):  # fmt: skip
+        value, most = getattr(limits, name), getattr(own, name)
+        yield f"task.limits.{name}", 0.0 < value <= most, f"is {value}; it must be in (0, {most}]"
+    follow = manifest.control.follow
+    for name in ("guard_n", "guard_held_n"):
+        value, most = getattr(follow, name), own.force_n
+        accepted = 0.0 < value <= most
+        yield f"control.follow.{name}", accepted, f"is {value}; it must be in (0, {most}] N"
+
+
+def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
+    start, robot, scene = manifest.start, manifest.robot, manifest.scene
+    q, (low, high) = np.asarray(start.q), robot.bounds()
+    inside = q.shape == low.shape and bool(np.all((low <= q) & (q <= high)))
+    yield (
+        "start.q",
+        inside,
+        f"is {np.round(q, 3).tolist()}; it must be 7 angles within the joint limits",
+    )
+    tolerance, wide = start.tolerance_rad, robot.hand.max_width_m
+    yield "start.tolerance_rad", tolerance >= 0.0, f"is {tolerance}; it must not be negative"
+    yield (
+        "start.hand_width_m",
+        0.0 <= start.hand_width_m <= wide,
+        f"is {start.hand_width_m}; it must be in [0, {wide}]",
+    )
+    for name in ("max_width_m", "finger_speed_m_s", "force_n", "stiffness_n_m"):
+        value = getattr(robot.hand, name)
+        yield f"robot.hand.{name}", value > 0.0, f"is {value}; it must be above 0"
+    for table in ("stiffness", "damping"):
+        positive = all(value > 0.0 for value in getattr(robot, table))
+        yield f"robot.{table}", positive, "holds a gain that is not above 0"
+    yield "scene.scale", scene.scale > 0.0, f"is {scene.scale}; it must be above 0"
+    atol = manifest.golden.atol
+    yield "golden.atol", 0.0 < atol <= MOST_ATOL, f"is {atol}; it must be in (0, {MOST_ATOL}]"
+    seed, sizes = manifest.draws.seed, manifest.draw.scales
+    yield "draws.seed", seed >= 0, f"is {seed}; it must be 0 or more"
+    yield "draw.scales", sizes <= MAX_SIZES, f"is {sizes}; it must be at most {MAX_SIZES}"
+    smoothing = robot.hand.smoothing
+    yield "robot.hand.smoothing", 0.0 <= smoothing < 1.0, f"is {smoothing}; it must be in [0, 1)"
+    for name, value in vars(manifest.draw).items():
+        most = np.max(np.abs(value))
+        yield f"draw.{name}", bool(most <= MOST_DRAWN), f"is {value}; above {MOST_DRAWN:g}"
+
+
+def _check_follower(manifest: Manifest, where: str) -> None:
+    """No targets of an episode can ask more of the arm than its tables allow."""
+    try:
+        check_follow(manifest.control.follow, manifest.robot, manifest.task.episode_s)
+    except ConfigError as error:
+        raise BundleError(f"{where}: control.{error}") from None

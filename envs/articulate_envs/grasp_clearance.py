@@ -1,0 +1,99 @@
+"""The second half of the reach test: is there room for fingers and arm, in the scene itself?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from articulate.errors import ReachError
+from articulate.robot.kinematics import solve_ik
+from articulate.simulator import mujoco
+from articulate.task.object_placement import handle_in_world
+from articulate.transforms import Array
+from articulate_envs.panda import BASE_BODY, HAND_BODY
+from articulate_envs.placement_search import MIN_DRAWN_SHARE, way_ends
+from articulate_envs.scene import PREFIX, Scene
+
+MAX_OVERLAP_M = 0.003
+"""Overlap of collision shapes of hand and object that still counts as room [m]."""
+BACK_M = (0.0, 0.005, 0.01, 0.015)
+"""Distances by which the hand may stay behind the middle of the handle [m]."""
+
+
+def check_grasp(scene: Scene) -> float:
+    """Overlap [m] of an open hand at the handle with the object, the largest along the way.
+
+    Of the places that the hand may take at the handle, the one counts where it is least.
+
+    Raises:
+        ReachError: There is no room for the fingers, the drawn poses lie out of reach, or the
+            arm at its start is in the way of the object.
+    """
+    asset, task, place = scene.asset, scene.task, scene.place
+    if place.drawn_share < MIN_DRAWN_SHARE:
+        raise ReachError(
+            f"{asset.name}: the handle of {task.joint} can be followed to the target at "
+            f"{place.drawn_share:.0%} of the drawn poses and sizes only; try a smaller --size or "
+            "smaller --draw.* ranges"
+        )
+    best = max(
+        min(_overlap(scene, opened, back) for back in BACK_M)
+        for opened in np.linspace(*way_ends(task), 3)
+    )
+    if best > MAX_OVERLAP_M:
+        raise ReachError(
+            f"{asset.name}: no room for the fingers at the handle of {task.joint}: an open hand "
+            f"overlaps the object by {1000 * best:.0f} mm; name another --joint or model a handle"
+        )
+    for opened in task.begin:
+        if _deepest(scene, np.asarray(place.start_q), opened, BASE_BODY) > 0.0:
+            raise ReachError(
+                f"{asset.name}: the arm at its start is in the way of {task.joint} as it begins, "
+                f"{opened:.0%} open; name another --joint or try a smaller --size"
+            )
+    return best
+
+
+def _overlap(scene: Scene, opened: float, back_m: float) -> float:
+    """Deepest contact [m] of the hand, ``back_m`` behind the handle, with the object."""
+    place = scene.place
+    T_wh = handle_in_world(
+        scene.asset,
+        scene.task.joint,
+        T_wo=place.T_wo()[None],
+        scale=np.ones(1),
+        opened=np.full(1, opened),
+        flip=place.flip,
+    )
+    T_wh[:, :3, 3] -= back_m * T_wh[:, :3, 2]
+    q = solve_ik(scene.arm, T_wh, np.asarray(place.start_q), iterations=80).q[0]
+    return _deepest(scene, q, opened, HAND_BODY)
+
+
+def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
+    """Deepest contact [m] of what is ``above`` a body of the arm at ``q`` (7,) with the object."""
+    model, at = scene.nominal, scene.at
+    data = mujoco.MjData(model)
+    for joint in scene.asset.joints:
+        part = opened if joint.name == scene.task.joint else 0.0
+        data.joint(PREFIX + joint.name).qpos[0] = joint.closed + part * joint.span
+    half = scene.arm.hand.max_width_m / 2.0
+    data.qpos[at.arm_q : at.arm_q + 7] = q
+    data.qpos[at.finger_q : at.finger_q + 2] = (half, -half)
+    mujoco.mj_forward(model, data)
+    first = model.body(above).id
+    deepest = 0.0
+    for contact in data.contact:
+        bodies = model.geom_bodyid[contact.geom]
+        names = [model.body(b).name for b in bodies]
+        on_hand = [_below(model, int(b), first) for b in bodies]
+        if any(on_hand) and any(n.startswith(PREFIX) for n in names):
+            deepest = max(deepest, -float(contact.dist))
+    return deepest
+
+
+def _below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
+    while body:
+        if body == ancestor:
+            return True
+        body = int(model.body_parentid[body])
+    return False

@@ -1,0 +1,265 @@
+"""Films: what happened in a scene as a clip or a picture, drawn without a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from PIL import Image
+
+from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
+from articulate.render.encode_video import write_clip
+from articulate.render.view_camera import View, camera_axes, fitted_view
+from articulate.simulator import mujoco
+from articulate.transforms import Array, matrix_to_quat
+from articulate_envs.panda import HAND_BODY
+from articulate_envs.scene import PREFIX, Scene, scene_spec
+from articulate_envs.scene_visuals import set_stage
+
+FRAMES_PER_S = 20
+"""Frames of a clip in a second; a tick of the default rate is one."""
+SIZE = (480, 360)
+"""Width and height of a clip [px]; even numbers, as H.264 wants them."""
+PICTURE_SIZE = (960, 720)
+"""Width and height of a picture [px]."""
+AZIMUTHS_DEG = (52.0, -52.0, 68.0, -68.0, 84.0, -84.0, 100.0, -100.0)
+"""Directions of view that are tried, from along +x (the arm faces it) towards +y."""
+ELEVATIONS_DEG = (-22.0, -34.0)
+NEAR_M = 0.6
+"""The object is shown this far around the hand at least [m]."""
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
+    """Put ``data`` at positions (nq,): what drawing needs, and no dynamics."""
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+
+
+class Film:
+    """Draws a scene at positions of its model; close it, or use it in a ``with`` block."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        scale: float = 1.0,
+        T_wo: Array | None = None,
+        size: tuple[int, int] = SIZE,
+        shadows: bool = False,
+    ) -> None:
+        """Prepare drawing.
+
+        Args:
+            scene: What is drawn.
+            scale: Size of the object in this episode.
+            T_wo: Pose of the object in this episode (4, 4); its nominal place by default.
+            size: Width and height [px].
+            shadows: Draw shadows; a frame then takes some five times as long.
+
+        Raises:
+            MissingError: Nothing can be drawn here.
+        """
+        self.scene = scene
+        self._model = drawn_model(scene, scale=scale, T_wo=T_wo, size=size)
+        self._root = _root_of(self._model)
+        self._data = mujoco.MjData(self._model)
+        self._size = size
+        self._canvas = Canvas(self._model, size, shadows=shadows)
+        self._view: View | None = None
+
+    def choose_view(self, qpos: Array) -> View:
+        """Look so that hand and handle are seen best over positions (T, nq), and keep that view."""
+        moments = qpos[np.linspace(0, len(qpos) - 1, min(len(qpos), 5)).astype(int)]
+        seen = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
+        points = []
+        for q in moments:
+            self._place(q)
+            points.append(self._points_of_interest())
+            seen += self._visible(self._data.site("tool").xpos)
+        # The first of equals wins: they stand in order of how well they look.
+        row, column = np.unravel_index(int(np.argmax(seen)), seen.shape)
+        self._view = fitted_view(
+            np.concatenate(points),
+            azimuth_deg=AZIMUTHS_DEG[column],
+            elevation_deg=ELEVATIONS_DEG[row],
+            fov_deg=float(self._model.vis.global_.fovy),
+            aspect=self._size[0] / self._size[1],
+        )
+        return self._view
+
+    def view_from(self, qpos: Array, *, azimuth_deg: float, elevation_deg: float) -> View:
+        """The view in a given direction that shows hand and object at positions (nq,)."""
+        self._place(qpos)
+        return fitted_view(
+            self._points_of_interest(),
+            azimuth_deg=azimuth_deg,
+            elevation_deg=elevation_deg,
+            fov_deg=float(self._model.vis.global_.fovy),
+            aspect=self._size[0] / self._size[1],
+        )
+
+    def frame(self, qpos: Array, view: View | None = None) -> Pixels:
+        """The scene at positions (nq,), shape (height, width, 3).
+
+        Args:
+            qpos: Positions of the scene's model.
+            view: Where the camera stands; by default where :meth:`choose_view` put it.
+        """
+        chosen = view or self._view or self.choose_view(qpos[None])
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = chosen.lookat_w
+        camera.distance = chosen.distance_m
+        camera.azimuth, camera.elevation = chosen.azimuth_deg, chosen.elevation_deg
+        self._place(qpos)
+        return self._canvas.draw(self._data, camera)
+
+    def frames(self, qpos: Array) -> Iterator[Pixels]:
+        """One frame for each row of positions (T, nq)."""
+        if self._view is None:
+            self.choose_view(qpos)
+        for q in qpos:
+            yield self.frame(q)
+
+    def close(self) -> None:
+        """Give back the drawing context."""
+        self._canvas.close()
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _place(self, qpos: Array) -> None:
+        set_positions(self._model, self._data, qpos)
+
+    def _points_of_interest(self) -> Array:
+        """Corners around the arm, the moving part, and what of the object is near it (P, 3)."""
+        model, data = self._model, self._data
+        tool = data.site("tool").xpos
+        part = int(model.joint(PREFIX + self.scene.task.joint).bodyid[0])
+        out = []
+        for i in np.flatnonzero(np.isin(model.geom_group, GEOM_GROUPS)):
+            body = int(model.geom_bodyid[i])
+            if body == 0:
+                continue
+            middle, half = model.geom_aabb[i, :3], model.geom_aabb[i, 3:]
+            corners = middle + half * CORNERS
+            corners = corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i]
+            if body != part and self._below(body, self._root):
+                corners = np.clip(corners, tool - NEAR_M, tool + NEAR_M)
+            out.append(corners)
+        return np.concatenate(out)
+
+    def _visible(self, tool: Array) -> Array:
+        """Whether the tool's surroundings are seen, by elevation and azimuth, in [0, 1]."""
+        out = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
+        hand = self._model.body(HAND_BODY).id
+        own = {i for i in range(self._model.nbody) if self._below(i, hand)}
+        points = tool + 0.05 * np.array([[0, 0, 0], [-1, 0, 0], [0, 0, 1.0], [0, 1, 0], [0, -1, 0]])
+        group = np.isin(np.arange(mujoco.mjNGROUP), GEOM_GROUPS).astype(np.uint8)
+        hit = np.zeros(1, dtype=np.int32)
+        for i, elevation in enumerate(ELEVATIONS_DEG):
+            for j, azimuth in enumerate(AZIMUTHS_DEG):
+                away = -camera_axes(azimuth, elevation)[0]
+                for point in points:
+                    start = point + 3.0 * away
+                    far = mujoco.mj_ray(self._model, self._data, start, -away, group, 1, -1, hit)
+                    body = int(self._model.geom_bodyid[hit[0]]) if hit[0] >= 0 else -1
+                    out[i, j] += far < 0.0 or far > 2.95 or body in own
+        return out / len(points)
+
+    def _below(self, body: int, top: int) -> bool:
+        while body not in (0, top):
+            body = int(self._model.body_parentid[body])
+        return body == top
+
+
+def drawn_model(
+    scene: Scene,
+    *,
+    scale: float = 1.0,
+    T_wo: Array | None = None,
+    size: tuple[int, int] = SIZE,
+) -> mujoco.MjModel:
+    """The scene as people see it; the arguments are :class:`Film`'s."""
+    T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
+    spec = scene_spec(
+        scene.asset,
+        arm=scene.arm,
+        physics=scene.physics,
+        place=scene.place,
+        scale=scale,
+        visuals=True,
+    )
+    set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
+    model = spec.compile()
+    root = _root_of(model)
+    model.body_pos[root] = T_wo[:3, 3]
+    model.body_quat[root] = matrix_to_quat(T_wo[:3, :3])
+    return model
+
+
+def _root_of(model: mujoco.MjModel) -> int:
+    return next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
+
+
+def write_film(
+    path: Path,
+    scene: Scene,
+    qpos: Array,
+    *,
+    scale: float = 1.0,
+    T_wo: Array | None = None,
+    tick_s: float = 1.0 / FRAMES_PER_S,
+    size: tuple[int, int] = SIZE,
+) -> Path:
+    """Write a clip of an episode as MP4 (H.264) and return its path.
+
+    Args:
+        path: File that is written, whole or not at all.
+        scene: What is drawn.
+        qpos: Positions of the scene's model, one row a tick (T, nq).
+        scale: Size of the object in this episode.
+        T_wo: Pose of the object in this episode (4, 4); its nominal place by default.
+        tick_s: Time between rows [s].
+        size: Width and height [px].
+
+    Raises:
+        MissingError: Nothing can be drawn here, or the encoder is not installed.
+    """
+    with Film(scene, scale=scale, T_wo=T_wo, size=size) as film:
+        return write_clip(path, film.frames(np.asarray(qpos)), size, round(1.0 / tick_s))
+
+
+def picture(
+    scene: Scene,
+    qpos: Array,
+    *,
+    scale: float = 1.0,
+    T_wo: Array | None = None,
+    size: tuple[int, int] = PICTURE_SIZE,
+) -> bytes:
+    """A PNG of the scene at positions (nq,), with shadows; the arguments are :func:`write_film`'s.
+
+    Raises:
+        MissingError: Nothing can be drawn here.
+    """
+    double = (2 * size[0], 2 * size[1])
+    with Film(scene, scale=scale, T_wo=T_wo, size=double, shadows=True) as film:
+        image = Image.fromarray(film.frame(np.asarray(qpos))).resize(size, Image.Resampling.BOX)
+    out = BytesIO()
+    image.save(out, "PNG", optimize=True)
+    return out.getvalue()

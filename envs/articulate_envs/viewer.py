@@ -1,0 +1,88 @@
+"""A window: a scene in MuJoCo's own viewer, where there is a display."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from articulate.errors import MissingError
+from articulate.simulator import mujoco
+from articulate.transforms import Array
+from articulate_envs.scene import Scene
+from articulate_envs.video import drawn_model, set_positions
+
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Environment variables of which one names the display, on Linux."""
+
+
+def has_display(environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether a window can be asked for here."""
+    return sys.platform != "linux" or any(environment.get(name) for name in DISPLAYS)
+
+
+class Window:
+    """Shows a scene at positions of its model; a user turns and closes it."""
+
+    def __init__(self, scene: Scene, *, scale: float, T_wo: Array) -> None:
+        """Open the window.
+
+        Args:
+            scene: What is shown.
+            scale: Size of the object.
+            T_wo: Pose of the object in the world (4, 4).
+
+        Raises:
+            MissingError: There is no display.
+        """
+        self._model = drawn_model(scene, scale=scale, T_wo=T_wo)
+        self._data = mujoco.MjData(self._model)
+        self._viewer = _open(self._model, self._data)
+        self._next_s = time.monotonic()
+
+    def show(self, qpos: Array, tick_s: float = 0.0) -> None:
+        """Show positions (nq,), ``tick_s`` [s] after those before; no harm in a closed window."""
+        if self._viewer.is_running():
+            with self._viewer.lock():
+                set_positions(self._model, self._data, qpos)
+            self._viewer.sync()
+        now = time.monotonic()
+        self._next_s = max(self._next_s + tick_s, now)
+        time.sleep(self._next_s - now)
+
+    def close(self) -> None:
+        """Close the window."""
+        self._viewer.close()
+
+
+def require_display() -> None:
+    """Refuse a window where there can be none.
+
+    Raises:
+        MissingError: There is no display.
+    """
+    if not has_display():
+        raise MissingError(_NO_WINDOW.format(f"neither {' nor '.join(DISPLAYS)} is set"))
+
+
+_NO_WINDOW = "no window here: {}; take pictures (rgb_array) instead, or set DISPLAY"
+
+
+def _open(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
+    """MuJoCo's viewer beside this thread; it is asked for only where it can come up.
+
+    Where GLFW finds no display, the viewer's thread would end and its caller wait for ever.
+    """
+    require_display()
+    try:
+        # They bring OpenGL, which pictures alone and machines without a screen do without.
+        import glfw
+        import mujoco.viewer  # noqa: TID251
+
+        if not glfw.init():
+            raise MissingError(_NO_WINDOW.format("the display does not answer"))
+        return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
+    except (ImportError, RuntimeError, mujoco.FatalError) as error:
+        raise MissingError(_NO_WINDOW.format(str(error).splitlines()[0])) from None

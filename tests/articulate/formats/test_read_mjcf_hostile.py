@@ -1,0 +1,193 @@
+"""MJCF that is no object, or is meant to do harm: refused in one line, in a process of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.articulate.conversion.mjcf import (
+    BALL,
+    DRAWER,
+    model,
+    moving,
+    read,
+    write,
+)
+
+from articulate.conversion import ConvertConfig, convert
+from articulate.conversion.convert import input_key, read_input, urdf_in
+from articulate.errors import AssetError
+from articulate.formats import read_mjcf as reading
+from articulate.formats import read_mjcf_child
+from articulate.formats.read_mjcf_files import is_mjcf, root_tag
+from articulate.formats.read_mjcf_text import read_text
+from articulate.formats.read_urdf import SourceGeometry
+
+pytestmark = pytest.mark.usefixtures("quick")
+
+CHAIN = "".join(f'<body name="l{i}"><joint name="q{i}"/>{BALL}' for i in range(5)) + "</body>" * 5
+REFUSED = {
+    "ball joint": (model(moving(BALL, joint='<joint name="j" type="ball"/>')), "is a ball joint"),
+    "several free bodies": (
+        model(2 * f"<body><freejoint/>{BALL}</body>"),
+        "a scene with 2 free bodies",
+    ),
+    "robot": (
+        model(CHAIN).replace(
+            "</worldbody>",
+            "</worldbody><actuator>"
+            + "".join(f'<motor joint="q{i}"/>' for i in range(5))
+            + "</actuator>",
+        ),
+        "holds a robot",
+    ),
+    "attached model": (
+        model("<attach model='a' body='b' prefix='c'/>"),
+        "has another model attached to it",
+    ),
+    "entities": ('<!DOCTYPE x [<!ENTITY a "b">]>' + model(BALL), "DOCTYPE or entities"),
+    "no MJCF": ("<html/>", "not MJCF"),
+    "unknown class": (model('<geom class="nobody" size="1"/>'), "MuJoCo does not accept it"),
+    "words for numbers": (model('<geom size="one"/>'), "is not made of numbers"),
+    "not finite": (model('<geom size="nan"/>'), "is not finite"),
+    "undefined mesh": (model('<geom type="mesh" mesh="m"/>'), "mesh 'm' is not defined"),
+    "zero axis": (
+        model(moving(BALL, joint='<joint axis="0 0 0"/>')),
+        "MuJoCo does not accept it",
+    ),
+    "absent include": (model('<include file="no.xml"/>'), "included file 'no.xml' not found"),
+    "global coordinates": (model(BALL, compiler='coordinate="global"'), "coordinate='global'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
+    text, reason = REFUSED[case]
+    with pytest.raises(AssetError) as caught:
+        read(tmp_path, text)
+    assert reason in str(caught.value)
+    assert str(tmp_path / "thing.xml") in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_world_without_a_body_makes_no_asset(tmp_path: Path) -> None:
+    path = write(tmp_path, model('<light/><geom type="plane" size="1 1 1"/>'))
+    with pytest.raises(AssetError, match="no link has geometry"):
+        convert(path, tmp_path / "out")
+
+
+# what a hostile file cannot do
+
+
+def test_nothing_that_names_a_file_or_a_plugin_reaches_muJoCo(tmp_path: Path) -> None:
+    secret = "/etc/passwd"
+    head = (
+        f'<extension><plugin plugin="{secret}"/></extension><custom><text data="{secret}"/>'
+        f'</custom><asset><mesh name="m" file="{secret}" content_type="model/obj"/>'
+        f'<texture name="t" file="{secret}"/><hfield name="h" file="{secret}"/>'
+        f'<skin file="{secret}"/></asset>'
+    )
+    text = read_text(write(tmp_path, model('<geom type="mesh" mesh="m"/><site/>', head=head)))
+    assert "passwd" not in text.text
+    assert "plugin" not in text.text
+    with pytest.raises(AssetError, match="format not known"):
+        convert(text.path, tmp_path / "out")
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_file_that_includes_itself_is_refused(tmp_path: Path, times: int) -> None:
+    text = "<mujoco>" + times * '<include file="thing.xml"/>' + "</mujoco>"
+    with pytest.raises(AssetError, match="includes more than 64 files"):
+        read(tmp_path, text)
+
+
+def test_bodies_that_multiply_are_stopped(tmp_path: Path) -> None:
+    bomb = BALL
+    for _ in range(3):
+        bomb = f'<replicate count="60" offset="1 0 0">{bomb}</replicate>'
+    with pytest.raises(AssetError, match="more than 20000 elements with <replicate>"):
+        read(tmp_path, model(bomb))
+
+
+def test_bodies_that_multiply_a_little_have_each_a_name(tmp_path: Path) -> None:
+    knob = f'<body name="knob" pos="0 0 1"><joint name="turn"/>{BALL}</body>'
+    source = read(
+        tmp_path, model(f'{BALL}<replicate count="3" offset="0.3 0 0">{knob}</replicate>')
+    )
+    assert list(source.links) == ["world", "knob0", "knob1", "knob2"]
+    np.testing.assert_allclose([j.T_pc[0, 3] for j in source.joints], [0.0, 0.3, 0.6])
+
+
+@pytest.mark.usefixtures("in_child")
+def test_crash_of_the_native_reader_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = write(tmp_path, "import os\nos.abort()\n", "crash.py")
+    monkeypatch.setattr(read_mjcf_child, "__file__", str(script))
+    with pytest.raises(AssetError, match=r"MuJoCo's reader stopped \(exit -6\)"):
+        read(tmp_path, DRAWER)
+
+
+@pytest.mark.usefixtures("in_child")
+def test_reader_that_takes_too_long_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = write(tmp_path, "import time\ntime.sleep(60)\n", "slow.py")
+    monkeypatch.setattr(read_mjcf_child, "__file__", str(script))
+    monkeypatch.setattr(reading, "TIME_S", 0.3)
+    with pytest.raises(AssetError, match=r"MuJoCo took more than 0\.3 s"):
+        read(tmp_path, DRAWER)
+
+
+@pytest.mark.usefixtures("in_child")
+def test_process_of_its_own_answers_as_this_one_would(tmp_path: Path) -> None:
+    text = read_text(write(tmp_path, DRAWER))
+    found = reading.described(text)
+    assert found == read_mjcf_child.described(text.text, {})
+    assert [body["name"] for body in found["bodies"]] == ["world", "carcass", "drawer"]
+    assert found["bodies"][2]["joints"][0]["range"] == [0.0, 0.3]
+
+
+@pytest.mark.usefixtures("in_child")
+def test_refusal_of_the_process_of_its_own_is_an_answer_too(tmp_path: Path) -> None:
+    with pytest.raises(AssetError, match="MuJoCo does not accept it"):
+        read(tmp_path, model('<geom class="nobody" size="1"/>'))
+
+
+# which file is meant
+
+
+def test_root_tells_mjcf_from_urdf_whatever_the_file_is_called(tmp_path: Path) -> None:
+    licence = "<!--" + 20_000 * "licence " + "-->"
+    assert is_mjcf(write(tmp_path, f"<?xml version='1.0'?>{licence}{DRAWER}", "a.urdf"))
+    assert is_mjcf(write(tmp_path, "<mujocoinclude/>", "b.xml"))
+    assert not is_mjcf(write(tmp_path, "<robot name='mujoco'/>", "c.xml"))
+    assert root_tag(write(tmp_path, "no XML", "d.xml")) == ""
+    assert root_tag(tmp_path / "absent.xml") == ""
+
+
+def test_folder_with_one_xml_is_that_object_and_with_two_none(tmp_path: Path) -> None:
+    path = write(tmp_path, DRAWER, "little/object.xml")
+    assert urdf_in(path.parent) == path
+    write(tmp_path, DRAWER, "little/other.mjcf")
+    with pytest.raises(AssetError, match=r"holds 2 URDF or MJCF files \(object.xml, other.mjcf\)"):
+        urdf_in(path.parent)
+    urdf = write(tmp_path, "<robot name='r'/>", "little/r.urdf")
+    assert urdf_in(path.parent) == urdf
+
+
+def test_key_of_an_input_knows_when_an_included_file_changes(tmp_path: Path) -> None:
+    inner = write(tmp_path, f"<mujocoinclude>{moving(BALL)}</mujocoinclude>", "inner.xml")
+    path = write(tmp_path, model('<include file="inner.xml"/>'))
+    config = ConvertConfig()
+    first = input_key(read_input(path, config), config)
+    assert input_key(read_input(path, config), config) == first
+    inner.write_text(inner.read_text().replace("0.2 0 0.3", "0.2 0 0.4"))
+    assert input_key(read_input(path, config), config) != first
+
+
+def test_geometry_says_file_and_line(tmp_path: Path) -> None:
+    source = read(tmp_path, DRAWER)
+    first: SourceGeometry = source.links["drawer"].visuals[0]
+    assert first.where == f"{tmp_path / 'thing.xml'}:14 (geom 3)"

@@ -1,0 +1,34 @@
+from articulate.formats.repairs import Repairs, is_note
+
+
+def test_each_sentence_stands_once_in_the_order_of_work():
+    repairs = Repairs()
+    for sentence in ("joint a: turned", "mesh x.obj: flat", "joint a: turned"):
+        repairs.add(sentence)
+    repairs.note("textures")
+    assert repairs.sentences == ("joint a: turned", "mesh x.obj: flat", "note: textures")
+
+
+def test_what_is_said_of_many_meshes_is_said_once_with_the_first_names():
+    repairs = Repairs()
+    for k in range(5):
+        repairs.note(f"mesh m{k}.obj: the back left out")
+        repairs.add(f"mesh m{k}.obj: a hole, closed")
+    repairs.add("mesh m0.obj: cannot be read")
+    first = "meshes m0.obj, m1.obj, m2.obj and 2 more"
+    assert repairs.sentences == (
+        f"note: {first}: the back left out",
+        f"{first}: a hole, closed",
+        "mesh m0.obj: cannot be read",
+    )
+    assert [is_note(s) for s in repairs.sentences] == [True, False, False]
+
+
+def test_going_back_keeps_what_was_said_of_many():
+    repairs = Repairs()
+    for k in range(4):
+        repairs.add(f"mesh m{k}.obj: flat")
+    read = repairs.sentences
+    repairs.add("part p: joined")
+    repairs.restore(read)
+    assert repairs.sentences == read

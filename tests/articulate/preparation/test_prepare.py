@@ -1,0 +1,292 @@
+import dataclasses
+import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, cast
+
+import pytest
+import trimesh
+from tests.articulate.checks.objects import Part, make_object
+from tests.articulate.conversion.cabinets import write_cabinet
+
+from articulate.assets.asset import load_asset
+from articulate.assets.check_report import Check, CheckReport
+from articulate.checks.descriptions import CLAUSES
+from articulate.conversion import ConvertConfig
+from articulate.errors import UsageError
+from articulate.preparation import prepare as proving
+from articulate.preparation.check_report_file import load_proof
+from articulate.preparation.prepare import check, prove, wrong_after
+from articulate.preparation.refine_colliders import Refined
+from articulate.preparation.repair import RepairResult
+
+CONFIG = ConvertConfig(decompose=False, licence="MIT")
+
+
+@pytest.fixture(scope="module")
+def checked(tmp_path_factory):
+    """Folder, proof and cache of the little cabinet; not to be changed."""
+    folder = tmp_path_factory.mktemp("check")
+    source = write_cabinet(folder)
+    config = dataclasses.replace(CONFIG, cache_dir=folder / "cache")
+    return source, folder / "out", check(source, folder / "out", config), config
+
+
+@pytest.mark.render
+def test_a_cabinet_is_proven_with_all_its_evidence(checked):
+    _, out, proof, _ = checked
+    assert proof.reasons == ()
+    assert proof.verdict == "repaired"  # two links without inertia
+    assert {c.name for c in proof.clauses} <= set(CLAUSES)
+    assert {"fk", "fk_input", "limits", "inertia", "openness", "coverage", "sweep", "open"} <= {
+        c.name for c in proof.clauses if c.outcome == "passed"
+    }
+    assert [(j.name, j.blocked, j.swept) for j in proof.joints] == [
+        ("drawer_joint", False, 1.0),
+        ("door_joint", False, 1.0),
+    ]
+    assert proof.counts is not None
+    assert proof.counts.links == (4, 3)
+    assert proof.licence == "MIT"
+    assert proof.colliders == sum(x.collisions for x in load_asset(out).links)
+    assert load_proof(out) == proof
+    assert (out / "proof.html").stat().st_size > 10_000
+
+
+@pytest.mark.render
+def test_the_same_input_is_not_checked_twice(checked, tmp_path, monkeypatch):
+    source, out, proof, config = checked
+    monkeypatch.setattr(proving, "checked", None)
+    assert check(source, tmp_path / "again", config) == proof
+    assert (tmp_path / "again" / "object.xml").read_bytes() == (out / "object.xml").read_bytes()
+
+
+@pytest.mark.render
+def test_an_asset_folder_is_proven_as_it_is(checked, tmp_path):
+    _, out, proof, _ = checked
+    again = check(out, tmp_path / "again", CONFIG)
+    assert again.verdict == proof.verdict
+    assert {c.name for c in proof.clauses} - {c.name for c in again.clauses} == {
+        "fk_input",
+        "shown",
+    }
+
+
+@pytest.mark.render
+def test_a_damaged_asset_folder_is_judged_against_its_input(checked, tmp_path):
+    source, out, _, _ = checked
+    assert check(out, tmp_path / "whole", CONFIG, against=source).verdict == "repaired"
+    shutil.copytree(out, tmp_path / "damaged")
+    path = tmp_path / "damaged" / "object.xml"
+    text = path.read_text()
+    assert 'axis="0 0 1"' in text
+    path.write_text(text.replace('axis="0 0 1"', 'axis="0 0.0872 0.9962"'))
+    proof = check(tmp_path / "damaged", tmp_path / "judged", CONFIG, against=source)
+    assert proof.verdict == "refused"
+    failed = {(c.name, c.subject) for c in proof.clauses if c.outcome == "failed"}
+    assert {("fk", "door"), ("fk_input", "door")} <= failed
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("", "no XML in it"), ("<robot name='a'><link name='b'/></robot>", "no link has geometry")],
+)
+def test_what_cannot_be_converted_is_refused_with_a_reason(tmp_path, text, reason):
+    source = tmp_path / "bad.urdf"
+    source.write_text(text)
+    proof = check(source, tmp_path / "out", CONFIG)
+    assert proof.verdict == "refused"
+    assert reason in proof.reasons[0]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["proof.html", "proof.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.urdf", "out"]
+
+
+def test_a_source_that_does_not_exist_and_an_out_in_the_way_are_usage_errors(tmp_path):
+    with pytest.raises(UsageError, match="does not exist"):
+        check(tmp_path / "none.urdf", tmp_path / "out", CONFIG)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "letter").write_text("")
+    with pytest.raises(UsageError, match="is not an asset"):
+        check(tmp_path / "none.urdf", tmp_path / "full", CONFIG)
+
+
+def test_a_failed_clause_refuses_with_its_name_and_joint(tmp_path):
+    box = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+    wall = ((0.4, 0.0, 0.0), (0.05, 0.2, 0.2))
+    part = Part(name="drawer", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(box,))
+    asset = make_object(tmp_path / "object", part, body=(wall,))
+    proof = prove(asset)
+    assert proof.verdict == "refused"
+    assert any(reason.startswith("sweep_authored of drawer_joint: ") for reason in proof.reasons)
+    assert {c.name for c in proof.clauses} <= set(CLAUSES)
+    assert proof.joints[0].blocked
+
+
+def test_an_object_without_joints_is_proven_as_rigid_and_says_so(tmp_path):
+    box = ((0.0, 0.0, 0.5), (0.1, 0.2, 0.5))
+    asset = make_object(tmp_path / "stone", body=(box,))
+    names = {c.name: c for c in prove(asset).clauses}
+    assert "rigid" in names["rigid"].message
+    assert "sweep" not in names
+    assert "open" not in names
+
+
+def test_a_model_that_does_not_load_is_refused(tmp_path):
+    asset = make_object(tmp_path / "object")
+    asset.mjcf_path.write_text("<mujoco><nonsense/></mujoco>")
+    proof = prove(asset)
+    assert proof.verdict == "refused"
+    assert proof.reasons[0].startswith("loads: ")
+
+
+def test_a_clause_that_cannot_be_measured_refuses_and_leaves_the_others(tmp_path, monkeypatch):
+    def broken(model):
+        raise RuntimeError("over\nthere")
+
+    monkeypatch.setattr(proving, "inertia", broken)
+    proof = prove(make_object(tmp_path / "object"))
+    assert any("could not be measured (RuntimeError: over there)" in r for r in proof.reasons)
+    assert any(c.name == "coverage" for c in proof.clauses)
+
+
+def test_every_clause_is_explained_in_three_parts():
+    for clause in CLAUSES.values():
+        assert all(len(text) > 30 for text in (clause.means, clause.matters, clause.mend))
+
+
+LEAF = """<robot name="leaf"><link name="body">{box}<visual><geometry>
+<mesh filename="package://far/leaf.obj"/></geometry></visual></link></robot>"""
+BOX = '<visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>'
+
+
+@pytest.fixture
+def unmeasured(monkeypatch):
+    """Objects are converted, and taken as proven."""
+    monkeypatch.setattr(proving, "write_page", lambda *_, **__: None)
+    monkeypatch.setattr(
+        proving,
+        "prove",
+        lambda asset, _: CheckReport(asset=asset.name, verdict="proven", repairs=asset.repairs),
+    )
+
+
+@pytest.mark.usefixtures("unmeasured")
+@pytest.mark.parametrize("box", ["", BOX], ids=["refused", "left out"])
+@pytest.mark.parametrize("where", ["above", "named by the variable"])
+def test_a_mesh_that_comes_to_another_folder_is_found_the_next_time(
+    tmp_path, monkeypatch, box, where
+):
+    source = tmp_path / "in" / "obj" / "leaf.urdf"
+    source.parent.mkdir(parents=True)
+    source.write_text(LEAF.format(box=box))
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache", allow_missing=True)
+    if where != "above":
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
+    first = check(source, tmp_path / "out", config)
+    assert "not found" in " ".join((*first.reasons, *first.repairs))
+    far = tmp_path / ("far" if where == "above" else "ros/far")
+    far.mkdir(parents=True)
+    trimesh.creation.box((0.3, 0.3, 0.3)).export(far / "leaf.obj")
+    second = check(source, tmp_path / "out", config)
+    assert second.verdict == "proven"
+    assert "not found" not in " ".join(second.repairs)
+
+
+@pytest.mark.usefixtures("unmeasured")
+def test_a_refusal_that_no_file_elsewhere_would_mend_is_kept(tmp_path, monkeypatch):
+    source = tmp_path / "in" / "bad.urdf"
+    source.parent.mkdir()
+    source.write_text("")
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
+    first = check(source, tmp_path / "out", config)
+    monkeypatch.setattr(proving, "checked", None)
+    assert check(source, tmp_path / "out", config) == first
+
+
+@pytest.mark.usefixtures("unmeasured")
+def test_a_damaged_mesh_that_is_mended_under_its_name_is_read_again(tmp_path):
+    source = tmp_path / "in" / "leaf.urdf"
+    source.parent.mkdir()
+    source.write_text(LEAF.format(box=""))
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
+    mesh = source.parent / "far" / "leaf.obj"
+    mesh.parent.mkdir()
+    mesh.write_text("v 0 0\nf 1 2 3\n")
+    assert check(source, tmp_path / "out", config).verdict == "refused"
+    trimesh.creation.box((0.3, 0.3, 0.3)).export(mesh)
+    assert check(source, tmp_path / "out", config).verdict == "proven"
+
+
+@pytest.mark.usefixtures("unmeasured")
+def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, monkeypatch):
+    sources = [tmp_path / name / "obj" / "box.urdf" for name in ("one", "two")]
+    for source in sources:
+        source.parent.mkdir(parents=True)
+        source.write_text(f'<robot name="box"><link name="body">{BOX}</link></robot>')
+    config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
+    both, met = threading.Barrier(2), []
+
+    def meet(asset, _):
+        try:
+            both.wait(timeout=2.0)
+            met.append(asset.folder)
+        except threading.BrokenBarrierError:
+            pass
+        return CheckReport(asset=asset.name, verdict="proven")
+
+    monkeypatch.setattr(proving, "prove", meet)
+    with ThreadPoolExecutor(2) as pool:
+        outs = list(pool.map(lambda s: check(s, s.parent.parent / "out", config).verdict, sources))
+    assert outs == ["proven", "proven"]
+    assert len(list((tmp_path / "cache" / "assets").iterdir())) == 1
+    assert met == []
+
+
+def _mended(
+    made: Refined, *, cut: tuple[str, ...] = (), stuck: tuple[str, ...] = ()
+) -> RepairResult:
+    return RepairResult(
+        asset=made.asset,
+        bodies=(),
+        repairs=(),
+        model=cast(Any, f"{made.model}, mended"),
+        cut=frozenset(cut),
+        stuck=frozenset(stuck),
+    )
+
+
+@pytest.mark.parametrize(
+    ("cut", "stuck", "failed", "wrong"),
+    [
+        ((), (), {}, set()),
+        ((), ("lid",), {"it, mended": ["box"]}, {"lid"}),
+        (("lid",), (), {}, set()),
+        (("lid",), (), {"it, mended": ["lid"]}, {"lid"}),
+        (("lid",), (), {"it, mended": ["lid"], "it": ["lid"]}, set()),
+        (("lid",), (), {"it, mended": ["box"]}, set()),
+        (("lid", "box"), ("pot",), {"it, mended": ["lid", "box"], "it": ["box"]}, {"lid", "pot"}),
+    ],
+)
+def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
+    monkeypatch, cut, stuck, failed, wrong
+):
+    def failing(model):
+        return [
+            Check(name="coverage", outcome="failed", subject=link, message="")
+            for link in failed.get(model, ())
+        ]
+
+    monkeypatch.setattr(proving, "failed_shapes", failing)
+    made = Refined(asset=cast(Any, None), bodies=[], mimics=[], model=cast(Any, "it"))
+    assert wrong_after(made, _mended(made, cut=cut, stuck=stuck)) == wrong
+
+
+@pytest.mark.dataset
+@pytest.mark.slow
+def test_a_lid_that_cuts_would_spoil_is_made_finer_first(data_folder, tmp_path):
+    """Two shapes stand for it; cut back, they bare what is not seen, and finer ones do not."""
+    config = dataclasses.replace(ConvertConfig(), cache_dir=tmp_path / "cache")
+    proof = check(
+        data_folder / "assets" / "partnet" / "8867" / "mobility.urdf", tmp_path / "out", config
+    )
+    assert proof.verdict == "repaired"

@@ -1,0 +1,189 @@
+"""Parts put where a picture shows them: boxes whose places are known."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from articulate.errors import UsageError
+from articulate.reconstruct.actors.placement.actor import PlacementActor, places_of, usual_light
+from articulate.reconstruct.actors.placement.initial_placements import above_ground, sibling_seats
+from articulate.reconstruct.actors.placement.placement_problem import (
+    SMALLEST_GAP,
+    PlacementProblem,
+    puzzle_of,
+    region_of,
+)
+from articulate.reconstruct.actors.placement.search import total_cost, unexplained_share
+from articulate.reconstruct.actors.protocol import Evidence
+from articulate.reconstruct.actors.semantic.actor import SemanticActor
+from articulate.render.camera import front_camera
+from articulate.render.parts import plain_part
+from articulate.render.scene import PartScene
+from articulate.transforms import apply, pose
+
+CAMERA = front_camera(320, 240)
+BODY, DOOR, KNOB = (0.8, 1.2, 1.4), (0.06, 1.1, 0.6), (0.1, 0.12, 0.12)
+CENTRES = {
+    "body": np.array([-0.2, 0.1, 0.7]),
+    "door": np.array([0.23, 0.1, 0.95]),
+    "knob": np.array([0.31, 0.5, 0.9]),
+}
+RGB = {"body": (0.7, 0.6, 0.5), "door": (0.4, 0.5, 0.7), "knob": (0.8, 0.2, 0.2)}
+SIZES = {"body": BODY, "door": DOOR, "knob": KNOB}
+
+
+def box(name, centre=(0.0, 0.0, 0.0)):
+    mesh = trimesh.creation.box(SIZES[name])
+    return plain_part(name, np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces), RGB[name])
+
+
+def question(names) -> Evidence:
+    """Boxes with the middle of each at the origin, and a picture of them in their places."""
+    scene = PartScene([box(name, CENTRES[name]) for name in names])
+    return Evidence(
+        modality="image",
+        parts=tuple(box(name) for name in names),
+        labels={name: name for name in names},
+        placed=False,
+        picture=scene.picture(CAMERA),
+        camera=CAMERA,
+    )
+
+
+@pytest.fixture(scope="module")
+def three() -> Evidence:
+    return question(["knob", "body", "door"])
+
+
+@pytest.fixture(scope="module")
+def three_places(three):
+    return places_of(three)
+
+
+@functools.cache
+def puzzle_of_three() -> PlacementProblem:
+    evidence = question(["knob", "body", "door"])
+    assert evidence.picture is not None
+    return puzzle_of(evidence.parts, evidence.picture, CAMERA, usual_light(CAMERA))
+
+
+@pytest.fixture
+def puzzle() -> PlacementProblem:
+    return puzzle_of_three()
+
+
+def camera_places(puzzle: PlacementProblem, centres=CENTRES):
+    return {i: apply(CAMERA.T_cw, centres[p.name]) for i, p in enumerate(puzzle.parts)}
+
+
+@pytest.mark.parametrize("name", ["knob", "body", "door"])
+def test_a_body_a_door_and_a_knob_are_placed_within_two_hundredths_of_the_object(
+    three_places, name
+):
+    off = np.linalg.norm(three_places[name][:3, 3] - CENTRES[name])
+    assert off < 0.02 * float(np.linalg.norm(BODY))
+    assert np.array_equal(three_places[name][:3, :3], np.eye(3))
+
+
+def test_names_labels_order_and_offsets_do_not_reach_the_search(three, three_places):
+    """The same parts under other names, shifted, without labels: the same places of the boxes."""
+    shift = {"body": [5.0, -3.0, 2.0], "door": [0.0, 0.0, 9.0], "knob": [-1.0, 0.5, 0.25]}
+    told = {"body": "part_01", "door": "part_02", "knob": "part_00"}
+    parts = tuple(p.renamed(told[p.name]).moved(pose(shift[p.name])) for p in three.parts)
+    other = places_of(dataclasses.replace(three, parts=parts, labels={}, seed=7))
+    for name, place in three_places.items():
+        middle = other[told[name]][:3, 3] + shift[name]
+        assert middle == pytest.approx(place[:3, 3], abs=1e-6)
+
+
+def test_the_true_places_explain_the_picture_and_others_do_not(puzzle):
+    share = unexplained_share(puzzle, camera_places(puzzle))
+    assert share < 0.015  # soft edges of a small picture made larger
+    true = total_cost(puzzle, 2, camera_places(puzzle))
+    for name in CENTRES:
+        moved = {**CENTRES, name: CENTRES[name] + np.array([0.0, 0.1, 0.0])}
+        assert total_cost(puzzle, 2, camera_places(puzzle, moved)) > true + 5.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.6, -0.2)),
+    st.integers(0, 2),
+)
+def test_what_a_part_adds_is_the_difference_of_the_pictures_with_and_without_it(shift, part):
+    puzzle = puzzle_of_three()
+    places = camera_places(puzzle)
+    level = puzzle.levels[0]
+    here = places[part] + np.array(shift)
+    rest = level.rest(places, puzzle.light, without=(part,))
+    added, _ = level.costs(part, here[None], rest, puzzle.light)
+    others = {i: place for i, place in places.items() if i != part}
+    whole = level.rest({**others, part: here}, puzzle.light)  # drawn last, as what is added is
+    assert level.total(whole) == pytest.approx(level.total(rest) + added[0], abs=1.0)
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.05, 0.3])
+def test_a_gap_is_the_distance_of_the_surfaces(puzzle, apart):
+    places = camera_places(puzzle)
+    names = [p.name for p in puzzle.parts]
+    centre = CENTRES["body"] + [0.5 * (BODY[0] + DOOR[0]) + apart, 0.0, 0.0]
+    only = {names.index("body"): places[names.index("body")]}
+    found = puzzle.gap(names.index("door"), apply(CAMERA.T_cw, centre), only)
+    assert found == pytest.approx(max(0.0, apart - SMALLEST_GAP), abs=0.02)
+
+
+def test_nothing_is_tried_below_the_ground(puzzle):
+    door = [p.name for p in puzzle.parts].index("door")
+    high = apply(CAMERA.T_cw, [[0.0, 0.0, 0.3], [0.0, 0.0, 0.1], [0.0, 0.0, 1.0]])
+    assert len(above_ground(puzzle, door, high)) == 2
+
+
+def test_a_part_like_another_may_be_opposite_to_it():
+    evidence = question(["body", "knob"])
+    twin = evidence.parts[1].renamed("twin")
+    parts = (*evidence.parts, twin)
+    assert evidence.picture is not None
+    puzzle = puzzle_of(parts, evidence.picture, CAMERA, usual_light(CAMERA))
+    places = {i: apply(CAMERA.T_cw, CENTRES[n]) for i, n in enumerate(("body", "knob"))}
+    seats = apply(CAMERA.T_wc, sibling_seats(puzzle, 2, places))
+    opposite = CENTRES["knob"] * [1, -1, 1] + 2.0 * CENTRES["body"] * [0, 1, 0]
+    assert np.linalg.norm(seats - opposite, axis=1).min() < 1e-9
+
+
+def test_the_region_of_a_picture_holds_what_is_seen(three):
+    left, right, top, bottom = region_of(three.picture)
+    rows, columns = np.nonzero((three.picture < 230).any(axis=-1))
+    assert left <= columns.min() < columns.max() < right
+    assert top <= rows.min() < rows.max() < bottom
+
+
+def test_a_picture_of_nothing_is_all_region():
+    assert region_of(np.full((24, 32, 3), 255, np.uint8)) == (0, 32, 0, 24)
+
+
+def test_placed_parts_are_left_where_they_are():
+    parts = tuple(box(name, CENTRES[name]) for name in ("body", "door"))
+    labels = {"body": "cabinet body", "door": "door"}
+    found = PlacementActor().predict(Evidence(modality="image", parts=parts, labels=labels))
+    assert found.placements == {}
+    assert [j.part for j in found.joints] == ["door"]
+
+
+def test_a_picture_changes_nothing_where_parts_are_in_their_places(three):
+    parts = tuple(p.moved(pose(CENTRES[p.name])) for p in three.parts)
+    seen = dataclasses.replace(three, parts=parts, placed=True)
+    blind = dataclasses.replace(seen, modality="text", picture=None, camera=None)
+    assert PlacementActor().predict(seen).joints == SemanticActor().predict(blind).joints
+
+
+@pytest.mark.parametrize("missing", ["picture", "camera"])
+def test_without_picture_or_camera_nothing_can_be_placed(three, missing):
+    with pytest.raises(UsageError, match="picture and its camera"):
+        places_of(dataclasses.replace(three, **{missing: None}))

@@ -1,0 +1,343 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
+
+from articulate.robot.arm import PANDA, Hand
+from articulate.robot.config import ControlConfig
+from articulate.robot.control import (
+    OPEN_M,
+    check_follow,
+    discrete,
+    finger_command,
+    follow,
+    follow_start,
+    hand_start,
+    hand_tick,
+    joint_step,
+    joint_steps,
+    next_target,
+    presses,
+    response,
+    worst_case,
+)
+from articulate.robot.kinematics import relative, small_twist, tool_pose
+from articulate.task.observation import ACTION
+from articulate.task.task import Limits
+
+CONFIG = ControlConfig()
+HAND = Hand()
+TICK_S = CONFIG.tick_s
+FINE_S = 1e-4
+
+
+@pytest.mark.parametrize("omega", [5.0, 20.0, 40.0])
+@pytest.mark.parametrize("dt", [1e-4, 1e-3, 5e-3, 5e-2])
+def test_discrete_step_is_the_matrix_exponential(omega, dt):
+    companion = np.array([[0, 1, 0], [0, 0, 1], [-(omega**3), -3 * omega**2, -3 * omega]])
+    augmented = np.zeros((4, 4))
+    augmented[:3, :3] = companion
+    augmented[2, 3] = omega**3
+    exact = scipy.linalg.expm(augmented * dt)
+    A, B = discrete(omega, dt)
+    scale = np.array([1.0, omega, omega**2])
+    assert_allclose(A * scale / scale[:, None], exact[:3, :3] * scale / scale[:, None], atol=1e-12)
+    assert_allclose(B / scale, exact[:3, 3] / scale, atol=1e-12)
+
+
+def test_step_response_is_what_the_discrete_follower_does():
+    A, B = discrete(CONFIG.omega_rad_s, 0.01)
+    state = follow_start(np.zeros((1, 7)))
+    for k in range(1, 50):
+        state = follow(state, np.ones((1, 7)), A, B)
+        expected = response(CONFIG.omega_rad_s, np.array(0.01 * k))[:3]
+        assert_allclose(state[0, 3], expected, atol=1e-11 * CONFIG.omega_rad_s**2)
+
+
+def test_response_is_the_derivative_chain_of_itself():
+    t, h = np.linspace(0.01, 0.5, 40), 1e-6
+    slope = (response(20.0, t + h) - response(20.0, t - h))[..., :3] / (2 * h)
+    assert_allclose(slope, response(20.0, t)[..., 1:], rtol=1e-5, atol=1e-2)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_five_steps_of_1_ms_are_one_of_5_ms_for_any_targets(seed):
+    """The robot's controller and the simulator see the same set points."""
+    rng = np.random.default_rng(seed)
+    fine, coarse = discrete(CONFIG.omega_rad_s, 1e-3), discrete(CONFIG.omega_rad_s, 5e-3)
+    a = b = follow_start(rng.uniform(-2, 2, (2, 7)))
+    for _ in range(10):
+        target = rng.uniform(-2, 2, (2, 7))
+        for _ in range(5):
+            a = follow(a, target, *fine)
+        b = follow(b, target, *coarse)
+        scale = np.array([1.0, CONFIG.omega_rad_s, CONFIG.omega_rad_s**2])
+        assert_allclose(a / scale, b / scale, rtol=0, atol=1e-12)
+
+
+def test_follower_at_rest_on_its_target_stays_there():
+    q = np.linspace(-1, 1, 7)[None]
+    state = follow(follow_start(q), q, *discrete(CONFIG.omega_rad_s, 5e-3))
+    assert_allclose(state, follow_start(q), atol=1e-14 * CONFIG.omega_rad_s**2)
+
+
+def peaks(config, deltas):
+    """Largest speed, acceleration, jerk (3,) at every 0.1 ms under ``deltas`` (ticks, M)."""
+    w, count = config.omega_rad_s, round(config.tick_s / FINE_S)
+    A, B = discrete(w, FINE_S)
+    powers, inputs = [np.eye(3)], [np.zeros(3)]
+    for _ in range(count):
+        powers.append(A @ powers[-1])
+        inputs.append(A @ inputs[-1] + B)
+    state, target, out = np.zeros((deltas.shape[1], 3)), np.zeros(deltas.shape[1]), np.zeros(3)
+    for delta in deltas:
+        target = target + config.step_rad * np.clip(delta, -1, 1)
+        way = np.einsum("kij,mj->kmi", powers, state) + np.einsum("ki,m->kmi", inputs, target)
+        x, v, a = np.moveaxis(way, -1, 0)
+        jerk = w**3 * (target - x) - 3 * w**2 * v - 3 * w * a
+        out = np.maximum(out, [np.abs(v).max(), np.abs(a).max(), np.abs(jerk).max()])
+        state = way[-1]
+    return out
+
+
+@pytest.mark.parametrize("config", [CONFIG, ControlConfig(omega_rad_s=35.0, step_rad=0.01)])
+def test_no_sequence_of_targets_exceeds_the_worst_case_and_one_comes_near(config):
+    bound, rng, ticks = worst_case(config), np.random.default_rng(0), 60
+    noise = rng.uniform(-1, 1, (ticks, 50))
+    bang = np.sign(rng.normal(size=(ticks, 50)))
+    held = np.sign(rng.normal(size=(ticks // 5, 50))).repeat(5, axis=0)
+    # The worst sequence for a phase gives every past change the sign of its response there.
+    phase = np.linspace(0, config.tick_s, 26)
+    t = config.tick_s * np.arange(ticks)[::-1, None, None] + phase[:, None]
+    worst = np.sign(response(config.omega_rad_s, t[..., 0])[..., 1:]).reshape(ticks, -1)
+    seen = [peaks(config, deltas) for deltas in (noise, bang, held, worst)]
+    assert np.all(np.max(seen, axis=0) <= bound * (1 + 1e-4))
+    assert np.all(seen[-1] >= 0.99 * bound)
+
+
+def test_default_follower_stays_within_the_arms_limits_whatever_is_asked():
+    shares = joint_steps(CONFIG, PANDA) / CONFIG.step_rad
+    speed, acceleration, jerk = worst_case(CONFIG)[:, None] * shares
+    assert np.all(speed < Limits().speed_share * np.array(PANDA.dq_max))
+    assert np.all(acceleration < PANDA.ddq_max)
+    assert np.all(jerk < PANDA.dddq_max)
+
+
+def test_joints_step_in_proportion_to_the_acceleration_they_are_allowed():
+    assert_allclose(
+        joint_steps(CONFIG, PANDA),
+        CONFIG.step_rad * np.array([2, 1, 4 / 3, 5 / 3, 2, 8 / 3, 8 / 3]),
+    )
+
+
+def joints(low=-3.0, high=3.0):
+    return arrays(np.float64, (3, 7), elements=st.floats(low, high))
+
+
+FREE = np.zeros(1, dtype=bool)
+"""Hands that touch nothing."""
+
+
+@given(target=joints(), motion=joints(-5, 5), q=joints(-4, 4), yields=arrays(bool, 3))
+def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, motion, q, yields):
+    low, high = PANDA.bounds(CONFIG.margin_rad)
+    target = np.clip(target, low, high)
+    new = next_target(target, motion, q, CONFIG, PANDA, yields)
+    assert np.all(np.abs(new - target) <= joint_steps(CONFIG, PANDA) + 1e-12)
+    assert np.all((new >= low - 1e-12) & (new <= high + 1e-12))
+
+
+@given(motion=joints(-1, 1), lead=joints(-1, 1))
+def test_target_does_not_run_away_from_a_joint_that_is_held(motion, lead):
+    q = np.tile(PANDA.home, (3, 1))
+    new = next_target(q + CONFIG.lead_rad * lead, motion, q, CONFIG, PANDA, FREE)
+    assert np.all(np.abs(new - q) <= CONFIG.lead_rad + 1e-12)
+
+
+@given(motion=joints(-1, 1), lead=joints(-1, 1))
+def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead):
+    """By a step a tick, and no further than the joints."""
+    q = np.tile(PANDA.home, (3, 1))
+    ahead, most = CONFIG.lead_rad * lead, joint_steps(CONFIG, PANDA)
+    new = next_target(q + ahead, motion, q, CONFIG, PANDA, np.ones(3, dtype=bool))
+    assert_allclose(new - q, np.sign(ahead) * np.maximum(np.abs(ahead) - most, 0.0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("force_n", "wish", "width_m", "much"),
+    [
+        (CONFIG.guard_n - 0.1, -1.0, 0.08, False),
+        (CONFIG.guard_n + 0.1, -1.0, 0.08, True),
+        (CONFIG.guard_n + 0.1, 1.0, OPEN_M + 1e-3, True),  # told to close, and has not begun
+        (CONFIG.guard_n + 0.1, -1.0, 0.02, True),  # told to let go
+        (CONFIG.guard_n + 0.1, 1.0, 0.02, False),
+        (CONFIG.guard_held_n - 0.1, 1.0, 0.02, False),
+        (CONFIG.guard_held_n + 0.1, 1.0, 0.02, True),
+        (np.nan, 1.0, 0.02, True),  # an arm that cannot tell
+    ],
+)
+def test_a_hand_that_closes_may_pull_and_an_open_one_has_nothing_to_press_for(
+    force_n, wish, width_m, much
+):
+    force = force_n * np.array([[0.6, 0.0, -0.8]])
+    assert presses(force, np.array([wish]), np.array([width_m]), CONFIG)[0] == much
+
+
+HOME = np.asarray(PANDA.home)[None]
+
+
+def moved(motion, config=CONFIG):
+    """What a motion of one field does to the tool at home (6,), in its own frame."""
+    vector = np.zeros((1, ACTION.size))
+    vector[:, ACTION.slice(motion[0])] = motion[1]
+    new = next_target(HOME, vector[:, :7], HOME, config, PANDA, FREE)
+    return small_twist(relative(tool_pose(PANDA, HOME), tool_pose(PANDA, new)))[0]
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_tool_moves_and_turns_along_its_own_axes_by_what_is_asked(axis):
+    """At a fifth of a step nothing is scaled down, and curvature is below a hundredth."""
+    unit = np.eye(3)[axis]
+    move, turn = moved(("move", 0.2 * unit)), moved(("turn", 0.2 * unit))
+    assert_allclose(move, [*(0.2 * CONFIG.move_m * unit), 0, 0, 0], atol=2e-5)
+    assert_allclose(turn, [0, 0, 0, *(0.2 * CONFIG.turn_rad * unit)], atol=5e-5)
+
+
+def test_elbow_moves_by_its_step_and_leaves_the_tool_where_it_is():
+    new = next_target(HOME, np.eye(7)[6][None], HOME, CONFIG, PANDA, FREE)
+    assert np.linalg.norm(new - HOME) == pytest.approx(CONFIG.step_rad)
+    assert_allclose(moved(("elbow", 1.0)), 0, atol=3e-4)
+
+
+def test_motion_that_is_too_large_for_a_joint_is_scaled_down_as_a_whole():
+    config = dataclasses.replace(CONFIG, move_m=0.05)
+    ask = np.array([0.3, -0.5, 0.8])
+    got = moved(("move", ask), config)[:3]
+    assert np.linalg.norm(got) < 0.5 * config.move_m * np.linalg.norm(ask)
+    assert np.dot(got, ask) / np.linalg.norm(got) / np.linalg.norm(ask) > 0.999
+
+
+@given(motion=joints(-1, 1), seed=st.integers(0, 1000))
+def test_same_motion_asked_near_a_singular_pose_stays_small(motion, seed):
+    """The arm stretched out: the elbow at its bound nearest to straight, wrist in line."""
+    rng = np.random.default_rng(seed)
+    q = np.clip(0.01 * rng.normal(size=(3, 7)), *PANDA.bounds(CONFIG.margin_rad))
+    step = joint_step(q, motion, CONFIG, PANDA)
+    assert np.isfinite(step).all()
+    assert np.all(np.abs(step) <= joint_steps(CONFIG, PANDA) + 1e-12)
+
+
+def run_hand(commands, *, latency_s=0.0, hand=HAND, tick_s=TICK_S):
+    """States of one hand after each of ``commands``."""
+    state, out = hand_start(1), []
+    for command in commands:
+        state = hand_tick(state, np.array([command]), np.array([latency_s]), hand, tick_s)
+        out.append(state)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("command", "width", "closing", "on"),
+    [
+        (-0.03, 0.041, 1.0, -0.03),  # pressed together on something
+        (-0.03, 0.041, -1.0, 0.0205),  # and let go: at once
+        (0.03, 0.05, -1.0, 0.03),  # opening already, and ahead of the fingers
+        (0.01, 0.05, 1.0, 0.01),
+    ],
+)
+def test_a_hand_opens_from_where_its_fingers_are(command, width, closing, on):
+    found = finger_command(np.array([command]), np.array([width]), np.array([closing]))
+    assert_allclose(found, [on])
+
+
+def test_a_closed_hand_presses_with_its_force_on_the_thinnest_thing():
+    closed, wide = HAND.finger_m
+    assert -HAND.stiffness_n_m * closed == pytest.approx(HAND.force_n)
+    assert wide == pytest.approx(HAND.max_width_m / 2)
+
+
+def column(states, name):
+    return np.array([getattr(s, name)[0] for s in states])
+
+
+def test_hand_is_told_to_close_when_the_smoothed_command_passes_the_threshold():
+    """Under a constant 1 the smoothed command is 1 - s^k after k ticks of 50 ms."""
+    states = run_hand(np.ones(60), tick_s=0.05)
+    smooth = column(states, "smooth")
+    assert_allclose(smooth, 1 - HAND.smoothing ** np.arange(1, 61))
+    assert_allclose(column(states, "wish"), np.where(smooth > HAND.on_threshold, 1.0, -1.0))
+
+
+@given(ratio=st.sampled_from([2, 5, 10]))
+def test_smoothing_depends_on_time_not_on_ticks(ratio):
+    coarse = run_hand(np.ones(10), tick_s=0.05)
+    fine = run_hand(np.ones(10 * ratio), tick_s=0.05 / ratio)
+    assert_allclose(fine[-1].smooth, coarse[-1].smooth, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_command_between_the_thresholds_changes_nothing(sign):
+    settle = round(2 * HAND.dwell_s / TICK_S) + 40
+    states = run_hand([*([sign] * settle), *([-sign * 0.9 * HAND.on_threshold] * 200)])
+    assert np.all(column(states, "wish")[settle:] == sign)
+    assert np.all(column(states, "closing")[settle:] == sign)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.3, 1.2])
+def test_command_acts_after_its_latency(latency_s):
+    states = run_hand(np.ones(100), latency_s=latency_s)
+    told = int(np.argmax(column(states, "wish") > 0))
+    acts = int(np.argmax(column(states, "closing") > 0))
+    assert (acts - told) * TICK_S == pytest.approx(latency_s, abs=TICK_S / 2 + 1e-9)
+
+
+@given(seed=st.integers(0, 1000), period=st.integers(1, 30))
+def test_hand_is_never_told_twice_within_its_dwell(seed, period):
+    rng = np.random.default_rng(seed)
+    commands = np.sign(rng.normal(size=300 // period + 1)).repeat(period)
+    wish = column(run_hand(commands, latency_s=0.5), "wish")
+    told = np.flatnonzero(np.diff(wish))
+    assert np.all(np.diff(told) * TICK_S >= HAND.dwell_s - 1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_noise_of_exploration_does_not_toggle_a_hand_that_is_meant(sign):
+    """A policy that says ±0.6 with standard deviation 0.6 holds its hand for 100 episodes."""
+    rng = np.random.default_rng(0)
+    state, n = hand_start(100), 100
+    for _ in range(60):
+        state = hand_tick(state, np.full(n, sign), np.zeros(n), HAND, TICK_S)
+    for _ in range(200):
+        command = 0.6 * sign + 0.6 * rng.normal(size=n)
+        state = hand_tick(state, command, np.zeros(n), HAND, TICK_S)
+        assert np.all(state.closing == sign)
+
+
+def test_rates_and_steps_must_be_above_zero(error_line):
+    for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad"):
+        error_line(f"FollowConfig({name}=0)", lambda name=name: ControlConfig(**{name: 0}))
+
+
+@pytest.mark.parametrize(
+    "asked", [{"margin_rad": -0.1}, {"margin_rad": np.inf}, {"step_rad": np.inf}], ids=repr
+)
+def test_margins_are_not_negative_and_nothing_is_endless(asked, error_line):
+    error_line(f"FollowConfig(**{asked})", lambda: ControlConfig(**asked))
+
+
+def test_a_follower_that_could_break_a_limit_of_the_arm_is_refused(error_line):
+    """The default is within all of them; a step or a bandwidth half as large again is not."""
+    check_follow(CONFIG, PANDA)
+    error_line(
+        "check_follow(FollowConfig(step_rad=0.1), PANDA)",
+        lambda: check_follow(ControlConfig(step_rad=0.1), PANDA),
+    )
+    error_line(
+        "check_follow(FollowConfig(omega_rad_s=60.0), PANDA)",
+        lambda: check_follow(ControlConfig(omega_rad_s=60.0), PANDA),
+    )

@@ -1,0 +1,108 @@
+"""Kind and axis of what moves, from pictures whose motion is known."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from articulate.commands.observe import main
+from articulate.errors import UsageError
+from articulate.render.joint_video import Clip, write_clip
+from articulate.video.observe import watch
+
+SIDE = 240
+FOCAL = 1.1 * SIDE
+
+
+def textured(seed, size=SIDE):
+    rng = np.random.default_rng(seed)
+    coarse = rng.integers(0, 255, (size // 8, size // 8, 3)).astype(np.uint8)
+    return cv2.resize(coarse, (size, size), interpolation=cv2.INTER_NEAREST)
+
+
+def filmed(pose_of, n_frames=24):
+    """A textured square of side 1, three away, moved by ``pose_of(share)``, before a wall."""
+    wall, patch = textured(0), textured(1, 160)
+    square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    source = np.array([[0, 0], [159, 0], [159, 159], [0, 159]], dtype=np.float32)
+    frames = []
+    for t in range(n_frames):
+        points = pose_of(square, t / (n_frames - 1)) + np.array([0.0, 0.0, 3.0])
+        uv = (FOCAL * points[:, :2] / points[:, 2:] + SIDE / 2).astype(np.float32)
+        H = cv2.getPerspectiveTransform(source, uv)
+        drawn = cv2.warpPerspective(patch, H, (SIDE, SIDE))
+        mask = cv2.warpPerspective(np.full((160, 160), 255, np.uint8), H, (SIDE, SIDE))
+        frames.append(np.where(mask[..., None] > 127, drawn, wall))
+    return Clip(frames=np.stack(frames), times_s=np.arange(n_frames) / 20.0)
+
+
+def hinged(square, share):
+    turn = 1.3 * share
+    arm = square[:, 0] + 0.5
+    return np.column_stack([arm * np.cos(turn) - 0.5, square[:, 1], -arm * np.sin(turn)])
+
+
+def test_a_part_that_slides_across_the_picture_slides_along_its_way():
+    seen = watch(filmed(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0])), "clip")
+    assert seen.kind == "prismatic"
+    assert seen.axis_c[1] > 0.97  # down, as it goes
+
+
+def test_a_part_that_comes_nearer_slides_along_the_line_of_sight():
+    seen = watch(filmed(lambda square, s: square + np.array([0.0, 0.0, -1.2 * s])), "clip")
+    assert seen.kind == "prismatic"
+    assert seen.axis_c[2] < -0.97
+
+
+def test_a_door_turns_about_the_vertical():
+    seen = watch(filmed(hinged), "clip")
+    assert seen.kind == "revolute"
+    assert abs(seen.axis_c[1]) > 0.97
+
+
+def test_a_clip_in_which_nothing_moves_is_refused():
+    with pytest.raises(UsageError, match="clip: nothing moves"):
+        watch(filmed(lambda square, s: square), "clip")
+
+
+def test_the_command_prints_what_was_seen(tmp_path, capsys):
+    path = write_clip(
+        tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
+    )
+    assert main([str(path)]) == 0
+    assert capsys.readouterr().out.startswith("prismatic: a part slides along (1.00, ")
+
+
+def test_a_kind_next_to_the_border_is_doubtful_and_exits_3(tmp_path, capsys, monkeypatch):
+    path = write_clip(
+        tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
+    )
+    assert main([str(path), "--json"]) == 0
+    widening = json.loads(capsys.readouterr().out)["figures"]["widening"]
+    monkeypatch.setattr("articulate.video.observe.WIDENS", widening * 1.02 + 1e-6)
+    assert main([str(path), "--json"]) == 3
+    told = capsys.readouterr()
+    assert json.loads(told.out)["doubtful"] is True
+    assert "doubtful" in told.err
+
+
+def test_confidence_heeds_the_nearer_of_the_two_borders(monkeypatch):
+    """A door far beyond one border and next to the other may be a slide after all."""
+    clip = filmed(hinged)
+    seen = watch(clip, "clip")
+    assert not seen.doubtful
+    monkeypatch.setattr("articulate.video.observe.FLEEING", 0.99 * seen.figures["fleeing"])
+    near = watch(clip, "clip")
+    assert (near.kind, near.doubtful) == ("revolute", True)
+    assert near.confidence == pytest.approx(0.01 / 0.99)
+
+
+def test_a_slide_by_either_figure_is_as_clear_as_the_clearer_one(monkeypatch):
+    clip = filmed(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0]))
+    seen = watch(clip, "clip")
+    widening = 1.0 - seen.figures["widening"] / 0.48
+    monkeypatch.setattr("articulate.video.observe.FLEEING", 1.01 * seen.figures["fleeing"])
+    near = watch(clip, "clip")
+    assert near.kind == "prismatic"
+    assert near.confidence == pytest.approx(max(widening, 0.01 / 1.01))

@@ -1,0 +1,507 @@
+import copy
+import dataclasses
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from tests.scenes import DRAWS, rows_of
+
+from articulate.assets.asset import handle_frame
+from articulate.errors import EngineError
+from articulate.robot.control import (
+    discrete,
+    follow,
+    follow_start,
+    hand_start,
+    hand_tick,
+    next_target,
+    presses,
+)
+from articulate.simulator import mujoco
+from articulate.task.episode_monitor import COLUMN, REASONS, WIDTH, judge_sample
+from articulate.task.randomization import COLUMNS, PUSH_S, EpisodeParams, draw, nominal_draw
+from articulate.task.task import Limits
+from articulate.transforms import pose
+from articulate_envs.config import StartConfig
+from articulate_envs.initial_states import bank_of_starts, home_start
+from articulate_envs.scene import wrench_of
+from articulate_envs.threaded_engine import ThreadEngine
+
+ROOT = Path(__file__).resolve().parents[2]
+N = 4
+
+
+def starts(scene, n=N, seed=0):
+    """Half from home, half along the task with the hand closed on the handle."""
+    rng = np.random.default_rng(seed)
+    config = StartConfig(bank=8 * n, grip_share=1.0)
+    bank = rows_of(bank_of_starts(scene, config, DRAWS, rng), np.arange(n))
+    home = home_start(scene, bank.draw)
+    odd = np.arange(n) % 2 == 1
+
+    def mix(a, b):
+        return np.where(odd if a.ndim == 1 else odd[:, None], b, a)
+
+    fields = ("q", "opened", "width", "closing")
+    return dataclasses.replace(home, **{f: mix(getattr(home, f), getattr(bank, f)) for f in fields})
+
+
+def actions(n=N, ticks=40, seed=1):
+    """Slow random motion, hands told to open and close now and then."""
+    rng = np.random.default_rng(seed)
+    held = np.repeat(rng.uniform(-1, 1, (ticks // 5 + 1, n, 8)), 5, axis=0)[:ticks]
+    held[..., 7] = np.where(np.arange(n) % 2 == 1, 1.0, held[..., 7])
+    return held
+
+
+def run(scene, *, threads=1, n=N, ticks=40, engine=None):
+    """The states after each tick."""
+    if engine is None:
+        engine = ThreadEngine(scene, n, threads=threads)
+        engine.reset(np.arange(n), starts(scene, n))
+    out = [engine.step(action) for action in actions(n, ticks)]
+    engine.close()
+    return out
+
+
+def arrays(state):
+    """All arrays of a state, by name."""
+    plain = {k: v for k, v in vars(state).items() if k != "hand"}
+    return plain | {f"hand_{k}": v for k, v in vars(state.hand).items()}
+
+
+def assert_same_bits(ours, theirs):
+    assert len(ours) == len(theirs)
+    for a, b in zip(ours, theirs, strict=True):
+        for name, value in arrays(a).items():
+            assert_array_equal(value, arrays(b)[name], err_msg=name)
+
+
+def digest(states):
+    content = hashlib.sha256()
+    for state in states:
+        for name, value in sorted(arrays(state).items()):
+            content.update(name.encode() + np.ascontiguousarray(value).tobytes())
+    return content.hexdigest()
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_results_do_not_depend_on_the_number_of_threads(drawer, threads):
+    assert_same_bits(run(drawer, threads=threads), run(drawer))
+
+
+def test_same_seed_gives_the_same_bits_twice_and_in_another_process(drawer, tmp_path):
+    ours = digest(run(drawer))
+    assert digest(run(drawer)) == ours
+    code = (
+        "import sys; from pathlib import Path; import tests.articulate_envs.test_threads as t; "
+        "from tests.scenes import drawer_scene; "
+        "print(t.digest(t.run(drawer_scene(Path(sys.argv[1])), threads=2)))"
+    )
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == ours
+
+
+def test_an_environment_does_what_it_would_do_alone(drawer):
+    together = run(drawer)
+    alone = ThreadEngine(drawer, 1)
+    alone.reset(np.zeros(1, dtype=int), rows_of(starts(drawer), np.array([1])))
+    for state, action in zip(together, actions(), strict=True):
+        only = alone.step(action[1:2])
+        assert_array_equal(only.q[0], state.q[1])
+        assert_array_equal(only.samples[0], state.samples[1])
+
+
+def model_arrays(model):
+    """All arrays of a model, and its statistic, by name."""
+    names = [name for name in dir(model) if not name.startswith("_")]
+    found = {name: getattr(model, name) for name in names}
+    stat = {n: np.array(getattr(model.stat, n)) for n in ("meaninertia", "meanmass", "extent")}
+    return {k: v for k, v in found.items() if isinstance(v, np.ndarray)} | stat
+
+
+def test_a_thread_steps_each_environment_with_all_that_it_has_drawn(drawer):
+    """A thread's model of a size is that of the environment it stepped last, to the bit."""
+    engine = ThreadEngine(drawer, N)
+    engine.reset(np.arange(N), starts(drawer))
+    sizes = {int(engine._sizes[i]) for i in range(N)}
+    assert len(sizes) > 1
+    assert any(np.sum(engine._sizes == size) > 1 for size in sizes)
+    engine.step(actions()[0])
+    for size in sizes:
+        last = [i for i in engine._order if engine._sizes[i] == size][-1]
+        own, desk = (model_arrays(m) for m in (engine._models[last], engine._models_of[0][size]))
+        for name, value in own.items():
+            assert_array_equal(desk[name], value, err_msg=name)
+
+
+def test_engine_continues_from_a_snapshot_with_the_same_bits_in_another_engine(drawer):
+    plan = actions()
+    engine = ThreadEngine(drawer, N)
+    engine.reset(np.arange(N), starts(drawer))
+    for action in plan[:17]:
+        engine.step(action)
+    held = engine.snapshot()
+    kept = {k: v.copy() for k, v in held.items()}
+    going_on = [engine.step(action) for action in plan[17:]]
+    other = ThreadEngine(drawer, N, threads=2)
+    other.restore(held)
+    assert_same_bits([other.step(action) for action in plan[17:]], going_on)
+    for name, value in kept.items():
+        assert_array_equal(held[name], value, err_msg=name)
+    engine.restore(held)
+    assert_same_bits([engine.step(action) for action in plan[17:]], going_on)
+
+
+def test_states_given_out_stay_as_they_were(drawer):
+    engine = ThreadEngine(drawer, N)
+    engine.reset(np.arange(N), starts(drawer))
+    first = engine.step(actions()[0])
+    kept = copy.deepcopy(arrays(first))
+    for action in actions()[1:5]:
+        engine.step(action)
+    for name, value in kept.items():
+        assert_array_equal(arrays(first)[name], value, err_msg=name)
+
+
+class Reference:
+    """One environment stepped in plain Python with the functions that a robot runs."""
+
+    def __init__(self, engine, i, start):
+        """Copy environment ``i`` just after its reset with row ``i`` of ``start``."""
+        self.scene = scene = engine.scene
+        model, data = engine.physics_state(i)
+        self.model, self.data = copy.copy(model), copy.copy(data)
+        one = rows_of(start, np.array([i]))
+        self.drawn, self.q = one.draw, one.q
+        self.target, self.filter = one.q.copy(), follow_start(one.q)
+        self.finger = one.width / 2
+        closing = one.closing
+        smooth = 0.5 * np.maximum(closing, 0.0)
+        self.hand = dataclasses.replace(
+            hand_start(1), smooth=smooth, wish=closing.copy(), closing=closing.copy()
+        )
+        self.samples, self.torque = np.zeros((1, WIDTH)), np.zeros((1, 7))
+        self.past, self.tick = [np.zeros((1, 7))] * 8, 0
+        self.step_matrices = discrete(scene.follow.omega_rad_s, scene.physics.timestep_s)
+
+    def step(self, action):
+        scene, at, data = self.scene, self.scene.at, self.data
+        self.past = [action[None, :7], *self.past[:-1]]
+        delta = self.past[int(self.drawn["delay_ticks"][0])]
+        self.hand = hand_tick(
+            self.hand,
+            action[None, 7],
+            self.drawn["hand_latency_s"],
+            scene.arm.hand,
+            scene.follow.tick_s,
+        )
+        width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
+        felt = self.samples[:, :3] + self.drawn["force_bias"]
+        yields = presses(felt, self.hand.wish, np.array([width]), scene.follow)
+        self.target = next_target(self.target, delta, self.q, scene.follow, scene.arm, yields)
+        if self.hand.closing[0] < 0.0:  # it opens from where it is, not from where it pressed
+            self.finger = np.maximum(self.finger, width / 2)
+        self._push()
+        for _ in range(scene.substeps):
+            self._substep()
+        self.q = data.qpos[at.arm_q : at.arm_q + 7][None].copy()
+        self.tick += 1
+
+    def _push(self):
+        t, begin = self.tick * self.scene.follow.tick_s, self.drawn["push_time"][0]
+        begin *= self.scene.task.episode_s
+        on = begin <= t < begin + PUSH_S
+        self.data.xfrc_applied[self.scene.at.part_body, :3] = on * self.drawn["push"][0]
+
+    def _substep(self):
+        scene, at, data, hand = self.scene, self.scene.at, self.data, self.scene.arm.hand
+        dt = scene.physics.timestep_s
+        self.filter = follow(self.filter, self.target, *self.step_matrices)
+        way = -self.hand.closing * hand.finger_speed_m_s * dt
+        self.finger = np.clip(self.finger + way, -0.03, 0.04)
+        data.ctrl[at.arm_ctrl : at.arm_ctrl + 7] = self.filter[0, :, 0]
+        data.ctrl[at.finger_ctrl : at.finger_ctrl + 2] = self.finger[0], -self.finger[0]
+        mujoco.mj_step(self.model, data)
+        wrench, touch = wrench_of(data.sensordata[None], at, data.site_xpos[at.tool_site][None])
+        torque = data.qfrc_actuator[at.arm_q : at.arm_q + 7][None].copy()
+        self.samples = judge_sample(
+            self.samples,
+            dq=data.qvel[at.arm_q : at.arm_q + 7][None],
+            torque=torque,
+            torque_before=self.torque,
+            wrench=wrench,
+            touch=touch,
+            dt=dt,
+            arm=scene.arm,
+            limits=scene.task.limits,
+        )
+        self.torque = torque
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "reason"),
+    [
+        ("drawer", Limits(moment_nm=0.1), "moment"),
+        ("drawer", Limits(force_n=2.0), "force"),
+        ("door", Limits(speed_share=0.05), "speed"),
+        ("closing_drawer", Limits(force_n=2.0), "force"),
+        ("closing_door", Limits(speed_share=0.05), "speed"),
+        ("closing_lid", Limits(moment_nm=0.1), "moment"),
+    ],
+)
+def test_compiled_loop_does_number_by_number_what_the_python_functions_do(
+    name, limits, reason, request
+):
+    """Under limits so narrow that some episode breaks one."""
+    scene = request.getfixturevalue(name)
+    scene = dataclasses.replace(scene, task=dataclasses.replace(scene.task, limits=limits))
+    start = starts(scene)
+    engine = ThreadEngine(scene, N, threads=2)
+    engine.reset(np.arange(N), start)
+    references = [Reference(engine, i, start) for i in range(N)]
+    forces = np.zeros(N)
+    for action in actions(ticks=60):
+        state = engine.step(action)
+        for i, ref in enumerate(references):
+            ref.step(action[i])
+            data = ref.data
+            assert_allclose(state.q[i], ref.q[0], atol=1e-9)
+            assert_allclose(state.dq[i], data.qvel[scene.at.arm_q : scene.at.arm_q + 7], atol=1e-8)
+            assert_allclose(state.target[i], ref.target[0], atol=1e-9)
+            assert_array_equal(state.hand.closing[i], ref.hand.closing[0])
+            size = ref.drawn["scale"][0] if scene.task.kind == "slide" else 1.0
+            opened = data.qpos[scene.at.part_q] / (size * scene.task.span)
+            assert_allclose(state.opened[i], opened, atol=1e-9)
+            assert_allclose(state.samples[i], ref.samples[0], rtol=1e-9, atol=1e-7)
+            forces[i] = ref.samples[0, COLUMN["force"]]
+    assert forces.max() > 5.0
+    assert reason in {REASONS[int(code)] for code in state.samples[:, COLUMN["code"]]}
+
+
+ROW = {name: i for i, name in enumerate(COLUMNS)}
+
+
+def model_with(engine, **values):
+    """A copy of environment 0's model after a reset with nominal draws but for ``values``."""
+    drawn = nominal_draw(engine.n_envs)
+    for name, value in values.items():
+        drawn.values[:, ROW[name]] = value
+    engine.reset(np.arange(engine.n_envs), home_start(engine.scene, drawn))
+    return copy.copy(engine.physics_state(0)[0])
+
+
+ARM = slice(0, 7)
+CHANGES = {
+    "friction": lambda m, at: [m.geom_friction[list(at.finger_geoms), 0]],
+    "joint_damping": lambda m, at: [m.dof_damping[list(at.object_v)]],
+    "joint_friction": lambda m, at: [m.dof_frictionloss[list(at.object_v)]],
+    "armature": lambda m, at: [m.dof_armature[ARM]],
+    "mass": lambda m, at: [
+        m.body_mass[list(at.moving_bodies)],
+        m.body_inertia[list(at.moving_bodies)],
+    ],
+    "stiffness": lambda m, at: [m.actuator_gainprm[ARM, 0], m.actuator_biasprm[ARM, 1]],
+    "damping": lambda m, at: [m.actuator_biasprm[ARM, 2]],
+}
+FIELDS = (
+    "geom_friction",
+    "dof_damping",
+    "dof_frictionloss",
+    "dof_armature",
+    "body_mass",
+    "body_inertia",
+    "actuator_gainprm",
+    "actuator_biasprm",
+    "body_pos",
+    "body_quat",
+    "geom_size",
+    "jnt_range",
+    "dof_invweight0",
+    "body_invweight0",
+    "body_subtreemass",
+    "qpos0",
+)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_each_drawn_factor_changes_its_own_field_and_no_other(drawer, name):
+    engine = ThreadEngine(drawer, 1)
+    nominal, changed = model_with(engine), model_with(engine, **{name: 1.3})
+    for before, after in zip(
+        *(CHANGES[name](m, drawer.at) for m in (nominal, changed)), strict=True
+    ):
+        assert_allclose(after, 1.3 * before, rtol=1e-12)
+        assert np.all(before != 0)
+    for other in set(CHANGES) - {name}:
+        for before, after in zip(
+            *(CHANGES[other](m, drawer.at) for m in (nominal, changed)), strict=True
+        ):
+            assert_array_equal(after, before)
+
+
+def test_random_draws_leave_nothing_behind_in_the_model(drawer):
+    """A reset begins from the prepared model, not from what the last episode left."""
+    engine, rng = ThreadEngine(drawer, 1), np.random.default_rng(5)
+    fresh = model_with(engine)
+    for _ in range(5):
+        engine.reset(np.zeros(1, dtype=int), home_start(drawer, draw(DRAWS, rng, 1)))
+        engine.step(np.ones((1, 8)))
+    again = model_with(engine)
+    for name in FIELDS:
+        assert_array_equal(getattr(again, name), getattr(fresh, name), err_msg=name)
+
+
+def test_an_episode_leaves_nothing_behind_in_the_next(drawer):
+    used = ThreadEngine(drawer, N)
+    used.reset(np.arange(N), starts(drawer, seed=9))
+    for action in actions(seed=9):
+        used.step(action)
+    used.reset(np.arange(N), starts(drawer))
+    assert_same_bits(run(drawer, engine=used), run(drawer))
+
+
+def test_reset_of_some_leaves_the_others_alone(drawer):
+    plan = actions()
+    one, two = ThreadEngine(drawer, N), ThreadEngine(drawer, N)
+    for engine in (one, two):
+        engine.reset(np.arange(N), starts(drawer))
+        for action in plan[:5]:
+            engine.step(action)
+    two.reset(np.array([0, 2]), rows_of(starts(drawer, seed=3), np.array([0, 2])))
+    for action in plan[5:10]:
+        a, b = one.step(action), two.step(action)
+    for name in ("q", "dq", "samples", "opened", "T_wh"):
+        assert_array_equal(arrays(a)[name][[1, 3]], arrays(b)[name][[1, 3]], err_msg=name)
+    assert np.all(np.abs(a.q[[0, 2]] - b.q[[0, 2]]).max(axis=1) > 1e-6)
+
+
+@pytest.mark.parametrize("name", ["drawer", "door"])
+def test_handle_of_the_state_is_the_handle_of_the_model_at_every_size(name, request):
+    scene = request.getfixturevalue(name)
+    n, rng = 12, np.random.default_rng(0)
+    drawn = draw(DRAWS, rng, n)
+    drawn.values[:, ROW["scale"]] = np.resize(scene.scales, n)
+    start = dataclasses.replace(home_start(scene, drawn), opened=rng.random(n))
+    engine = ThreadEngine(scene, n)
+    engine.reset(np.arange(n), start)
+    T_lh = handle_frame(scene.asset.handle_of(scene.task.joint))
+    flip = np.diag([-1.0, -1.0, 1.0]) if scene.place.flip else np.eye(3)
+    for i in range(n):
+        model, data = engine.physics_state(i)
+        mujoco.mj_forward(model, data)
+        body = scene.at.part_body
+        T_wl = pose(data.xpos[body], data.xmat[body].reshape(3, 3))
+        T_wh = T_wl @ pose(drawn["scale"][i] * T_lh[:3, 3], T_lh[:3, :3] @ flip)
+        assert_allclose(engine.state().T_wh[i], T_wh, atol=1e-9)
+    assert_allclose(engine.state().opened, start.opened, atol=1e-12)
+
+
+def test_actions_act_after_the_drawn_delay(drawer):
+    drawn = nominal_draw(3)
+    drawn.values[:, ROW["delay_ticks"]] = [0, 1, 2]
+    engine = ThreadEngine(drawer, 3)
+    engine.reset(np.arange(3), home_start(drawer, drawn))
+    seen = np.array([engine.step(0.5 * np.ones((3, 8))).target for _ in range(5)])
+    assert np.abs(np.diff(seen[:, 0], axis=0)).max(axis=1).min() > 0.1 * drawer.follow.step_rad
+    home = np.asarray(drawer.place.start_q)
+    late = np.array([[home, *seen[:-1, 0]], [home, home, *seen[:-2, 0]]])
+    assert_allclose(seen[:, 1:].swapaxes(0, 1), late, atol=1e-12)
+
+
+def test_motions_due_are_those_said_and_not_used_yet(drawer):
+    drawn = nominal_draw(3)
+    drawn.values[:, ROW["delay_ticks"]] = [0, 1, 2]
+    engine = ThreadEngine(drawer, 3)
+    engine.reset(np.arange(3), home_start(drawer, drawn))
+    assert_array_equal(engine.state().motions_due, 0.0)
+    said = np.random.default_rng(1).uniform(-1.0, 1.0, (4, 3, 8))
+    for tick, action in enumerate(said):
+        due = engine.step(action).motions_due
+        for i in range(3):
+            late = said[max(0, tick + 1 - i) : tick + 1, i, :7]
+            assert_allclose(due[i], late.sum(axis=0), atol=1e-12)
+    engine.reset(np.array([2]), home_start(drawer, EpisodeParams(drawn.values[2:])))
+    assert_array_equal(engine.state().motions_due[2], 0.0)
+
+
+def test_hands_move_after_the_drawn_latency(drawer):
+    drawn = nominal_draw(2)
+    drawn.values[:, ROW["hand_latency_s"]] = [0.0, 0.2]
+    engine = ThreadEngine(drawer, 2)
+    engine.reset(np.arange(2), home_start(drawer, drawn))
+    action = np.zeros((2, 8))
+    action[:, 7] = 1.0
+    closing = np.array([engine.step(action).hand.closing for _ in range(30)])
+    first = np.argmax(closing > 0, axis=0)
+    assert (first[1] - first[0]) * drawer.follow.tick_s == pytest.approx(0.2)
+
+
+def test_push_acts_on_the_part_at_its_time_alone(drawer):
+    """Closed form: 5 N against dry friction and damping of a drawer that nothing holds."""
+    drawn = nominal_draw(2)
+    drawn.values[0, ROW["push_x_n"]] = -5.0
+    drawn.values[:, ROW["push_time"]] = 0.2
+    engine = ThreadEngine(drawer, 2)
+    engine.reset(np.arange(2), home_start(drawer, drawn))
+    speed = np.array([engine.step(np.zeros((2, 8))).speed for _ in range(12)])
+    begin = round(0.2 * drawer.ticks)
+    joint, link = drawer.asset.joint(drawer.task.joint), drawer.asset.link("drawer_2")
+    assert_allclose(speed[:begin], 0.0, atol=1e-9)
+    t = 0.1
+    mass = link.mass_kg + 0.01
+    expected = (5.0 - joint.frictionloss) / joint.damping * -np.expm1(-joint.damping * t / mass)
+    assert speed[begin + 1, 0] == pytest.approx(expected, rel=0.03)
+    assert_allclose(speed[:, 1], 0.0, atol=1e-9)
+    assert speed[begin + 3, 0] > speed[begin + 5, 0]
+
+
+def test_a_part_that_opens_backwards_has_positive_speed_when_it_opens(drawer):
+    engine = ThreadEngine(drawer, 1)
+    engine.reset(np.zeros(1, dtype=int), home_start(drawer, nominal_draw()))
+    assert engine.state().speed[0] * drawer.task.span >= 0
+
+
+def test_an_environment_that_diverges_says_so_and_leaves_the_others_alone(
+    drawer, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it runs
+    engine, plan = ThreadEngine(drawer, N), actions()
+    engine.reset(np.arange(N), starts(drawer))
+    engine.step(plan[0])
+    engine.physics_state(2)[1].qvel[:] = 1e12
+    states = [engine.step(action) for action in plan[1:4]]
+    for state in states:
+        assert np.isnan(state.samples[2]).any()
+        assert np.isfinite(state.q).all()
+        assert np.isfinite(state.T_wh).all()
+        assert np.isfinite(state.samples[[0, 1, 3]]).all()
+    engine.reset(np.array([2]), rows_of(starts(drawer), np.array([2])))
+    assert np.isfinite(engine.step(plan[4]).samples).all()
+
+
+def test_objects_whose_sizes_are_not_alike_in_memory_are_refused(drawer, door, error_line):
+    mixed = dataclasses.replace(drawer, models=(drawer.models[0], door.models[0]))
+    error_line("ThreadEngine(models of two kinds)", lambda: ThreadEngine(mixed, 1))
+
+
+@pytest.mark.parametrize("name", ["delay_ticks", "estimate_delay_ticks"])
+@pytest.mark.parametrize("value", [-1.0, 6.0, 0.5, np.nan])
+def test_a_delay_that_is_not_kept_is_refused_before_compiled_code_reads_it(drawer, name, value):
+    engine, start = ThreadEngine(drawer, N), starts(drawer)
+    start.draw.values[1, COLUMNS.index(name)] = value
+    with pytest.raises(EngineError, match=f"{name} must be whole numbers, 0 to 5"):
+        engine.reset(np.arange(N), start)

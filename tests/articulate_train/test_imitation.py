@@ -1,0 +1,113 @@
+"""What the guide says is learnt from where the policy is, for the first share of a training."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+
+from articulate.errors import ConfigError
+from articulate.task.observation import ACTION
+from articulate_train.action_scaling import ELBOW, MOTIONS
+from articulate_train.config import ImitationConfig
+from articulate_train.imitation import LEAST_SHARE, imitate, said
+from articulate_train.policy import read_checkpoint
+from articulate_train.ppo import Learner, write_checkpoint
+
+STEPS = 32
+
+
+def learner_of(tiny, **show):
+    config = replace(tiny.config, show=ImitationConfig(**show))
+    return Learner(tiny.scene(), config, 0, threads=1)
+
+
+def test_what_has_to_be_said_gives_what_is_asked_as_far_as_words_reach():
+    rng = np.random.default_rng(0)
+    asked, left = rng.uniform(-0.3, 0.3, (50, ACTION.size)), rng.uniform(0.05, 1.0, (50, 1))
+    words = said(asked, left, np.zeros((50, ELBOW)))
+    assert_array_equal(words[:, MOTIONS:], asked[:, MOTIONS:])
+    assert np.abs(words[:, :MOTIONS]).max() <= 1.0
+    enough = left[:, 0] >= LEAST_SHARE
+    assert_allclose((words[:, :MOTIONS] * left)[enough], asked[enough, :MOTIONS], atol=1e-12)
+
+
+def test_showing_ends_and_leads_fewer_and_fewer():
+    show = ImitationConfig(until=0.2, lead_until=0.5)
+    assert [show.shows(p) for p in (0.0, 0.19, 0.2, 1.0)] == [True, True, False, False]
+    assert [show.leads(p) for p in (0.0, 0.05, 0.1, 0.5)] == pytest.approx([1.0, 0.5, 0.0, 0.0])
+    assert ImitationConfig(until=0.2, lead_until=0.0).leads(0.0) == 0.0
+    assert not ImitationConfig(until=0.0).shows(0.0)
+
+
+def test_shares_of_showing_are_shares(error_line):
+    error_line("ShowConfig(until=1.5)", lambda: ImitationConfig(until=1.5))
+    with pytest.raises(ConfigError, match=r"show\.epochs"):
+        ImitationConfig(epochs=0)
+
+
+def test_where_the_guide_leads_the_arm_does_what_it_says(tiny):
+    one = learner_of(tiny, until=1.0)
+    env = one.envs
+    env.guide, env.led = one._guide, 2
+    env.reset()
+    mine = np.full((env.num_envs, ACTION.size), -0.25, dtype=np.float32)
+    env.step(mine)
+    assert_allclose(env._action[:2, MOTIONS:], env.shown[0][:2, MOTIONS:])
+    assert_allclose(env._action[2:, MOTIONS:], -0.25)
+    assert (mine == -0.25).all()
+    one.close()
+
+
+def test_imitation_brings_the_mean_action_to_what_was_shown_and_the_value_to_the_returns(tiny):
+    one = learner_of(tiny, until=1.0)
+    one.run(lambda _: False)
+    policy, buffer, shown = one.model.policy, one.model.rollout_buffer, np.stack(one.envs.shown)
+    rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, shown)]
+    seen, returns, wanted = (torch.as_tensor(row, dtype=torch.float32) for row in rows)
+
+    def off():
+        with torch.no_grad():
+            action = policy.get_distribution(seen).distribution.mean
+            value = policy.predict_values(seen)
+        return float(((action - wanted) ** 2).mean()), float(((value - returns) ** 2).mean())
+
+    before = off()
+    imitate(one.model, shown, ImitationConfig(epochs=40))
+    after = off()
+    assert after[0] < 0.5 * before[0]
+    assert after[1] < 0.9 * before[1]
+    one.close()
+
+
+def test_noise_is_not_learnt_from_what_is_shown(tiny):
+    one = learner_of(tiny, until=1.0)
+    before = one.model.policy.log_std.detach().clone()
+    one.run(lambda _: False)
+    assert torch.equal(before, one.model.policy.log_std)
+    one.close()
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_training_restored_while_it_is_shown_goes_on_with_the_same_bits(tiny, tmp_path, k):
+    """Six updates, of which the first three are shown; saved after k, three more are the same."""
+
+    def train(learner, updates):
+        left = iter(range(updates - 1, -1, -1))
+        learner.run(lambda _: next(left) > 0)
+
+    whole = learner_of(tiny, until=0.5)
+    train(whole, k)
+    write_checkpoint(tmp_path, whole.content())
+    train(whole, 3)
+    other = learner_of(tiny, until=0.5)
+    other.restore(read_checkpoint(tmp_path))
+    train(other, 3)
+    for ours, theirs in zip(
+        whole.model.policy.parameters(), other.model.policy.parameters(), strict=True
+    ):
+        assert torch.equal(ours, theirs)
+    assert whole.model.num_timesteps == other.model.num_timesteps == (k + 3) * STEPS
+    whole.close()
+    other.close()
