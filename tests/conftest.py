@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import HealthCheck, settings
 
 from articulate.errors import UsageError
@@ -100,7 +101,8 @@ def error_line(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., 
         assert "\n" not in line
         lines = read_error_lines()
         if request.config.getoption("--rewrite-error-lines"):
-            write_error_lines({**lines, call: line})
+            with FileLock(LINES_PATH.with_suffix(".lock")):
+                write_error_lines({**read_error_lines(), call: line})
         else:
             assert lines.get(call) == line, "see the header of tests/error_lines.txt"
         return line
