@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from articulate.assets.asset import load_asset
-from articulate.checks.descriptions import CLAUSES
+from articulate.checks.descriptions import CHECKS
 from articulate.checks.model import load_model
 from articulate.checks.triangles import triangles_of
 from articulate.preparation.batch import Batch, Checked, Item
@@ -59,17 +59,17 @@ def items_of(data: Path, wanted: Sequence[str]) -> list[tuple[Item, dict[str, An
 
 def row_of(checked: Checked, entry: dict[str, Any]) -> dict[str, Any]:
     """What is kept of one object."""
-    proof = checked.proof
+    check_report = checked.check_report
     return {
         "id": checked.item.name,
         "source": entry["source"],
         "category": entry["category"],
-        "verdict": proof.verdict,
-        "seconds": round(proof.seconds, 2),
-        "joints": len(proof.joints),
-        "opened": sum((j.opened or 0.0) >= 0.9 for j in proof.joints),
-        "colliders": proof.colliders,
-        "reasons": list(proof.reasons),
+        "verdict": check_report.verdict,
+        "seconds": round(check_report.seconds, 2),
+        "joints": len(check_report.joints),
+        "opened": sum((j.opened or 0.0) >= 0.9 for j in check_report.joints),
+        "colliders": check_report.colliders,
+        "reasons": list(check_report.reasons),
     }
 
 
@@ -142,17 +142,17 @@ def cached_seconds(done: Batch, items: Sequence[Item]) -> float:
     return statistics.median(times)
 
 
-def clause_of(reason: str) -> str:
+def check_of(reason: str) -> str:
     """The clause that ``reason`` begins with; ``unreadable`` if none was judged."""
     first = reason.split(" ")[0].split(":")[0]
-    return first if first in CLAUSES else "unreadable"
+    return first if first in CHECKS else "unreadable"
 
 
 def summed(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Counts of verdicts, clauses that refused, and times."""
     verdicts = Counter(r["verdict"] for r in rows)
     clauses = Counter(
-        clause for r in rows for clause in {clause_of(reason) for reason in r["reasons"]}
+        clause for r in rows for clause in {check_of(reason) for reason in r["reasons"]}
     )
     seconds = sorted(r["seconds"] for r in rows)
     good = len(rows) - verdicts["refused"]

@@ -35,10 +35,10 @@ def checked(item: dict[str, Any], file: Path, out: Path) -> dict[str, Any]:
         return row | {"exit": None, "said": f"stopped after {LIMIT_S:g} s"}
     row |= {"exit": done.returncode, "seconds": round(time.perf_counter() - start, 2)}
     if done.returncode in (0, 3):
-        proof = json.loads(done.stdout)
-        said = (proof["reasons"] or proof["repairs"])[:2]
-        clear = not any(word in reason for word in ENDED for reason in proof["reasons"])
-        return row | {"verdict": proof["verdict"], "said": said, "clear": clear}
+        check_report = json.loads(done.stdout)
+        said = (check_report["reasons"] or check_report["repairs"])[:2]
+        clear = not any(word in reason for word in ENDED for reason in check_report["reasons"])
+        return row | {"verdict": check_report["verdict"], "said": said, "clear": clear}
     lines = done.stderr.strip().splitlines()
     clear = done.returncode == 2 and len(lines) == 1 and not done.stdout
     return row | {"verdict": "refused", "said": lines[-1:], "clear": clear}

@@ -36,7 +36,7 @@ from articulate.checks.source import Origin, origin_of_reading
 from articulate.conversion.convert import read_input
 from articulate.formats.config import ConvertConfig
 from articulate.preparation.batch import Item
-from articulate.preparation.prepare import prove
+from articulate.preparation.prepare import run_checks
 from assets import items_of
 from planted import KINDS, Damaged, Names
 
@@ -64,24 +64,24 @@ def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, C
             if not names:
                 return (), None
             tree.write(str(copy / "object.xml"))
-        return names, prove(asset, origin)
+        return names, run_checks(asset, origin)
     finally:
         shutil.rmtree(copy)
 
 
-def row_of(kind: str, names: Names, proof: CheckReport | None, seconds: float) -> Row:
+def row_of(kind: str, names: Names, check_report: CheckReport | None, seconds: float) -> Row:
     """What is kept of one damaged copy."""
-    failed = [c for c in proof.clauses if c.outcome == "failed"] if proof else []
+    failed = [c for c in check_report.clauses if c.outcome == "failed"] if check_report else []
     by = KINDS[kind].named_by if kind in KINDS else ()
     return {
         "kind": kind,
-        "planted": proof is not None,
+        "planted": check_report is not None,
         "found": bool(failed),
         "named": any(
             c.name in by and any(says(f"{c.subject} {c.message}", n) for n in names) for c in failed
         ),
         "clauses": sorted({c.name for c in failed}),
-        "reasons": list(proof.reasons)[:6] if proof else [],
+        "reasons": list(check_report.reasons)[:6] if check_report else [],
         "seconds": round(seconds, 2),
     }
 
@@ -116,8 +116,8 @@ def of_one(job: tuple[str, str, str, float]) -> None:
         if time.time() > job[3]:
             return
         start = time.perf_counter()
-        names, proof = judged(folder, kind, out, origin)
-        row = row_of(kind, names, proof, time.perf_counter() - start)
+        names, check_report = judged(folder, kind, out, origin)
+        row = row_of(kind, names, check_report, time.perf_counter() - start)
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
         if row["planted"] and row["found"] == (kind == UNTOUCHED):
@@ -136,8 +136,8 @@ def chosen(checked: Path, data: Path, count: int) -> list[Item]:
     for item, _ in items_of(data, ()):
         path = checked / item.name / "proof.json"
         if path.is_file():
-            proof = json.loads(path.read_text(encoding="utf-8"))
-            if proof["verdict"] != "refused" and proof["joints"]:
+            check_report = json.loads(path.read_text(encoding="utf-8"))
+            if check_report["verdict"] != "refused" and check_report["joints"]:
                 good.append(item)
     return [good[i] for i in np.linspace(0, len(good) - 1, min(count, len(good))).astype(int)]
 

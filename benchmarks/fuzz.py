@@ -57,10 +57,10 @@ def _checked(urdf: Path, home: Path, answer: Connection) -> None:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
     try:
-        proof = check(urdf, home / "made" / "out")
-        reasons = proof.reasons
+        check_report = check(urdf, home / "made" / "out")
+        reasons = check_report.reasons
         broken = [r for r in reasons if "\n" in r or len(r) > LONGEST_LINE]
-        answer.send(("traceback" if broken else proof.verdict, (broken or [*reasons, ""])[0]))
+        answer.send(("traceback" if broken else check_report.verdict, (broken or [*reasons, ""])[0]))
     except ArticulateError as error:
         answer.send(("error" if "\n" not in str(error) else "traceback", str(error)))
     except BaseException:  # noqa: BLE001  # whatever it is, it is what is looked for

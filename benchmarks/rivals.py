@@ -41,7 +41,7 @@ from articulate.conversion.convert import read_input
 from articulate.errors import AssetError
 from articulate.files import write_json
 from articulate.formats.config import ConvertConfig
-from articulate.preparation.prepare import prove
+from articulate.preparation.prepare import run_checks
 from articulate.simulator import mujoco
 from articulate.transforms import matrix_to_quat
 from assets import items_of
@@ -229,22 +229,22 @@ def _cleared(tree: Any) -> None:
                 body.attrib.pop(key, None)
 
 
-def openness_min(proof: CheckReport) -> float | None:
+def openness_min(check_report: CheckReport) -> float | None:
     """Least share of a cavity that is open, over the links that have one."""
-    found = [c.measured for c in proof.clauses if c.name == "openness" and c.measured is not None]
+    found = [c.measured for c in check_report.clauses if c.name == "openness" and c.measured is not None]
     return round(min(found), 3) if found else None
 
 
 def row_of(
     name: str,
     made: MakeResult,
-    proof: CheckReport | None,
+    check_report: CheckReport | None,
     reason: str,
     took_s: float,
     bare: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """What is kept of one object and tool."""
-    clauses = [c for c in proof.clauses if c.outcome == "failed"] if proof else []
+    clauses = [c for c in check_report.clauses if c.outcome == "failed"] if check_report else []
     clauses = [c for c in clauses if c.name not in NOT_COUNTED]
     failed = sorted({c.name for c in clauses} | ({BARE} if bare else set()))
     if clauses and not reason:
@@ -254,12 +254,12 @@ def row_of(
     return {
         "id": name,
         "made": made.path is not None,
-        "loads": proof is not None and "loads" not in failed,
-        "good": proof is not None and not failed,
+        "loads": check_report is not None and "loads" not in failed,
+        "good": check_report is not None and not failed,
         "failed": failed,
         "reason": reason,
-        "opened": sum((j.opened or 0.0) >= 0.9 for j in proof.joints) if proof else 0,
-        "openness_min": openness_min(proof) if proof else None,
+        "opened": sum((j.opened or 0.0) >= 0.9 for j in check_report.joints) if check_report else 0,
+        "openness_min": openness_min(check_report) if check_report else None,
         "seconds": round(took_s, 2),
     }
 
@@ -292,16 +292,16 @@ def judged(
             asset = adopted(made.path, load_asset(ours), frame, Path(temporary) / "asset")
         except AssetError as error:
             return row_of(name, made, None, str(error), took)
-        proof = prove(asset)
-        loads = all(c.name != "loads" or c.outcome != "failed" for c in proof.clauses)
-        return row_of(name, made, proof, "", took, bare_parts(asset) if loads else ())
+        check_report = run_checks(asset)
+        loads = all(c.name != "loads" or c.outcome != "failed" for c in check_report.clauses)
+        return row_of(name, made, check_report, "", took, bare_parts(asset) if loads else ())
 
 
 def ours(name: str, folder: Path) -> dict[str, Any]:
     """The same of our own conversion, proven anew without its input."""
     start = time.perf_counter()
-    proof = prove(load_asset(folder))
-    return row_of(name, MakeResult(folder), proof, "", time.perf_counter() - start)
+    check_report = run_checks(load_asset(folder))
+    return row_of(name, MakeResult(folder), check_report, "", time.perf_counter() - start)
 
 
 def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:

@@ -63,4 +63,4 @@ def test_an_object_of_boxes_costs_what_boxes_cost(
     ],
 )
 def test_reasons_are_counted_by_their_clause(reason: str, clause: str) -> None:
-    assert assets.clause_of(reason) == clause
+    assert assets.check_of(reason) == clause

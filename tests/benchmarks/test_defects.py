@@ -12,7 +12,7 @@ import defects
 import planted
 from articulate.assets.asset import load_asset
 from articulate.assets.check_report import Check, CheckReport
-from articulate.checks.descriptions import CLAUSES
+from articulate.checks.descriptions import CHECKS
 from articulate.checks.source import origin_of_reading
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.convert import read_input
@@ -67,13 +67,13 @@ def test_a_kind_that_does_not_apply_changes_nothing(folder, tmp_path):
 
 
 def test_clauses_that_name_a_kind_are_clauses_of_the_proof():
-    assert {c for kind in planted.KINDS.values() for c in kind.named_by} <= set(CLAUSES)
+    assert {c for kind in planted.KINDS.values() for c in kind.named_by} <= set(CHECKS)
 
 
 def test_a_lost_link_is_refused_and_named(folder, source, tmp_path):
     origin = origin_of_reading(read_input(source, CONFIG), CONFIG)
-    names, proof = defects.judged(folder, "link lost", tmp_path, origin)
-    row = defects.row_of("link lost", names, proof, 1.0)
+    names, check_report = defects.judged(folder, "link lost", tmp_path, origin)
+    row = defects.row_of("link lost", names, check_report, 1.0)
     assert (row["planted"], row["found"], row["named"]) == (True, True, True)
     assert row["clauses"] == ["loads"]
     assert list(tmp_path.iterdir()) == []
