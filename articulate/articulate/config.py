@@ -19,6 +19,7 @@ from typing import Any, Literal, TypeVar, Union
 import yaml
 
 from articulate.errors import ConfigError, nearest
+from articulate.untrusted import load_yaml
 
 T = TypeVar("T")
 
@@ -112,19 +113,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: It cannot be read, is not YAML, names a key twice, or is no mapping.
     """
-    try:
-        # A SafeLoader that refuses doubled keys: no Python objects can come out of it.
-        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not text in UTF-8") from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f":{mark.line + 1}" if mark else ""
-        raise ConfigError(f"{path}{line}: not YAML ({error.problem or error.context})") from None
-    except (yaml.YAMLError, ValueError, RecursionError):  # a date of no calendar, deep brackets
-        raise ConfigError(f"{path}: not YAML") from None
+    content = load_yaml(path, error=ConfigError)
     if content is None:
         return {}
     if not isinstance(content, dict):
@@ -178,25 +167,6 @@ def known_keys(cls: type[Any], prefix: str = "") -> Iterator[str]:
         for option in _options(hint):
             if dataclasses.is_dataclass(option) and isinstance(option, type):
                 yield from known_keys(option, f"{prefix}{name}.")
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML without Python objects, in which a key may stand once only."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = key_node.value
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "a key must be a name", key_node.start_mark
-                )
-            if key in seen and key != "<<":
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key} stands twice", key_node.start_mark
-                )
-            seen.add(key)
-        return dict(super().construct_mapping(node, deep))
 
 
 class _Decoder:

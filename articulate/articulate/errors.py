@@ -77,6 +77,28 @@ class DivergedError(ArticulateError):
     """Training produced values that are not finite."""
 
 
+MAX_QUOTED = 200
+"""Most characters of the input that a message quotes."""
+
+
+def quote(value: object, limit: int = MAX_QUOTED) -> str:
+    """Return a printable representation of ``value``, of at most ``limit`` characters.
+
+    Args:
+        value: Input to quote in a message. Text is put into quotation marks.
+        limit: Most characters of the input; an ellipsis marks what is left out.
+    """
+    if isinstance(value, str):
+        return repr(value) if len(value) <= limit else repr(value[: limit - 1] + "…")
+    return shorten(repr(value), limit)
+
+
+def shorten(text: object, limit: int = MAX_QUOTED) -> str:
+    """Return the first line of ``text``, of at most ``limit`` characters."""
+    line = "".join(c if c.isprintable() else " " for c in str(text).strip().split("\n", 1)[0])
+    return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
 def field_error(error: KeyError | TypeError) -> str:
     """What a constructor or a look-up complained of, in words for those who wrote the file."""
     text = str(error)
