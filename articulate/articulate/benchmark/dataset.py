@@ -19,6 +19,7 @@ from typing import Any, Protocol
 from articulate.benchmark.known_joint import KnownJoint, Status
 from articulate.benchmark.truth import SCORED_KINDS, TrueObject, joints_in_urdf, true_object
 from articulate.errors import AssetError, ConfigError, nearest
+from articulate.formats.part_names import semantic_names
 from articulate.formats.read_urdf import SourceObject, read_urdf
 from articulate.library.library import Library
 
@@ -221,16 +222,6 @@ class LibraryDataset:
                 labels=semantic_names(path.parent),
                 in_metres=True,
             )
-
-
-def semantic_names(folder: Path) -> dict[str, str]:
-    """What ``semantics.txt`` calls each link: lines of a link, a joint word and a name."""
-    try:
-        lines = (folder / "semantics.txt").read_text("utf-8", errors="replace").splitlines()
-    except OSError:
-        return {}
-    words = [line.split() for line in lines]
-    return {w[0]: w[2] for w in words if len(w) >= 3}
 
 
 def _unscaled(source: SourceObject) -> SourceObject:

@@ -7,7 +7,6 @@ the words that would tell a joint.
 
 from __future__ import annotations
 
-import re
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -17,22 +16,15 @@ import numpy as np
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.perturb import camera_off, noisy_frames, textured
 from articulate.benchmark.truth import TrueJoint, TrueObject
+from articulate.formats.part_names import plain_label
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import Camera, front_camera
-from articulate.render.joint_video import poses_of_parts, sweep
+from articulate.render.joint_video import poses_of_parts, sweep_positions
 from articulate.render.parts import PartMesh
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
 from articulate.transforms import Array, apply, inverse, pose
 
-TELLING = frozenset(
-    {
-        *("hinge", "hinged", "slide", "slider", "sliding", "rotation", "rotating", "rotary"),
-        *("revolute", "translation", "translating", "prismatic", "continuous", "fixed", "static"),
-        *("free", "heavy", "joint", "link", "helper", "moving", "movable"),
-    }
-)
-"""Words of a semantic name that would tell a joint, or that only number parts."""
 PROBES = 7
 """Frames of a clip at which it is measured how far the part moves in the picture."""
 MOST_POINTS = 2000
@@ -82,8 +74,8 @@ def cases_of(subject: TrueObject, config: BenchmarkConfig) -> Iterator[Case]:
         shown = tuple(textured(part, rng) for part in shown)
     scene = PartScene(shown)
     if config.modality == "image":
-        picture = _disturbed(scene.picture(camera)[None], config, rng)[0]
-        seen = np.bincount(scene.see(camera).part_ids.ravel() + 1, minlength=len(shown) + 1)[1:]
+        picture = _disturbed(scene.render_image(camera)[None], config, rng)[0]
+        seen = np.bincount(scene.rasterize(camera).part_ids.ravel() + 1, minlength=len(shown) + 1)[1:]
         yield Case(
             name="all",
             evidence=replace(base, picture=picture),
@@ -107,10 +99,10 @@ def _clip_case(
     rng: np.random.Generator,
 ) -> Case:
     """A clip in which one joint goes from end to end."""
-    q = sweep(joint.joint.lower, joint.joint.upper, config.n_frames)
+    q = sweep_positions(joint.joint.lower, joint.joint.upper, config.n_frames)
     moving = [i for i, part in enumerate(subject.parts) if part.name in joint.moves]
     poses = poses_of_parts(len(subject.parts), moving, joint.joint.T_o(q))
-    frames = np.stack([scene.picture(camera, T) for T in poses])
+    frames = np.stack([scene.render_image(camera, T) for T in poses])
     evidence = replace(
         base,
         clip=_disturbed(frames, config, rng),
@@ -138,7 +130,7 @@ def motion_px(scene: PartScene, camera: Camera, poses: Array, moving: list[int])
     probes = np.unique(np.linspace(0, len(poses) - 1, PROBES).round().astype(int))
     farthest = 0.0
     for t in probes:
-        seen = scene.see(camera, poses[t])
+        seen = scene.rasterize(camera, poses[t])
         v, u = np.nonzero(np.isin(seen.part_ids, moving))
         if not len(v):
             continue
@@ -149,12 +141,6 @@ def motion_px(scene: PartScene, camera: Camera, poses: Array, moving: list[int])
         way, _ = camera.project(apply(motion[probes][:, None], at_zero))
         farthest = max(farthest, float(np.nanmax(np.linalg.norm(way - uv, axis=-1), initial=0.0)))
     return farthest
-
-
-def plain_label(name: str) -> str:
-    """A semantic name without numbers and words that tell a joint; ``part`` if that is all."""
-    words = [w for w in re.split(r"[^A-Za-z]+", name.lower()) if w]
-    return " ".join(w for w in words if w not in TELLING) or "part"
 
 
 def _given(part: PartMesh, name: str, *, placed: bool) -> PartMesh:

@@ -10,7 +10,7 @@ import numpy as np
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.endpoint_error import endpoint_metrics
-from articulate.benchmark.evidence import Case, cases_of, plain_label
+from articulate.benchmark.evidence import Case, cases_of
 from articulate.benchmark.placement import (
     PlacementErrors,
     placement_errors,
@@ -28,6 +28,7 @@ from articulate.benchmark.protocols import (
 from articulate.benchmark.records import Record, plain
 from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
 from articulate.errors import MissingError, UsageError
+from articulate.formats.part_names import plain_label
 from articulate.reconstruct.actors.protocol import Actor, Failure, PredictedJoint, Prediction
 from articulate.transforms import Array, matrix_to_quat
 
@@ -50,13 +51,13 @@ def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
     unasked = False
     try:
         prediction = actor.predict(case.evidence)
-        refusal = prediction.refusal
+        rejection = prediction.rejection
     except MissingError:  # what this machine lacks is no fault of the actor
         raise
     except (UsageError, OSError) as error:  # a busy server, a file: another time it may answer
-        prediction, refusal, unasked = Prediction(joints=()), str(error), True
+        prediction, rejection, unasked = Prediction(joints=()), str(error), True
     except Exception as error:  # noqa: BLE001  an actor's bug costs it this question, not the run
-        prediction, refusal = Prediction(joints=()), f"{type(error).__name__}: {error}"
+        prediction, rejection = Prediction(joints=()), f"{type(error).__name__}: {error}"
     seconds = time.perf_counter() - start
     placement = _placement(subject, case, prediction)
     shift = np.zeros(3) if placement is None else placement.shift
@@ -74,7 +75,7 @@ def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
         "case": case.name,
         "seconds": seconds,
         "calls": prediction.calls,
-        "refusal": refusal,
+        "refusal": rejection,
         "unasked": unasked,
         "spurious": len(_on_fixed_parts(subject, kept)),
         "moved_px": case.moved_px,

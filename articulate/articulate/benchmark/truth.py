@@ -12,10 +12,15 @@ from articulate.benchmark.metrics import ordered
 from articulate.errors import AssetError
 from articulate.formats.collada_up_axis import loader_of
 from articulate.formats.config import ConvertConfig
-from articulate.formats.link_tree import Part, unit_axis
-from articulate.formats.load_meshes import Loader
+from articulate.formats.link_tree import unit_axis
 from articulate.formats.read_urdf import SourceJoint, SourceObject
 from articulate.reconstruct.actors.protocol import JointKind, PredictedJoint
+from articulate.reconstruct.link_meshes import (
+    HALF_TURN,
+    link_pieces,
+    link_poses,
+    merge_pieces,
+)
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, apply, pose
 
@@ -24,8 +29,6 @@ DIAGONAL = 2.0
 mean the same."""
 SCORED_KINDS = frozenset({"revolute", "continuous", "prismatic"})
 """Joints of a URDF that can be scored."""
-HALF_TURN = np.diag([-1.0, -1.0, 1.0])
-"""Rotation that brings a front that faces -x to +x."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,30 +107,6 @@ def _can_be_scored(joint: SourceJoint) -> bool:
     return joint.kind in SCORED_KINDS and joint.mimic is None
 
 
-def link_poses(source: SourceObject) -> dict[str, Array]:
-    """Pose ``T_sl`` (4, 4) of every link in the frame of the URDF's root, every joint at 0.
-
-    Raises:
-        AssetError: The links form no tree.
-    """
-    parent_of = {joint.child: joint for joint in source.joints}
-    poses: dict[str, Array] = {}
-
-    def place(name: str, depth: int) -> Array:
-        if depth > len(source.links):
-            raise AssetError(f"{source.path}: the joints form a cycle; a tree is needed")
-        if name not in poses:
-            joint = parent_of.get(name)
-            poses[name] = (
-                pose(np.zeros(3)) if joint is None else place(joint.parent, depth + 1) @ joint.T_pc
-            )
-        return poses[name]
-
-    for name in source.links:
-        place(name, 0)
-    return poses
-
-
 def true_object(
     source: SourceObject,
     known: Sequence[KnownJoint],
@@ -152,8 +131,8 @@ def true_object(
     """
     poses = link_poses(source)
     loader = loader_of(source, ConvertConfig())
-    meshes = [_part_mesh(loader, source, name, poses[name]) for name in source.links]
-    parts_s = [mesh for mesh in meshes if mesh is not None]
+    pieces = {name: link_pieces(loader, source, name, poses[name]) for name in source.links}
+    parts_s = [merge_pieces(name, found) for name, found in pieces.items() if found]
     if not parts_s:
         raise AssetError(f"{source.path}: nothing of it is to be seen")
     scale, T_os = _front_pose(parts_s, in_metres=in_metres)
@@ -175,32 +154,6 @@ def _carried(joints: Sequence[SourceJoint], known: set[str]) -> frozenset[str]:
     """All that a joint moves of which the truth says nothing."""
     movers = [j.child for j in joints if j.kind != "fixed" and j.child not in known]
     return frozenset(name for link in movers for name in _below(joints, link, set()))
-
-
-def _part_mesh(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> PartMesh | None:
-    """One link's visual triangles in the root's frame; None where it shows nothing."""
-    part = Part(
-        name=link,
-        parent=None,
-        joint=None,
-        T_sp=np.eye(4),
-        T_pc=np.eye(4),
-        members=((source.links[link], T_sl),),
-    )
-    pieces = loader.part(part).shown
-    if not pieces:
-        return None
-    counts = np.cumsum([0, *(len(piece.mesh.vertices) for piece in pieces)])
-    return PartMesh(
-        name=link,
-        vertices=np.concatenate([np.asarray(piece.mesh.vertices) for piece in pieces]),
-        faces=np.concatenate(
-            [np.asarray(p.mesh.faces) + n for p, n in zip(pieces, counts, strict=False)]
-        ).astype(np.int64),
-        rgb=np.concatenate(
-            [np.tile(np.array(piece.rgba[:3]), (len(piece.mesh.faces), 1)) for piece in pieces]
-        ),
-    )
 
 
 def _front_pose(parts: Sequence[PartMesh], *, in_metres: bool) -> tuple[float, Array]:

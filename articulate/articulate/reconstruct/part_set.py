@@ -18,19 +18,22 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from articulate.benchmark.dataset import semantic_names
-from articulate.benchmark.evidence import plain_label
-from articulate.benchmark.truth import HALF_TURN, link_poses
 from articulate.conversion.metric_size import category_of, is_normalised
 from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError
 from articulate.formats.collada_up_axis import loader_of
 from articulate.formats.config import ConvertConfig
-from articulate.formats.link_tree import Part as Body
-from articulate.formats.load_meshes import GREY, Loader, Piece
-from articulate.formats.read_urdf import SourceObject, read_urdf
+from articulate.formats.load_meshes import GREY, Piece
+from articulate.formats.part_names import plain_label, semantic_names
+from articulate.formats.read_urdf import read_urdf
 from articulate.library import PartNetLibrary, ProceduralLibrary
 from articulate.library.partnet import URDF_NAME
+from articulate.reconstruct.link_meshes import (
+    HALF_TURN,
+    link_pieces,
+    link_poses,
+    merge_pieces,
+)
 from articulate.reconstruct.program.program_parts import PartMesh as ProgramPart
 from articulate.reconstruct.program.program_parts import Parts, check_name, mesh_files, parts_of
 from articulate.reconstruct.vertex_colours import groups_of
@@ -236,7 +239,7 @@ def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
     source = read_urdf(path)
     poses = link_poses(source)
     loader = loader_of(source, ConvertConfig())
-    pieces = {name: _shown(loader, source, name, poses[name]) for name in source.links}
+    pieces = {n: link_pieces(loader, source, n, poses[n]) for n in source.links}
     given = _given(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
     category = category_of(path, ConvertConfig())
     return replace(
@@ -248,18 +251,6 @@ def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
     )
 
 
-def _shown(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> tuple[Piece, ...]:
-    body = Body(
-        name=link,
-        parent=None,
-        joint=None,
-        T_sp=np.eye(4),
-        T_pc=np.eye(4),
-        members=((source.links[link], T_sl),),
-    )
-    return tuple(replace(piece, link=link) for piece in loader.part(body).shown)
-
-
 def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> PartSet:
     for part in pieces:
         check_name(part)
@@ -269,7 +260,7 @@ def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> 
             f"{name}: {len(placed)} part{'s' * (len(placed) != 1)}; a joint needs two or more, "
             "one mesh for each part"
         )
-    meshes = tuple(_drawn(n, found) for n, found in placed.items())
+    meshes = tuple(merge_pieces(n, found) for n, found in placed.items())
     _check_together(name, meshes)
     labels = {n: plain_label(names.get(n, n)) for n in placed}
     return PartSet(name=name, meshes=meshes, parts=_parts(placed), labels=labels)
@@ -277,19 +268,6 @@ def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> 
 
 def _parts(pieces: Mapping[str, tuple[Piece, ...]]) -> Parts:
     return Parts({n: ProgramPart(n, partial(tuple, found)) for n, found in pieces.items()})
-
-
-def _drawn(name: str, pieces: Sequence[Piece]) -> PartMesh:
-    """The pieces as one mesh with a colour for each face."""
-    starts = np.cumsum([0, *(len(p.mesh.vertices) for p in pieces)])
-    faces = [np.asarray(p.mesh.faces) + s for p, s in zip(pieces, starts, strict=False)]
-    rgb = [np.tile(np.array(p.rgba[:3]), (len(p.mesh.faces), 1)) for p in pieces]
-    return PartMesh(
-        name=name,
-        vertices=np.concatenate([np.asarray(p.mesh.vertices, dtype=np.float64) for p in pieces]),
-        faces=np.concatenate(faces).astype(np.int64),
-        rgb=np.concatenate(rgb),
-    )
 
 
 def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:

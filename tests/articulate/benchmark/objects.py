@@ -11,7 +11,7 @@ from pathlib import Path
 
 from articulate.benchmark.dataset import IndexDataset
 from articulate.benchmark.truth import TrueJoint, TrueObject
-from articulate.reconstruct.actors.protocol import Attempt, Evidence, Prediction, Verdict
+from articulate.reconstruct.actors.protocol import ActorAttempt, Evidence, Prediction, Verdict
 from articulate.transforms import pose
 
 BOX = '<visual><origin xyz="{xyz}"/><geometry><box size="{size}"/></geometry></visual>'
@@ -145,6 +145,6 @@ class Oracle:
         return Prediction(joints=joints, placements={} if evidence.placed else placements)
 
 
-def attempt(joints, rating: float) -> Attempt:
+def attempt(joints, rating: float) -> ActorAttempt:
     """A turn of the loop."""
-    return Attempt(joints=tuple(joints), verdict=Verdict(failure="joint_axis", rating=rating))
+    return ActorAttempt(joints=tuple(joints), verdict=Verdict(failure="joint_axis", rating=rating))

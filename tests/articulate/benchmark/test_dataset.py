@@ -12,9 +12,9 @@ from articulate.benchmark.dataset import (
     IndexDataset,
     LibraryDataset,
     open_dataset,
-    semantic_names,
 )
 from articulate.errors import AssetError, ConfigError
+from articulate.formats.part_names import semantic_names
 
 
 def test_an_index_offers_the_objects_whose_truth_holds(tmp_path):

@@ -10,11 +10,12 @@ import pytest
 from tests.articulate.benchmark.objects import LINKS, cupboard
 
 from articulate.benchmark.config import BenchmarkConfig
-from articulate.benchmark.evidence import cases_of, motion_px, plain_label
+from articulate.benchmark.evidence import cases_of, motion_px
 from articulate.benchmark.perturb import OFF_RAD, camera_off
 from articulate.benchmark.run import run_object
 from articulate.benchmark.truth import TrueObject
 from articulate.errors import ConfigError
+from articulate.formats.part_names import plain_label
 from articulate.reconstruct.actors.protocol import Prediction
 from articulate.render.camera import front_camera
 from articulate.render.scene import PartScene
@@ -76,9 +77,9 @@ def test_names_are_neutral_and_parts_come_in_an_order_that_says_nothing(subject)
 def test_the_same_seed_gives_the_same_evidence(subject):
     config = settings(modality="video", condition="noisy")
     for one, two in zip(cases_of(subject, config), cases_of(subject, config), strict=True):
-        assert one.evidence.clip is not None
-        assert two.evidence.clip is not None
-        assert np.array_equal(one.evidence.clip, two.evidence.clip)
+        assert one.evidence.video is not None
+        assert two.evidence.video is not None
+        assert np.array_equal(one.evidence.video, two.evidence.video)
         assert one.names == two.names
 
 
@@ -172,12 +173,12 @@ def test_there_is_one_clip_for_each_joint_and_it_shows_that_joint_from_end_to_en
     assert [case.name for case in cases] == ["link_1", "link_2", "link_3", "link_4"]
     scene = PartScene(subject.parts)
     camera = front_camera(160, 120)
-    at_rest = scene.picture(camera)
+    at_rest = scene.render_image(camera)
     drawer = cases[0].evidence
-    assert drawer.clip is not None
-    assert drawer.clip.shape == (8, 120, 160, 3)
-    assert np.array_equal(drawer.clip[0], at_rest)  # it begins closed
-    assert not np.array_equal(drawer.clip[-1], at_rest)
+    assert drawer.video is not None
+    assert drawer.video.shape == (8, 120, 160, 3)
+    assert np.array_equal(drawer.video[0], at_rest)  # it begins closed
+    assert not np.array_equal(drawer.video[-1], at_rest)
     door = cases[1].evidence.clip
     assert door is not None
     assert np.array_equal(door[0], at_rest)  # its range ends at 0
@@ -218,7 +219,7 @@ def test_the_camera_told_is_off_by_its_angle_and_share(subject):
 
 
 def test_noisy_pictures_differ_but_show_the_same(subject):
-    plain = next(iter(cases_of(subject, settings(modality="image")))).evidence.picture
+    plain = next(iter(cases_of(subject, settings(modality="image")))).evidence.image
     noisy = next(
         iter(cases_of(subject, settings(modality="image", condition="noisy")))
     ).evidence.picture

@@ -6,10 +6,11 @@ from tests.articulate.benchmark.objects import cupboard, write_index
 
 from articulate.benchmark.dataset import FolderDataset, LibraryDataset
 from articulate.benchmark.known_joint import KnownJoint
-from articulate.benchmark.truth import joints_in_urdf, link_poses, true_object
+from articulate.benchmark.truth import joints_in_urdf, true_object
 from articulate.errors import AssetError
 from articulate.formats.read_urdf import read_urdf
 from articulate.library import ProceduralLibrary
+from articulate.reconstruct.link_meshes import link_poses
 from articulate.render.parts import joint_bounds
 
 

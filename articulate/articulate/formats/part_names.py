@@ -1,0 +1,34 @@
+"""Names of parts: PartNet-Mobility's ``semantics.txt``, and labels that do not reveal the joint."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+JOINT_WORDS = frozenset(
+    {
+        *("hinge", "hinged", "slide", "slider", "sliding", "rotation", "rotating", "rotary"),
+        *("revolute", "translation", "translating", "prismatic", "continuous", "fixed", "static"),
+        *("free", "heavy", "joint", "link", "helper", "moving", "movable"),
+    }
+)
+"""Words of a semantic name that would reveal a joint, or that only number parts."""
+
+
+def semantic_names(folder: Path) -> dict[str, str]:
+    """Read the semantic name of each link from ``semantics.txt``; empty without the file.
+
+    Each line holds a link, a joint word and a name.
+    """
+    try:
+        lines = (folder / "semantics.txt").read_text("utf-8", errors="replace").splitlines()
+    except OSError:
+        return {}
+    words = [line.split() for line in lines]
+    return {w[0]: w[2] for w in words if len(w) >= 3}
+
+
+def plain_label(name: str) -> str:
+    """Return a semantic name without numbers and joint words; ``part`` if nothing is left."""
+    words = [w for w in re.split(r"[^A-Za-z]+", name.lower()) if w]
+    return " ".join(w for w in words if w not in JOINT_WORDS) or "part"
