@@ -17,14 +17,14 @@ import numpy as np
 
 from articulate.errors import UsageError
 from articulate.video.observe import watch
-from articulate.video.read_video import Reading, read_clip
+from articulate.video.read_video import VideoReadOptions, read_video
 
 WITHIN_DEG = 30.0
 
 
 def judged(entry: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Whether kind and axis are right, and what was said."""
-    clip = read_clip(folder / entry["file"], Reading(longest_side_px=480, most_frames=72))
+    clip = read_video(folder / entry["file"], VideoReadOptions(longest_side_px=480, most_frames=72))
     try:
         seen = watch(clip, entry["id"])
     except UsageError as error:

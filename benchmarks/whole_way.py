@@ -49,7 +49,7 @@ def articulate(*words: object) -> str:
     return done.stdout
 
 
-def write_clip(index: Path, data: Path, object_id: str, link: str, folder: Path) -> None:
+def write_video(index: Path, data: Path, object_id: str, link: str, folder: Path) -> None:
     """Render the clip of the joint that moves ``link``, and write what ``make`` needs."""
     subject = open_dataset(str(index), data).load(object_id)
     joint = next((j for j in subject.joints if link in j.rigid), None)
@@ -113,7 +113,7 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     link = next(j.link for j in true.joints if j.name == joint)
     clip, made = folder / "clip", folder / "made"
     if not (clip / "camera.json").exists():
-        write_clip(flags.index, flags.data, object_id, link, clip)
+        write_video(flags.index, flags.data, object_id, link, clip)
     if not (made / "made.json").exists():
         seen = ("--video", clip / "clip.mp4", "--camera.file", clip / "camera.json")
         who = ("--actor", ACTOR, "--library", asset.parent)

@@ -42,7 +42,7 @@ def test_a_run_is_watched_for_a_whole_episode(run_play, made):
     assert run_play.title == "open_drawer of cabinet (drawer_2_slide), seed 3"
     assert run_play.qpos.shape == (20, run_play.model.nq)
     assert np.isfinite(run_play.qpos).all()
-    assert set(run_play.series) == {"opened", "force_n", "speed_share"}
+    assert set(run_play.curves) == {"opened", "force_n", "speed_share"}
     again = watch_run(made / "run", seed=3, episode=1, randomise=False)
     assert (again.qpos == run_play.qpos).all()
     other = watch_run(made / "run", seed=3, episode=2, randomise=False)
@@ -82,7 +82,7 @@ def test_the_default_name_tells_what_was_watched(made, tmp_path, monkeypatch, ca
 @pytest.mark.parametrize("which", ["run_play", "bundle_play"])
 def test_a_recording_for_rerun_is_written(which, request, tmp_path):
     pytest.importorskip("rerun")
-    path = plays.write_rrd(tmp_path / "a.rrd", request.getfixturevalue(which))
+    path = plays.write_rerun(tmp_path / "a.rrd", request.getfixturevalue(which))
     assert path.read_bytes()[:3] == b"RRF"
     assert len(path.read_bytes()) > 10_000
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
@@ -90,7 +90,7 @@ def test_a_recording_for_rerun_is_written(which, request, tmp_path):
 
 def test_without_rerun_one_line_says_how_to_get_it(run_play, tmp_path, monkeypatch, error_line):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    error_line("write_rrd(a.rrd)", lambda: plays.write_rrd(tmp_path / "a.rrd", run_play))
+    error_line("write_rrd(a.rrd)", lambda: plays.write_rerun(tmp_path / "a.rrd", run_play))
     assert not list(tmp_path.iterdir())
 
 
@@ -119,7 +119,7 @@ def test_a_window_shows_every_tick_until_it_is_closed(run_play, monkeypatch):
     viewer.launch_passive = Window
     monkeypatch.setitem(sys.modules, "mujoco.viewer", viewer)
     monkeypatch.setattr("mujoco.viewer", viewer, raising=False)
-    plays.show(run_play)
+    plays.show_in_viewer(run_play)
     assert np.allclose(seen[:20], run_play.qpos)
     assert np.allclose(seen[20:], run_play.qpos[:5])
 
@@ -129,7 +129,7 @@ def test_without_a_display_the_window_is_refused(run_play, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(MissingError, match="there is no display here"):
-        plays.show(run_play)
+        plays.show_in_viewer(run_play)
 
 
 def test_what_is_neither_a_run_nor_a_bundle_is_refused_before_anything_heavy(tmp_path, capsys):

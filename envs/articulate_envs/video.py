@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
-from articulate.render.encode_video import write_clip
-from articulate.render.view_camera import View, camera_axes, fitted_view
+from articulate.render.encode_video import write_video
+from articulate.render.view_camera import Viewpoint, camera_axes, fit_viewpoint
 from articulate.simulator import mujoco
 from articulate.transforms import Array, matrix_to_quat
 from articulate_envs.panda import HAND_BODY
@@ -71,9 +71,9 @@ class Film:
         self._data = mujoco.MjData(self._model)
         self._size = size
         self._canvas = Canvas(self._model, size, shadows=shadows)
-        self._view: View | None = None
+        self._view: Viewpoint | None = None
 
-    def choose_view(self, qpos: Array) -> View:
+    def choose_view(self, qpos: Array) -> Viewpoint:
         """Look so that hand and handle are seen best over positions (T, nq), and keep that view."""
         moments = qpos[np.linspace(0, len(qpos) - 1, min(len(qpos), 5)).astype(int)]
         seen = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
@@ -84,7 +84,7 @@ class Film:
             seen += self._visible(self._data.site("tool").xpos)
         # The first of equals wins: they stand in order of how well they look.
         row, column = np.unravel_index(int(np.argmax(seen)), seen.shape)
-        self._view = fitted_view(
+        self._view = fit_viewpoint(
             np.concatenate(points),
             azimuth_deg=AZIMUTHS_DEG[column],
             elevation_deg=ELEVATIONS_DEG[row],
@@ -93,10 +93,10 @@ class Film:
         )
         return self._view
 
-    def view_from(self, qpos: Array, *, azimuth_deg: float, elevation_deg: float) -> View:
+    def view_from(self, qpos: Array, *, azimuth_deg: float, elevation_deg: float) -> Viewpoint:
         """The view in a given direction that shows hand and object at positions (nq,)."""
         self._place(qpos)
-        return fitted_view(
+        return fit_viewpoint(
             self._points_of_interest(),
             azimuth_deg=azimuth_deg,
             elevation_deg=elevation_deg,
@@ -104,7 +104,7 @@ class Film:
             aspect=self._size[0] / self._size[1],
         )
 
-    def frame(self, qpos: Array, view: View | None = None) -> Pixels:
+    def frame(self, qpos: Array, view: Viewpoint | None = None) -> Pixels:
         """The scene at positions (nq,), shape (height, width, 3).
 
         Args:
@@ -166,8 +166,8 @@ class Film:
     def _visible(self, tool: Array) -> Array:
         """Whether the tool's surroundings are seen, by elevation and azimuth, in [0, 1]."""
         out = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
-        hand = self._model.body(HAND_BODY).id
-        own = {i for i in range(self._model.nbody) if self._below(i, hand)}
+        gripper = self._model.body(HAND_BODY).id
+        own = {i for i in range(self._model.nbody) if self._below(i, gripper)}
         points = tool + 0.05 * np.array([[0, 0, 0], [-1, 0, 0], [0, 0, 1.0], [0, 1, 0], [0, -1, 0]])
         group = np.isin(np.arange(mujoco.mjNGROUP), GEOM_GROUPS).astype(np.uint8)
         hit = np.zeros(1, dtype=np.int32)
@@ -223,7 +223,7 @@ def write_film(
     *,
     scale: float = 1.0,
     T_wo: Array | None = None,
-    tick_s: float = 1.0 / FRAMES_PER_S,
+    step_s: float = 1.0 / FRAMES_PER_S,
     size: tuple[int, int] = SIZE,
 ) -> Path:
     """Write a clip of an episode as MP4 (H.264) and return its path.
@@ -241,7 +241,7 @@ def write_film(
         MissingError: Nothing can be drawn here, or the encoder is not installed.
     """
     with Film(scene, scale=scale, T_wo=T_wo, size=size) as film:
-        return write_clip(path, film.frames(np.asarray(qpos)), size, round(1.0 / tick_s))
+        return write_video(path, film.frames(np.asarray(qpos)), size, round(1.0 / step_s))
 
 
 def picture(

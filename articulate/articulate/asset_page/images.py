@@ -15,7 +15,7 @@ from articulate.checks.model import ObjectModel
 from articulate.checks.triangles import PALETTE
 from articulate.errors import AssetError
 from articulate.render.canvas import Canvas, Pixels
-from articulate.render.view_camera import View, fitted_view
+from articulate.render.view_camera import Viewpoint, fit_viewpoint
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 
@@ -143,7 +143,7 @@ class _Studio:
         self._rgba = np.array(self._model.geom_rgba)
         self._materials = np.array(self._model.geom_matid)
         self._canvas = Canvas(self._model, self._size, shadows=True)
-        self._view: View | None = None
+        self._view: Viewpoint | None = None
 
     def __enter__(self) -> _Studio:
         return self
@@ -169,7 +169,7 @@ class _Studio:
         view = self._fitted(self._corners(), self._size[0] / self._size[1])
         return _webp(self._frame(q, view, see_through=False), THUMBNAIL_SIZE)
 
-    def _frame(self, q: Mapping[str, float], view: View | None, *, see_through: bool) -> Pixels:
+    def _frame(self, q: Mapping[str, float], view: Viewpoint | None, *, see_through: bool) -> Pixels:
         assert view is not None, "choose_view comes first"
         self._dress(see_through=see_through)
         camera = mujoco.MjvCamera()
@@ -206,8 +206,8 @@ class _Studio:
             out.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
         return np.concatenate(out)
 
-    def _fitted(self, points_w: Array, aspect: float) -> View:
-        return fitted_view(
+    def _fitted(self, points_w: Array, aspect: float) -> Viewpoint:
+        return fit_viewpoint(
             points_w,
             azimuth_deg=front_azimuth_deg(self._subject.asset) + AZIMUTH_OFF_FRONT_DEG,
             elevation_deg=ELEVATION_DEG,

@@ -20,7 +20,8 @@ from articulate.benchmark.known_joint import KnownJoint, Status
 from articulate.benchmark.truth import SCORED_KINDS, TrueObject, joints_in_urdf, true_object
 from articulate.errors import AssetError, ConfigError, nearest
 from articulate.formats.part_names import semantic_names
-from articulate.formats.read_urdf import SourceObject, read_urdf
+from articulate.formats.read_urdf import read_urdf
+from articulate.formats.source_object import SourceObject
 from articulate.library.library import Library
 
 LIBRARIES = {

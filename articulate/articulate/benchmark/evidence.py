@@ -78,7 +78,7 @@ def cases_of(subject: TrueObject, config: BenchmarkConfig) -> Iterator[Case]:
         seen = np.bincount(scene.rasterize(camera).part_ids.ravel() + 1, minlength=len(shown) + 1)[1:]
         yield Case(
             name="all",
-            evidence=replace(base, picture=picture),
+            evidence=replace(base, image=picture),
             names=names,
             joints=subject.joints,
             visible_px={part.name: int(n) for part, n in zip(shown, seen, strict=True)},
@@ -105,7 +105,7 @@ def _clip_case(
     frames = np.stack([scene.render_image(camera, T) for T in poses])
     evidence = replace(
         base,
-        clip=_disturbed(frames, config, rng),
+        video=_disturbed(frames, config, rng),
         times_s=np.arange(config.n_frames) / config.fps,
     )
     return Case(

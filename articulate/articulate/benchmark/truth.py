@@ -13,7 +13,7 @@ from articulate.errors import AssetError
 from articulate.formats.collada_up_axis import loader_of
 from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import unit_axis
-from articulate.formats.read_urdf import SourceJoint, SourceObject
+from articulate.formats.source_object import SourceJoint, SourceObject
 from articulate.reconstruct.actors.protocol import JointKind, PredictedJoint
 from articulate.reconstruct.link_meshes import (
     HALF_TURN,

@@ -48,14 +48,17 @@ def main(argv: Sequence[str]) -> int:
     """Watch and print."""
     flags = parse(ObserveFlags, argv, prog="articulate observe")
     from articulate.video.observe import watch
-    from articulate.video.read_video import Reading, read_clip  # OpenCV; --help does without
+    from articulate.video.read_video import (  # OpenCV; --help does without
+        VideoReadOptions,
+        read_video,
+    )
 
-    clip = read_clip(flags.clip, Reading(longest_side_px=flags.side, most_frames=flags.frames))
-    console.say(f"{flags.clip}: following points over {len(clip.frames)} frames")
+    clip = read_video(flags.clip, VideoReadOptions(longest_side_px=flags.side, most_frames=flags.frames))
+    console.show_progress(f"{flags.clip}: following points over {len(clip.frames)} frames")
     seen = watch(clip, str(flags.clip))
     console.emit_json(seen.as_json()) if flags.json else console.emit(_told(seen))
     if seen.doubtful:
-        console.say(
+        console.show_progress(
             f"{flags.clip}: doubtful: what was measured lies next to the border between sliding "
             "and turning; a film from another side tells them apart"
         )

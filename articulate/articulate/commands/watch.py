@@ -15,7 +15,7 @@ from articulate.commands.flags import parse
 from articulate.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
-    from articulate.render.playback import Play
+    from articulate.render.playback import EpisodePlayback
 
 GROUP = "articulate.watchers"
 """Entry points by what is watched: functions ``(path, seed, episode, randomise) -> Play``."""
@@ -69,9 +69,9 @@ def main(argv: Sequence[str]) -> int:
     play = _acted(kind, flags)
     file = None if flags.viewer else _written(play, flags)
     if file is None:
-        from articulate.render.playback import show  # MuJoCo; --help does without
+        from articulate.render.playback import show_in_viewer  # MuJoCo; --help does without
 
-        show(play)
+        show_in_viewer(play)
     content = _content(play, flags.source, file)
     where = "" if file is None else f"{file}: "
     opened = f"{content['opened']:.0%} of the way"
@@ -96,33 +96,33 @@ def kind_of(source: Path) -> str:
     )
 
 
-def _acted(kind: str, flags: WatchFlags) -> Play:
+def _acted(kind: str, flags: WatchFlags) -> EpisodePlayback:
     """One episode of the policy, by the package that knows such sources."""
     found = [entry for entry in metadata.entry_points(group=GROUP) if entry.name == kind]
     if not found:
         raise UsageError(f"{flags.source}: no installed package can watch a {kind}; reinstall it")
     act: Any = found[0].load()
-    play: Play = act(
+    play: EpisodePlayback = act(
         flags.source, seed=flags.seed, episode=flags.episode, randomise=flags.randomise
     )
     return play
 
 
-def _written(play: Play, flags: WatchFlags) -> Path:
-    from articulate.render.playback import write_rrd  # MuJoCo; --help does without
+def _written(play: EpisodePlayback, flags: WatchFlags) -> Path:
+    from articulate.render.playback import write_rerun  # MuJoCo; --help does without
 
     if flags.out is not None and flags.out.suffix.lower() == ".rrd":
-        return write_rrd(flags.out, play)
+        return write_rerun(flags.out, play)
     name = f"{flags.source.resolve().stem}-{time.strftime('%Y%m%d-%H%M%S')}"
-    return play.film(flags.out or Path("watched") / f"{name}.mp4")
+    return play.write_video(flags.out or Path("watched") / f"{name}.mp4")
 
 
-def _content(play: Play, source: Path, file: Path | None) -> dict[str, Any]:
+def _content(play: EpisodePlayback, source: Path, file: Path | None) -> dict[str, Any]:
     return {
         "source": str(source),
         "file": None if file is None else str(file),
         "title": play.title,
         "reason": play.reason,
-        "opened": float(play.series["opened"][-1]),
-        "seconds": round(len(play.qpos) * play.tick_s, 6),
+        "opened": float(play.curves["opened"][-1]),
+        "seconds": round(len(play.qpos) * play.step_s, 6),
     }

@@ -28,7 +28,7 @@ Held = Mapping[str, PredictedJoint]
 
 
 def relieved(
-    held: Held, refusal: CheckReport, prove: Callable[[Held], CheckReport], size_m: float
+    held: Held, rejection: CheckReport, run_checks: Callable[[Held], CheckReport], size_m: float
 ) -> Held | None:
     """``held`` with one hinge moved so that the object is proven; None if that is not to be had.
 
@@ -38,7 +38,7 @@ def relieved(
         prove: Makes the object of other joints and proves it.
         size_m: Diagonal of the object, in the units of the joints.
     """
-    depth_m = graze_m(refusal)
+    depth_m = graze_m(rejection)
     part = max(depth_m, key=lambda name: depth_m[name], default="")
     if part not in held or held[part].kind not in {"revolute", "continuous"}:
         return None
@@ -46,27 +46,27 @@ def relieved(
     for way in plane_of(normalised(held[part].axis_o)):
         for sign in (1.0, -1.0):
             moved = _moved(held, part, sign * STEP * size_m * way)
-            proof = prove(moved)
-            if proof.verdict != "refused":
+            check_report = run_checks(moved)
+            if check_report.is_usable:
                 return moved
-            gain = depth_m[part] - graze_m(proof).get(part, 0.0)
-            if set(graze_m(proof)) <= {part} and gain > 0.0:
+            if check_report.verdict == "undecided":
+                continue
+            gain = depth_m[part] - graze_m(check_report).get(part, 0.0)
+            if set(graze_m(check_report)) <= {part} and gain > 0.0:
                 towards += sign * way
     for factor in (1.0, 2.0) if towards.any() else ():
         moved = _moved(held, part, factor * STEP * size_m * towards)
-        if prove(moved).verdict != "refused":
+        if run_checks(moved).is_usable:
             return moved
     return None
 
 
-def graze_m(proof: CheckReport) -> dict[str, float]:
+def graze_m(check_report: CheckReport) -> dict[str, float]:
     """How deep each part goes into others as authored, by part [m]; empty where more is wrong."""
-    failed = [clause for clause in proof.clauses if clause.outcome == "failed"]
-    if any(clause.name != "sweep_authored" or clause.measured is None for clause in failed):
+    failed = [check for check in check_report.checks if check.outcome == "failed"]
+    if any(check.name != "authored_overlap" or check.measured is None for check in failed):
         return {}
-    return {
-        clause.subject.removesuffix("_joint"): float(clause.measured or 0.0) for clause in failed
-    }
+    return {check.subject.removesuffix("_joint"): float(check.measured or 0.0) for check in failed}
 
 
 def diagonal_of(meshes: Sequence[PartMesh]) -> float:

@@ -11,7 +11,7 @@ from articulate.reconstruct.actors.protocol import Pixels, PredictedJoint
 from articulate.render.camera import Camera, front_camera
 from articulate.render.image import png
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.render.scene import PartScene, segmentation_picture
+from articulate.render.scene import PartScene, segmentation_image
 from articulate.transforms import Array, pose
 
 SHOWN_PX = 240
@@ -72,9 +72,9 @@ def opening(
 ) -> bytes:
     """A PNG: parts in colours of their own, then the object closed, half open and open."""
     scene = PartScene(meshes)
-    pictures = [segmentation_picture(scene.see(camera), len(meshes))]
+    pictures = [segmentation_image(scene.rasterize(camera), len(meshes))]
     for share in (0.0, 0.5, 1.0):
-        pictures.append(scene.picture(camera, poses_at(meshes, held, share)))
+        pictures.append(scene.render_image(camera, poses_at(meshes, held, share)))
     return png(np.concatenate([_small(p) for p in pictures], axis=1))
 
 

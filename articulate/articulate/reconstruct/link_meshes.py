@@ -9,7 +9,7 @@ import numpy as np
 from articulate.errors import AssetError
 from articulate.formats.link_tree import Part
 from articulate.formats.load_meshes import Loader, Piece
-from articulate.formats.read_urdf import SourceObject
+from articulate.formats.source_object import SourceObject
 from articulate.render.parts import PartMesh
 from articulate.transforms import Array, pose
 

@@ -86,10 +86,10 @@ def make(question: Query, given: PartSet, camera: Camera, order: MakeRequest) ->
     with tempfile.TemporaryDirectory() as place:
         work = Path(place)
         if own:
-            proof = bench.proof(own, work)
+            check_report = bench.check_report(own, work)
         else:
             write = partial(program_of, root, actor=actor_name, question=question.told)
-            eased, proof = bench.eased(held, write, work)
+            eased, check_report = bench.eased(held, write, work)
             if eased is not held:
                 prediction = replace(prediction, trace=(*prediction.trace, told(held, eased)))
                 held = eased
@@ -105,7 +105,7 @@ def make(question: Query, given: PartSet, camera: Camera, order: MakeRequest) ->
             layers=_layers(work / PROGRAM_FOLDER),
             seconds={"joints": said - start, **bench.seconds},
         )
-        made = _judged(story, proof, order, time.monotonic() - start)
+        made = _judged(story, check_report, order, time.monotonic() - start)
         copy_writable(work / PROGRAM_FOLDER, work / "asset" / PROGRAM_FOLDER)
         made = _told(made, story, work / "asset")
         hand_over(work / "asset", order.out)
@@ -132,7 +132,7 @@ class _Bench:
     actor: str
     seconds: dict[str, float] = field(default_factory=lambda: {"program": 0.0, "proof": 0.0})
 
-    def proof(self, source: str, work: Path) -> CheckReport:
+    def check_report(self, source: str, work: Path) -> CheckReport:
         """Check what is compiled, in a process of its own; the asset comes to lie in ``work``.
 
         Raises:
@@ -148,21 +148,27 @@ class _Bench:
         batch = Batch(
             out=work / "asset", cache=order.cache, options={}, limit_s=order.limit_s, single=True
         )
-        proof = batch.one(Item(name=urdf.stem, file=urdf)).proof
+        check_report = batch.one(Item(name=urdf.stem, file=urdf)).check_report
         self.seconds["program"] += compiled - start
         self.seconds["proof"] += time.monotonic() - compiled
-        return proof
+        return check_report
 
     def eased(
         self, held: Held, write: Callable[[Held], str], work: Path
     ) -> tuple[Held, CheckReport]:
         """``held``, moved within what a picture leaves open if it is refused as it was said."""
-        proof = self.proof(write(held), work)
-        if proof.verdict != "refused":
-            return held, proof
+        check_report = self.check_report(write(held), work)
+        if check_report.is_usable:
+            return held, check_report
         size_m = diagonal_of(self.given.meshes)
-        other = relieved(held, proof, lambda h: self.proof(write(h), work / "trial"), size_m)
-        return (held, proof) if other is None else (other, self.proof(write(other), work))
+        other = relieved(
+            held, check_report, lambda h: self.check_report(write(h), work / "trial"), size_m
+        )
+        return (
+            (held, check_report)
+            if other is None
+            else (other, self.check_report(write(other), work))
+        )
 
 
 def _says_all(prediction: Prediction, held: Mapping[str, PredictedJoint]) -> bool:
@@ -176,7 +182,7 @@ def _actor(order: MakeRequest, question: Query) -> Actor:
     name = ACTORS[question.modality] if order.actor == "auto" else order.actor
     actor = make_actor(name)
     if order.iterations is not None and isinstance(actor, Loop):
-        return replace(actor, max_turns=order.iterations)
+        return replace(actor, max_iterations=order.iterations)
     return actor
 
 
@@ -186,9 +192,9 @@ def _evidence(question: Query, given: PartSet, camera: Camera, order: MakeReques
         modality=question.modality,
         parts=given.meshes,
         labels=given.labels,
-        clip=question.clip,
+        video=question.video,
         times_s=question.times_s,
-        picture=question.picture,
+        image=question.image,
         camera=None if question.modality == "text" else camera,
         text=f"{question.text} {given.kind}".strip(),
         seed=order.seed,
@@ -203,10 +209,10 @@ def _predicted(
     actor = _actor(order, question)
     prediction = actor.predict(evidence)
     name = ACTORS[question.modality] if order.actor == "auto" else order.actor
-    if prediction.refusal:
-        raise UsageError(f"{question.told}: {prediction.refusal}")
+    if prediction.rejection:
+        raise UsageError(f"{question.told}: {prediction.rejection}")
     if question.modality == "video" and order.joint == "all":
-        rest = make_actor(TEXT_ACTOR).predict(replace(evidence, clip=None, modality="text"))
+        rest = make_actor(TEXT_ACTOR).predict(replace(evidence, video=None, modality="text"))
         prediction = replace(prediction, joints=_with_unseen(prediction.joints, rest.joints))
         name = f"{name} and {TEXT_ACTOR}"
     return prediction, name
@@ -253,21 +259,21 @@ def _nothing_moves(question: Query, wanted: str) -> str:
 
 
 def _judged(
-    story: MakeRecord, proof: CheckReport, order: MakeRequest, seconds: float
+    story: MakeRecord, check_report: CheckReport, order: MakeRequest, seconds: float
 ) -> MakeResult:
     """The verdict: what is not proven is unproven, what may be wrong doubtful."""
     doubts = _doubts(story)
-    if proof.verdict == "refused":
-        lasting = [re.sub(r"\S*/(?=object\.urdf: )", "", reason) for reason in proof.reasons]
+    if not check_report.is_usable:
+        lasting = [re.sub(r"\S*/(?=object\.urdf: )", "", reason) for reason in check_report.reasons]
         verdict, reasons = "unproven", [*lasting, *doubts]
     else:
-        verdict, reasons = ("doubtful" if doubts else "proven"), doubts
+        verdict, reasons = ("doubtful" if doubts else "passed"), doubts
     return MakeResult(
         verdict=verdict,  # type: ignore[arg-type]  # one of three literals
         reasons=tuple(reasons),
         out=order.out,
         joints=tuple(story.moving),
-        proof=proof,
+        check_report=check_report,
         rating=story.prediction.rating,
         seconds=seconds,
     )
@@ -288,7 +294,7 @@ def _doubts(story: MakeRecord) -> list[str]:
         doubts.append(f"the actor is not sure of {told}")
     if question.text:
         doubts += miscounted(question.text, story.given.labels.values())
-    if question.picture is not None:
+    if question.image is not None:
         share = overlap(question, story.given, story.camera)
         if share < OVERLAP:
             doubts.append(
@@ -299,9 +305,9 @@ def _doubts(story: MakeRecord) -> list[str]:
 
 def overlap(question: Query, given: PartSet, camera: Camera) -> float:
     """Overlap of the picture's object with the parts as the camera sees them, in [0, 1]."""
-    assert question.picture is not None
-    shown = foreground(question.picture)
-    drawn = PartScene(given.meshes).see(camera).part_ids != NOTHING
+    assert question.image is not None
+    shown = foreground(question.image)
+    drawn = PartScene(given.meshes).rasterize(camera).part_ids != NOTHING
     either = float(np.logical_or(shown, drawn).sum())
     return float(np.logical_and(shown, drawn).sum()) / max(either, 1.0)
 

@@ -27,7 +27,7 @@ from articulate.render.camera import (
     pinhole,
 )
 from articulate.transforms import Array
-from articulate.video.read_video import Reading, check_moves, read_clip
+from articulate.video.read_video import VideoReadOptions, check_motion, read_video
 
 LONGEST_SIDE_PX = 1280
 """Larger clips and pictures are made smaller."""
@@ -51,18 +51,18 @@ class Query:
     modality: Modality
     told: str
     """What was given, in a few words."""
-    clip: Pixels | None = None
+    video: Pixels | None = None
     times_s: Array | None = None
-    picture: Pixels | None = None
+    image: Pixels | None = None
     text: str = ""
 
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height of clip or picture; 640 x 480 without one."""
-        if self.clip is not None:
-            return int(self.clip.shape[2]), int(self.clip.shape[1])
-        if self.picture is not None:
-            return int(self.picture.shape[1]), int(self.picture.shape[0])
+        if self.video is not None:
+            return int(self.video.shape[2]), int(self.video.shape[1])
+        if self.image is not None:
+            return int(self.image.shape[1]), int(self.image.shape[0])
         return 640, 480
 
 
@@ -73,12 +73,12 @@ def video_question(path: Path, text: str = "") -> Query:
         UsageError: It cannot be read, is empty or of one frame, or nothing moves in it.
     """
     _is_file(path)
-    clip = read_clip(path, Reading(longest_side_px=LONGEST_SIDE_PX, most_frames=MOST_FRAMES))
-    check_moves(clip.frames, str(path))
+    clip = read_video(path, VideoReadOptions(longest_side_px=LONGEST_SIDE_PX, most_frames=MOST_FRAMES))
+    check_motion(clip.frames, str(path))
     return Query(
         modality="video",
         told=f"the clip {path.name}",
-        clip=clip.frames,
+        video=clip.frames,
         times_s=clip.times_s,
         text=text,
     )
@@ -110,7 +110,7 @@ def image_question(path: Path, text: str = "") -> Query:
             f"{path}: shows no object ({share:.2%} of it differ from its rim); give a picture of "
             "the object"
         )
-    return Query(modality="image", told=f"the picture {path.name}", picture=picture, text=text)
+    return Query(modality="image", told=f"the picture {path.name}", image=picture, text=text)
 
 
 def _decoded(path: Path) -> np.ndarray:

@@ -52,10 +52,10 @@ def _entity(name: str) -> str:
 
 def _log_question(rerun: Any, stream: Any, story: MakeRecord) -> None:
     question = story.question
-    if question.picture is not None:
-        stream.log("question", rerun.Image(question.picture), static=True)
-    if question.clip is not None and question.times_s is not None:
-        for t, frame in zip(question.times_s, question.clip, strict=True):
+    if question.image is not None:
+        stream.log("question", rerun.Image(question.image), static=True)
+    if question.video is not None and question.times_s is not None:
+        for t, frame in zip(question.times_s, question.video, strict=True):
             stream.set_time("time", duration=float(t))
             stream.log("question", rerun.Image(frame).compress(jpeg_quality=80))
 

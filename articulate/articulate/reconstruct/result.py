@@ -13,7 +13,7 @@ from articulate.reconstruct.part_set import PartSet
 from articulate.reconstruct.query import Query
 from articulate.render.camera import Camera
 
-Verdict = Literal["proven", "doubtful", "unproven"]
+Verdict = Literal["passed", "doubtful", "unproven"]
 SCHEMA, SCHEMA_VERSION = "articulate.made", 1
 MADE_FILE, TRACE_FILE, RECORDING_FILE = "made.json", "trace.html", "trace.rrd"
 URDF_FILE = "object.urdf"
@@ -75,7 +75,7 @@ class MakeResult:
     """Why it is not proven, or doubtful."""
     out: Path
     joints: tuple[PredictedJoint, ...]
-    proof: CheckReport
+    check_report: CheckReport
     rating: float | None
     """The critic's rating; None without one."""
     seconds: float
@@ -90,12 +90,12 @@ class MakeResult:
             "verdict": self.verdict,
             "reasons": list(self.reasons),
             "asset": str(self.out),
-            "urdf": str(self.out / URDF_FILE) if self.proof.verdict != "refused" else None,
+            "urdf": str(self.out / URDF_FILE) if self.check_report.is_usable else None,
             "program": str(self.out / PROGRAM_FOLDER / "program.py"),
-            "proof": str(self.out / "proof.html"),
+            "proof": str(self.out / "check_report.html"),
             "trace": str(self.out / TRACE_FILE),
             "recording": str(self.out / RECORDING_FILE) if self.recording else None,
-            "proof_verdict": self.proof.verdict,
+            "check_verdict": self.check_report.verdict,
             "rating": self.rating,
             "joints": [_joint_content(joint) for joint in self.joints],
             "seconds": round(self.seconds, 3),

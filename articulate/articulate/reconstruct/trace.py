@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from articulate.page import Page, Tile
-from articulate.reconstruct.actors.protocol import Attempt, PredictedJoint, Verdict
+from articulate.reconstruct.actors.protocol import ActorAttempt, PredictedJoint, Verdict
 from articulate.reconstruct.images import frames_row, only, opening, view_of
 from articulate.reconstruct.result import PROGRAM_FOLDER, MakeRecord, MakeResult
 from articulate.render.image import as_png, png
@@ -14,7 +14,7 @@ from articulate.render.image import as_png, png
 MOST_JOINTS = 12
 """Joints that are drawn one by one."""
 LEAD = {
-    "proven": "The object is proven: the URDF beside this page moves as it says.",
+    "passed": "The object is proven: the URDF beside this page moves as it says.",
     "doubtful": "The URDF beside this page is proven, but it may not be the object that was meant.",
     "unproven": "The object is not proven: there is no URDF to rely on.",
 }
@@ -28,11 +28,11 @@ def write_trace(made: MakeResult, story: MakeRecord, path: Path) -> Path:
         Tile(
             value=made.verdict,
             label="verdict",
-            tone="good" if made.verdict == "proven" else "bad",
+            tone="good" if made.verdict == "passed" else "bad",
         ),
         Tile(value=len(made.joints), label="joints that move"),
         Tile(value="none" if made.rating is None else made.rating, label="critic's rating, 0-10"),
-        Tile(value=made.proof.verdict, label="check-asset says"),
+        Tile(value=made.check_report.verdict, label="check-asset says"),
         Tile(value=round(made.seconds, 1), label="seconds"),
     )
     for reason in made.reasons:
@@ -49,10 +49,10 @@ def write_trace(made: MakeResult, story: MakeRecord, path: Path) -> Path:
 def _asked(page: Page, story: MakeRecord) -> None:
     question, given = story.question, story.given
     page.section("What was given", f"An object of {len(given.meshes)} parts, and {question.told}.")
-    if question.clip is not None:
-        page.png(frames_row(question.clip), f"The clip, {len(question.clip)} frames of it read")
-    if question.picture is not None:
-        page.png(png(question.picture), "The picture")
+    if question.video is not None:
+        page.png(frames_row(question.video), f"The clip, {len(question.video)} frames of it read")
+    if question.image is not None:
+        page.png(png(question.image), "The picture")
     if question.text and question.modality != "text":
         page.text(f"Said beside it: {question.text}")
     rows = []
@@ -89,7 +89,7 @@ def _said(page: Page, story: MakeRecord) -> None:
             page.text(f"{step.title}. {step.text}")
         if step.figures:
             page.pairs(dict(step.figures))
-        for title, picture in step.pictures.items():
+        for title, picture in step.images.items():
             page.png(as_png(picture), title)
 
 
@@ -107,7 +107,7 @@ def _turns(page: Page, story: MakeRecord) -> None:
     _better(page, attempts)
 
 
-def _better(page: Page, attempts: Sequence[Attempt]) -> None:
+def _better(page: Page, attempts: Sequence[ActorAttempt]) -> None:
     for k, attempt in enumerate(attempts):
         verdict = attempt.verdict
         if verdict is not None and verdict.figures:
@@ -128,18 +128,18 @@ def _program(page: Page, story: MakeRecord) -> None:
 
 
 def _proof(page: Page, made: MakeResult, story: MakeRecord) -> None:
-    proof = made.proof
-    held = sum(clause.outcome == "passed" for clause in proof.clauses)
-    tried = sum(clause.outcome != "not_applicable" for clause in proof.clauses)
-    told = f"check-asset: {proof.verdict}, {held} of {tried} measurements hold."
+    check_report = made.check_report
+    held = sum(check.outcome == "passed" for check in check_report.checks)
+    tried = sum(check.outcome != "not_applicable" for check in check_report.checks)
+    told = f"check-asset: {check_report.verdict}, {held} of {tried} measurements hold."
     page.section("The proof", told)
-    for text in (*proof.reasons, *proof.repairs):
+    for text in (*check_report.reasons, *check_report.repairs):
         page.text(text)
-    rows = [(j.name, j.kind, j.span, j.swept, j.opened) for j in proof.joints]
+    rows = [(j.name, j.kind, j.span, j.swept, j.opened) for j in check_report.joints]
     if rows:
         header = ["joint", "type", "range [m or rad]", "free share", "opened by 30 N"]
         page.table(header, rows)
-    page.links({"the whole proof": "proof.html"})
+    page.links({"the whole proof": "check_report.html"})
     page.pairs(
         {f"{name} [s]": round(value, 2) for name, value in story.seconds.items()}, "Time by stage"
     )

@@ -15,7 +15,7 @@ H264 = "-crf 25 -preset medium -threads 1 -movflags +faststart -f mp4"
 """How clips are encoded: small, and played while they load."""
 
 
-def write_clip(path: Path, frames: Iterable[Pixels], size: tuple[int, int], rate_hz: int) -> Path:
+def write_video(path: Path, frames: Iterable[Pixels], size: tuple[int, int], rate_hz: int) -> Path:
     """Write ``frames`` to ``path``, whole or not at all, and return it.
 
     Args:

@@ -25,7 +25,7 @@ CODECS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Clip:
+class Video:
     """Frames and their times."""
 
     frames: Pixels
@@ -41,7 +41,7 @@ class Clip:
         return float((len(self.times_s) - 1) / (self.times_s[-1] - self.times_s[0]))
 
 
-def sweep(lower: float | None, upper: float | None, n_frames: int) -> Array:
+def sweep_positions(lower: float | None, upper: float | None, n_frames: int) -> Array:
     """Positions (T,) [m or rad] of a joint from one end to the other, both included.
 
     Where the range reaches below 0 it goes from upper to lower, else from lower to upper, as
@@ -60,9 +60,9 @@ def sweep(lower: float | None, upper: float | None, n_frames: int) -> Array:
     return np.linspace(start, stop, n_frames)
 
 
-def film(
+def render_video(
     scene: PartScene, camera: Camera, poses_w: Array, *, fps: float = 24.0, samples: int = 2
-) -> Clip:
+) -> Video:
     """The parts in motion.
 
     Args:
@@ -72,8 +72,8 @@ def film(
         fps: Frames in a second.
         samples: As in :meth:`PartScene.picture`.
     """
-    frames = np.stack([scene.picture(camera, pose, samples=samples) for pose in poses_w])
-    return Clip(frames=frames, times_s=np.arange(len(frames)) / fps)
+    frames = np.stack([scene.render_image(camera, pose, samples=samples) for pose in poses_w])
+    return Video(frames=frames, times_s=np.arange(len(frames)) / fps)
 
 
 def poses_of_parts(n_parts: int, moving: Sequence[int], motion_w: Array) -> Array:
@@ -84,7 +84,7 @@ def poses_of_parts(n_parts: int, moving: Sequence[int], motion_w: Array) -> Arra
     return poses
 
 
-def write_clip(path: Path, clip: Clip) -> Path:
+def write_video(path: Path, clip: Video) -> Path:
     """Write ``clip`` to ``path`` as ``.mp4`` (H.264) or ``.webm`` (VP9), whole or not at all.
 
     Frames of an odd width or height lose their last column or row: the codecs want even ones.
@@ -125,7 +125,7 @@ def write_clip(path: Path, clip: Clip) -> Path:
     return path
 
 
-def thinned(clip: Clip, n_frames: int) -> Clip:
+def subsample(clip: Video, n_frames: int) -> Video:
     """At most ``n_frames`` of the clip, evenly spread, first and last included."""
     keep = np.unique(np.linspace(0, len(clip.frames) - 1, n_frames).round().astype(int))
-    return Clip(frames=clip.frames[keep], times_s=clip.times_s[keep])
+    return Video(frames=clip.frames[keep], times_s=clip.times_s[keep])

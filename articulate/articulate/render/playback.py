@@ -1,4 +1,4 @@
-"""An episode to be watched: as a recording for rerun, or in MuJoCo's own window."""
+"""Play back a recorded episode: as a rerun recording or in MuJoCo's viewer."""
 
 from __future__ import annotations
 
@@ -20,37 +20,39 @@ from articulate.transforms import Array
 
 APPLICATION = "articulate"
 PAUSE_S = 1.0
-"""Between two showings in a window [s]."""
+"""Pause between two repetitions in the viewer [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Play:
-    """What a policy did in one episode, tick by tick."""
+class EpisodePlayback:
+    """One recorded episode of a policy, one row for each control step."""
 
     title: str
     """Task, object and joint."""
     reason: str
-    """How it ended: one of :data:`articulate.task.episode_monitor.REASONS`."""
+    """Termination reason, one of :data:`articulate.task.episode_monitor.REASONS`."""
     model: mujoco.MjModel
-    """What is drawn, as it was in this episode."""
+    """Model to render, with the randomization of this episode applied."""
     qpos: Array
-    """Positions of the model (T, nq)."""
-    tick_s: float
-    """Time between two rows [s]."""
-    series: Mapping[str, Array]
-    """Curves over the ticks (T,), by names with units."""
-    film: Callable[[Path], Path]
-    """Writes a clip of it."""
+    """Joint positions of the model (T, nq) [m or rad]."""
+    step_s: float
+    """Control period [s]."""
+    curves: Mapping[str, Array]
+    """Curves over the control steps (T,), by names with units."""
+    write_video: Callable[[Path], Path]
+    """Write a video of the episode to a path and return that path."""
 
 
-def write_rrd(path: Path, play: Play) -> Path:
-    """Write ``play`` as a recording that rerun opens, whole or not at all, and return its path.
+def write_rerun(path: Path, play: EpisodePlayback) -> Path:
+    """Write an episode as a rerun recording (``.rrd``) and return its path.
+
+    The file is replaced atomically.
 
     Raises:
         MissingError: rerun-sdk is not installed.
     """
     try:
-        import rerun  # heavy, and wanted for this alone
+        import rerun  # heavy; imported on demand
     except ImportError:
         raise MissingError(
             f"{path}: .rrd needs rerun-sdk, which is not installed; "
@@ -62,10 +64,10 @@ def write_rrd(path: Path, play: Play) -> Path:
         stream.save(temporary)
         stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         stream.log("title", rerun.TextDocument(f"{play.title}: {play.reason}"), static=True)
-        for i in _drawn(model):
+        for i in _visible_geoms(model):
             _log_geom(rerun, stream, model, i)
         for k, q in enumerate(play.qpos):
-            stream.set_time("time", duration=k * play.tick_s)
+            stream.set_time("time", duration=k * play.step_s)
             data.qpos[:] = q
             mujoco.mj_kinematics(model, data)
             for b in range(1, model.nbody):
@@ -74,15 +76,15 @@ def write_rrd(path: Path, play: Play) -> Path:
                     translation=data.xpos[b], quaternion=rerun.Quaternion(xyzw=[*xyz, w])
                 )
                 stream.log(f"world/{_name(model, b)}", pose)
-            for name, values in play.series.items():
+            for name, values in play.curves.items():
                 stream.log(f"curves/{name}", rerun.Scalars(float(values[k])))
         stream.flush()
         stream.disconnect()
     return path
 
 
-def _drawn(model: mujoco.MjModel) -> list[int]:
-    """Geoms that are drawn: the visible ones, without planes, which have no end."""
+def _visible_geoms(model: mujoco.MjModel) -> list[int]:
+    """Indices of the visible geoms, without planes, which are infinite."""
     seen = np.isin(model.geom_group, GEOM_GROUPS) & (model.geom_rgba[:, 3] > 0.0)
     seen &= model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     return [int(i) for i in np.flatnonzero(seen)]
@@ -93,7 +95,7 @@ def _name(model: mujoco.MjModel, body: int) -> str:
 
 
 def _log_geom(rerun: Any, stream: Any, model: mujoco.MjModel, i: int) -> None:
-    """One geom below its body, which moves it."""
+    """Log one geom as a child of its body."""
     kind, size = int(model.geom_type[i]), model.geom_size[i]
     rgba = (255 * _colour(model, i)).astype(np.uint8)
     types = mujoco.mjtGeom
@@ -107,7 +109,7 @@ def _log_geom(rerun: Any, stream: Any, model: mujoco.MjModel, i: int) -> None:
         )
     elif kind == types.mjGEOM_BOX:
         shape = rerun.Boxes3D(half_sizes=[size], colors=[rgba], fill_mode="solid")
-    else:  # spheres, capsules, cylinders: near enough
+    else:  # spheres, capsules and cylinders as ellipsoids
         half = size if kind == types.mjGEOM_ELLIPSOID else (size[0], size[0], size[1] or size[0])
         shape = rerun.Ellipsoids3D(half_sizes=[half], colors=[rgba], fill_mode="solid")
     body = int(model.geom_bodyid[i])
@@ -124,8 +126,8 @@ def _colour(model: mujoco.MjModel, i: int) -> Array:
     return np.asarray(model.mat_rgba[k] if k >= 0 else model.geom_rgba[i], dtype=np.float64)
 
 
-def show(play: Play) -> None:
-    """Show ``play`` again and again in MuJoCo's window, until it is closed.
+def show_in_viewer(play: EpisodePlayback) -> None:
+    """Show an episode in a loop in MuJoCo's viewer until its window is closed.
 
     Raises:
         MissingError: There is no display.
@@ -133,9 +135,9 @@ def show(play: Play) -> None:
     displays = [name for name in ("DISPLAY", "WAYLAND_DISPLAY") if os.environ.get(name)]
     if sys.platform == "linux" and not displays:
         raise MissingError(
-            "--viewer: there is no display here (DISPLAY is not set); leave it out to get a clip"
+            "--viewer: no display (DISPLAY is not set); without --viewer a video is written"
         )
-    import mujoco.viewer  # noqa: TID251  # GLFW; wanted for this alone
+    import mujoco.viewer  # noqa: TID251  # GLFW; imported on demand
 
     data = mujoco.MjData(play.model)
     with mujoco.viewer.launch_passive(play.model, data) as window:
@@ -145,7 +147,7 @@ def show(play: Play) -> None:
                 data.qpos[:] = q
                 mujoco.mj_forward(play.model, data)
                 window.sync()
-                time.sleep(max(0.0, play.tick_s - (time.monotonic() - begin)))
+                time.sleep(max(0.0, play.step_s - (time.monotonic() - begin)))
                 if not window.is_running():
                     return
             time.sleep(PAUSE_S)

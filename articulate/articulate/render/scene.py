@@ -35,7 +35,7 @@ class Light:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
+class RenderBuffers:
     """What a camera sees, before any light."""
 
     part_ids: Ids
@@ -86,14 +86,14 @@ class PartScene:
         """Index of the part of each face of the scene (F,)."""
         return self._part_of_face
 
-    def see(
+    def rasterize(
         self,
         camera: Camera,
         poses_w: Array | None = None,
         *,
         only: Iterable[int] | None = None,
-        onto: Seen | None = None,
-    ) -> Seen:
+        onto: RenderBuffers | None = None,
+    ) -> RenderBuffers:
         """What ``camera`` sees.
 
         Args:
@@ -107,9 +107,9 @@ class PartScene:
         vertices_c = self._carried(camera, poses_w)
         inverse_depth, face_ids = self._filled(vertices_c, _intrinsics(camera), shape, only, onto)
         part_ids = parts_of(face_ids, self._part_of_face)
-        return Seen(part_ids=part_ids, face_ids=face_ids, inverse_depth=inverse_depth)
+        return RenderBuffers(part_ids=part_ids, face_ids=face_ids, inverse_depth=inverse_depth)
 
-    def picture(
+    def render_image(
         self,
         camera: Camera,
         poses_w: Array | None = None,
@@ -162,7 +162,7 @@ class PartScene:
         intrinsics: Array,
         shape: Shape,
         only: Iterable[int] | None,
-        onto: Seen | None,
+        onto: RenderBuffers | None,
     ) -> tuple[Depths, Ids]:
         if onto is None:
             inverse_depth = np.zeros(shape, dtype=np.float32)
@@ -206,16 +206,16 @@ class PartScene:
             k += 1
 
 
-def segmentation_colours(n: int) -> Pixels:
+def segmentation_palette(n: int) -> Pixels:
     """Colours (n, 3) that are easily told apart: hues in equal steps, as in the released code."""
     hues = [colorsys.hsv_to_rgb(i / max(n, 1), 0.9, 0.9) for i in range(n)]
     return np.rint(255.0 * np.array(hues).reshape(n, 3)).astype(np.uint8)
 
 
-def segmentation_picture(seen: Seen, n_parts: int) -> Pixels:
+def segmentation_image(seen: RenderBuffers, n_parts: int) -> Pixels:
     """Picture (H, W, 3) in which each part has a colour of its own, on white."""
     palette = np.concatenate(
-        [segmentation_colours(n_parts), np.full((1, 3), 255, dtype=np.uint8)]
+        [segmentation_palette(n_parts), np.full((1, 3), 255, dtype=np.uint8)]
     )  # the last one is for NOTHING, which is index -1
     return np.asarray(palette[seen.part_ids])
 

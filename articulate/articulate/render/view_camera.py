@@ -13,7 +13,7 @@ MARGIN = 1.06
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class Viewpoint:
     """Where the camera stands."""
 
     lookat_w: tuple[float, float, float]
@@ -26,9 +26,9 @@ class View:
     """Direction of view over the horizon; negative looks down."""
 
 
-def fitted_view(
+def fit_viewpoint(
     points_w: Array, *, azimuth_deg: float, elevation_deg: float, fov_deg: float, aspect: float
-) -> View:
+) -> Viewpoint:
     """The view in a given direction that just shows all points, in the middle.
 
     Args:
@@ -51,7 +51,7 @@ def fitted_view(
     camera = min(d for _, d in spots)
     distance = MARGIN * (middle - camera)
     lookat = spots[0][0] * right + spots[1][0] * up + middle * ahead
-    return View(
+    return Viewpoint(
         lookat_w=(float(lookat[0]), float(lookat[1]), float(lookat[2])),
         distance_m=float(distance),
         azimuth_deg=azimuth_deg,

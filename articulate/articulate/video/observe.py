@@ -17,10 +17,10 @@ from typing import Any, Literal
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.render.joint_video import Clip
+from articulate.render.joint_video import Video
 from articulate.transforms import Array, normalised
 from articulate.video.moving_region import MovingPoints, moving_points
-from articulate.video.read_video import check_moves
+from articulate.video.read_video import check_motion
 from articulate.video.tracks import Tracking, follow_points
 
 FOCAL = 1.1
@@ -90,13 +90,13 @@ class Step:
     """Motion of each point (N, 2) [px]."""
 
 
-def watch(clip: Clip, source: str) -> Observation:
+def watch(clip: Video, source: str) -> Observation:
     """How the part that is operated moves.
 
     Raises:
         UsageError: Nothing moves, or too little of it can be followed.
     """
-    check_moves(clip.frames, source)
+    check_motion(clip.frames, source)
     height, width = clip.frames.shape[1:3]
     tracks = follow_points(clip.frames, Tracking(most_points=900, spacing_px=5, every=3))
     moving = moving_points(tracks, (width, height))

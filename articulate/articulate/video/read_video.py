@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.render.joint_video import Clip
+from articulate.render.joint_video import Video
 from articulate.render.raster import Pixels
 from articulate.suppress_output import suppress_output
 from articulate.transforms import Array
@@ -39,12 +39,12 @@ STILL = 1.5
 most, less what changes everywhere, 0 to 255."""
 
 
-class ClipError(UsageError):
+class VideoError(UsageError):
     """A clip that cannot be read or shows no motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
+class VideoReadOptions:
     """How a film is read."""
 
     longest_side_px: int = 0
@@ -53,39 +53,39 @@ class Reading:
     """Frames that are kept, evenly spread."""
 
 
-def read_clip(path: Path, reading: Reading | None = None) -> Clip:
+def read_video(path: Path, reading: VideoReadOptions | None = None) -> Video:
     """The film at ``path``, its frames in RGB.
 
     Raises:
         ClipError: It cannot be read, is empty, or has one frame only.
     """
-    reading = reading or Reading()
+    reading = reading or VideoReadOptions()
     try:
         size = path.stat().st_size if path.is_file() else None
     except OSError as error:
-        raise ClipError(f"{path}: cannot be read ({error.strerror}); give a film") from None
+        raise VideoError(f"{path}: cannot be read ({error.strerror}); give a film") from None
     if size is None:
-        raise ClipError(f"{path}: no such file; give a film, e.g. an .mp4")
+        raise VideoError(f"{path}: no such file; give a film, e.g. an .mp4")
     if size == 0:
-        raise ClipError(f"{path}: is empty; give a film of two frames or more")
+        raise VideoError(f"{path}: is empty; give a film of two frames or more")
     _check_kind(path)
     try:
         length, fps = _length(path)
         if length == 0:
-            raise ClipError(f"{path}: no frame can be read; H.264 in .mp4 can be")
+            raise VideoError(f"{path}: no frame can be read; H.264 in .mp4 can be")
         if length == 1:
-            raise ClipError(f"{path}: has one frame; motion needs two or more")
+            raise VideoError(f"{path}: has one frame; motion needs two or more")
         keep = np.linspace(0, length - 1, min(length, reading.most_frames)).round()
         keep = np.unique(keep.astype(int))
         frames = _frames(path, keep, reading.longest_side_px)
     except cv2.error as error:
         line = (str(error).strip().splitlines() or ["unknown fault"])[0]
-        raise ClipError(f"{path}: cannot be read as a film ({line})") from None
+        raise VideoError(f"{path}: cannot be read as a film ({line})") from None
     times: Array = keep / fps
-    return Clip(frames=frames, times_s=times)
+    return Video(frames=frames, times_s=times)
 
 
-def check_moves(frames: Pixels, source: str) -> None:
+def check_motion(frames: Pixels, source: str) -> None:
     """Refuse frames (T, H, W, 3) in which nothing moves.
 
     Raises:
@@ -96,7 +96,7 @@ def check_moves(frames: Pixels, source: str) -> None:
     spread = np.stack([np.abs(one - soft[0]).mean(axis=-1) for one in soft]).max(axis=0)
     top = np.sort(spread.reshape(-1))[-max(20, spread.size // 100) :]
     if float(top.mean() - np.median(spread)) < STILL:
-        raise ClipError(
+        raise VideoError(
             f"{source}: nothing moves (frames differ by {top.mean():.1f} of 255 where they differ "
             "most); give a film in which a part is operated"
         )
@@ -108,10 +108,10 @@ def _check_kind(path: Path) -> None:
         with path.open("rb") as stream:
             begin = stream.read(PACKETS[-1][-1] + 1)
     except OSError as error:
-        raise ClipError(f"{path}: cannot be read ({error.strerror})") from None
+        raise VideoError(f"{path}: cannot be read ({error.strerror})") from None
     packets = any(all(begin[at : at + 1] == b"\x47" for at in places) for places in PACKETS)
     if not packets and not any(begin[at : at + len(kind)] == kind for at, kind in KINDS):
-        raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
+        raise VideoError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
 
 
 @contextmanager
@@ -120,7 +120,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
         film = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
         try:
             if not film.isOpened():
-                raise ClipError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
+                raise VideoError(f"{path}: cannot be read as a film; H.264 in .mp4 can")
             yield film
         finally:
             film.release()
@@ -131,7 +131,7 @@ def _length(path: Path) -> tuple[int, float]:
     with _opened(path) as film:
         width, height = film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)
         if width * height > MOST_PIXELS:
-            raise ClipError(
+            raise VideoError(
                 f"{path}: frames of {width:.0f}x{height:.0f} px; at most 4096x4096 are read"
             )
         fps = film.get(cv2.CAP_PROP_FPS)
@@ -141,7 +141,7 @@ def _length(path: Path) -> tuple[int, float]:
         while film.grab():
             length += 1
             if length > LONGEST:
-                raise ClipError(
+                raise VideoError(
                     f"{path}: has more than {LONGEST} frames; give the piece of it in which the "
                     "part is operated"
                 )
@@ -166,12 +166,12 @@ def _frames(path: Path, keep: np.ndarray, longest_px: int) -> Pixels:
             frames.append(_smaller(cv2.cvtColor(frame, cv2.COLOR_BGR2RGB), longest_px))
             if frames[0].nbytes * len(keep) > MOST_BYTES:
                 height, width = frames[0].shape[:2]
-                raise ClipError(
+                raise VideoError(
                     f"{path}: {len(keep)} frames of {width}x{height} px take "
                     f"{frames[0].nbytes * len(keep) / 1e9:.1f} GB; give a film of smaller frames"
                 )
     if len(frames) != len(keep) or len({frame.shape for frame in frames}) != 1:
-        raise ClipError(f"{path}: frames cannot be read twice alike; give H.264 in .mp4")
+        raise VideoError(f"{path}: frames cannot be read twice alike; give H.264 in .mp4")
     return np.stack(frames)
 
 

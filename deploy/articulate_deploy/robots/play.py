@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from articulate.render.canvas import Canvas, Pixels
-from articulate.render.encode_video import write_clip
-from articulate.render.playback import Play
-from articulate.render.view_camera import View, fitted_view
+from articulate.render.encode_video import write_video
+from articulate.render.playback import EpisodePlayback
+from articulate.render.view_camera import Viewpoint, fit_viewpoint
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import FIELDS
 from articulate.transforms import Array
@@ -49,7 +49,7 @@ class _Seen(MujocoRobot):
         return self._model
 
 
-def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool) -> Play:
+def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool) -> EpisodePlayback:
     """Let the policy of the bundle at ``path`` act for one episode.
 
     Args:
@@ -68,38 +68,38 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
     drawn, noise = plan.draw(episode), plan.noise(episode)
     robot, recording = _Seen(bundle), Recording()
     with robot:
-        robot.set_draw(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
-        robot.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
+        robot.set_episode_params(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
+        robot.reset_to(start_of(manifest, drawn), manifest.start.gripper_width_m)
         estimator = TruthEstimator(robot, plan.config, manifest.task, drawn, noise)
         result = run_episode(
             Policy(bundle),
             robot,
             estimator,
             manifest,
-            delay_ticks=int(drawn["delay_ticks"][0]),
+            delay_steps=int(drawn["delay_steps"][0]),
             recording=recording,
         )
         model = _as_seen(bundle, robot.model)
     arrays, qpos = recording.arrays(), np.stack(robot.qpos)
-    tick_s = manifest.control.follow.tick_s
+    step_s = manifest.control.step_s
 
-    def film(file: Path) -> Path:
-        return write_clip(file, _frames(model, qpos), SIZE, round(1.0 / tick_s))
+    def write_clip(file: Path) -> Path:
+        return write_video(file, _frames(model, qpos), SIZE, round(1.0 / step_s))
 
     task = manifest.task
     column = {name: k for k, name in enumerate(FIELDS)}
-    return Play(
+    return EpisodePlayback(
         title=f"{task.name} of {manifest.object.name} ({task.joint})",
         reason=result.reason,
         model=model,
         qpos=qpos,
-        tick_s=tick_s,
-        series={
+        step_s=step_s,
+        curves={
             "opened": arrays["part_open"],
             "force_n": arrays["judgement"][:, column["force"]],
             "part_speed": arrays["part_speed"],
         },
-        film=film,
+        write_video=write_clip,
     )
 
 
@@ -155,7 +155,7 @@ def _frames(model: mujoco.MjModel, qpos: Array) -> Iterator[Pixels]:
         canvas.close()
 
 
-def _view(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> View:
+def _view(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> Viewpoint:
     """From the front and above, so that every moving shape is in the picture."""
     points = []
     for q in qpos[:: max(1, len(qpos) // 5)]:
@@ -163,7 +163,7 @@ def _view(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> View:
         for i in np.flatnonzero(model.geom_bodyid != 0):
             corners = model.geom_aabb[i, :3] + model.geom_aabb[i, 3:] * CORNERS
             points.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
-    return fitted_view(
+    return fit_viewpoint(
         np.concatenate(points),
         azimuth_deg=AZIMUTH_DEG,
         elevation_deg=ELEVATION_DEG,

@@ -179,7 +179,7 @@ def test_there_is_one_clip_for_each_joint_and_it_shows_that_joint_from_end_to_en
     assert drawer.video.shape == (8, 120, 160, 3)
     assert np.array_equal(drawer.video[0], at_rest)  # it begins closed
     assert not np.array_equal(drawer.video[-1], at_rest)
-    door = cases[1].evidence.clip
+    door = cases[1].evidence.video
     assert door is not None
     assert np.array_equal(door[0], at_rest)  # its range ends at 0
 
@@ -222,7 +222,7 @@ def test_noisy_pictures_differ_but_show_the_same(subject):
     plain = next(iter(cases_of(subject, settings(modality="image")))).evidence.image
     noisy = next(
         iter(cases_of(subject, settings(modality="image", condition="noisy")))
-    ).evidence.picture
+    ).evidence.image
     assert plain is not None
     assert noisy is not None
     difference = np.abs(plain.astype(float) - noisy.astype(float))

@@ -24,12 +24,14 @@ def held(kind="revolute"):
     return {"lid": lid, "foot": PredictedJoint(part="foot", parent="box", kind="fixed")}
 
 
-def refused(*clauses):
-    return CheckReport(asset="box", verdict="refused", reasons=("it grazes",), clauses=clauses)
+def refused(*checks):
+    return CheckReport(asset="box", verdict="rejected", reasons=("it grazes",), checks=checks)
 
 
 def grazes(depth_m, part="lid"):
-    return Check(name="sweep_authored", outcome="failed", subject=f"{part}_joint", measured=depth_m)
+    return Check(
+        name="authored_overlap", outcome="failed", subject=f"{part}_joint", measured=depth_m
+    )
 
 
 class RepairSession:
@@ -42,7 +44,7 @@ class RepairSession:
         self.pivots.append(joints["lid"].pivot_o)
         off = float(np.linalg.norm(np.subtract(joints["lid"].pivot_o, FREE)))
         return (
-            CheckReport(asset="box", verdict="proven")
+            CheckReport(asset="box", verdict="passed")
             if off < self.reach_m
             else refused(grazes(off))
         )
@@ -75,28 +77,28 @@ def test_it_is_given_up_within_half_a_per_cent():
 def test_what_nothing_helps_is_tried_in_four_directions_alone():
     asked = []
 
-    def prove(joints):
+    def run_checks(joints):
         asked.append(joints)
         return refused(grazes(1.0))
 
-    assert relieved(held(), refused(grazes(0.01)), prove, SIZE_M) is None
+    assert relieved(held(), refused(grazes(0.01)), run_checks, SIZE_M) is None
     assert len(asked) == 4
 
 
 @pytest.mark.parametrize(
-    ("kind", "proof"),
+    ("kind", "check_report"),
     [
         ("prismatic", refused(grazes(0.01))),
         ("revolute", refused(grazes(0.01, part="drawer"))),
         ("revolute", refused()),
-        ("revolute", refused(grazes(0.01), Check(name="open", outcome="failed", subject="x"))),
+        ("revolute", refused(grazes(0.01), Check(name="opening", outcome="failed", subject="x"))),
     ],
 )
-def test_nothing_else_is_tried(kind, proof):
-    def prove(joints):
+def test_nothing_else_is_tried(kind, check_report):
+    def run_checks(joints):
         raise AssertionError
 
-    assert relieved(held(kind), proof, prove, SIZE_M) is None
+    assert relieved(held(kind), check_report, run_checks, SIZE_M) is None
 
 
 def test_depths_are_by_part():
@@ -109,19 +111,19 @@ def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_pat
     said = held()
     asked = []
 
-    def proof(self, source, work):
+    def check_report(self, source, work):
         asked.append((source, work.name))
         moved = source != str(said["lid"].pivot_o)
         return (
-            CheckReport(asset="box", verdict="proven") if moved and helps else refused(grazes(0.01))
+            CheckReport(asset="box", verdict="passed") if moved and helps else refused(grazes(0.01))
         )
 
-    monkeypatch.setattr(_Bench, "proof", proof)
+    monkeypatch.setattr(_Bench, "proof", check_report)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]])
     given = types.SimpleNamespace(meshes=[plain_part("lid", corners, np.array([[0, 1, 2]]))])
     bench = _Bench(given=given, order=None, actor="me")  # type: ignore[arg-type]  # all it asks for
     found, told_ = bench.eased(said, lambda joints: str(joints["lid"].pivot_o), tmp_path)
-    assert told_.verdict == ("proven" if helps else "refused")
+    assert told_.verdict == ("passed" if helps else "rejected")
     assert (found is said) is not helps
     places = [place for _, place in asked]
     trials = ["trial", tmp_path.name] if helps else ["trial"] * 4

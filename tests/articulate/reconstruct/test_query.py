@@ -17,7 +17,7 @@ from articulate.reconstruct.query import (
     video_question,
 )
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import Clip, write_clip
+from articulate.render.joint_video import Video, write_video
 
 
 def frames(moving):
@@ -29,7 +29,7 @@ def frames(moving):
 
 
 def clip(path, pictures):
-    return write_clip(path, Clip(frames=pictures, times_s=np.arange(len(pictures)) / 24.0))
+    return write_video(path, Video(frames=pictures, times_s=np.arange(len(pictures)) / 24.0))
 
 
 def test_a_clip_keeps_its_frames_and_size(tmp_path):
@@ -50,8 +50,8 @@ def test_clips_that_show_nothing_are_refused(tmp_path, error_line):
 def test_a_picture_is_read_in_rgb(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), frames(moving=True)[0][..., ::-1])
     question = image_question(tmp_path / "a.png")
-    assert question.picture is not None
-    assert question.picture[40, 20].tolist() == [200, 30, 30]
+    assert question.image is not None
+    assert question.image[40, 20].tolist() == [200, 30, 30]
 
 
 def test_pictures_without_an_object_are_refused(tmp_path, error_line):

@@ -41,7 +41,7 @@ def test_without_rerun_there_is_no_recording(tmp_path, monkeypatch):
 def test_a_recording_holds_the_parts_the_clip_and_the_trace(tmp_path):
     pytest.importorskip("rerun")
     clip = np.zeros((3, 8, 8, 3), np.uint8)
-    asked = Query(modality="video", told="a clip", clip=clip, times_s=np.arange(3) / 24.0)
+    asked = Query(modality="video", told="a clip", video=clip, times_s=np.arange(3) / 24.0)
     assert write_recording(tmp_path / "a.rrd", story(asked))
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
     content = (tmp_path / "a.rrd").read_bytes()

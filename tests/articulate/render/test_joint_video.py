@@ -9,12 +9,12 @@ import pytest
 from articulate.render.camera import look_at, pinhole
 from articulate.render.joint_video import (
     FULL_TURN_RAD,
-    Clip,
-    film,
+    Video,
     poses_of_parts,
-    sweep,
-    thinned,
-    write_clip,
+    render_video,
+    subsample,
+    sweep_positions,
+    write_video,
 )
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
@@ -26,32 +26,32 @@ from articulate.transforms import pose
     [((0.0, 1.5), (0.0, 1.5)), ((-0.4, 0.6), (0.6, -0.4)), ((-1.0, 0.0), (0.0, -1.0))],
 )
 def test_a_sweep_goes_from_end_to_end_and_begins_as_the_released_code_does(limits, ends):
-    q = sweep(limits[0], limits[1], 50)
+    q = sweep_positions(limits[0], limits[1], 50)
     assert (q[0], q[-1], len(q)) == (*ends, 50)
     assert np.allclose(np.diff(q), np.diff(q)[0])
 
 
 def test_a_joint_without_limits_turns_by_more_than_a_whole_turn():
-    q = sweep(None, None, 30)
+    q = sweep_positions(None, None, 30)
     assert q[-1] - q[0] == pytest.approx(FULL_TURN_RAD)
     assert pytest.approx(2.0 * np.pi + 0.5) == FULL_TURN_RAD
 
 
 def test_one_limit_alone_is_refused(error_line):
-    error_line("sweep(0.0, None, 10)", lambda: sweep(0.0, None, 10))
+    error_line("sweep(0.0, None, 10)", lambda: sweep_positions(0.0, None, 10))
 
 
 def test_a_clip_of_one_frame_is_refused(error_line):
-    error_line("sweep(0.0, 1.0, 1)", lambda: sweep(0.0, 1.0, 1))
+    error_line("sweep(0.0, 1.0, 1)", lambda: sweep_positions(0.0, 1.0, 1))
 
 
-def sliding_square() -> Clip:
+def sliding_square() -> Video:
     corners = np.array([[0, -0.2, -0.2], [0, 0.2, -0.2], [0, 0.2, 0.2], [0, -0.2, 0.2]])
     scene = PartScene([plain_part("a", corners, np.array([[0, 1, 2], [0, 2, 3]]), (1, 0, 0))])
     camera = pinhole(width_px=65, height_px=48, fovy_rad=0.9, T_wc=look_at((2, 0, 0), (0, 0, 0)))
     ways = np.zeros((12, 3))
     ways[:, 1] = np.linspace(-0.5, 0.5, 12)
-    return film(scene, camera, poses_of_parts(1, [0], pose(ways)), fps=12.0)
+    return render_video(scene, camera, poses_of_parts(1, [0], pose(ways)), fps=12.0)
 
 
 def test_a_film_shows_the_part_where_it_is_at_each_time():
@@ -64,7 +64,7 @@ def test_a_film_shows_the_part_where_it_is_at_each_time():
 @pytest.mark.parametrize("suffix", [".mp4", ".webm"])
 def test_a_clip_is_read_back_as_it_was_written(tmp_path, suffix):
     clip = sliding_square()
-    path = write_clip(tmp_path / f"clip{suffix}", clip)
+    path = write_video(tmp_path / f"clip{suffix}", clip)
     reader, frames = cv2.VideoCapture(str(path)), []
     while (read := reader.read())[0]:
         frames.append(read[1][..., ::-1])
@@ -76,10 +76,10 @@ def test_a_clip_is_read_back_as_it_was_written(tmp_path, suffix):
 
 
 def test_a_clip_of_another_format_is_refused(error_line):
-    error_line('write_clip("clip.gif")', lambda: write_clip(Path("clip.gif"), sliding_square()))
+    error_line('write_clip("clip.gif")', lambda: write_video(Path("clip.gif"), sliding_square()))
 
 
 def test_a_thinned_clip_keeps_its_ends():
-    thin = thinned(sliding_square(), 4)
+    thin = subsample(sliding_square(), 4)
     assert len(thin.frames) == 4
     assert (thin.times_s[0], thin.times_s[-1]) == (0.0, pytest.approx(11.0 / 12.0))

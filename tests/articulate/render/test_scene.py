@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.canvas import open_context
 from articulate.render.parts import PartMesh, plain_part
-from articulate.render.scene import PartScene, segmentation_colours, segmentation_picture
+from articulate.render.scene import PartScene, segmentation_image, segmentation_palette
 from articulate.simulator import mujoco
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -34,7 +34,7 @@ def camera(n: int = 21) -> Camera:
 
 
 def test_a_wall_covers_the_pixels_that_its_size_says_at_its_depth():
-    seen = PartScene([wall("a", 2.0, 1.0)]).see(camera(20))
+    seen = PartScene([wall("a", 2.0, 1.0)]).rasterize(camera(20))
     covered = seen.part_ids == 0
     rows = np.flatnonzero(covered.any(axis=1))
     assert (rows[0], rows[-1]) == (5, 14)  # half of the picture
@@ -46,7 +46,7 @@ def test_a_wall_covers_the_pixels_that_its_size_says_at_its_depth():
 def test_a_slanted_face_has_the_depth_of_its_plane():
     part = plain_part("a", np.array([[1, 2, -2], [3, -2, -2], [3, -2, 2], [1, 2, 2.0]]), QUAD)
     view = camera(41)
-    seen = PartScene([part]).see(view)
+    seen = PartScene([part]).rasterize(view)
     v, u = np.nonzero(seen.part_ids == 0)
     points = view.unproject(np.stack([u, v], axis=-1), seen.depth_m[v, u])
     assert len(v) > 300
@@ -55,8 +55,8 @@ def test_a_slanted_face_has_the_depth_of_its_plane():
 
 def test_the_nearer_part_hides_the_farther_whatever_their_order():
     near, far = wall("near", 1.0, 0.3), wall("far", 2.0, 1.5)
-    one = PartScene([near, far]).see(camera())
-    other = PartScene([far, near]).see(camera())
+    one = PartScene([near, far]).rasterize(camera())
+    other = PartScene([far, near]).rasterize(camera())
     assert one.part_ids[10, 10] == 0
     assert one.part_ids[4, 4] == 1
     assert np.array_equal(one.depth_m, other.depth_m)
@@ -69,14 +69,14 @@ def test_neighbouring_faces_leave_no_crack():
     faces = Delaunay(corners).simplices
     part = plain_part("a", np.column_stack([np.full(len(corners), 1.5), corners]), faces)
     view = pinhole(width_px=401, height_px=401, fovy_rad=1.0, T_wc=look_at((0, 0, 0), (1, 0, 0)))
-    assert (PartScene([part]).see(view).part_ids == 0).all()
+    assert (PartScene([part]).rasterize(view).part_ids == 0).all()
 
 
 def test_a_floor_that_reaches_behind_the_camera_is_cut_not_lost():
     floor = plain_part(
         "floor", np.array([[-5, -50, -1], [50, -50, -1], [50, 50, -1], [-5, 50, -1.0]]), QUAD
     )
-    seen = PartScene([floor]).see(camera(40))
+    seen = PartScene([floor]).rasterize(camera(40))
     assert (seen.part_ids[20 + 2 :] == 0).all()
     assert (seen.part_ids[:20] == -1).all()
     assert seen.depth_m[39, 20] == pytest.approx(1.0 / np.tan(np.arctan(19.5 / 20)), rel=1e-5)
@@ -85,7 +85,7 @@ def test_a_floor_that_reaches_behind_the_camera_is_cut_not_lost():
 def test_poses_move_parts_in_the_scene():
     scene = PartScene([wall("a", 2.0, 0.5), wall("b", 3.0, 0.2)])
     poses = np.stack([pose([1.0, 0.0, 0.0]), np.eye(4)])
-    assert scene.see(camera(), poses).depth_m[10, 10] == pytest.approx(3.0)
+    assert scene.rasterize(camera(), poses).depth_m[10, 10] == pytest.approx(3.0)
 
 
 def test_a_part_drawn_onto_the_rest_is_as_if_all_were_drawn_at_once():
@@ -93,28 +93,28 @@ def test_a_part_drawn_onto_the_rest_is_as_if_all_were_drawn_at_once():
     scene = PartScene(parts)
     turn = pose([0.1, 0.2, 0.0], axis_angle_to_matrix([0.0, 0.0, 1.0], 0.2))
     poses = np.stack([np.eye(4), turn])
-    rest = scene.see(camera(61), only=[0])
+    rest = scene.rasterize(camera(61), only=[0])
     before = rest.part_ids.copy()
-    seen = scene.see(camera(61), poses, only=[1], onto=rest)
-    whole = scene.see(camera(61), poses)
+    seen = scene.rasterize(camera(61), poses, only=[1], onto=rest)
+    whole = scene.rasterize(camera(61), poses)
     assert np.array_equal(seen.part_ids, whole.part_ids)
     assert np.array_equal(seen.inverse_depth, whole.inverse_depth)
     assert np.array_equal(rest.part_ids, before)
 
 
 def test_each_part_has_a_colour_of_its_own_on_white():
-    colours = segmentation_colours(12)
+    colours = segmentation_palette(12)
     assert len(np.unique(colours, axis=0)) == 12
     scene = PartScene([wall("near", 1.0, 0.3), wall("far", 2.0, 1.5)])
-    picture = segmentation_picture(scene.see(camera()), 2)
-    assert picture[10, 10].tolist() == segmentation_colours(2)[0].tolist()
-    assert picture[4, 4].tolist() == segmentation_colours(2)[1].tolist()
+    picture = segmentation_image(scene.rasterize(camera()), 2)
+    assert picture[10, 10].tolist() == segmentation_palette(2)[0].tolist()
+    assert picture[4, 4].tolist() == segmentation_palette(2)[1].tolist()
     assert picture[0, 0].tolist() == [255, 255, 255]
 
 
 def test_a_face_shows_its_albedo_under_full_light_and_edges_are_smooth():
     scene = PartScene([wall("a", 2.0, 1.1, (0.5, 0.25, 1.0))])
-    picture = scene.picture(camera())
+    picture = scene.render_image(camera())
     middle = picture[10, 10].astype(float)
     assert middle[0] / middle[2] == pytest.approx(0.5, abs=0.02)
     assert middle[1] / middle[2] == pytest.approx(0.25, abs=0.02)
@@ -135,7 +135,7 @@ def test_a_texture_is_read_where_its_coordinates_say():
         uv=corner_uv[plain.faces],
         texture=texture,
     )
-    picture = PartScene([part]).picture(camera(), samples=1).astype(int)
+    picture = PartScene([part]).render_image(camera(), samples=1).astype(int)
     # +y is left in the picture, and u = 0 there; v = 1 is above.
     for (row, column), channel in (
         ((4, 4), [0]),
@@ -186,7 +186,7 @@ def test_mujoco_sees_the_same_depth():
     view = pinhole(
         width_px=160, height_px=120, fovy_rad=0.8, T_wc=look_at((1.6, 1.1, 1.2), (0, 0, 0.3))
     )
-    mine = PartScene([box("a", low, high)]).see(view).depth_m
+    mine = PartScene([box("a", low, high)]).rasterize(view).depth_m
     R_wc = view.T_wc[:3, :3]
     size = " ".join(map(str, 0.5 * (high - low)))
     pos = " ".join(map(str, 0.5 * (high + low)))

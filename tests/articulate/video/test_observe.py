@@ -8,7 +8,7 @@ import pytest
 
 from articulate.commands.observe import main
 from articulate.errors import UsageError
-from articulate.render.joint_video import Clip, write_clip
+from articulate.render.joint_video import Video, write_video
 from articulate.video.observe import watch
 
 SIDE = 240
@@ -34,7 +34,7 @@ def filmed(pose_of, n_frames=24):
         drawn = cv2.warpPerspective(patch, H, (SIDE, SIDE))
         mask = cv2.warpPerspective(np.full((160, 160), 255, np.uint8), H, (SIDE, SIDE))
         frames.append(np.where(mask[..., None] > 127, drawn, wall))
-    return Clip(frames=np.stack(frames), times_s=np.arange(n_frames) / 20.0)
+    return Video(frames=np.stack(frames), times_s=np.arange(n_frames) / 20.0)
 
 
 def hinged(square, share):
@@ -67,7 +67,7 @@ def test_a_clip_in_which_nothing_moves_is_refused():
 
 
 def test_the_command_prints_what_was_seen(tmp_path, capsys):
-    path = write_clip(
+    path = write_video(
         tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
     )
     assert main([str(path)]) == 0
@@ -75,7 +75,7 @@ def test_the_command_prints_what_was_seen(tmp_path, capsys):
 
 
 def test_a_kind_next_to_the_border_is_doubtful_and_exits_3(tmp_path, capsys, monkeypatch):
-    path = write_clip(
+    path = write_video(
         tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
     )
     assert main([str(path), "--json"]) == 0

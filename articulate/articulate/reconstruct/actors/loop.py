@@ -12,14 +12,14 @@ from typing import Protocol
 
 from articulate.reconstruct.actors.protocol import (
     GOOD_ENOUGH,
-    Attempt,
+    ActorAttempt,
     Critic,
     Evidence,
     Prediction,
     TraceStep,
 )
 
-MAX_TURNS = 3
+MAX_ITERATIONS = 3
 
 
 class Proposer(Protocol):
@@ -30,10 +30,10 @@ class Proposer(Protocol):
         """Name in reports."""
         ...
 
-    def propose(self, evidence: Evidence, attempts: Sequence[Attempt]) -> Prediction:
+    def propose(self, evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Prediction:
         """What to say next, given every earlier attempt with its verdict.
 
-        A prediction with a ``refusal`` ends the loop: there is nothing more to propose.
+        A prediction with a ``rejection`` ends the loop: there is nothing more to propose.
         """
         ...
 
@@ -45,7 +45,7 @@ class Loop:
     proposer: Proposer
     critic: Critic | None
     """None: the first proposal is the answer."""
-    max_turns: int = MAX_TURNS
+    max_iterations: int = MAX_ITERATIONS
     """Most proposals."""
     prepare: Callable[[Evidence], tuple[Evidence, tuple[TraceStep, ...]]] | None = None
     """What is done with the evidence before the first proposal, and what is told of it."""
@@ -68,7 +68,7 @@ class Loop:
             evidence, steps = self.prepare(evidence)
         kept = self._best(evidence)
         kept = replace(kept, trace=(*steps, *kept.trace))
-        while self.rest is not None and self.critic is not None and not kept.refusal:
+        while self.rest is not None and self.critic is not None and not kept.rejection:
             left = self.rest(evidence, kept)
             if left is None:
                 break
@@ -77,29 +77,29 @@ class Loop:
             new = tuple(joint for joint in more.joints if joint.part not in known)
             trace, calls = (*kept.trace, *more.trace), kept.calls + more.calls
             kept = replace(kept, trace=trace, calls=calls)
-            if more.refusal or not new or _rating(more) <= GOOD_ENOUGH:
+            if more.rejection or not new or _rating(more) <= GOOD_ENOUGH:
                 break
             kept = replace(kept, joints=(*kept.joints, *new))
         return kept
 
     def _best(self, evidence: Evidence) -> Prediction:
         """The proposal that the critic rated best."""
-        attempts: list[Attempt] = []
+        attempts: list[ActorAttempt] = []
         trace: list[TraceStep] = []
         kept: Prediction | None = None
         calls = 0
-        for turn in range(max(1, self.max_turns if self.critic else 1)):
+        for turn in range(max(1, self.max_iterations if self.critic else 1)):
             start = time.monotonic()
             proposal = self.proposer.propose(evidence, attempts)
             trace += proposal.trace
             calls += proposal.calls
-            if proposal.refusal:
+            if proposal.rejection:
                 kept = kept or proposal
                 break
             judged = self._judged(evidence, proposal)
             seconds = time.monotonic() - start
             attempts.append(
-                Attempt(joints=proposal.joints, verdict=judged.verdict, seconds=seconds)
+                ActorAttempt(joints=proposal.joints, verdict=judged.verdict, seconds=seconds)
             )
             if judged.verdict is not None:
                 trace += [*judged.verdict.trace, _step(turn, judged)]
@@ -114,7 +114,7 @@ class Loop:
     def _judged(self, evidence: Evidence, proposal: Prediction) -> Prediction:
         if self.critic is None:
             return proposal
-        verdict = self.critic.judge(evidence, proposal)
+        verdict = self.critic.assess(evidence, proposal)
         return replace(proposal, verdict=verdict, rating=verdict.rating)
 
 
@@ -129,5 +129,5 @@ def _step(turn: int, judged: Prediction) -> TraceStep:
         title=f"turn {turn + 1}: {verdict.failure}, rated {verdict.rating:.1f}",
         text=verdict.reason,
         figures=verdict.figures,
-        pictures=verdict.pictures,
+        images=verdict.images,
     )

@@ -60,11 +60,11 @@ class Evidence:
     """What parts are, by their name ("drawer", "door 2"); empty where the modality says nothing."""
     placed: bool = True
     """Whether the parts are where they belong."""
-    clip: Pixels | None = None
+    video: Pixels | None = None
     """Frames (T, H, W, 3) in which something moves; None without video."""
     times_s: Array | None = None
     """Time of each frame (T,) [s]."""
-    picture: Pixels | None = None
+    image: Pixels | None = None
     """One picture of the object (H, W, 3); None without one."""
     camera: Camera | None = None
     """Camera of the clip or picture, in the frame ``o``; None if it must be estimated."""
@@ -128,7 +128,7 @@ class Verdict:
     """One sentence: what was seen."""
     figures: Mapping[str, float] = field(default_factory=dict)
     """What was measured, by name with unit."""
-    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    images: Mapping[str, bytes] = field(default_factory=dict)
     """Evidence by caption, as WebP or PNG."""
     trace: tuple[TraceStep, ...] = ()
     """How it came about."""
@@ -137,7 +137,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Attempt:
+class ActorAttempt:
     """One turn of the loop: what was proposed and what the critic said."""
 
     joints: tuple[PredictedJoint, ...]
@@ -154,7 +154,7 @@ class TraceStep:
     title: str
     text: str = ""
     figures: Mapping[str, float] = field(default_factory=dict)
-    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    images: Mapping[str, bytes] = field(default_factory=dict)
     """By caption, as WebP or PNG."""
     seconds: float = 0.0
 
@@ -172,13 +172,13 @@ class Prediction:
     """The critic's rating of what is said, 0 to 10; None without a critic."""
     verdict: Verdict | None = None
     """The critic's whole verdict; None without a critic."""
-    attempts: tuple[Attempt, ...] = ()
+    attempts: tuple[ActorAttempt, ...] = ()
     """Every turn in order; what stands in ``joints`` is the one the actor's own critic kept."""
     trace: tuple[TraceStep, ...] = ()
     """How it came about."""
     calls: int = 0
     """Calls of models over a network."""
-    refusal: str = ""
+    rejection: str = ""
     """Why nothing is said, one sentence; empty where something is."""
     program: str = ""
     """Source in the language of :mod:`articulate.reconstruct.program`, where the actor wrote one."""
@@ -205,6 +205,6 @@ class Critic(Protocol):
         """Name in reports."""
         ...
 
-    def judge(self, evidence: Evidence, prediction: Prediction) -> Verdict:
+    def assess(self, evidence: Evidence, prediction: Prediction) -> Verdict:
         """What is wrong with the prediction, if anything is."""
         ...

@@ -11,7 +11,8 @@ import numpy as np
 from articulate.errors import AssetError
 from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import build_parts, unit_axis
-from articulate.formats.read_urdf import SourceJoint, SourceObject, read_urdf
+from articulate.formats.read_urdf import read_urdf
+from articulate.formats.source_object import SourceJoint, SourceObject
 from articulate.reconstruct.program.language import MAX_NUMBER, MAX_SOURCE, MAX_TEXT
 from articulate.transforms import Array, matrix_to_rpy
 

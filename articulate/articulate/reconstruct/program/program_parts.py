@@ -17,8 +17,9 @@ from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import Part as Body
 from articulate.formats.load_meshes import GREY, Loader, Piece, joined
 from articulate.formats.mesh_file import FORMATS, read_mesh
-from articulate.formats.read_urdf import SourceObject, read_urdf
+from articulate.formats.read_urdf import read_urdf
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceObject
 from articulate.reconstruct.program.contact_distance import Hull, hull_of
 from articulate.transforms import Array
 

@@ -29,7 +29,7 @@ class Scripted:
     def propose(self, evidence, attempts):
         self.told.append([a.verdict.failure for a in attempts])
         if len(attempts) >= len(self.names):
-            return Prediction(joints=(), refusal="nothing more to propose")
+            return Prediction(joints=(), rejection="nothing more to propose")
         return Prediction(joints=(joint(self.names[len(attempts)]),))
 
 
@@ -40,7 +40,7 @@ class Rated:
     ratings: dict
     name: str = "rated"
 
-    def judge(self, evidence, prediction):
+    def assess(self, evidence, prediction):
         rating = self.ratings[prediction.joints[0].part]
         failure = "success" if rating > 5.0 else "joint_axis"
         return Verdict(failure=failure, rating=rating)  # type: ignore[arg-type]
@@ -62,7 +62,7 @@ def test_loop_stops_as_soon_as_the_critic_rates_above_five():
 
 
 def test_a_rating_of_exactly_five_goes_on():
-    found, _ = run(["a", "b"], {"a": 5.0, "b": 6.0}, max_turns=2)
+    found, _ = run(["a", "b"], {"a": 5.0, "b": 6.0}, max_iterations=2)
     assert found.joints[0].part == "b"
 
 
@@ -86,19 +86,19 @@ def test_the_proposer_is_told_every_earlier_verdict():
 def test_a_refusal_ends_the_loop_and_what_was_best_stays():
     found, _ = run(["a"], {"a": 1.0})
     assert found.joints[0].part == "a"
-    assert found.refusal == ""
+    assert found.rejection == ""
     assert len(found.attempts) == 1
 
 
 def test_a_refusal_at_once_is_the_answer():
     found, _ = run([], {})
-    assert found.refusal == "nothing more to propose"
+    assert found.rejection == "nothing more to propose"
     assert found.attempts == ()
 
 
 @pytest.mark.parametrize("turns", [1, 3])
 def test_without_a_critic_the_first_proposal_is_the_answer(turns):
-    found = Loop(proposer=Scripted(["a", "b"]), critic=None, max_turns=turns).predict(EVIDENCE)
+    found = Loop(proposer=Scripted(["a", "b"]), critic=None, max_iterations=turns).predict(EVIDENCE)
     assert found.joints[0].part == "a"
     assert found.rating is None
     assert len(found.attempts) == 1
@@ -121,14 +121,14 @@ class Calling:
     def propose(self, evidence, attempts):
         return Prediction(joints=(joint("a"),), calls=2)
 
-    def judge(self, evidence, prediction):
+    def assess(self, evidence, prediction):
         asked = (TraceStep(title="the critic asks"),)
         return Verdict(failure="joint_axis", rating=1.0, calls=1, trace=asked)
 
 
 def test_calls_of_all_turns_and_both_sides_are_added_up():
     both = Calling()
-    found = Loop(proposer=both, critic=both, max_turns=3).predict(EVIDENCE)
+    found = Loop(proposer=both, critic=both, max_iterations=3).predict(EVIDENCE)
     assert found.calls == 3 * (2 + 1)
     titles = [step.title.split(":")[0] for step in found.trace]
     assert titles[0::2] == ["the critic asks"] * 3
@@ -152,7 +152,7 @@ def sought_besides(ratings):
             return None
         return Evidence(modality="video", parts=(), text=names[names.index(evidence.text) + 1])
 
-    loop = Loop(proposer=InTurn(), critic=Rated(ratings), max_turns=1, rest=rest)
+    loop = Loop(proposer=InTurn(), critic=Rated(ratings), max_iterations=1, rest=rest)
     return loop.predict(Evidence(modality="video", parts=(), text="a"))
 
 

@@ -11,7 +11,7 @@ from tests.articulate.reconstruct.program import scenes
 
 from articulate.errors import AssetError, UsageError
 from articulate.geometry.presets import LARGE_HINGE, MASS_KG, SLIDE
-from articulate.preparation.prepare import check
+from articulate.preparation.prepare import check_asset
 from articulate.reconstruct.program.compile import link_plans, write_built
 from articulate.reconstruct.program.mass import inertial_of
 from articulate.reconstruct.program.materials import DEFAULT, MATERIALS, Material
@@ -188,9 +188,9 @@ def test_data_that_are_no_tree_are_refused(tmp_path):
 
 @pytest.mark.slow
 def test_check_asset_proves_what_a_program_makes(compiled, tmp_path):
-    proof = check(compiled, tmp_path / "asset")
-    assert proof.verdict in {"proven", "repaired"}, [
-        c for c in proof.clauses if c.outcome == "failed"
+    check_report = check_asset(compiled, tmp_path / "asset")
+    assert check_report.verdict in {"passed", "repaired"}, [
+        c for c in check_report.checks if c.outcome == "failed"
     ]
 
 

@@ -42,7 +42,7 @@ def outcome(source):
         return None, refused.violation.message
 
 
-def refusal(source):
+def rejection(source):
     with pytest.raises(Refused) as caught:
         run(source)
     return caught.value.violation
@@ -85,7 +85,7 @@ def test_arithmetic_agrees_with_python(expression):
     try:
         expected = eval(expression)
     except ZeroDivisionError:
-        assert "division by zero" in refusal(source).message or "number" in refusal(source).message
+        assert "division by zero" in rejection(source).message or "number" in rejection(source).message
         return
     found, message = outcome(source)
     if message is None:
@@ -154,7 +154,7 @@ def test_a_call_carries_defaults_and_its_place():
 
 
 def test_a_name_of_a_function_is_not_seen_outside():
-    assert "has no value here" in refusal("def f():\n    z = 1\n    return z\nf()\nx = z").message
+    assert "has no value here" in rejection("def f():\n    z = 1\n    return z\nf()\nx = z").message
 
 
 LIMITED = {
@@ -206,7 +206,7 @@ LIMITED = {
 
 @pytest.mark.parametrize("name", LIMITED)
 def test_values_that_grow_or_do_not_fit_are_refused_with_their_place(name):
-    found = refusal(LIMITED[name])
+    found = rejection(LIMITED[name])
     assert found.kind == "value"
     assert found.line >= 1 or name == "functions in a chain"
     assert "\n" not in found.message

@@ -267,7 +267,7 @@ def _spread(clip: Pixels, where: NDArray[np.bool_]) -> float:
 
 def calibrated(evidence: Evidence) -> tuple[Evidence, tuple[TraceStep, ...]]:
     """``evidence`` with its clip steadied and its camera refined, and what was done about them."""
-    clip, camera = evidence.clip, evidence.camera
+    clip, camera = evidence.video, evidence.camera
     if clip is None or camera is None or len(clip) < 2 or not evidence.parts or not evidence.placed:
         return evidence, ()
     start = time.monotonic()
@@ -290,4 +290,4 @@ def calibrated(evidence: Evidence) -> tuple[Evidence, tuple[TraceStep, ...]]:
         },
         seconds=time.monotonic() - start,
     )
-    return replace(evidence, clip=steady, camera=better), (step,)
+    return replace(evidence, video=steady, camera=better), (step,)

@@ -110,14 +110,14 @@ class VideoCritic:
     tracks: bool = True
     """Whether followed points are asked beside edges."""
 
-    def judge(self, evidence: Evidence, prediction: Prediction) -> Verdict:
+    def assess(self, evidence: Evidence, prediction: Prediction) -> Verdict:
         """What is wrong with the prediction, if anything is."""
-        if evidence.clip is None or evidence.camera is None:
+        if evidence.video is None or evidence.camera is None:
             return Verdict(failure="success", rating=NOTHING_SHOWS, reason="there is no clip")
         moving = [joint for joint in prediction.joints if joint.kind != "fixed"]
         if not moving:
             return Verdict(failure="joint_type", rating=0.0, reason="no joint is said to move")
-        scene = scene_of(evidence.clip, evidence.camera, evidence.parts)
+        scene = scene_of(evidence.video, evidence.camera, evidence.parts)
         if not scene.change.any():
             reason = "nothing changes in the clip that could tell"
             return Verdict(failure="success", rating=NOTHING_SHOWS, reason=reason)
@@ -126,13 +126,13 @@ class VideoCritic:
     def _tracks(self, scene: Scene, evidence: Evidence) -> PointTracks:
         """Points that are followed where something changes, or those that were handed in."""
         if not self.tracks:
-            n_frames = len(scene.clip)
+            n_frames = len(scene.video)
             nowhere = np.zeros((n_frames, 0), dtype=np.bool_)
             return PointTracks(uv=np.zeros((n_frames, 0, 2)), visible=nowhere)
         if evidence.tracks is not None:
             return PointTracks(uv=evidence.tracks.uv, visible=evidence.tracks.visible)
         near = cv2.dilate(scene.change.astype(np.uint8), np.ones((9, 9))).astype(np.bool_)
-        return follow_points(scene.clip, mask=near)
+        return follow_points(scene.video, mask=near)
 
 
 def _judged(
@@ -166,7 +166,7 @@ def _judged(
         rating=rating,
         reason=_reason(failure, witness),
         figures={k: v for k, v in figures.items() if np.isfinite(v)},
-        pictures={"clip above, prediction below": picture},
+        images={"clip above, prediction below": picture},
     )
 
 

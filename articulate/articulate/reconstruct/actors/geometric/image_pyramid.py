@@ -40,7 +40,7 @@ MOST_FRAMES = 40
 class Scene:
     """A clip and the object in it."""
 
-    clip: Pixels
+    video: Pixels
     camera: Camera
     parts: tuple[PartMesh, ...]
     change: NDArray[np.bool_]
@@ -56,8 +56,8 @@ class Scene:
         """The region in which something changes."""
         if frames is None:
             n_frames = max(n_frames, min(MOST_FRAMES, self._affordable(most_px, n_frames)))
-            frames = np.unique(np.linspace(0, len(self.clip) - 1, n_frames).round().astype(int))
-        shot = shot_of(self.clip, self.camera, frames, self.box, most_px)
+            frames = np.unique(np.linspace(0, len(self.video) - 1, n_frames).round().astype(int))
+        shot = shot_of(self.video, self.camera, frames, self.box, most_px)
         left, right, top, bottom = self.box
         height, width = shot.size
         piece = cv2.resize(

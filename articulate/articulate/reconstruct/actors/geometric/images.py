@@ -18,7 +18,7 @@ SHOWN = 5
 
 def compared(scene: Scene, fit: Fit) -> bytes:
     """A PNG: some frames of the clip, and under each what is expected there."""
-    frames = np.unique(np.linspace(0, len(scene.clip) - 1, SHOWN).round().astype(int))
+    frames = np.unique(np.linspace(0, len(scene.video) - 1, SHOWN).round().astype(int))
     look = scene.look(SHOWN_PX, 0, frames)
     layers = look.layers(fit.parts)
     return rows_of(layers, fit.motion.T_o(fit.q[frames]))

@@ -278,7 +278,7 @@ def _posed(scene: Scene, fit: Fit, frames: Ints, level: Level, x: Array) -> Pose
     own, change = object_box(nearby, scene.parts), scene.box
     left, right = min(own[0], change[0]), max(own[1], change[1])
     box = (left, right, min(own[2], change[2]), max(own[3], change[3]))
-    shot = shot_of(scene.clip, scene.camera, frames, box, level.most_px)
+    shot = shot_of(scene.video, scene.camera, frames, box, level.most_px)
     surface = surface_of(scene.parts, pixel_m=shot.pixel_m(middle_o))
     moving = np.isin(surface.part_ids, list(fit.parts))
     return Posed(

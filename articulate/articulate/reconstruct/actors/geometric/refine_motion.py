@@ -229,7 +229,7 @@ def _faint(scene: Scene, motion: Motion, parts: tuple[int, ...]) -> Fit:
     layers = fine.layers(parts)
     slide = replace(motion, kind="slide", source="along which it is round")
     found = [*coarse_fits(slide, layers, parts, REACH * scene.size_m, near=True)]
-    way = np.linspace(0.0, ENDLESS_RAD, len(scene.clip))
+    way = np.linspace(0.0, ENDLESS_RAD, len(scene.video))
     for q in (way[fine.shot.indices], -way[fine.shot.indices]):
         turn = refine(_even(motion, q, parts, layers), layers, Freedom(axis=False)).motion
         found.append(_even(turn, q, parts, layers))
@@ -279,7 +279,7 @@ def by_its_marks(
         return None
     end_rad = spin.end_rad if spin.sharp else float(np.copysign(ENDLESS_RAD, spin.end_rad))
     layers = _every_frame(scene, fine).layers(parts)
-    way = np.linspace(0.0, end_rad, len(scene.clip))
+    way = np.linspace(0.0, end_rad, len(scene.video))
     starts = np.linspace(0.0, 2.0 * np.pi, OFFSETS, endpoint=False)
     even = [_even(motion, way + start, parts, layers) for start in starts]
     return with_gain(min(even, key=lambda fit: fit.cost), layers)
@@ -287,7 +287,7 @@ def by_its_marks(
 
 def _every_frame(scene: Scene, fine: Look) -> Look:
     """All frames of the clip as finely as ``fine`` looks at some, under its light."""
-    return replace(scene.look(FINE_PX, 0, np.arange(len(scene.clip))), light=fine.light)
+    return replace(scene.look(FINE_PX, 0, np.arange(len(scene.video))), light=fine.light)
 
 
 def _even(motion: Motion, q: Array, parts: tuple[int, ...], layers: Layers) -> Fit:
@@ -301,7 +301,7 @@ def roundest(scene: Scene) -> Fit | None:
 
     The smallest that is seen where none changes more than others.
     """
-    height, width = scene.clip.shape[1:3]
+    height, width = scene.video.shape[1:3]
     scene = replace(scene, box=(0, width, 0, height))
     look = scene.look(max(height, width), 2)
     seen = draw(look.surface, look.shot)
@@ -322,4 +322,4 @@ def roundest(scene: Scene) -> Fit | None:
         _, _, part, motion = max(marked, key=lambda one: one[0])
     else:
         _, _, part, motion = min(found, key=lambda one: one[1])
-    return Fit(motion, np.linspace(0.0, ENDLESS_RAD, len(scene.clip)), 0.0, (part,))
+    return Fit(motion, np.linspace(0.0, ENDLESS_RAD, len(scene.video)), 0.0, (part,))

@@ -33,9 +33,9 @@ def rest_of(evidence: Evidence, prediction: Prediction) -> Evidence | None:
     What moves before or behind the first part in the picture is held still with it and is lost.
     """
     moving = [joint for joint in prediction.joints if joint.kind != "fixed"]
-    if not moving or evidence.clip is None or evidence.camera is None or not evidence.placed:
+    if not moving or evidence.video is None or evidence.camera is None or not evidence.placed:
         return None
-    scene = scene_of(evidence.clip, evidence.camera, evidence.parts)
+    scene = scene_of(evidence.video, evidence.camera, evidence.parts)
     swept = np.zeros(scene.change.shape, dtype=np.bool_)
     for joint in moving:
         swept |= _swept(scene, joint, prediction)
@@ -44,9 +44,9 @@ def rest_of(evidence: Evidence, prediction: Prediction) -> Evidence | None:
     )
     if left.sum() < max(LEAST_PX, LEAST_SHARE * scene.change.sum()):
         return None
-    clip = evidence.clip.copy()
+    clip = evidence.video.copy()
     clip[:, swept] = clip[0][swept]
-    return replace(evidence, clip=clip, tracks=None)
+    return replace(evidence, video=clip, tracks=None)
 
 
 def _swept(scene: Scene, joint: PredictedJoint, prediction: Prediction) -> NDArray[np.bool_]:

@@ -91,7 +91,7 @@ def marks_of(scene: Scene, part: int, motion: Motion) -> Marks | None:
 
     None if too little of the part is seen at rest.
     """
-    look = scene.look(FINE_PX, 0, np.arange(len(scene.clip)))
+    look = scene.look(FINE_PX, 0, np.arange(len(scene.video)))
     mask, points_o = _seen(look, part)
     if len(points_o) < FEWEST_PIXELS:
         return None
@@ -167,6 +167,6 @@ def around(scene: Scene, look: Look, part: int) -> Scene:
     spots = look.shot.project(look.surface.only([part]).points_o) / enlarged + (left, top)
     low = np.floor(spots.min(axis=0)).astype(int) - MARGIN_PX
     high = np.ceil(spots.max(axis=0)).astype(int) + MARGIN_PX
-    height, width = scene.clip.shape[1:3]
+    height, width = scene.video.shape[1:3]
     (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, (width, height))
     return replace(scene, box=(int(left), int(right), int(top), int(bottom)))

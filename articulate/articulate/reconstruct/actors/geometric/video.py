@@ -20,9 +20,9 @@ from articulate.reconstruct.actors.geometric.refine_motion import roundest
 from articulate.reconstruct.actors.geometric.residual_motion import rest_of
 from articulate.reconstruct.actors.geometric.search import Fit
 from articulate.reconstruct.actors.geometric.spin import WHOLE_RAD
-from articulate.reconstruct.actors.loop import MAX_TURNS, Loop
+from articulate.reconstruct.actors.loop import MAX_ITERATIONS, Loop
 from articulate.reconstruct.actors.protocol import (
-    Attempt,
+    ActorAttempt,
     Evidence,
     PredictedJoint,
     Prediction,
@@ -34,7 +34,7 @@ UNSEEN = 0.1
 
 
 def video_actor(
-    *, max_turns: int = MAX_TURNS, critic: bool = True, calibrate: bool = True, tracks: bool = True
+    *, max_iterations: int = MAX_ITERATIONS, critic: bool = True, calibrate: bool = True, tracks: bool = True
 ) -> Loop:
     """The geometric actor for clips, with its critic.
 
@@ -48,7 +48,7 @@ def video_actor(
     return Loop(
         proposer=VideoProposer(),
         critic=VideoCritic(tracks=tracks) if critic else None,
-        max_turns=max_turns,
+        max_iterations=max_iterations,
         prepare=calibrated if calibrate else None,
         rest=rest_of,
     )
@@ -60,7 +60,7 @@ class VideoProposer:
 
     name: str = "geometric"
 
-    def propose(self, evidence: Evidence, attempts: Sequence[Attempt]) -> Prediction:
+    def propose(self, evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Prediction:
         """The joint that explains the clip best, other than what a critic found wrong before.
 
         Raises:
@@ -75,7 +75,7 @@ class VideoProposer:
             fit = None if fit is None else with_company(scene, fit)
         if fit is None:
             reason = note or "no part of the object explains what changes in the clip"
-            return Prediction(joints=(), refusal=reason)
+            return Prediction(joints=(), rejection=reason)
         joints = joints_of(fit, scene, UNSEEN if note else 1.0)
         return Prediction(joints=joints, trace=(_step(fit, scene, note, start),))
 
@@ -86,7 +86,7 @@ def scene_from(evidence: Evidence) -> Scene:
     Raises:
         UsageError: There is no clip, no camera, or the parts are not in their places.
     """
-    if evidence.clip is None or len(evidence.clip) < 2:
+    if evidence.video is None or len(evidence.video) < 2:
         raise UsageError("the video actor was given no clip of two frames or more; give one")
     if evidence.camera is None:
         raise UsageError("the video actor needs the camera of the clip; give it with the clip")
@@ -94,7 +94,7 @@ def scene_from(evidence: Evidence) -> Scene:
         raise UsageError("the video actor needs parts in their places; place them first")
     if not evidence.parts:
         raise UsageError("the video actor was given no parts; give one mesh for each")
-    return scene_of(evidence.clip, evidence.camera, evidence.parts)
+    return scene_of(evidence.video, evidence.camera, evidence.parts)
 
 
 def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint, ...]:
@@ -126,7 +126,7 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
     return (moved, *fixed)
 
 
-def _wish(evidence: Evidence, attempts: Sequence[Attempt]) -> Wish:
+def _wish(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Wish:
     """What to look for, given what was found wrong."""
     wish = Wish()
     names = [part.name for part in evidence.parts]
@@ -156,6 +156,6 @@ def _step(fit: Fit, scene: Scene, note: str, start: float) -> TraceStep:
         title="what moves, and how",
         text=f"{note}; {text}" if note else text,
         figures=figures,
-        pictures=pictures,
+        images=pictures,
         seconds=time.monotonic() - start,
     )

@@ -43,7 +43,7 @@ class PlacementActor:
         try:
             said = self.joints.predict(replace(evidence, parts=moved, placed=True))
         except UsageError as error:  # where parts are is known even so
-            said = Prediction(joints=(), refusal=str(error))
+            said = Prediction(joints=(), rejection=str(error))
         return replace(said, placements=places, trace=(step, *said.trace))
 
 
@@ -58,12 +58,12 @@ def places_of(evidence: Evidence) -> dict[str, Array]:
 
 def placed_by(evidence: Evidence) -> tuple[dict[str, Array], float]:
     """Where each part belongs, and the share of the object's pixels that is not explained then."""
-    if evidence.picture is None or evidence.camera is None:
+    if evidence.image is None or evidence.camera is None:
         raise UsageError("placing parts needs a picture and its camera; give --modality image")
     camera = evidence.camera
     centres = [part.centre for part in evidence.parts]
     parts = [p.moved(pose(-c)) for p, c in zip(evidence.parts, centres, strict=True)]
-    puzzle = puzzle_of(parts, evidence.picture, camera, usual_light(camera))
+    puzzle = puzzle_of(parts, evidence.image, camera, usual_light(camera))
     found = solve(puzzle)
     places = {
         part.name: pose(apply(camera.T_wc, found[i]) - centres[i])

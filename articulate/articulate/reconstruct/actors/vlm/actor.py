@@ -16,12 +16,12 @@ TURNS = 5
 
 def vlm_actor() -> Loop:
     """A model writes programs, and a model judges them."""
-    return Loop(proposer=JointActor(way="program"), critic=JointCritic(), max_turns=TURNS)
+    return Loop(proposer=JointActor(way="program"), critic=JointCritic(), max_iterations=TURNS)
 
 
 def hybrid_actor() -> Loop:
     """A model says what is semantic, geometry computes every number, and judges clips."""
-    return Loop(proposer=JointActor(way="choice"), critic=HybridCritic(), max_turns=TURNS)
+    return Loop(proposer=JointActor(way="choice"), critic=HybridCritic(), max_iterations=TURNS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,11 @@ class HybridCritic:
     seen: Critic = field(default_factory=JointCritic)
     name: str = "hybrid"
 
-    def judge(self, evidence: Evidence, prediction: Prediction) -> Verdict:
+    def assess(self, evidence: Evidence, prediction: Prediction) -> Verdict:
         """What is wrong with the prediction, if anything is."""
-        return self.chosen(evidence).judge(evidence, prediction)
+        return self.chosen(evidence).assess(evidence, prediction)
 
     def chosen(self, evidence: Evidence) -> Critic:
         """Who judges such evidence."""
-        can_measure = evidence.clip is not None and evidence.camera is not None and evidence.placed
+        can_measure = evidence.video is not None and evidence.camera is not None and evidence.placed
         return self.measured if can_measure else self.seen

@@ -16,7 +16,12 @@ import numpy as np
 from articulate.reconstruct.actors.geometric.candidates import Motion
 from articulate.reconstruct.actors.geometric.fit import Wish, find_motion
 from articulate.reconstruct.actors.geometric.video import joints_of, scene_from
-from articulate.reconstruct.actors.protocol import Attempt, Evidence, PredictedJoint, Prediction
+from articulate.reconstruct.actors.protocol import (
+    ActorAttempt,
+    Evidence,
+    PredictedJoint,
+    Prediction,
+)
 from articulate.reconstruct.actors.semantic.part_relations import Named, named_scene
 from articulate.reconstruct.actors.vlm.answers import Mover, Movers, Picks
 from articulate.reconstruct.actors.vlm.joint_candidates import (
@@ -45,7 +50,7 @@ MOST_PICTURES = 4
 
 
 def chosen_joints(
-    interview: ModelSession, evidence: Evidence, attempts: Sequence[Attempt]
+    interview: ModelSession, evidence: Evidence, attempts: Sequence[ActorAttempt]
 ) -> Prediction:
     """The joints that a model chooses.
 
@@ -55,19 +60,19 @@ def chosen_joints(
     """
     movers = interview.ask(movers_request(evidence, attempts), Movers, _only_parts(evidence)).movers
     if not movers:
-        return Prediction(joints=(), refusal=f"{interview.model.name} sees no part that moves")
+        return Prediction(joints=(), rejection=f"{interview.model.name} sees no part that moves")
     scene = with_carriers(named_scene(evidence), movers)
     offers = offers_of(movers, scene)
     request = picks_request(evidence, offers, attempts)
     picks = interview.ask(request, Picks, _only_offers(movers, offers)).picks
     chosen = [(offers[pick.candidate - 1], pick.opens) for pick in picks]
-    if evidence.clip is not None and evidence.camera is not None:
+    if evidence.video is not None and evidence.camera is not None:
         return _measured([offer for offer, _ in chosen], evidence, scene)
     joints = [usual_joint(offer, opens, scene) for offer, opens in chosen]
     return Prediction(joints=(*joints, *_riders(joints, scene)))
 
 
-def movers_request(evidence: Evidence, attempts: Sequence[Attempt]) -> Request:
+def movers_request(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Request:
     """Which part moves: what was given, beside the parts in colours of their own."""
     return Request(
         title="which parts move",
@@ -87,7 +92,7 @@ def movers_request(evidence: Evidence, attempts: Sequence[Attempt]) -> Request:
 
 
 def picks_request(
-    evidence: Evidence, offers: Sequence[Offer], attempts: Sequence[Attempt]
+    evidence: Evidence, offers: Sequence[Offer], attempts: Sequence[ActorAttempt]
 ) -> Request:
     """Which of the candidates it is."""
     groups = [list(group) for _, group in groupby(offers, key=lambda offer: offer.part)]
@@ -161,7 +166,7 @@ def _measured(chosen: Sequence[Offer], evidence: Evidence, scene: Named) -> Pred
         if fit is None:
             return Prediction(
                 joints=(),
-                refusal=f"no {offer.kind} joint of {offer.part} explains what changes in the clip",
+                rejection=f"no {offer.kind} joint of {offer.part} explains what changes in the clip",
             )
         lead, *fixed = joints_of(fit, clip, 1.0)
         taken = {joint.part for joint in joints}

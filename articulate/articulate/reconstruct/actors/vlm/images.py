@@ -15,7 +15,7 @@ from articulate.reconstruct.actors.vlm.model import Picture
 from articulate.render.camera import Camera, front_camera
 from articulate.render.image import png
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.render.scene import NOTHING, PartScene, segmentation_colours, segmentation_picture
+from articulate.render.scene import NOTHING, PartScene, segmentation_image, segmentation_palette
 from articulate.transforms import Array
 
 LONGEST_PX = 640
@@ -54,21 +54,21 @@ def frame_indices(n_frames: int) -> list[int]:
 
 def evidence_pictures(evidence: Evidence) -> list[Picture]:
     """What was given: frames of the clip, or the picture."""
-    if evidence.clip is not None:
-        n = len(evidence.clip)
+    if evidence.video is not None:
+        n = len(evidence.video)
         return [
-            Picture(_caption(evidence, k, n), png(shown(evidence.clip[k])))
+            Picture(_caption(evidence, k, n), png(shown(evidence.video[k])))
             for k in frame_indices(n)
         ]
-    if evidence.picture is not None:
-        return [Picture("the picture of the object", png(shown(evidence.picture)))]
+    if evidence.image is not None:
+        return [Picture("the picture of the object", png(shown(evidence.image)))]
     return []
 
 
 def parts_picture(evidence: Evidence) -> Picture:
     """The parts where they are given, each in its colour, with the axes of the frame."""
     camera = camera_of(evidence)
-    picture = segmentation_picture(PartScene(evidence.parts).see(camera), len(evidence.parts))
+    picture = segmentation_image(PartScene(evidence.parts).rasterize(camera), len(evidence.parts))
     drawn = _with_axes(picture, camera, evidence.parts)
     caption = "the parts where they are given, each in its colour, and the axes of the frame"
     return Picture(caption, png(drawn))
@@ -76,7 +76,7 @@ def parts_picture(evidence: Evidence) -> Picture:
 
 def colours_of(parts: Sequence[PartMesh]) -> dict[str, str]:
     """Colour of each part in that picture, as #rrggbb, by name."""
-    colours = segmentation_colours(len(parts))
+    colours = segmentation_palette(len(parts))
     return {
         part.name: f"#{r:02x}{g:02x}{b:02x}"
         for part, (r, g, b) in zip(parts, colours.tolist(), strict=True)
@@ -105,23 +105,23 @@ def prediction_picture(evidence: Evidence, joints: Sequence[PredictedJoint]) -> 
     camera = camera_of(evidence)
     scene = PartScene(evidence.parts)
     held = {joint.part: joint for joint in joints}
-    shares = SHARES if evidence.clip is None else np.linspace(0.0, 1.0, STEPS)
+    shares = SHARES if evidence.video is None else np.linspace(0.0, 1.0, STEPS)
     poses = [poses_at(evidence.parts, held, float(share)) for share in shares]
     cut = _around(scene, camera, poses)
-    drawn = [cut(scene.picture(camera, T)) for T in poses]
+    drawn = [cut(scene.render_image(camera, T)) for T in poses]
     size = (camera.width_px, camera.height_px)
-    if evidence.clip is not None:
-        chosen = frame_indices(len(evidence.clip))
-        frames = [cut(_resized(evidence.clip[k], size)) for k in chosen]
+    if evidence.video is not None:
+        chosen = frame_indices(len(evidence.video))
+        frames = [cut(_resized(evidence.video[k], size)) for k in chosen]
         below = [_likest(frame, drawn) for frame in frames]
         rows = []
         for k in range(0, len(frames), IN_A_ROW):
             rows += [_row(frames[k : k + IN_A_ROW]), _row(below[k : k + IN_A_ROW])]
         caption = "frames of the clip, and below each row of them the prediction"
         return Picture(caption, png(_column(rows)))
-    if evidence.picture is None:
+    if evidence.image is None:
         return Picture("the prediction: closed, half open, open", png(_row(drawn)))
-    given = cut(_resized(evidence.picture, size))
+    given = cut(_resized(evidence.image, size))
     caption = "the picture, and the prediction: closed, half open, open"
     return Picture(caption, png(_row([given, *drawn])))
 
@@ -164,7 +164,7 @@ def _around(scene: PartScene, camera: Camera, poses: Sequence[Array]) -> Callabl
     """Cuts out of a picture where the parts are seen in any of the poses, and makes it small."""
     seen = np.zeros((camera.height_px, camera.width_px), dtype=np.bool_)
     for T in poses:
-        seen |= scene.see(camera, T).part_ids != NOTHING
+        seen |= scene.rasterize(camera, T).part_ids != NOTHING
     rows, columns = np.nonzero(seen)
     if not len(rows):
         return lambda picture: shown(picture, SHOWN_PX)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from articulate.cache import cache_folder
-from articulate.reconstruct.actors.protocol import Attempt, Evidence, Prediction
+from articulate.reconstruct.actors.protocol import ActorAttempt, Evidence, Prediction
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.gemini import Gemini
 from articulate.reconstruct.actors.vlm.hybrid import chosen_joints
@@ -45,7 +45,7 @@ class JointActor:
         """Name in reports."""
         return "vlm" if self.way == "program" else "hybrid"
 
-    def propose(self, evidence: Evidence, attempts: Sequence[Attempt]) -> Prediction:
+    def propose(self, evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Prediction:
         """The joints that the model says there are, given every earlier attempt.
 
         Raises:
@@ -55,12 +55,12 @@ class JointActor:
         try:
             found = self._found(interview, evidence, attempts)
         except Unfit as unfit:
-            found = Prediction(joints=(), refusal=str(unfit))
+            found = Prediction(joints=(), rejection=str(unfit))
         steps = (*interview.steps, *found.trace)
         return replace(found, trace=steps, calls=interview.calls)
 
     def _found(
-        self, interview: ModelSession, evidence: Evidence, attempts: Sequence[Attempt]
+        self, interview: ModelSession, evidence: Evidence, attempts: Sequence[ActorAttempt]
     ) -> Prediction:
         places = {} if evidence.placed else places_of(interview, evidence)
         whole = evidence if evidence.placed else placed(evidence, places)
@@ -75,7 +75,7 @@ class JointActor:
         return replace(found, placements=places)
 
 
-def program_request(evidence: Evidence, attempts: Sequence[Attempt]) -> Request:
+def program_request(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Request:
     """What is asked of a model that writes the program."""
     task = prompt("joint_program").filled(which=WHICH[evidence.modality], reference=reference())
     pieces = (*pieces_of(evidence), *attempts_told(attempts))

@@ -20,7 +20,7 @@ from articulate.reconstruct.actors.vlm.images import camera_of
 from articulate.reconstruct.actors.vlm.model import Picture
 from articulate.reconstruct.actors.vlm.prompt_text import direction_told, three
 from articulate.render.image import png
-from articulate.render.scene import PartScene, segmentation_picture
+from articulate.render.scene import PartScene, segmentation_image
 from articulate.transforms import Array, normalised
 
 SAME_LINE = 0.06
@@ -116,8 +116,8 @@ def with_carriers(scene: Named, movers: Iterable[Mover]) -> Named:
 def offers_picture(evidence: Evidence, offers: list[Offer]) -> Picture:
     """The parts in their colours, with the candidates of one part drawn as numbered lines."""
     camera = camera_of(evidence)
-    seen = PartScene(evidence.parts).see(camera)
-    drawn = np.ascontiguousarray(segmentation_picture(seen, len(evidence.parts)) // 2 + 127)
+    seen = PartScene(evidence.parts).rasterize(camera)
+    drawn = np.ascontiguousarray(segmentation_image(seen, len(evidence.parts)) // 2 + 127)
     points = evidence.part(offers[0].part).vertices
     for offer in offers:
         span = (points - offer.pivot_o) @ offer.axis_o

@@ -34,7 +34,7 @@ class JointCritic:
     """Where answers are kept; None: nowhere."""
     name: str = "vlm"
 
-    def judge(self, evidence: Evidence, prediction: Prediction) -> Verdict:
+    def assess(self, evidence: Evidence, prediction: Prediction) -> Verdict:
         """What the model says is wrong with the prediction, if anything is.
 
         A rating above :data:`GOOD_ENOUGH` is lowered to it where a failure is named.
@@ -55,7 +55,7 @@ class JointCritic:
                 failure="success",
                 rating=CANNOT_TELL,
                 reason=f"no verdict: {unfit}",
-                pictures=pictures,
+                images=pictures,
                 trace=tuple(interview.steps),
                 calls=interview.calls,
             )
@@ -64,7 +64,7 @@ class JointCritic:
             failure=said.failure,
             rating=rating,
             reason=said.reason,
-            pictures=pictures,
+            images=pictures,
             trace=tuple(interview.steps),
             calls=interview.calls,
         )

@@ -38,17 +38,17 @@ class LinkActor:
         """
         interview = ModelSession(model=self.model, cache=self.cache)
         places: dict[str, Array] = {}
-        refusal = ""
+        rejection = ""
         try:
             places = places_of(interview, evidence)
         except Unfit as unfit:
-            refusal = str(unfit)
+            rejection = str(unfit)
         return Prediction(
             joints=(),
             placements=places,
             trace=tuple(interview.steps),
             calls=interview.calls,
-            refusal=refusal,
+            rejection=rejection,
         )
 
 
@@ -68,7 +68,7 @@ def places_of(interview: ModelSession, evidence: Evidence) -> dict[str, Array]:
 def link_request(evidence: Evidence) -> Request:
     """What a model is asked about parts that have been taken apart."""
     look = "Nothing shows where parts are: go by what they are and how large they are."
-    if evidence.picture is not None:
+    if evidence.image is not None:
         look = "The picture shows where the parts are"
         if evidence.camera is not None:
             look += f"; {_camera_told(evidence.camera)}"

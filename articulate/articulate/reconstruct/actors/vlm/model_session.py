@@ -102,6 +102,6 @@ def _step(request: Request, reply: Reply, wrong: str) -> TraceStep:
         title=f"{request.title}: {reply.model}{', kept from an earlier run' * reply.kept}",
         text=text,
         figures=figures,
-        pictures={p.caption: p.png for p in last.pieces if isinstance(p, Picture)},
+        images={p.caption: p.png for p in last.pieces if isinstance(p, Picture)},
         seconds=0.0 if reply.kept else reply.seconds,
     )

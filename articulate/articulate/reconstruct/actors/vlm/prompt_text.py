@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from articulate.reconstruct.actors.protocol import Attempt, Evidence, PredictedJoint, Verdict
+from articulate.reconstruct.actors.protocol import ActorAttempt, Evidence, PredictedJoint, Verdict
 from articulate.reconstruct.actors.vlm.images import colours_of, evidence_pictures, parts_picture
 from articulate.reconstruct.actors.vlm.model import Picture, Piece
 from articulate.render.image import as_png
@@ -47,7 +47,7 @@ def parts_told(evidence: Evidence) -> str:
     return "\n".join(lines)
 
 
-def attempts_told(attempts: Sequence[Attempt]) -> tuple[Piece, ...]:
+def attempts_told(attempts: Sequence[ActorAttempt]) -> tuple[Piece, ...]:
     """What was proposed before and what the critic said; the last with the critic's pictures."""
     if not attempts:
         return ()
@@ -57,7 +57,7 @@ def attempts_told(attempts: Sequence[Attempt]) -> tuple[Piece, ...]:
         if attempt.verdict is not None:
             lines.append(f"   The critic: {verdict_told(attempt.verdict)}")
     lines.append("Propose again. Mend what the critic says is wrong, and keep what is right.")
-    pictures = attempts[-1].verdict.pictures if attempts[-1].verdict is not None else {}
+    pictures = attempts[-1].verdict.images if attempts[-1].verdict is not None else {}
     return (
         "\n".join(lines),
         *(Picture(f"your last proposal: {c}", as_png(p)) for c, p in pictures.items()),

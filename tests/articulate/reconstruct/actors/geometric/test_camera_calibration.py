@@ -64,7 +64,7 @@ def test_a_camera_that_was_told_five_degrees_off_is_found(evidence, axis):
     told = carried(evidence.camera, axis, 5.0, 0.05)
     turn, away = off(told, evidence.camera)
     assert turn == pytest.approx(5.0)
-    found, gain = refined_camera(evidence.clip, told, evidence.parts)
+    found, gain = refined_camera(evidence.video, told, evidence.parts)
     left_turn, left_away = off(found, evidence.camera)
     assert gain > 0.3
     assert left_turn < 2.5
@@ -72,7 +72,7 @@ def test_a_camera_that_was_told_five_degrees_off_is_found(evidence, axis):
 
 
 def test_the_true_camera_is_left_alone(evidence):
-    found, gain = refined_camera(evidence.clip, evidence.camera, evidence.parts)
+    found, gain = refined_camera(evidence.video, evidence.camera, evidence.parts)
     assert found is evidence.camera
     assert gain == 0.0
 
@@ -80,7 +80,7 @@ def test_the_true_camera_is_left_alone(evidence):
 def test_a_clip_that_shows_nothing_but_what_moves_says_nothing_of_the_camera(evidence):
     told = carried(evidence.camera, (0.0, 0.0, 1.0), 5.0, 0.0)
     door = tuple(part for part in PARTS if part.name == "door")
-    assert refined_camera(evidence.clip, told, door) == (told, 0.0)
+    assert refined_camera(evidence.video, told, door) == (told, 0.0)
 
 
 BOX = (80, 160, 60, 220)
@@ -118,7 +118,7 @@ def test_a_camera_that_stands_still_is_left_alone(evidence):
     clip, _ = shaken(step_px=0.0)
     still = np.repeat(clip[:1], 8, axis=0)
     assert steadied(still, BOX)[0] is still
-    assert steadied(evidence.clip, (60, 180, 40, 160))[0] is evidence.clip
+    assert steadied(evidence.video, (60, 180, 40, 160))[0] is evidence.video
 
 
 def test_what_moves_before_a_plain_wall_is_no_motion_of_the_camera():
@@ -137,5 +137,5 @@ def test_what_was_done_is_told_and_nothing_is_where_nothing_was(evidence):
     assert step.figures["explains_better"] > 0.3
     assert better.camera is not None
     assert off(better.camera, evidence.camera) < off(told.camera, evidence.camera)
-    without = replace(evidence, clip=None)
+    without = replace(evidence, video=None)
     assert calibrated(without)[0] is without

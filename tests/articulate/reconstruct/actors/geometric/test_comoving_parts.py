@@ -42,7 +42,7 @@ def company(*moving):
     camera = front_camera(320, 240)
     numbers = [k for k, part in enumerate(PARTS) if part.name in moving]
     poses = poses_of_parts(len(PARTS), numbers, SWING.T_o(Q))
-    clip = np.stack([scene.picture(camera, T) for T in poses])
+    clip = np.stack([scene.render_image(camera, T) for T in poses])
     seen = scene_of(clip, camera, PARTS)
     fit = with_company(seen, Fit(SWING, Q, 0.0, (0,)))
     return {PARTS[k].name for k in fit.parts}
@@ -63,7 +63,7 @@ def test_what_is_out_of_sight_goes_along_with_what_alone_it_touches():
 
 def test_what_already_moves_is_kept():
     scene = PartScene(PARTS[:2])
-    clip = np.stack([scene.picture(front_camera(320, 240))] * 3)
+    clip = np.stack([scene.render_image(front_camera(320, 240))] * 3)
     seen = scene_of(clip, front_camera(320, 240), PARTS[:2])
     fit = Fit(SWING, np.zeros(3), 0.0, (0, 1))
     assert with_company(seen, fit).parts == (0, 1)

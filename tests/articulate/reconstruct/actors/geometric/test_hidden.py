@@ -7,7 +7,7 @@ import trimesh
 from articulate.reconstruct.actors.geometric.video import video_actor
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts
+from articulate.render.joint_video import poses_of_parts, render_video
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
 
@@ -26,9 +26,9 @@ def test_a_tray_that_hides_under_its_table_at_first_slides_evenly():
     T_o = np.tile(np.eye(4), (30, 1, 1))
     T_o[:, 0, 3] = q
     camera = front_camera(240, 180)
-    clip = film(PartScene(parts), camera, poses_of_parts(3, [1], T_o))
+    clip = render_video(PartScene(parts), camera, poses_of_parts(3, [1], T_o))
     evidence = Evidence(
-        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+        modality="video", parts=parts, video=clip.frames, times_s=clip.times_s, camera=camera
     )
     (said,) = [j for j in video_actor().predict(evidence).joints if j.kind != "fixed"]
     assert (said.part, said.kind) == ("tray", "prismatic")

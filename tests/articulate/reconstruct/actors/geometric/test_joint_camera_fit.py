@@ -16,7 +16,7 @@ from articulate.reconstruct.actors.geometric.joint_camera_fit import FIRST, GAIN
 from articulate.reconstruct.actors.geometric.search import Fit
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts
+from articulate.render.joint_video import poses_of_parts, render_video
 from articulate.render.scene import PartScene
 from articulate.transforms import inverse
 
@@ -33,9 +33,9 @@ DOOR_HINGE = Motion("turn", np.array(DOOR.axis_o), np.array(DOOR.pivot_o), "trut
 def laptop():
     """A lid that sweeps over all of the base as it is seen."""
     camera = front_camera(240, 180)
-    clip = film(PartScene(LAPTOP), camera, poses_of_parts(2, [1], LID.T_o(LID_RAD)))
+    clip = render_video(PartScene(LAPTOP), camera, poses_of_parts(2, [1], LID.T_o(LID_RAD)))
     return Evidence(
-        modality="video", parts=LAPTOP, clip=clip.frames, times_s=clip.times_s, camera=camera
+        modality="video", parts=LAPTOP, video=clip.frames, times_s=clip.times_s, camera=camera
     )
 
 
@@ -47,8 +47,8 @@ def door():
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
 def test_a_camera_is_found_where_next_to_nothing_stands_still(laptop, axis):
     told = carried(laptop.camera, axis, 5.0, 0.05)
-    assert refined_camera(laptop.clip, told, LAPTOP) == (told, 0.0)
-    found, gain = camera_of_motion(scene_of(laptop.clip, told, LAPTOP))
+    assert refined_camera(laptop.video, told, LAPTOP) == (told, 0.0)
+    found, gain = camera_of_motion(scene_of(laptop.video, told, LAPTOP))
     assert gain > GAIN
     before, after = (off(camera, laptop.camera) for camera in (told, found))
     assert after[0] < 0.4 * before[0]
@@ -65,12 +65,12 @@ def test_what_was_done_is_told(laptop):
 
 def test_the_true_camera_is_left_alone(laptop, door):
     for evidence in (laptop, door):
-        scene = scene_of(evidence.clip, evidence.camera, evidence.parts)
+        scene = scene_of(evidence.video, evidence.camera, evidence.parts)
         assert camera_of_motion(scene) == (evidence.camera, 0.0)
 
 
 def first_level(evidence, told, fit, frames):
-    scene = scene_of(evidence.clip, told, evidence.parts)
+    scene = scene_of(evidence.video, told, evidence.parts)
     return joint_camera_fit._posed(scene, fit, frames, FIRST, np.zeros(6))
 
 
@@ -89,7 +89,7 @@ def test_steps_lead_to_the_camera_and_the_positions_of_a_known_motion(laptop):
 
 def test_positions_alone_leave_the_camera_where_it_is(door):
     fit = Fit(DOOR_HINGE, np.zeros(2), 0.0, (3,))
-    first = first_level(door, door.camera, fit, np.array([0, len(door.clip) // 2]))
+    first = first_level(door, door.camera, fit, np.array([0, len(door.video) // 2]))
     start = np.full(6, 0.01)
     x, q, _ = joint_camera_fit._sought(first, start, fit.q, turned=False)
     np.testing.assert_array_equal(x, start)

@@ -14,7 +14,7 @@ from tests.articulate.reconstruct.actors.geometric.test_video import (
 from articulate.reconstruct.actors.geometric.residual_motion import rest_of
 from articulate.reconstruct.actors.geometric.video import video_actor
 from articulate.reconstruct.actors.protocol import Prediction
-from articulate.render.joint_video import film
+from articulate.render.joint_video import render_video
 from articulate.render.scene import PartScene
 
 N_FRAMES = 16
@@ -30,8 +30,8 @@ def both():
     first, later = np.clip(share / 0.7, 0, 1), np.clip((share - 0.3) / 0.7, 0, 1)
     poses[:, names.index("drawer")] = DRAWER.T_o(0.4 - 0.4 * first)
     poses[:, names.index("door")] = DOOR.T_o(-1.2 + 1.2 * later)
-    clip = film(PartScene(PARTS), evidence.camera, poses)
-    return replace(evidence, clip=clip.frames, times_s=clip.times_s)
+    clip = render_video(PartScene(PARTS), evidence.camera, poses)
+    return replace(evidence, video=clip.frames, times_s=clip.times_s)
 
 
 def span(joint):
@@ -45,14 +45,14 @@ def test_nothing_is_left_once_the_joint_that_moves_is_known():
     evidence = evidence_of(DRAWER, N_FRAMES)
     assert rest_of(evidence, Prediction(joints=(DRAWER,))) is None
     assert rest_of(evidence, Prediction(joints=())) is None
-    assert rest_of(replace(evidence, clip=None), Prediction(joints=(DRAWER,))) is None
+    assert rest_of(replace(evidence, video=None), Prediction(joints=(DRAWER,))) is None
 
 
 def test_what_else_moves_is_left_and_what_is_known_stands_still(both):
     left = rest_of(both, Prediction(joints=(DRAWER,)))
     assert left is not None
-    assert left.clip is not None
-    changes = np.ptp(left.clip.astype(int), axis=0).max(axis=-1) > 20
+    assert left.video is not None
+    changes = np.ptp(left.video.astype(int), axis=0).max(axis=-1) > 20
     assert changes.sum() > 500
     assert rest_of(left, Prediction(joints=(DOOR,))) is None
 

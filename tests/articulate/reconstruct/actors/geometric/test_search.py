@@ -19,7 +19,7 @@ from articulate.reconstruct.actors.geometric.search import (
     wrapped,
 )
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts
+from articulate.render.joint_video import poses_of_parts, render_video
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
 
@@ -89,7 +89,7 @@ def test_a_slide_shorter_than_the_steps_of_its_reach_is_found():
     ]
     lift = Motion("slide", np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 0.9]), "truth")
     camera, q = front_camera(640, 480), np.linspace(0.0, lifted_m, 12)
-    clip = film(PartScene(parts), camera, poses_of_parts(2, [1], lift.T_o(q)))
+    clip = render_video(PartScene(parts), camera, poses_of_parts(2, [1], lift.T_o(q)))
     look = scene_of(clip.frames, camera, parts).look(COARSE_PX, COARSE_FRAMES)
     free, _ = coarse_fits(lift, look.layers([1]), (1,), reach_m, near=True)
     assert np.ptp(free.q) == pytest.approx(lifted_m, abs=0.01)
@@ -108,7 +108,7 @@ def test_a_wire_is_turned_in_steps_in_which_it_overlaps_itself():
     for name, ends in bounds.items():
         mesh = trimesh.creation.box(bounds=ends)
         parts = [plain_part(name, mesh.vertices, mesh.faces, (0.3, 0.3, 0.3))]
-        clip = film(PartScene(parts), camera, poses_of_parts(1, [0], turn.T_o(q)))
+        clip = render_video(PartScene(parts), camera, poses_of_parts(1, [0], turn.T_o(q)))
         layers = scene_of(clip.frames, camera, parts).look(COARSE_PX, COARSE_FRAMES).layers([0])
         n_steps[name] = turn_steps(turn, layers)
         found[name] = coarse_fits(turn, layers, (0,), 1.0)[0]

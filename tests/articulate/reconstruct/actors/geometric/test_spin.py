@@ -13,7 +13,7 @@ from articulate.reconstruct.actors.geometric.spin import Marks, Spin, spin_of
 from articulate.reconstruct.actors.geometric.video import scene_from, video_actor
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts
+from articulate.render.joint_video import poses_of_parts, render_video
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
 from articulate.transforms import axis_angle_to_matrix
@@ -105,11 +105,11 @@ def clip_of_knobs(T_o, mark=None):
     right = knob("right", 0.3, 0.12)
     camera = front_camera(320, 240)
     seen = PartScene((body, knob("left", -0.3, 0.16, mark), right))
-    clip = film(seen, camera, poses_of_parts(3, [1], T_o))
+    clip = render_video(seen, camera, poses_of_parts(3, [1], T_o))
     return Evidence(
         modality="video",
         parts=(body, knob("left", -0.3, 0.16), right),
-        clip=clip.frames,
+        video=clip.frames,
         times_s=clip.times_s,
         camera=camera,
     )
@@ -193,9 +193,9 @@ def test_a_square_drawer_that_begins_half_open_slides():
     T_o = np.tile(np.eye(4), (FRAMES, 1, 1))
     T_o[:, 0, 3] = np.linspace(-0.2, 0.2, FRAMES)
     camera = front_camera(320, 240)
-    clip = film(PartScene(parts), camera, poses_of_parts(2, [1], T_o))
+    clip = render_video(PartScene(parts), camera, poses_of_parts(2, [1], T_o))
     evidence = Evidence(
-        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+        modality="video", parts=parts, video=clip.frames, times_s=clip.times_s, camera=camera
     )
     (said,) = [j for j in video_actor().predict(evidence).joints if j.kind != "fixed"]
     assert (said.part, said.kind) == ("drawer", "prismatic")
@@ -216,9 +216,9 @@ def test_a_square_door_is_seen_to_leave_its_place_and_a_knob_is_not():
     T_o[:, :3, :3] = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), np.linspace(0, 1.6, FRAMES))
     T_o[:, :3, 3] = pivot - T_o[:, :3, :3] @ pivot
     camera = front_camera(320, 240)
-    clip = film(PartScene(parts), camera, poses_of_parts(2, [1], T_o))
+    clip = render_video(PartScene(parts), camera, poses_of_parts(2, [1], T_o))
     door = Evidence(
-        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+        modality="video", parts=parts, video=clip.frames, times_s=clip.times_s, camera=camera
     )
     for evidence, leaves in ((door, True), (clip_of(5.0, (0.1, 0.1, 0.1)), False)):
         scene = scene_from(evidence)

@@ -7,7 +7,7 @@ import trimesh
 from articulate.reconstruct.actors.geometric.video import video_actor
 from articulate.reconstruct.actors.protocol import Evidence, PredictedJoint
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts
+from articulate.render.joint_video import poses_of_parts, render_video
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
 
@@ -39,9 +39,9 @@ def joint_in_clip(parts, joint, low, high):
     q = np.linspace(high, low, N_FRAMES)
     moving = [i for i, part in enumerate(parts) if part.name == joint.part]
     camera = front_camera(240, 180)
-    clip = film(PartScene(parts), camera, poses_of_parts(len(parts), moving, joint.T_o(q)))
+    clip = render_video(PartScene(parts), camera, poses_of_parts(len(parts), moving, joint.T_o(q)))
     evidence = Evidence(
-        modality="video", parts=parts, clip=clip.frames, times_s=clip.times_s, camera=camera
+        modality="video", parts=parts, video=clip.frames, times_s=clip.times_s, camera=camera
     )
     found = video_actor().predict(evidence)
     (said,) = [j for j in found.joints if j.kind != "fixed"]

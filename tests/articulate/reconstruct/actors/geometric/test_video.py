@@ -16,7 +16,7 @@ from articulate.reconstruct.actors.geometric.critic import CAPS, DOUBTED, VideoC
 from articulate.reconstruct.actors.geometric.video import VideoProposer, video_actor
 from articulate.reconstruct.actors.protocol import Evidence, PredictedJoint, Prediction
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts
+from articulate.render.joint_video import poses_of_parts, render_video
 from articulate.render.parts import joint_bounds, plain_part
 from articulate.render.scene import PartScene
 
@@ -85,9 +85,9 @@ def evidence_of(joint, n_frames=N_FRAMES):
     q = upper + (0.0 if joint.lower is None else joint.lower - upper) * share
     moving = [i for i, part in enumerate(PARTS) if part.name == joint.part]
     camera = front_camera(240, 180)
-    clip = film(PartScene(PARTS), camera, poses_of_parts(len(PARTS), moving, joint.T_o(q)))
+    clip = render_video(PartScene(PARTS), camera, poses_of_parts(len(PARTS), moving, joint.T_o(q)))
     return Evidence(
-        modality="video", parts=PARTS, clip=clip.frames, times_s=clip.times_s, camera=camera
+        modality="video", parts=PARTS, video=clip.frames, times_s=clip.times_s, camera=camera
     )
 
 
@@ -134,7 +134,7 @@ def test_the_same_clip_gives_the_same_bits(drawer):
 
 
 def test_a_knob_that_shows_nothing_is_said_to_turn_with_little_confidence():
-    still = replace(evidence_of(KNOB, 2), clip=np.repeat(evidence_of(KNOB, 2).clip[:1], 6, axis=0))
+    still = replace(evidence_of(KNOB, 2), video=np.repeat(evidence_of(KNOB, 2).video[:1], 6, axis=0))
     found = video_actor().predict(still)
     joint = only(found)
     assert (joint.part, joint.kind) == ("knob", "continuous")
@@ -155,7 +155,7 @@ def test_a_knob_that_shows_nothing_is_said_to_turn_with_little_confidence():
 )
 def test_the_critic_names_what_is_wrong_with_a_slide(drawer, change, failure):
     said = Prediction(joints=(replace(DRAWER, **change),))
-    verdict = VideoCritic().judge(drawer, said)
+    verdict = VideoCritic().assess(drawer, said)
     assert verdict.failure == failure
     assert (verdict.rating > 5.0) == (failure == "success")
 
@@ -172,28 +172,28 @@ def test_the_critic_names_what_is_wrong_with_a_slide(drawer, change, failure):
 )
 def test_the_critic_names_what_is_wrong_with_a_hinge(door, change, failure):
     said = Prediction(joints=(replace(DOOR, **change),))
-    verdict = VideoCritic().judge(door, said)
+    verdict = VideoCritic().assess(door, said)
     assert verdict.failure == failure
     assert (verdict.rating > 5.0) == (failure == "success")
 
 
 def test_a_prediction_that_nothing_moves_is_rated_worst(drawer):
-    assert VideoCritic().judge(drawer, Prediction(joints=())).rating == 0.0
+    assert VideoCritic().assess(drawer, Prediction(joints=())).rating == 0.0
     still = Prediction(joints=(replace(DRAWER, lower=0.1, upper=0.1),))
-    assert VideoCritic().judge(drawer, still).rating < DOUBTED
+    assert VideoCritic().assess(drawer, still).rating < DOUBTED
 
 
 def test_a_joint_without_rivals_is_judged(drawer, monkeypatch):
     """Also one that explains less than if nothing moved."""
     monkeypatch.setattr(critic, "_rivals", lambda *_: {})
-    verdict = VideoCritic().judge(drawer, Prediction(joints=(DOOR,)))
+    verdict = VideoCritic().assess(drawer, Prediction(joints=(DOOR,)))
     assert verdict.figures["gain_as_predicted"] < 0.0
     assert verdict.rating <= 5.0
 
 
 def test_a_joint_of_the_wrong_kind_is_rated_below_one_that_is_only_doubted(drawer):
     turn = replace(DRAWER, kind="revolute", pivot_o=(0.0, 0.0, 0.8))
-    rating = VideoCritic().judge(drawer, Prediction(joints=(turn,))).rating
+    rating = VideoCritic().assess(drawer, Prediction(joints=(turn,))).rating
     assert rating <= CAPS["joint_type"] < DOUBTED < CAPS["joint_axis"]
 
 
@@ -201,7 +201,7 @@ def test_without_tracks_edges_alone_are_asked(drawer):
     edges_alone = without_tracks().critic
     assert edges_alone is not None
     critics = (VideoCritic(), edges_alone)
-    with_tracks, without = (one.judge(drawer, Prediction(joints=(DRAWER,))) for one in critics)
+    with_tracks, without = (one.assess(drawer, Prediction(joints=(DRAWER,))) for one in critics)
     assert with_tracks.figures["tracks"] > 0.0 == without.figures["tracks"]
     assert "track_error" not in without.figures
     assert without.failure == with_tracks.failure == "success"

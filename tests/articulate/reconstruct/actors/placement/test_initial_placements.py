@@ -26,7 +26,7 @@ def part(name: str, mesh: trimesh.Trimesh, rgb: tuple[float, float, float]) -> P
 
 def puzzle_and_truth(parts: list[PartMesh]) -> tuple[PlacementProblem, dict[int, np.ndarray]]:
     """The parts apart, a picture of them together, and where each one's middle is."""
-    picture = PartScene(parts).picture(CAMERA)
+    picture = PartScene(parts).render_image(CAMERA)
     apart = [p.moved(pose(-p.centre)) for p in parts]
     puzzle = puzzle_of(apart, picture, CAMERA, usual_light(CAMERA))
     return puzzle, {i: apply(CAMERA.T_cw, p.centre) for i, p in enumerate(parts)}

@@ -52,7 +52,7 @@ def question(names) -> Evidence:
         parts=tuple(box(name) for name in names),
         labels={name: name for name in names},
         placed=False,
-        picture=scene.picture(CAMERA),
+        image=scene.render_image(CAMERA),
         camera=CAMERA,
     )
 
@@ -70,8 +70,8 @@ def three_places(three):
 @functools.cache
 def puzzle_of_three() -> PlacementProblem:
     evidence = question(["knob", "body", "door"])
-    assert evidence.picture is not None
-    return puzzle_of(evidence.parts, evidence.picture, CAMERA, usual_light(CAMERA))
+    assert evidence.image is not None
+    return puzzle_of(evidence.parts, evidence.image, CAMERA, usual_light(CAMERA))
 
 
 @pytest.fixture
@@ -149,8 +149,8 @@ def test_a_part_like_another_may_be_opposite_to_it():
     evidence = question(["body", "knob"])
     twin = evidence.parts[1].renamed("twin")
     parts = (*evidence.parts, twin)
-    assert evidence.picture is not None
-    puzzle = puzzle_of(parts, evidence.picture, CAMERA, usual_light(CAMERA))
+    assert evidence.image is not None
+    puzzle = puzzle_of(parts, evidence.image, CAMERA, usual_light(CAMERA))
     places = {i: apply(CAMERA.T_cw, CENTRES[n]) for i, n in enumerate(("body", "knob"))}
     seats = apply(CAMERA.T_wc, sibling_seats(puzzle, 2, places))
     opposite = CENTRES["knob"] * [1, -1, 1] + 2.0 * CENTRES["body"] * [0, 1, 0]
@@ -158,8 +158,8 @@ def test_a_part_like_another_may_be_opposite_to_it():
 
 
 def test_the_region_of_a_picture_holds_what_is_seen(three):
-    left, right, top, bottom = region_of(three.picture)
-    rows, columns = np.nonzero((three.picture < 230).any(axis=-1))
+    left, right, top, bottom = region_of(three.image)
+    rows, columns = np.nonzero((three.image < 230).any(axis=-1))
     assert left <= columns.min() < columns.max() < right
     assert top <= rows.min() < rows.max() < bottom
 
@@ -179,7 +179,7 @@ def test_placed_parts_are_left_where_they_are():
 def test_a_picture_changes_nothing_where_parts_are_in_their_places(three):
     parts = tuple(p.moved(pose(CENTRES[p.name])) for p in three.parts)
     seen = dataclasses.replace(three, parts=parts, placed=True)
-    blind = dataclasses.replace(seen, modality="text", picture=None, camera=None)
+    blind = dataclasses.replace(seen, modality="text", image=None, camera=None)
     assert PlacementActor().predict(seen).joints == SemanticActor().predict(blind).joints
 
 

@@ -15,7 +15,7 @@ from articulate.reconstruct.actors.vlm.gemini import (
     Gemini,
 )
 from articulate.render.camera import front_camera
-from articulate.render.joint_video import film, poses_of_parts, sweep
+from articulate.render.joint_video import poses_of_parts, render_video, sweep_positions
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
 
@@ -100,13 +100,13 @@ fixed("part_00", "part_01")
 def video():
     """A cupboard whose door opens, before a known camera."""
     camera = front_camera(240, 180)
-    poses = poses_of_parts(4, [2, 3], DOOR.T_o(sweep(DOOR.lower, DOOR.upper, 14)))
-    clip = film(PartScene(PARTS), camera, poses)
+    poses = poses_of_parts(4, [2, 3], DOOR.T_o(sweep_positions(DOOR.lower, DOOR.upper, 14)))
+    clip = render_video(PartScene(PARTS), camera, poses)
     return Evidence(
         modality="video",
         parts=PARTS,
         labels=LABELS,
-        clip=clip.frames,
+        video=clip.frames,
         times_s=clip.times_s,
         camera=camera,
     )
@@ -115,7 +115,7 @@ def video():
 @pytest.fixture(scope="session")
 def image(video):
     return Evidence(
-        modality="image", parts=PARTS, labels=LABELS, picture=video.clip[0], camera=video.camera
+        modality="image", parts=PARTS, labels=LABELS, image=video.video[0], camera=video.camera
     )
 
 

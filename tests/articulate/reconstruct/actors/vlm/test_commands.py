@@ -38,7 +38,7 @@ def test_make_asks_the_model_proves_what_it_says_and_keeps_the_key_to_itself(ser
     assert make.main([*TEXT, "--actor", "vlm", "--out", "asset", "-q"]) == 0
     assert len(server.heard) == 2
     made = json.loads((tmp_path / "asset" / "made.json").read_text())
-    assert (made["verdict"], made["rating"]) == ("proven", 9.0)
+    assert (made["verdict"], made["rating"]) == ("passed", 9.0)
     assert [joint["upper"] for joint in made["joints"]] == [0.2]
     assert (tmp_path / "asset" / "program" / "program.py").read_text().startswith("prismatic(")
     trace = (tmp_path / "asset" / "trace.html").read_text()

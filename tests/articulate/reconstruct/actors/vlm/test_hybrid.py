@@ -109,7 +109,7 @@ def test_candidates_that_were_not_offered_go_back(serve, gemini, text, bad, comp
 def test_a_model_that_sees_nothing_move_is_a_refusal(serve, gemini, text):
     serve(saying({"seen": "a stone", "movers": []}))
     found = hybrid(gemini).propose(text, ())
-    assert (found.joints, found.refusal) == ((), "gemini-3.8-flash sees no part that moves")
+    assert (found.joints, found.rejection) == ((), "gemini-3.8-flash sees no part that moves")
     assert found.calls == 1
 
 
@@ -182,5 +182,5 @@ def test_geometry_judges_clips_and_a_model_the_rest(video, image, text):
 def test_both_actors_are_loops_with_a_turn_for_each_failure(make, name, critic):
     actor = make()
     assert isinstance(actor, Loop)
-    assert (actor.name, actor.max_turns) == (name, 5)
+    assert (actor.name, actor.max_iterations) == (name, 5)
     assert isinstance(actor.critic, critic)

@@ -35,7 +35,7 @@ def read(content):
 
 def test_each_part_has_in_the_picture_the_colour_that_is_told(video):
     picture = read(parts_picture(video).png)
-    seen = PartScene(video.parts).see(camera_of(video))
+    seen = PartScene(video.parts).rasterize(camera_of(video))
     for k, (name, colour) in enumerate(colours_of(video.parts).items()):
         told = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
         where = seen.part_ids == k
@@ -51,7 +51,7 @@ def test_frames_are_spread_evenly_with_both_ends():
 
 def test_frames_are_sent_whole_and_unchanged_if_they_are_small(video):
     for k, picture in zip(frame_indices(14), evidence_pictures(video), strict=True):
-        np.testing.assert_array_equal(read(picture.png), video.clip[k])
+        np.testing.assert_array_equal(read(picture.png), video.video[k])
 
 
 def test_large_pictures_are_made_smaller_in_their_own_shape():

@@ -11,7 +11,7 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 
 from articulate.reconstruct.actors.geometric.critic import VideoCritic
 from articulate.reconstruct.actors.loop import Loop
-from articulate.reconstruct.actors.protocol import Attempt, Prediction, Verdict
+from articulate.reconstruct.actors.protocol import ActorAttempt, Prediction, Verdict
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor
@@ -71,7 +71,7 @@ def test_wrong_type_axis_origin_and_limit_are_mended_in_turn_and_the_loop_stops(
         return program(wrong[k][0] if k < len(wrong) else DOOR_PROGRAM)
 
     server = serve(answer)
-    found = actor(gemini, tmp_path, max_turns=8).predict(video)
+    found = actor(gemini, tmp_path, max_iterations=8).predict(video)
     failures = [attempt.verdict.failure for attempt in found.attempts]
     assert failures == [reason for _, reason in wrong] + ["success"]
     assert found.rating == 9.0
@@ -90,7 +90,7 @@ def test_the_geometric_critic_may_judge_what_a_model_says(serve, gemini, video):
     slide = 'prismatic("part_02", "part_01", axis=vec(1, 0, 0), lower=0.0, upper=0.3)'
     server = serve(lambda h: program(DOOR_PROGRAM if "joint_type" in h.text else slide))
     proposer = JointActor(model=gemini, cache=None)
-    found = Loop(proposer=proposer, critic=VideoCritic(), max_turns=4).predict(video)
+    found = Loop(proposer=proposer, critic=VideoCritic(), max_iterations=4).predict(video)
     failures = [a.verdict and a.verdict.failure for a in found.attempts]
     assert failures == ["joint_type", "success"]
     # The critic's own picture, a WebP, is shown to the model as a PNG.
@@ -161,7 +161,7 @@ def test_programs_that_never_run_are_a_refusal(serve, gemini, text):
     server = serve(program("import os"))
     found = JointActor(model=gemini, cache=None).propose(text, ())
     assert found.joints == ()
-    assert "4 programs in a row are refused; line 1" in found.refusal
+    assert "4 programs in a row are refused; line 1" in found.rejection
     assert found.calls == len(server.heard) == 4
     assert len(found.trace) == 4
 
@@ -173,16 +173,16 @@ def test_a_refusal_keeps_what_was_proposed_before(serve, gemini, image, tmp_path
         return program(DOOR_PROGRAM) if "turned" not in heard.text else saying("nonsense")
 
     server = serve(answer)
-    found = actor(gemini, tmp_path, max_turns=3).predict(image)
-    assert (found.refusal, found.rating, len(found.attempts)) == ("", 2.0, 1)
+    found = actor(gemini, tmp_path, max_iterations=3).predict(image)
+    assert (found.rejection, found.rating, len(found.attempts)) == ("", 2.0, 1)
     assert found.calls == len(server.heard) == 4
 
 
 def test_the_critics_pictures_of_the_last_proposal_are_shown(serve, gemini, text):
     server = serve(program(DOOR_PROGRAM))
     png = b"\x89PNG\r\n\x1a\n of a critic"
-    said = Verdict(failure="joint_axis", rating=2.0, reason="it tilts", pictures={"seen": png})
-    attempt = Attempt(joints=(DOOR,), verdict=said)
+    said = Verdict(failure="joint_axis", rating=2.0, reason="it tilts", images={"seen": png})
+    attempt = ActorAttempt(joints=(DOOR,), verdict=said)
     JointActor(model=gemini, cache=None).propose(text, [attempt])
     [heard] = server.heard
     assert png in heard.pictures
@@ -239,27 +239,27 @@ def test_joints_of_parts_that_were_taken_apart_come_after_their_places(
 
 def test_a_critic_that_names_a_failure_cannot_be_content(serve, gemini, text, tmp_path):
     serve(lambda h: verdict("joint_limit", 9.0) if "failure" in h.fields else program(DOOR_PROGRAM))
-    found = actor(gemini, tmp_path, max_turns=2).predict(text)
+    found = actor(gemini, tmp_path, max_iterations=2).predict(text)
     assert [a.verdict.rating for a in found.attempts] == [5.0, 5.0]
 
 
 def test_a_critic_whose_rating_is_beyond_the_scale_is_asked_again(serve, gemini, image):
     server = serve(verdict("success", 11.0), verdict("success", 7.0))
-    said = JointCritic(model=gemini, cache=None).judge(image, Prediction(joints=(DOOR,)))
+    said = JointCritic(model=gemini, cache=None).assess(image, Prediction(joints=(DOOR,)))
     assert (said.failure, said.rating, said.calls) == ("success", 7.0, 2)
     assert "rating is 11; it must be in [0, 10]" in server.heard[1].text
-    [(caption, picture)] = said.pictures.items()
+    [(caption, picture)] = said.images.items()
     assert caption == "the picture, and the prediction: closed, half open, open"
     assert picture in server.heard[0].pictures
 
 
 def test_a_critic_without_a_verdict_is_not_content(serve, gemini, text):
     serve(saying("I cannot tell."))
-    said = JointCritic(model=gemini, cache=None).judge(text, Prediction(joints=(DOOR,)))
+    said = JointCritic(model=gemini, cache=None).assess(text, Prediction(joints=(DOOR,)))
     assert said.rating == 3.0
     assert said.reason.startswith("no verdict: ")
 
 
 def test_a_prediction_in_which_nothing_moves_needs_no_model(gemini, text):
-    said = JointCritic(model=gemini, cache=None).judge(text, Prediction(joints=()))
+    said = JointCritic(model=gemini, cache=None).assess(text, Prediction(joints=()))
     assert (said.failure, said.rating, said.calls) == ("joint_type", 0.0, 0)
