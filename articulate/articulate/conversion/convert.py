@@ -22,7 +22,7 @@ from articulate.conversion.mimic import followed, with_followers
 from articulate.conversion.provenance import ORIGIN_FILE, origin_of
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
-from articulate.files import write_text
+from articulate.files import is_asset, replace_directory, write_text
 from articulate.formats.collada_up_axis import loaded
 from articulate.formats.config import ConvertConfig
 from articulate.formats.decompose_joints import expand
@@ -30,15 +30,15 @@ from articulate.formats.link_tree import Part, build_parts, poses_at
 from articulate.formats.load_meshes import PartGeometry, bounds
 from articulate.formats.read_mjcf import read_mjcf
 from articulate.formats.read_mjcf_files import is_mjcf
-from articulate.formats.read_urdf import SourceObject, free_name, read_urdf
+from articulate.formats.read_urdf import read_urdf
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceObject, free_name
 from articulate.geometry.collision import collision_shapes
 from articulate.geometry.inertia import inertial_of
 from articulate.geometry.presets import given_dynamics, joint_preset, weight
 from articulate.geometry.rays import NOTHING
 from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
-from articulate.replace_directory import is_asset, replace_directory
 from articulate.transforms import Array, inverse, matrix_to_quat
 
 VERSION = "28"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from articulate.assets.asset import Asset
 from articulate.assets.check_report import Counts
-from articulate.formats.read_urdf import SourceObject
+from articulate.formats.source_object import SourceObject
 
 
 def counts_of(source: SourceObject, asset: Asset) -> Counts:

@@ -11,8 +11,8 @@ import numpy as np
 from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import unit_axis
 from articulate.formats.load_meshes import PartGeometry, bounds
-from articulate.formats.read_urdf import SourceJoint
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceJoint
 from articulate.transforms import Array
 
 QUARTER = math.pi / 2

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from articulate.conversion.joints import Travel
-from articulate.formats.read_urdf import SourceJoint
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceJoint
 
 LEAST_WAY = 1e-6
 """A follower that goes less far than this [rad, source units] is held and not moved."""

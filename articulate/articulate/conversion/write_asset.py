@@ -12,7 +12,7 @@ import trimesh
 
 from articulate.assets.asset import Handle, Joint, handle_frame
 from articulate.formats.load_meshes import Piece
-from articulate.formats.read_urdf import free_name
+from articulate.formats.source_object import free_name
 from articulate.geometry.collision import is_handle
 from articulate.geometry.inertia import Inertial
 from articulate.geometry.presets import (

@@ -19,7 +19,7 @@ from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import Part, build_parts
 from articulate.formats.load_meshes import Loader, PartGeometry
 from articulate.formats.mesh_file import is_z_up
-from articulate.formats.read_urdf import SourceObject
+from articulate.formats.source_object import SourceObject
 from articulate.transforms import Array, normalised
 
 LEAF_SHARE = 0.35

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from articulate.formats.link_tree import unit_axis
-from articulate.formats.read_urdf import SourceJoint, SourceLink, SourceObject, free_name
+from articulate.formats.source_object import SourceJoint, SourceLink, SourceObject, free_name
 from articulate.transforms import Array, normalised
 
 PLANAR_REACH = 0.5

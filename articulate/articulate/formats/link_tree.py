@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.errors import AssetError, nearest
-from articulate.formats.read_urdf import SourceJoint, SourceLink, SourceObject
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceJoint, SourceLink, SourceObject
 from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
 
 

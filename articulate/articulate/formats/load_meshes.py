@@ -15,7 +15,7 @@ from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import Part
 from articulate.formats.mesh_file import TEXTURES, Y_FROM_Z, Group, is_z_up, read_mesh
 from articulate.formats.mesh_paths import AbsentMesh, found_elsewhere, resolve
-from articulate.formats.read_urdf import SourceGeometry, SourceObject
+from articulate.formats.source_object import SourceGeometry, SourceObject
 from articulate.formats.texture_colour import mean_colour
 from articulate.transforms import Array
 

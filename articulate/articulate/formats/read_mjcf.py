@@ -24,7 +24,7 @@ from articulate.formats.mesh_file import TEXTURES
 from articulate.formats.mesh_paths import resolve
 from articulate.formats.read_mjcf_masses import apply_rules, tensor
 from articulate.formats.read_mjcf_text import MjcfText, read_text
-from articulate.formats.read_urdf import (
+from articulate.formats.source_object import (
     SourceGeometry,
     SourceInertial,
     SourceJoint,

@@ -18,8 +18,8 @@ from lxml import etree
 
 from articulate.errors import AssetError
 from articulate.formats.read_mjcf_files import merged, where
-from articulate.formats.read_urdf import free_name
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import free_name
 from articulate.formats.xml_input import Element, tag_of
 
 _FRAME = "pos quat axisangle xyaxes zaxis euler"

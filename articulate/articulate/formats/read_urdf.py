@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
-from collections.abc import Container, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from lxml import etree
 
 from articulate.errors import AssetError
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import (
+    JOINT_KINDS,
+    LARGEST,
+    MAX_LINKS,
+    SourceGeometry,
+    SourceInertial,
+    SourceJoint,
+    SourceLink,
+    SourceObject,
+    free_name,
+)
 from articulate.formats.xml_input import (
     Element,
     child_of,
@@ -24,93 +32,8 @@ from articulate.formats.xml_input import (
 )
 from articulate.transforms import Array, pose, rpy_to_matrix
 
-MAX_LINKS = 400
-"""Most links of an object."""
-LARGEST = 1e9
-"""A mass, limit or coefficient of this size or more says nothing."""
-JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating", "screw")
-
 _HASH = re.compile(r"(partnet_)?u?(?=[a-f-]*[0-9])[0-9a-f][0-9a-f-]{14,}")
 """Names that say nothing to people, as PartNet-Mobility gives them to its robots."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceGeometry:
-    """One visual or collision element."""
-
-    kind: Literal["mesh", "box", "cylinder", "sphere", "capsule"]
-    name: str
-    T_lg: Array
-    """Pose of the geometry in its link (4, 4), in units of the source."""
-    size: tuple[float, ...] = ()
-    """Full sides of a box; radius and length of a cylinder or capsule; radius of a sphere."""
-    filename: str = ""
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    triangles: Array | None = None
-    """Corners (N, 3, 3) of a mesh in the file itself; takes the place of ``filename``."""
-    rgba: tuple[float, float, float, float] | None = None
-    texture: str = ""
-    """Picture that the file names for a mesh without a colour of its own."""
-    where: str = ""
-    """File and line, for messages."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceInertial:
-    """Mass, centre of mass and inertia as they stand in the file."""
-
-    mass: float
-    T_li: Array
-    """Pose of the inertial frame in the link (4, 4)."""
-    inertia: Array
-    """Inertia about the centre of mass in the inertial frame (3, 3)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceLink:
-    """One ``<link>``."""
-
-    name: str
-    visuals: tuple[SourceGeometry, ...] = ()
-    collisions: tuple[SourceGeometry, ...] = ()
-    inertial: SourceInertial | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceJoint:
-    """One ``<joint>``."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    T_pc: Array
-    """Pose of the child in its parent with the joint at 0 (4, 4)."""
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    lower: float | None = None
-    upper: float | None = None
-    damping: float | None = None
-    friction: float | None = None
-    armature: float | None = None
-    """Inertia added to the joint [kg or kg m2]; a URDF has none."""
-    mimic: tuple[str, float, float] | None = None
-    """Joint that is followed, multiplier, offset."""
-    pitch: float | None = None
-    """Way along the axis for one turn of a screw, in units of the source."""
-    where: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceObject:
-    """What a URDF or an MJCF file says."""
-
-    name: str
-    path: Path
-    links: dict[str, SourceLink]
-    joints: tuple[SourceJoint, ...]
-    repairs: Repairs = field(default_factory=Repairs)
-    files: Mapping[str, Path] = field(default_factory=dict)
-    """Files read beside ``path`` and the meshes, by reference."""
 
 
 def read_urdf(path: Path) -> SourceObject:
@@ -181,12 +104,6 @@ def _joints(reader: _Reader, root: Element) -> list[SourceJoint]:
         taken.add(joint.name)
         joints[joint.name], elements[joint.name] = joint, element
     return list(joints.values())
-
-
-def free_name(name: str, taken: Container[str]) -> str:
-    """``name``, or ``name`` with the first number from 2 on that makes it free."""
-    names = itertools.chain([name], (f"{name}_{i}" for i in itertools.count(2)))
-    return next(candidate for candidate in names if candidate not in taken)
 
 
 def _alike(one: Element, two: Element) -> bool:

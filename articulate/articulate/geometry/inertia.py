@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from articulate.formats.read_urdf import SourceLink
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceLink
 from articulate.geometry.presets import MASS_KG, Weight
 from articulate.geometry.shapes import Shape
 from articulate.transforms import Array

@@ -8,7 +8,7 @@ import numpy as np
 
 from articulate.assets.asset import Asset
 from articulate.formats.read_mjcf import read_mjcf
-from articulate.formats.read_urdf import SourceJoint, SourceObject
+from articulate.formats.source_object import SourceJoint, SourceObject
 from articulate.simulator import mujoco
 from articulate.transforms import Array, pose
 

@@ -10,8 +10,8 @@ from articulate.conversion.joints import travel_of
 from articulate.errors import AssetError, ConfigError
 from articulate.formats.config import ConvertConfig
 from articulate.formats.load_meshes import PartGeometry, Piece
-from articulate.formats.read_urdf import SourceJoint
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceJoint
 
 NOTHING = PartGeometry(visuals=(), collisions=(), collides_as_seen=True)
 

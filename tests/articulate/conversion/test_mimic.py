@@ -11,8 +11,8 @@ from tests.articulate.conversion.boxes import loaded, said
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.joints import Travel
 from articulate.conversion.mimic import followed, with_followers
-from articulate.formats.read_urdf import SourceJoint
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceJoint
 from articulate.simulator import mujoco
 
 LEAVES = """<robot name="leaves">

@@ -22,7 +22,7 @@ from articulate.formats import read_mjcf as reading
 from articulate.formats import read_mjcf_child
 from articulate.formats.read_mjcf_files import is_mjcf, root_tag
 from articulate.formats.read_mjcf_text import read_text
-from articulate.formats.read_urdf import SourceGeometry
+from articulate.formats.source_object import SourceGeometry
 
 pytestmark = pytest.mark.usefixtures("quick")
 

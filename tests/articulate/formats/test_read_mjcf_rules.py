@@ -10,7 +10,7 @@ from tests.articulate.conversion.mjcf import BALL, joint_of, model, read, said, 
 
 from articulate.errors import AssetError
 from articulate.formats.read_mjcf import read_mjcf
-from articulate.formats.read_urdf import SourceObject
+from articulate.formats.source_object import SourceObject
 from articulate.simulator import mujoco
 
 pytestmark = pytest.mark.usefixtures("quick")

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from articulate.formats.read_urdf import SourceInertial, SourceLink
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import SourceInertial, SourceLink
 from articulate.geometry.inertia import from_shapes, inertial_of, is_physical
 from articulate.geometry.presets import Weight
 from articulate.geometry.shapes import Shape
