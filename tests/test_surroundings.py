@@ -32,7 +32,7 @@ socket.getaddrinfo = refused
 """
 TINY = """
 ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net: [8, 8]}
-draw: {scales: 3}
+randomization: {scales: 3}
 starts: {bank: 16}
 seeds: [0]
 steps: 64
@@ -116,7 +116,7 @@ def test_check_works_offline_elsewhere_without_rights_on_a_folder_that_may_not_b
     made = place / "checked" / source.name
     assert (made / "object.xml").is_file()
     again = call(place, "check", made, "--out", "again", "--json", before=unprivileged)
-    assert json.loads(again.stdout)["verdict"] in {"proven", "repaired"}, again.stderr
+    assert json.loads(again.stdout)["verdict"] in {"passed", "repaired"}, again.stderr
 
 
 def test_an_asset_folder_that_may_not_be_written_is_copied_to_one_that_may(tmp_path):
@@ -167,7 +167,7 @@ def test_two_checks_of_one_object_at_once_do_not_meet(place):
     assert [done.returncode for done in results] == [0, 0]
     assert contents[0] == contents[1]  # the second took what the first had made
     (made,) = (place / "checked").iterdir()
-    assert json.loads((made / "proof.json").read_text()) == contents[0]
+    assert json.loads((made / "check_report.json").read_text()) == contents[0]
     assert list(place.glob("**/.little*")) == []
 
 
@@ -226,8 +226,8 @@ def test_without_pybullet_an_object_is_checked_and_the_proof_says_so(tmp_path, m
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     out = tmp_path / "out"
     assert main(["check", str(source), "--out", str(out)]) == 0
-    clauses = json.loads((out / "proof.json").read_text())["clauses"]
-    fk = [c for c in clauses if c["name"] == "fk"]
+    checks = json.loads((out / "check_report.json").read_text())["checks"]
+    fk = [c for c in checks if c["name"] == "forward_kinematics"]
     assert [c["outcome"] for c in fk] == ["passed", "not_applicable", "passed"]
     assert "not compared with PyBullet: pybullet is not installed" in fk[1]["message"]
 
@@ -248,11 +248,11 @@ def test_no_command_needs_pybullet_to_begin(module):
 
 
 def test_a_home_without_a_cache_folder_is_enough(tmp_path, monkeypatch):
-    from articulate.cache import cache_folder, using
+    from articulate.cache import cache_folder, cache_in_use
 
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    with using(cache_folder()):
+    with cache_in_use(cache_folder()):
         pass
     assert (tmp_path / "home").is_dir()
     shutil.rmtree(tmp_path / "home")

@@ -1,24 +1,22 @@
-"""The cache folder: what is in it, how large it may grow, and who uses it at the moment.
+"""Cache folder: entries, size limit, and locks of the processes that use it.
 
 ::
 
-    articulate/                in the platform's cache folder
-      assets/ refused/ checks/ decompositions/ answers/    entries: a file or a folder each
-      users/                   a locked file for each process at work
-      locks/                   a file for each thing that one process at a time makes
-      gate.lock                held while a user comes and while entries are taken away
+    articulate/                in the platform's cache folder (``platformdirs``)
+      assets/ rejected/ checks/ decompositions/ answers/    entries: a file or a folder each
+      users/                   a locked file for each running process that uses the cache
+      locks/                   a lock file for each entry under construction
+      gate.lock                held while a process registers and while entries are removed
 
-An entry is found by its name, which is a hash of what it was made from, so any of them may go.
-Entries go oldest use first. Those that were used since the oldest process at work began stay, and
-a process that comes waits for the gate: nothing is taken from under anybody's hands.
+The name of an entry is a hash of its inputs, so any entry can be removed and made again. The
+least recently used entries are removed first. Entries used since the oldest registered process
+began are kept, so that cleaning never removes files that are in use.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -27,63 +25,63 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+from platformdirs import user_cache_path
+
 from articulate.errors import ConfigError, UsageError
 
-KINDS = ("assets", "refused", "checks", "decompositions", "answers")
+KINDS = ("assets", "rejected", "checks", "decompositions", "answers")
 """Folders of entries. Nothing else in the cache is touched."""
 USERS, LOCKS, GATE, TRASH = "users", "locks", "gate.lock", ".trash-"
 LIMIT_VARIABLE = "ARTICULATE_CACHE_GB"
 LIMIT_GB = 20.0
-"""Size beyond which the entries longest unused go, unless the variable says otherwise [GB]."""
-BETWEEN_S = 3600.0
-"""The size is looked at so often at most [s]."""
-LOOKED = "looked"
-"""File whose date says when the size was looked at last."""
+"""Size above which the least recently used entries are removed, without the variable [GB]."""
+CHECK_INTERVAL_S = 3600.0
+"""Shortest time between two checks of the size [s]."""
+CHECKED = "size_checked"
+"""File whose modification time is that of the last check of the size."""
+POLL_S = 0.01
+"""Time between two attempts to acquire a lock [s]."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that was kept."""
+    """A cached file or folder."""
 
     kind: str
-    """Folder of the cache that it lies in."""
+    """Folder of the cache that contains it."""
     path: Path
     bytes: int
     used: float
-    """When it was made or used last [s since 1970]."""
+    """Time of the last use [s since 1970]."""
 
 
 @dataclass(frozen=True)
-class Cleaned:
-    """What a cleaning took away."""
+class CleanResult:
+    """Counts of removed and remaining entries."""
 
     removed: int
     removed_bytes: int
     left: int
     left_bytes: int
     busy: int
-    """Entries that would have gone, but may be in use."""
+    """Entries that were kept because a running process may use them."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return a JSON-compatible dictionary."""
         return dict(vars(self))
 
 
 def cache_folder() -> Path:
-    """``articulate`` in the user's cache folder, as the platform has it."""
-    given = os.environ.get("XDG_CACHE_HOME", "")
-    if Path(given).is_absolute():
-        return Path(given) / "articulate"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "articulate"
-    return Path.home() / ".cache" / "articulate"
+    """Return ``articulate`` in the user's cache folder; an absolute XDG_CACHE_HOME is honoured."""
+    return user_cache_path("articulate", appauthor=False)
 
 
 def limit_bytes() -> int:
-    """Size beyond which entries go [bytes].
+    """Return the size above which entries are removed [bytes].
 
     Raises:
-        ConfigError: The variable does not hold a number of GB.
+        ConfigError: The environment variable is not a number of GB.
     """
     text = os.environ.get(LIMIT_VARIABLE) or str(LIMIT_GB)
     try:
@@ -96,10 +94,10 @@ def limit_bytes() -> int:
 
 
 @contextmanager
-def using(cache: Path) -> Iterator[None]:
-    """Be at work in ``cache``: what is used inside is not taken away.
+def cache_in_use(cache: Path) -> Iterator[None]:
+    """Register this process, so that entries used inside the block are not removed.
 
-    At the end the size limit is seen to, now and then.
+    The size limit is enforced at the end, at most once an hour.
 
     Raises:
         UsageError: The folder cannot be written.
@@ -109,7 +107,9 @@ def using(cache: Path) -> Iterator[None]:
         (cache / USERS).mkdir(parents=True, exist_ok=True)
         with _gate(cache):
             handle, name = tempfile.mkstemp(dir=cache / USERS)
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            os.close(handle)
+            user = FileLock(name)
+            user.acquire()
     except OSError as error:
         raise UsageError(
             f"{cache}: cannot be written ({error.strerror}); "
@@ -120,106 +120,108 @@ def using(cache: Path) -> Iterator[None]:
     finally:
         with suppress(OSError):
             Path(name).unlink()
-        os.close(handle)
-        with suppress(OSError):
-            if _is_due(cache):
+            user.release()
+            if _is_check_due(cache):
                 clean(cache, limit)
 
 
 @contextmanager
-def alone(cache: Path, key: str) -> Iterator[bool]:
-    """Be the only one at work on what ``key`` names; others wait for their turn.
+def entry_lock(cache: Path, key: str) -> Iterator[bool]:
+    """Hold the lock of the entry ``key``, which one process at a time may make.
 
-    Yields whether this one had to wait, so that the other may have done the work.
+    Yields whether another process held it before, and so may have made the entry.
     """
     (cache / LOCKS).mkdir(parents=True, exist_ok=True)
-    with (cache / LOCKS / key).open("ab") as stream:
-        waited = False
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            waited = True
-            fcntl.flock(stream, fcntl.LOCK_EX)
+    lock = FileLock(cache / LOCKS / key, poll_interval=POLL_S)
+    waited = False
+    try:
+        lock.acquire(timeout=0.0)
+    except Timeout:
+        waited = True
+        lock.acquire()
+    try:
         yield waited
+    finally:
+        lock.release()
 
 
 def touch(entry: Path) -> None:
-    """Note that ``entry`` of the cache is used now."""
-    with suppress(OSError):  # a cache that can only be read is as good
+    """Set the time of last use of ``entry`` to now; ignored in a read-only cache."""
+    with suppress(OSError):
         os.utime(entry)
 
 
 def entries(cache: Path) -> list[Entry]:
-    """All entries, the longest unused first."""
-    found = []
-    for kind in KINDS:
-        found += [_entry(kind, path) for path in _children(cache / kind) if path.name[0] != "."]
+    """Return all entries, least recently used first."""
+    found = [
+        _entry(kind, path)
+        for kind in KINDS
+        for path in _children(cache / kind)
+        if not path.name.startswith(".")
+    ]
     return sorted(found, key=lambda e: (e.used, str(e.path)))
 
 
-def clean(cache: Path, most_bytes: int) -> Cleaned:
-    """Take entries away, the longest unused first, until at most ``most_bytes`` are left.
+def clean(cache: Path, max_bytes: int) -> CleanResult:
+    """Remove the least recently used entries until at most ``max_bytes`` are left.
 
-    Entries that a process at work may use stay, whatever that leaves.
+    Entries that a running process may use are kept, whatever their size.
     """
+    removed: list[Entry] = []
+    busy = 0
     with _gate(cache):
-        since = _at_work_since(cache)
+        since = _oldest_user(cache)
         found = entries(cache)
         total = sum(entry.bytes for entry in found)
         trash = Path(tempfile.mkdtemp(prefix=TRASH, dir=cache))
         for lock in _children(cache / LOCKS) if since == float("inf") else ():
             lock.unlink(missing_ok=True)
-        gone: list[Entry] = []
-        busy = 0
         for entry in found:
-            if total <= most_bytes and most_bytes > 0:
+            if total <= max_bytes and max_bytes > 0:
                 break
             if entry.used >= since:
                 busy += 1
                 continue
-            with suppress(OSError):
-                entry.path.rename(trash / f"{len(gone)}-{entry.path.name}")
-                gone.append(entry)
+            with suppress(OSError):  # renamed first: a killed deletion leaves no partial entry
+                entry.path.rename(trash / f"{len(removed)}-{entry.path.name}")
+                removed.append(entry)
                 total -= entry.bytes
-    for folder in cache.glob(f"{TRASH}*"):  # others' too: they may have been killed
+    for folder in cache.glob(f"{TRASH}*"):  # including those of killed processes
         shutil.rmtree(folder, ignore_errors=True)
-    return Cleaned(
-        removed=len(gone),
-        removed_bytes=sum(entry.bytes for entry in gone),
-        left=len(found) - len(gone),
+    return CleanResult(
+        removed=len(removed),
+        removed_bytes=sum(entry.bytes for entry in removed),
+        left=len(found) - len(removed),
         left_bytes=total,
         busy=busy,
     )
 
 
-@contextmanager
-def _gate(cache: Path) -> Iterator[None]:
-    """Alone among those who come and those who clean."""
+def _gate(cache: Path) -> FileLock:
+    """Lock that is held while a process registers and while entries are removed."""
     cache.mkdir(parents=True, exist_ok=True)
-    with (cache / GATE).open("ab") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        yield
+    return FileLock(cache / GATE, poll_interval=POLL_S)
 
 
-def _at_work_since(cache: Path) -> float:
-    """When the oldest process at work began; inf if there is none. Files of dead ones go."""
+def _oldest_user(cache: Path) -> float:
+    """Return when the oldest running process registered [s since 1970]; inf without one."""
     since = float("inf")
     for path in _children(cache / USERS):
-        with suppress(OSError), path.open("rb") as stream:
+        with suppress(OSError):
+            began = path.stat().st_mtime
             try:
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                since = min(since, path.stat().st_mtime)
-            else:
-                path.unlink()
+                with FileLock(path, timeout=0.0):
+                    path.unlink()  # its process has ended
+            except Timeout:
+                since = min(since, began)
     return since
 
 
-def _is_due(cache: Path) -> bool:
-    """Whether the size was not looked at for a while; notes that it is now."""
-    path = cache / LOOKED
+def _is_check_due(cache: Path) -> bool:
+    """Return whether the last check of the size is long ago; record that it happens now."""
+    path = cache / CHECKED
     with suppress(FileNotFoundError):
-        if 0.0 <= time.time() - path.stat().st_mtime < BETWEEN_S:
+        if 0.0 <= time.time() - path.stat().st_mtime < CHECK_INTERVAL_S:
             return False
     path.touch()
     return True
@@ -233,9 +235,9 @@ def _children(folder: Path) -> list[Path]:
 
 
 def _entry(kind: str, path: Path) -> Entry:
-    """The size of all files below ``path``, and when it was touched last."""
+    """Measure the size of all files below ``path`` and the time of its last use."""
     size, used = 0, 0.0
-    with suppress(OSError):  # it may go at any moment
+    with suppress(OSError):  # another process may remove it
         state = path.lstat()
         size, used = state.st_size, state.st_mtime
         for base, _, names in os.walk(path):

@@ -1,23 +1,29 @@
-"""Files that are whole or absent."""
+"""Write files and folders so that they are complete or absent."""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from articulate.errors import UsageError
 
+MAX_TRIES = 20
+"""Attempts to replace a folder that other processes replace at the same time."""
+RACE_ERRORS = frozenset({errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST})
+"""Errors of a rename that lost the race against another writer."""
+
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """A temporary path in the same folder that takes the place of ``path`` on success.
+    """Yield a temporary path in the same folder that replaces ``path`` on success.
 
     Nothing is left behind if the block raises.
 
@@ -40,7 +46,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
             os.fsync(stream.fileno())
         temporary.replace(path)
     except OSError as error:
-        if error.filename not in {None, name}:  # the block failed on a file of its own
+        if error.filename not in {None, name}:  # the block failed on another file
             raise
         raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
@@ -48,12 +54,12 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def require_space(folder: Path, need_bytes: int, what: str) -> None:
-    """Refuse to begin where the disk has too little room.
+    """Check that the disk has enough room.
 
     Args:
-        folder: Where files will be written; it need not exist.
-        need_bytes: What they take.
-        what: What takes them, for the message.
+        folder: Folder to write into; it need not exist.
+        need_bytes: Space required [bytes].
+        what: Purpose of the space, for the message.
 
     Raises:
         UsageError: Less is free.
@@ -68,31 +74,90 @@ def require_space(folder: Path, need_bytes: int, what: str) -> None:
 
 
 def copy_writable(source: Path, target: Path) -> None:
-    """Copy a folder that may be read-only to one that can be written, and removed again."""
+    """Copy a folder that may be read-only to one that can be written and removed again."""
     shutil.copytree(source, target, copy_function=shutil.copyfile, dirs_exist_ok=True)
     for folder in (target, *(path for path in target.rglob("*") if path.is_dir())):
         folder.chmod(0o755)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write ``content`` so that ``path`` holds all of it or what it held before."""
+    """Write ``content``; on failure ``path`` keeps its previous content."""
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)
 
 
 def write_text(path: Path, content: str) -> None:
-    """Write UTF-8 ``content`` so that ``path`` holds all of it or what it held before.
+    """Write ``content`` as UTF-8; on failure ``path`` keeps its previous content.
 
-    What is no character, as bytes of a file's name that are not UTF-8, is written as an escape.
+    Surrogates, such as the bytes of a file name that is not UTF-8, are written as escapes.
     """
     write_bytes(path, content.encode("utf-8", errors="backslashreplace"))
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write ``content`` as indented JSON, whole or not at all; NaN is refused."""
+    """Write ``content`` as indented JSON, completely or not at all.
+
+    Raises:
+        ValueError: ``content`` holds NaN or infinity.
+    """
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
+def read_json_object(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file; empty if it is absent, unreadable or something else."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
 def sha256(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits."""
+    """Return the SHA-256 of a file in hexadecimal digits."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def is_asset(folder: Path) -> bool:
+    """Return whether ``folder`` is an asset folder of any schema version."""
+    return has_schema(folder / "asset.json", "articulate.asset")
+
+
+def has_schema(file: Path, schema: str) -> bool:
+    """Return whether ``file`` is JSON of ``schema``, of any version.
+
+    The file name is not enough: folders with this file get replaced, and other programs may use
+    the same name.
+    """
+    return read_json_object(file).get("schema") == schema
+
+
+def replace_directory(
+    new: Path, out: Path, aside: Path, is_replaceable: Callable[[Path], bool] = is_asset
+) -> None:
+    """Rename ``new`` to ``out``; move a replaceable folder at ``out`` into ``aside``.
+
+    Nothing is deleted here, so that killing the process leaves complete folders only.
+
+    Args:
+        new: Folder on the same disk.
+        out: Target: a replaceable folder, an empty one, or nothing.
+        aside: Folder on the same disk that receives the previous ``out``.
+        is_replaceable: Predicate for folders at ``out`` that may be moved away.
+
+    Raises:
+        OSError: ``out`` is something else, or the disk does not permit the move.
+    """
+    previous = None
+    for k in range(MAX_TRIES):
+        try:
+            if is_replaceable(out):
+                previous = out.rename(aside / f"old_{k}")
+            new.rename(out)
+        except OSError as error:
+            if error.errno in RACE_ERRORS and k + 1 < MAX_TRIES:
+                continue
+            if previous is not None:  # move it back unless another writer was faster
+                with suppress(OSError):
+                    previous.rename(out)
+            raise
+        return

@@ -11,16 +11,16 @@ from typing import Any, Literal
 import numpy as np
 
 from articulate.assets.asset import Asset
-from articulate.cache import cache_folder, using
+from articulate.cache import cache_folder, cache_in_use
 from articulate.config import from_mapping, to_plain
 from articulate.conversion import ConvertConfig
 from articulate.errors import ConfigError, nearest
-from articulate.preparation.prepare import checked_asset
+from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.task.task import TASK_RULES
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.engine import Engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.joint_selection import choose_joint
@@ -45,15 +45,15 @@ class EnvConfig:
     category: str | None = None
     """Category of the object, for its size and material; by default what its folder says."""
     randomise: bool = True
-    """Draw anew for each episode; False: every episode is the nominal one, and ``draw`` is not
+    """Draw anew for each episode; False: every episode is the nominal one, and ``randomization`` is not
     looked at."""
-    draw: RandomizationConfig = field(default_factory=RandomizationConfig)
+    randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
     """Randomisation."""
     reward: RewardConfig = field(default_factory=RewardConfig)
     """Reward."""
-    starts: StartConfig | None = None
+    initial_states: InitialStatesConfig | None = None
     """Starts along the task, as in training; None begins every episode as the task asks."""
-    follow: ControlConfig = field(default_factory=ControlConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
     """Plant between the policy's tick and the joints."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     """Physics."""
@@ -63,9 +63,9 @@ class EnvConfig:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
 
     @property
-    def draws(self) -> RandomizationConfig:
+    def active_randomization(self) -> RandomizationConfig:
         """The ranges in force."""
-        return self.draw if self.randomise else NO_RANDOMIZATION
+        return self.randomization if self.randomise else NO_RANDOMIZATION
 
 
 def read_config(given: Mapping[str, Any], where: str, scene: Scene | None = None) -> EnvConfig:
@@ -84,12 +84,12 @@ def read_config(given: Mapping[str, Any], where: str, scene: Scene | None = None
         if name not in known:
             raise ConfigError(f"{where}: no argument {name!r}{nearest(name, known)}")
     if scene is not None:
-        given = {"draw": _draws_of(scene), **given, **_decided_by(scene)}
+        given = {"randomization": _draws_of(scene), **given, **_decided_by(scene)}
     elif given.get("asset") is None:
         raise ConfigError(f"{where}: asset is missing; give a URDF file or a folder of an asset")
     plain = to_plain(dict(given))
-    if plain.get("starts", 0) == {}:  # all of it by default, which an empty mapping says
-        plain["starts"] = to_plain(StartConfig())
+    if plain.get("initial_states", 0) == {}:  # all of it by default, which an empty mapping says
+        plain["initial_states"] = to_plain(InitialStatesConfig())
     config = from_mapping(EnvConfig, plain, where)
     if scene is not None:
         _check_sizes(config, scene, where)
@@ -102,7 +102,7 @@ def _draws_of(scene: Scene) -> RandomizationConfig:
 
 
 def _check_sizes(config: EnvConfig, scene: Scene, where: str) -> None:
-    for size in config.draws.scale_values:
+    for size in config.active_randomization.scale_values:
         if not np.isclose(size, scene.scales).any():
             known = ", ".join(f"{s:.6g}" for s in scene.scales)
             raise ConfigError(
@@ -116,7 +116,7 @@ def _decided_by(scene: Scene) -> dict[str, Any]:
         "asset": str(scene.asset.folder),
         "task": scene.task.name,
         "joint": scene.task.joint,
-        "follow": scene.follow,
+        "control": scene.control,
         "physics": scene.physics,
     }
 
@@ -129,8 +129,8 @@ def make_scene(config: EnvConfig) -> Scene:
     """
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
     cache = cache_folder()
-    with using(cache):
-        asset = checked_asset(Path(config.asset), cache, wish)
+    with cache_in_use(cache):
+        asset = load_checked_asset(Path(config.asset), cache, wish)
         return _scene(asset, _Wish.of(config))
 
 
@@ -140,8 +140,8 @@ class _Wish:
 
     task: str
     joint: str | None
-    draw: RandomizationConfig
-    follow: ControlConfig
+    randomization: RandomizationConfig
+    control: ControlConfig
     physics: PhysicsConfig
 
     @staticmethod
@@ -149,8 +149,8 @@ class _Wish:
         return _Wish(
             task=config.task,
             joint=config.joint,
-            draw=config.draws,
-            follow=config.follow,
+            randomization=config.active_randomization,
+            control=config.control,
             physics=config.physics,
         )
 
@@ -166,10 +166,10 @@ def _scene(asset: Asset, wish: _Wish) -> Scene:
         asset,
         task,
         arm=PANDA,
-        follow=wish.follow,
+        control=wish.control,
         physics=wish.physics,
         place=place,
-        scales=wish.draw.scale_values,
+        scales=wish.randomization.scale_values,
     )
 
 
@@ -177,9 +177,9 @@ def make_episodes(engine: Engine, config: EnvConfig, *, renew: bool) -> Episodes
     """Episodes under the ranges, weights and starts of ``config``; reseed them before a reset."""
     return Episodes(
         engine,
-        draws=config.draws,
+        randomization=config.active_randomization,
         reward=config.reward,
-        starts=config.starts,
+        initial_states=config.initial_states,
         seed=0,
         renew=renew,
     )

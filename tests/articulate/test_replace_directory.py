@@ -16,8 +16,8 @@ from articulate.assets.asset import load_asset
 from articulate.conversion import convert
 from articulate.conversion.convert import build_asset, read_input, urdf_in, write_asset
 from articulate.errors import AssetError, UsageError
+from articulate.files import MAX_TRIES, replace_directory
 from articulate.formats.config import ConvertConfig
-from articulate.replace_directory import TRIES, replace_directory
 
 LONG = "x" * 300
 
@@ -83,7 +83,7 @@ def test_an_asset_goes_back_where_the_new_one_cannot_be_moved(
     monkeypatch.setattr(Path, "rename", broken)
     with pytest.raises(OSError, match=os.strerror(code)):
         replace_directory(new, out, tmp_path / "aside")
-    assert len(calls) == (1 if code == errno.EIO else TRIES)
+    assert len(calls) == (1 if code == errno.EIO else MAX_TRIES)
     assert word_in(out) == "old"
 
 

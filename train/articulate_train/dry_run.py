@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from articulate.cache import using
+from articulate.cache import cache_in_use
 from articulate.errors import MissingError, RunError
 from articulate.files import write_bytes
 from articulate.robot.arm import PANDA
@@ -20,7 +20,7 @@ from articulate_envs.joint_selection import choose_joint
 from articulate_envs.scene import PREFIX, Scene, build_scene
 from articulate_envs.video import picture
 from articulate_train.config import TrainConfig
-from articulate_train.evaluate_run import target_text
+from articulate_train.evaluate_run import describe_target
 from articulate_train.ppo import Learner
 from articulate_train.run import prepare_asset, run_bytes
 from articulate_train.seed_runner import processors
@@ -38,7 +38,7 @@ class DryRun:
     joint: str
     target: str
     """What counts as done, in words."""
-    drawn_share: float
+    reachable_share: float
     """Share of the drawn poses and sizes at which the arm reaches the whole way."""
     overlap_m: float
     """Overlap of an open hand at the handle with the object [m]; little is room enough."""
@@ -67,7 +67,7 @@ class DryRun:
         lines = [
             f"{self.task} of {self.asset}, joint {self.joint}",
             f"  target   {self.target}",
-            f"  reach    at {self.drawn_share:.0%} of the drawn poses and sizes; an open hand "
+            f"  reach    at {self.reachable_share:.0%} of the drawn poses and sizes; an open hand "
             f"overlaps the object by {1000 * self.overlap_m:.1f} mm",
             f"  time     about {self.minutes:.0f} min for {seeds} of {self.steps / 1e6:g}M steps "
             f"({self.steps_per_s:.0f} steps/s measured)",
@@ -91,17 +91,17 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
     """
     if file.exists():
         raise RunError(f"{file}: exists; choose another --out")
-    with using(cache):
+    with cache_in_use(cache):
         asset = prepare_asset(config, cache)
         task, place = choose_joint(config, asset)
         scene = build_scene(
             asset,
             task,
             arm=PANDA,
-            follow=config.follow,
+            control=config.control,
             physics=config.physics,
             place=place,
-            scales=config.draw.scale_values,
+            scales=config.randomization.scale_values,
         )
         overlap_m = check_grasp(scene)
         jobs = min(config.jobs or processors(), len(config.seeds))
@@ -112,8 +112,8 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
         asset=asset.name,
         task=task.name,
         joint=task.joint,
-        target=target_text(task),
-        drawn_share=place.drawn_share,
+        target=describe_target(task),
+        reachable_share=place.reachable_share,
         overlap_m=overlap_m,
         seeds=len(config.seeds),
         steps=config.steps,
@@ -167,7 +167,7 @@ def start_qpos(scene: Scene) -> Array:
     for joint in scene.asset.joints:
         begin = scene.task.begin[1] if joint.name == scene.task.joint else 0.0
         qpos[model.joint(PREFIX + joint.name).qposadr[0]] = joint.closed + begin * joint.span
-    half = scene.arm.hand.max_width_m / 2.0
+    half = scene.arm.gripper.max_width_m / 2.0
     qpos[at.arm_q : at.arm_q + 7] = scene.place.start_q
     qpos[at.finger_q : at.finger_q + 2] = (half, -half)
     return qpos

@@ -34,21 +34,21 @@ from pathlib import Path
 from typing import Any
 
 from articulate.assets.asset import Asset, load_asset
-from articulate.cache import using
+from articulate.cache import cache_in_use
 from articulate.config import from_mapping, read_yaml, to_yaml
 from articulate.conversion import ConvertConfig
 from articulate.conversion.metric_size import check_category
 from articulate.errors import RunError, field_error
 from articulate.files import copy_writable, require_space, write_json, write_text
-from articulate.preparation.prepare import checked_asset
-from articulate.robot.arm import PANDA, Arm, Hand
+from articulate.preparation.prepare import load_checked_asset
+from articulate.robot.arm import PANDA, Arm, Gripper
 from articulate.task.observation import ACTION
 from articulate.task.task import Limits, Task
 from articulate_envs.joint_selection import choose_joint
 from articulate_envs.placement_search import ObjectPlacement
 from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
-from articulate_train.run_lock import alone
+from articulate_train.run_lock import lock_run
 
 PACKAGES = (
     "mujoco", "numpy", "torch", "stable_baselines3", "gymnasium", "numba", "robosuite",
@@ -77,7 +77,9 @@ class Run:
         Raises:
             ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
         """
-        wide = dataclasses.replace(self.config, draw=self.config.draw.widened(ranges))
+        wide = dataclasses.replace(
+            self.config, randomization=self.config.randomization.widened(ranges)
+        )
         return dataclasses.replace(self, config=wide)
 
     def scene(self, scales: tuple[float, ...] | None = None) -> Scene:
@@ -86,10 +88,10 @@ class Run:
             self.asset,
             self.task,
             arm=self.arm,
-            follow=self.config.follow,
+            control=self.config.control,
             physics=self.config.physics,
             place=self.place,
-            scales=self.config.draw.scale_values if scales is None else scales,
+            scales=self.config.randomization.scale_values if scales is None else scales,
         )
 
 
@@ -108,11 +110,11 @@ def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
     """The object of ``config``, converted or taken from the cache."""
     check_category(config.category)
     wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
-    return checked_asset(Path(config.asset), cache, wish)
+    return load_checked_asset(Path(config.asset), cache, wish)
 
 
 def create_run(
-    config: TrainConfig, folder: Path, cache: Path, say: Callable[[str], None] = lambda _: None
+    config: TrainConfig, folder: Path, cache: Path, show_progress: Callable[[str], None] = lambda _: None
 ) -> Run:
     """Make the folder of a new run, whole or not at all.
 
@@ -127,29 +129,29 @@ def create_run(
         UsageError: The object cannot be read or reached.
     """
     _check_free(folder)
-    with using(cache):
-        asset, task, place = _placed(config, cache, say)
+    with cache_in_use(cache):
+        asset, task, place = _placed(config, cache, show_progress)
         require_space(folder, run_bytes(config, asset), "a run")
         _write_run(folder, config, asset, task, place)
     return open_run(folder)
 
 
 def _placed(
-    config: TrainConfig, cache: Path, say: Callable[[str], None]
+    config: TrainConfig, cache: Path, show_progress: Callable[[str], None]
 ) -> tuple[Asset, Task, ObjectPlacement]:
     """The object of ``config``, what is asked of it, and where it stands."""
-    say(f"{config.asset}: converting and proving it, or taking it from the cache")
+    show_progress(f"{config.asset}: converting and proving it, or taking it from the cache")
     asset = prepare_asset(config, cache)
-    say(f"{asset.name}: looking for a place from which the arm reaches what it is to move")
+    show_progress(f"{asset.name}: looking for a place from which the arm reaches what it is to move")
     return (asset, *choose_joint(config, asset))
 
 
-def on_object(
+def with_object(
     run: Run,
     asset: str,
     joint: str | None,
     cache: Path,
-    say: Callable[[str], None] = lambda _: None,
+    show_progress: Callable[[str], None] = lambda _: None,
 ) -> Run:
     """``run`` with another object before the same arm, to judge there what was trained here.
 
@@ -167,8 +169,8 @@ def on_object(
     config = dataclasses.replace(
         run.config, asset=asset, joint=joint, size=None, category=None, closed="auto"
     )
-    with using(cache):
-        other, task, place = _placed(config, cache, say)
+    with cache_in_use(cache):
+        other, task, place = _placed(config, cache, show_progress)
     return dataclasses.replace(run, config=config, asset=other, task=task, place=place)
 
 
@@ -199,16 +201,16 @@ def _write_run(
 def run_bytes(config: TrainConfig, asset: Asset) -> int:
     """What a run takes on disk at most, generously [bytes]."""
     object_bytes = sum(p.stat().st_size for p in asset.folder.rglob("*") if p.is_file())
-    seed_bytes = config.members * _member_bytes(config) + config.steps // 10
+    seed_bytes = config.ensemble_size * _member_bytes(config) + config.steps // 10
     return object_bytes + len(config.seeds) * seed_bytes + REPORT_BYTES
 
 
 def _member_bytes(config: TrainConfig) -> int:
     """A member's part of a checkpoint, twice while it is written, and states of its policy."""
-    sizes = (MOST_SEEN, *config.ppo.net, ACTION.size)
+    sizes = (MOST_SEEN, *config.ppo.net_arch, ACTION.size)
     weights = 8 * sum((a + 1) * b for a, b in pairwise(sizes))  # actor and critic, of 4 bytes each
     checkpoint = 3 * weights + config.ppo.n_envs * ENV_BYTES  # beside them Adam's two moments
-    return config.select.states * weights + 2 * checkpoint
+    return config.checkpoint_selection.n_checkpoints * weights + 2 * checkpoint
 
 
 MOST_SEEN = 130
@@ -253,14 +255,16 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
     if asked == kept:
         return run
     ppo = config.ppo
-    beyond = config.steps + ppo.n_envs * ppo.n_steps * config.members  # a last round is not cut
+    beyond = (
+        config.steps + ppo.n_envs * ppo.n_steps * config.ensemble_size
+    )  # a last round is not cut
     trained = max((done_steps(path) for path in folder.glob(f"seed_*/{DONE}")), default=0)
     if trained >= beyond:
         raise RunError(
             f"{folder}: --steps is {config.steps}, but {trained} are trained already; give more, "
             "or leave it out"
         )
-    with alone(folder):  # seeds that wait their turn in another call read it too
+    with lock_run(folder):  # seeds that wait their turn in another call read it too
         write_text(folder / CONFIG, to_yaml(config))
     return dataclasses.replace(run, config=config)
 
@@ -365,7 +369,7 @@ def _task(content: dict[str, Any]) -> Task:
 
 def _arm(content: dict[str, Any]) -> Arm:
     plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return Arm(**{**plain, "hand": Hand(**content["hand"])})
+    return Arm(**{**plain, "hand": Gripper(**content["hand"])})
 
 
 def _place(content: dict[str, Any]) -> ObjectPlacement:

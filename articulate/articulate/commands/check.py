@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from articulate.cache import cache_folder, using
+from articulate.assets.check_report import VERDICTS
+from articulate.cache import cache_folder, cache_in_use
 from articulate.checks.descriptions import explained, explained_content
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
@@ -143,7 +144,7 @@ def main(argv: Sequence[str]) -> int:
         fresh=flags.fresh,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(items))
-    with using(cache):
+    with cache_in_use(cache):
         results = list(_shown(batch.run(items, jobs), 0 if single else len(items)))
     results.sort(key=lambda r: [item.name for item in items].index(r.item.name))
     if flags.junit is not None:
@@ -154,7 +155,7 @@ def main(argv: Sequence[str]) -> int:
         console.emit_json(_content(results, single=single))
     else:
         console.emit(_one(results[0]) if single else _table(results, out / "index.html"))
-    return MISSED if any(r.proof.verdict == "refused" for r in results) else 0
+    return MISSED if any(not r.check_report.is_usable for r in results) else 0
 
 
 def _require_of_use(flags: CheckFlags, items: Sequence[Item]) -> None:
@@ -190,17 +191,17 @@ def _shown(results: Iterator[Checked], total: int) -> Iterator[Checked]:
     counts: Counter[str] = Counter()
     live = console.is_live()
     for done, result in enumerate(results, 1):
-        counts[result.proof.verdict] += 1
+        counts[result.check_report.verdict] += 1
         if total and live:
             bar = "#" * (BAR * done // total)
             told = ", ".join(f"{n} {verdict}" for verdict, n in sorted(counts.items()))
             console.rewrite(f"[{bar:<{BAR}}] {done}/{total}  {told}  {result.item.name}")
         elif total:
-            line = f"{done}/{total} {result.item.name}: {result.proof.verdict}"
-            console.say(f"{line} ({result.proof.seconds:.1f} s)")
+            line = f"{done}/{total} {result.item.name}: {result.check_report.verdict}"
+            console.show_progress(f"{line} ({result.check_report.seconds:.1f} s)")
         yield result
     if total and live:
-        console.say("")
+        console.show_progress("")
 
 
 def _write_index(results: Sequence[Checked], path: Path) -> None:
@@ -210,7 +211,9 @@ def _write_index(results: Sequence[Checked], path: Path) -> None:
     )
 
     rows = [
-        IndexRow(proof=r.proof, category=_category(r.folder), page=r.folder / PAGE_FILE)
+        IndexRow(
+            check_report=r.check_report, category=_category(r.folder), page=r.folder / PAGE_FILE
+        )
         for r in results
     ]
     write_index(rows, path, title=f"{len(rows)} objects")
@@ -226,27 +229,27 @@ def _category(folder: Path) -> str:
 
 def _content(results: Sequence[Checked], *, single: bool) -> dict[str, Any]:
     if single:
-        return content_of(results[0].proof)
-    counts = Counter(r.proof.verdict for r in results)
+        return content_of(results[0].check_report)
+    counts = Counter(r.check_report.verdict for r in results)
     assets = []
     for r in results:
-        content = content_of(r.proof)
-        del content["clauses"]
+        content = content_of(r.check_report)
+        del content["checks"]
         assets.append({"name": r.item.name, **content})
-    return {v: counts[v] for v in ("proven", "repaired", "refused")} | {"assets": assets}
+    return {v: counts[v] for v in VERDICTS} | {"assets": assets}
 
 
 def _one(result: Checked) -> str:
     """What is said about one object."""
-    proof = result.proof
-    held = sum(clause.outcome == "passed" for clause in proof.clauses)
-    tried = sum(clause.outcome != "not_applicable" for clause in proof.clauses)
-    lines = [f"{proof.asset}: {proof.verdict}"]
+    check_report = result.check_report
+    held = sum(check.outcome == "passed" for check in check_report.checks)
+    tried = sum(check.outcome != "not_applicable" for check in check_report.checks)
+    lines = [f"{check_report.asset}: {check_report.verdict}"]
     if tried:
-        lines[0] += f" ({held} of {tried} measurements hold, {proof.seconds:.1f} s)"
-    lines += [f"  because  {reason}" for reason in proof.reasons]
-    lines += [f"  {_mark(repair)}  {repair.removeprefix(NOTE)}" for repair in proof.repairs]
-    for joint in proof.joints:
+        lines[0] += f" ({held} of {tried} measurements hold, {check_report.seconds:.1f} s)"
+    lines += [f"  because  {reason}" for reason in check_report.reasons]
+    lines += [f"  {_mark(repair)}  {repair.removeprefix(NOTE)}" for repair in check_report.repairs]
+    for joint in check_report.joints:
         unit = "m" if joint.kind == "slide" else "rad"
         opened = "" if joint.opened is None else f", opened by 30 N {joint.opened:.0%}"
         needs = f", needs {' and '.join(joint.needs)} open" if joint.needs else ""
@@ -262,15 +265,15 @@ def _mark(repair: str) -> str:
 def _table(results: Sequence[Checked], index: Path) -> str:
     """One line for each object, and the sums."""
     width = max(len(r.item.name) for r in results)
-    lines = [f"{'object':<{width}}  verdict   joints  colliders  seconds  why"]
+    lines = [f"{'object':<{width}}  verdict    joints  colliders  seconds  why"]
     for r in results:
-        p = r.proof
+        p = r.check_report
         why = next(iter(p.reasons or ()), "")
         why = why if len(why) <= LONGEST else f"{why[: LONGEST - 1]}…"
         lines.append(
-            f"{r.item.name:<{width}}  {p.verdict:<8}  {len(p.joints):>6}  {p.colliders:>9}  "
+            f"{r.item.name:<{width}}  {p.verdict:<9}  {len(p.joints):>6}  {p.colliders:>9}  "
             f"{p.seconds:>7.1f}  {why}".rstrip()
         )
-    counts = Counter(r.proof.verdict for r in results)
-    told = ", ".join(f"{counts[v]} {v}" for v in ("proven", "repaired", "refused"))
+    counts = Counter(r.check_report.verdict for r in results)
+    told = ", ".join(f"{counts[v]} {v}" for v in VERDICTS)
     return "\n".join([*lines, f"{len(results)} objects: {told}", f"page: {index}"])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from articulate.cache import cache_folder, using
+from articulate.cache import cache_folder, cache_in_use
 from articulate.commands import console
 from articulate.commands.flags import parse
 from articulate.commands.success import MISSED
@@ -135,7 +135,7 @@ def main(argv: Sequence[str]) -> int:
         limit_s=flags.limit,
         seed=flags.seed,
     )
-    console.say(f"{given.name}: {len(given.meshes)} parts, {question.told}")
+    console.show_progress(f"{given.name}: {len(given.meshes)} parts, {question.told}")
     if flags.dry_run:
         page = _prompts_page(out)
         asked = dry_run(question, given, camera, order, page)
@@ -144,13 +144,13 @@ def main(argv: Sequence[str]) -> int:
         else:
             console.emit(f"{asked} questions, nothing sent: {page}")
         return 0
-    with using(cache):
+    with cache_in_use(cache):
         made = make(question, given, camera, order)
     if flags.json:
         console.emit_json(made.content())
     else:
         console.emit(_told(made))
-    return 0 if made.verdict == "proven" else MISSED
+    return 0 if made.verdict == "passed" else MISSED
 
 
 def _prompts_page(out: Path) -> Path:

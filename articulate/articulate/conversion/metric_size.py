@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 from articulate.errors import ConfigError, nearest
+from articulate.files import read_json_object
 from articulate.formats.config import ConvertConfig
 
 LONGEST_SIDE_M: dict[str, float] = {
@@ -62,22 +61,13 @@ OTHER_M = 0.5
 """Longest side [m] of a normalised object of another category: something for a table top."""
 
 
-def said_in(path: Path) -> dict[str, Any]:
-    """The keys of a JSON file; none where it is absent, cannot be read or holds something else."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return content if isinstance(content, dict) else {}
-
-
 def is_normalised(urdf: Path) -> bool:
     """Whether the object comes from a set that scales everything to one size.
 
     PartNet-Mobility's objects are called ``mobility.urdf``; where one was renamed, its
     ``meta.json`` still says the category.
     """
-    category = said_in(urdf.parent / "meta.json").get("model_cat")
+    category = read_json_object(urdf.parent / "meta.json").get("model_cat")
     return urdf.name == "mobility.urdf" or (isinstance(category, str) and bool(category))
 
 
@@ -89,7 +79,7 @@ def category_of(urdf: Path, config: ConvertConfig) -> str:
     if config.category:
         return config.category
     for name, key in (("meta.json", "model_cat"), ("source.json", "category")):
-        found = said_in(urdf.parent / name).get(key)
+        found = read_json_object(urdf.parent / name).get(key)
         if isinstance(found, str) and found:
             return found
     return "unknown"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from articulate.conversion.metric_size import is_normalised, said_in
+from articulate.conversion.metric_size import is_normalised
+from articulate.files import read_json_object
 from articulate.formats.config import ConvertConfig
 
 ORIGIN_FILE = "source.json"
@@ -21,7 +22,7 @@ def origin_of(urdf: Path, config: ConvertConfig) -> tuple[str, str]:
     source, licence = urdf.name, "unknown"
     if is_normalised(urdf):
         source, licence = f"PartNet-Mobility {urdf.parent.resolve().name}", PARTNET_LICENCE
-    said = said_in(urdf.parent / ORIGIN_FILE)
+    said = read_json_object(urdf.parent / ORIGIN_FILE)
     words = {key: value for key, value in said.items() if isinstance(value, str) and value}
     source, licence = words.get("source", source), words.get("licence", licence)
     return source, licence if config.licence == "unknown" else config.licence

@@ -21,12 +21,27 @@ from typing import Any
 
 from articulate.cache import cache_folder, touch
 from articulate.errors import UsageError
-from articulate.files import copy_writable, sha256, write_json
-from articulate.preparation.check_report_file import PROOF_FILE
-from articulate.preparation.check_report_file import SCHEMA as PROOF_SCHEMA
-from articulate.replace_directory import is_asset, is_of, replace_directory
+from articulate.files import (
+    copy_writable,
+    has_schema,
+    is_asset,
+    replace_directory,
+    sha256,
+    write_json,
+)
+from articulate.preparation.check_report_file import CHECK_REPORT_FILE
+from articulate.preparation.check_report_file import SCHEMA as CHECK_REPORT_SCHEMA
 
-CODE = ("convert", "prove", "asset.py", "proof.py", "transforms.py")
+CODE = (
+    "assets",
+    "checks",
+    "conversion",
+    "formats",
+    "geometry",
+    "preparation",
+    "simulator.py",
+    "transforms.py",
+)
 """What decides about a verdict, inside the package."""
 JUDGES = ("mujoco", "pybullet")
 """Packages whose version, or absence, decides about a verdict as well."""
@@ -81,7 +96,7 @@ def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
         folder = cache / str(record["folder"])
         if (
             record["listing"] != _listing(source, dated=record["dated"])
-            or not (folder / PROOF_FILE).is_file()
+            or not (folder / CHECK_REPORT_FILE).is_file()
         ):
             return None
         if any(sha256(Path(path)) != known for path, known in record["inputs"].items()):
@@ -200,7 +215,7 @@ def hand_over(folder: Path, out: Path) -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name[:40]}.", dir=out.parent))
         copy_writable(folder, temporary / "new")
-        replace_directory(temporary / "new", out, temporary, ours=_is_result)
+        replace_directory(temporary / "new", out, temporary, is_replaceable=_is_result)
     except OSError as error:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
@@ -212,7 +227,7 @@ def hand_over(folder: Path, out: Path) -> None:
 
 def _is_result(folder: Path) -> bool:
     """Whether an asset or a proof lies in ``folder``."""
-    return is_asset(folder) or is_of(folder / PROOF_FILE, PROOF_SCHEMA)
+    return is_asset(folder) or has_schema(folder / CHECK_REPORT_FILE, CHECK_REPORT_SCHEMA)
 
 
 def check_out(out: Path) -> None:
