@@ -127,7 +127,7 @@ def physics_cost(out: Path, rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Ratios of :func:`step_ratio` of the first objects of the category, by id."""
     own = [r for r in rows if r["category"] == CATEGORY and r["source"] == "partnet"]
     own.sort(key=lambda r: int(str(r["id"]).rsplit("_", 1)[1]))
-    first = [r for r in own if r["verdict"] != "refused"][:FIRST]
+    first = [r for r in own if r["verdict"] != "rejected"][:FIRST]
     return {r["id"]: round(step_ratio(out / r["id"]), 3) for r in first}
 
 
@@ -151,16 +151,14 @@ def check_of(reason: str) -> str:
 def summed(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Counts of verdicts, clauses that refused, and times."""
     verdicts = Counter(r["verdict"] for r in rows)
-    clauses = Counter(
-        clause for r in rows for clause in {check_of(reason) for reason in r["reasons"]}
-    )
+    checks = Counter(check for r in rows for check in {check_of(reason) for reason in r["reasons"]})
     seconds = sorted(r["seconds"] for r in rows)
-    good = len(rows) - verdicts["refused"]
+    good = len(rows) - verdicts["rejected"]
     return {
         "objects": len(rows),
         "verdicts": dict(verdicts),
         "good_share": round(good / max(len(rows), 1), 4),
-        "refused_by": dict(clauses.most_common(20)),
+        "refused_by": dict(checks.most_common(20)),
         "seconds_median": statistics.median(seconds) if seconds else None,
         "seconds_p95": seconds[int(0.95 * (len(seconds) - 1))] if seconds else None,
         "joints": sum(r["joints"] for r in rows),
@@ -202,7 +200,7 @@ def main() -> int:
             cached_seconds(batch, [item for item, _ in found if item.name in done]), 3
         ),
         "step_ratios": physics_cost(flags.out, rows),
-        "refused": [r for r in rows if r["verdict"] == "refused"],
+        "rejected": [r for r in rows if r["verdict"] == "rejected"],
     }
     ratios = list(result["step_ratios"].values())
     result["step_ratio_median"] = statistics.median(ratios) if ratios else None

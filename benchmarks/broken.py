@@ -41,7 +41,7 @@ def checked(item: dict[str, Any], file: Path, out: Path) -> dict[str, Any]:
         return row | {"verdict": check_report["verdict"], "said": said, "clear": clear}
     lines = done.stderr.strip().splitlines()
     clear = done.returncode == 2 and len(lines) == 1 and not done.stdout
-    return row | {"verdict": "refused", "said": lines[-1:], "clear": clear}
+    return row | {"verdict": "rejected", "said": lines[-1:], "clear": clear}
 
 
 def main() -> int:
@@ -57,7 +57,9 @@ def main() -> int:
         row = checked(item, flags.data / item["file"], flags.out / item["id"])
         print(f"{row['id']}: {row.get('verdict')} {row['said']}", file=sys.stderr, flush=True)
         rows.append(row)
-    count = {v: sum(r.get("verdict") == v for r in rows) for v in ("proven", "repaired", "refused")}
+    count = {
+        v: sum(r.get("verdict") == v for r in rows) for v in ("passed", "repaired", "rejected")
+    }
     result = {"files": len(rows), "clear": sum(r["clear"] for r in rows), **count, "rows": rows}
     print(json.dumps(result, indent=1 if flags.json else None))
     return 0

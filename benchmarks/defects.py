@@ -42,7 +42,7 @@ from planted import KINDS, Damaged, Names
 
 UNTOUCHED = "untouched"
 """Stands for no defect: what is refused then is a false alarm."""
-BY_INPUT = {"fk_input", "shown"}
+BY_INPUT = {"input_kinematics", "visual_fidelity"}
 """Clauses that compare with the input."""
 
 Row = dict[str, Any]
@@ -71,7 +71,7 @@ def judged(folder: Path, kind: str, out: Path, origin: Origin) -> tuple[Names, C
 
 def row_of(kind: str, names: Names, check_report: CheckReport | None, seconds: float) -> Row:
     """What is kept of one damaged copy."""
-    failed = [c for c in check_report.clauses if c.outcome == "failed"] if check_report else []
+    failed = [c for c in check_report.checks if c.outcome == "failed"] if check_report else []
     by = KINDS[kind].named_by if kind in KINDS else ()
     return {
         "kind": kind,
@@ -80,7 +80,7 @@ def row_of(kind: str, names: Names, check_report: CheckReport | None, seconds: f
         "named": any(
             c.name in by and any(says(f"{c.subject} {c.message}", n) for n in names) for c in failed
         ),
-        "clauses": sorted({c.name for c in failed}),
+        "checks": sorted({c.name for c in failed}),
         "reasons": list(check_report.reasons)[:6] if check_report else [],
         "seconds": round(seconds, 2),
     }
@@ -134,10 +134,10 @@ def chosen(checked: Path, data: Path, count: int) -> list[Item]:
     """Proven or repaired assets that move, spread evenly over the index."""
     good = []
     for item, _ in items_of(data, ()):
-        path = checked / item.name / "proof.json"
+        path = checked / item.name / "check_report.json"
         if path.is_file():
             check_report = json.loads(path.read_text(encoding="utf-8"))
-            if check_report["verdict"] != "refused" and check_report["joints"]:
+            if check_report["verdict"] != "rejected" and check_report["joints"]:
                 good.append(item)
     return [good[i] for i in np.linspace(0, len(good) - 1, min(count, len(good))).astype(int)]
 
@@ -152,8 +152,8 @@ def summed(rows: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
             "planted": len(own),
             "found": len(found),
             "named": sum(r["named"] for r in found),
-            "by_input_alone": sum(set(r["clauses"]) <= BY_INPUT for r in found),
-            "clauses": dict(Counter(c for r in found for c in r["clauses"]).most_common()),
+            "by_input_alone": sum(set(r["checks"]) <= BY_INPUT for r in found),
+            "checks": dict(Counter(c for r in found for c in r["checks"]).most_common()),
             "missed": [i for i, r in own if not r["found"]],
             "not_named": [i for i, r in own if r["found"] and not r["named"]],
         }

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.errors import ArticulateError
-from articulate.preparation.prepare import check
+from articulate.preparation.prepare import check_asset
 from mutants import Mutant, drawn, write_mutant
 
 LIMIT_S = 60.0
@@ -57,10 +57,12 @@ def _checked(urdf: Path, home: Path, answer: Connection) -> None:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
     try:
-        check_report = check(urdf, home / "made" / "out")
+        check_report = check_asset(urdf, home / "made" / "out")
         reasons = check_report.reasons
         broken = [r for r in reasons if "\n" in r or len(r) > LONGEST_LINE]
-        answer.send(("traceback" if broken else check_report.verdict, (broken or [*reasons, ""])[0]))
+        answer.send(
+            ("traceback" if broken else check_report.verdict, (broken or [*reasons, ""])[0])
+        )
     except ArticulateError as error:
         answer.send(("error" if "\n" not in str(error) else "traceback", str(error)))
     except BaseException:  # noqa: BLE001  # whatever it is, it is what is looked for

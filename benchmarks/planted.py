@@ -398,32 +398,34 @@ class Kind:
     """Clauses that say what is wrong; others find it only by what it does elsewhere."""
 
 
-POSES = ("fk", "fk_input")
-MOTION = ("settle", "open", "close")
+POSES = ("forward_kinematics", "input_kinematics")
+MOTION = ("settling", "opening", "closing")
 
 KINDS: dict[str, Kind] = {
     "axis tilted by 5 degrees": Kind(axis_tilted, POSES),
     "axis reversed": Kind(axis_reversed, POSES),
     "pivot moved by 2 % of the diagonal": Kind(pivot_moved, POSES),
-    "limits swapped, read as none": Kind(limits_swapped, ("limits",)),
-    "limits absent": Kind(limits_absent, ("limits",)),
-    "range 10 % wider": Kind(range_wider, ("limits",)),
-    "range in degrees": Kind(range_in_degrees, ("limits",)),
-    "slide for hinge or hinge for slide": Kind(type_changed, ("limits", *POSES)),
-    "sealed by a box": Kind(sealed, ("openness", "coverage")),
-    "way blocked by a box": Kind(blocked, ("sweep", "sweep_authored", "open", "close")),
-    "stray collision shape": Kind(stray_collider, ("coverage",)),
-    "collision shapes of a part lost": Kind(colliders_lost, ("coverage",)),
+    "limits swapped, read as none": Kind(limits_swapped, ("joint_limits",)),
+    "limits absent": Kind(limits_absent, ("joint_limits",)),
+    "range 10 % wider": Kind(range_wider, ("joint_limits",)),
+    "range in degrees": Kind(range_in_degrees, ("joint_limits",)),
+    "slide for hinge or hinge for slide": Kind(type_changed, ("joint_limits", *POSES)),
+    "sealed by a box": Kind(sealed, ("cavities", "collision_coverage")),
+    "way blocked by a box": Kind(
+        blocked, ("joint_sweep", "authored_overlap", "opening", "closing")
+    ),
+    "stray collision shape": Kind(stray_collider, ("collision_coverage",)),
+    "collision shapes of a part lost": Kind(colliders_lost, ("collision_coverage",)),
     "mass doubled": Kind(mass_doubled, ("inertia",)),
     "inertia doubled": Kind(inertia_wrong, ("inertia",)),
     "centre of mass moved by 2 % of the diagonal": Kind(centre_moved, ("inertia",)),
-    "mesh mirrored": Kind(mesh_mirrored, ("shown",)),
-    "mesh 5 % larger": Kind(mesh_scaled, ("shown",)),
-    "visual lost": Kind(visual_lost, ("shown",)),
+    "mesh mirrored": Kind(mesh_mirrored, ("visual_fidelity",)),
+    "mesh 5 % larger": Kind(mesh_scaled, ("visual_fidelity",)),
+    "visual lost": Kind(visual_lost, ("visual_fidelity",)),
     "link lost": Kind(link_lost, ("loads",)),
     "link moved by 2 % of the diagonal": Kind(link_moved, POSES),
-    "dry friction of 200 N or Nm": Kind(stuck, ("limits", *MOTION)),
-    "damping of 1000 N s/m or Nm s/rad": Kind(sluggish, ("limits", *MOTION)),
+    "dry friction of 200 N or Nm": Kind(stuck, ("joint_limits", *MOTION)),
+    "damping of 1000 N s/m or Nm s/rad": Kind(sluggish, ("joint_limits", *MOTION)),
     "spring of 60 N or Nm that opens": Kind(sprung, MOTION),
 }
 """What is planted, with its least size."""

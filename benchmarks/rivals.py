@@ -52,7 +52,7 @@ PROOF_LIMIT_S = 600.0
 """Time for the tool and the proof of one object together [s]; what takes longer is not good."""
 SEED = 1
 """Of the order in which objects are taken."""
-NOT_COUNTED = frozenset({"limits", "coverage", "inertia"})
+NOT_COUNTED = frozenset({"joint_limits", "collision_coverage", "inertia"})
 """Clauses that compare with our own files or with what is seen do not count for anyone here."""
 BARE = "no collision shapes"
 """Stands for a part that nothing can touch: nothing would be in its way, and no hand could pull."""
@@ -229,9 +229,11 @@ def _cleared(tree: Any) -> None:
                 body.attrib.pop(key, None)
 
 
-def openness_min(check_report: CheckReport) -> float | None:
+def cavities_min(check_report: CheckReport) -> float | None:
     """Least share of a cavity that is open, over the links that have one."""
-    found = [c.measured for c in check_report.clauses if c.name == "openness" and c.measured is not None]
+    found = [
+        c.measured for c in check_report.checks if c.name == "cavities" and c.measured is not None
+    ]
     return round(min(found), 3) if found else None
 
 
@@ -244,11 +246,11 @@ def row_of(
     bare: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """What is kept of one object and tool."""
-    clauses = [c for c in check_report.clauses if c.outcome == "failed"] if check_report else []
-    clauses = [c for c in clauses if c.name not in NOT_COUNTED]
-    failed = sorted({c.name for c in clauses} | ({BARE} if bare else set()))
-    if clauses and not reason:
-        reason = f"{clauses[0].name}: {clauses[0].message}"[:200]
+    checks = [c for c in check_report.checks if c.outcome == "failed"] if check_report else []
+    checks = [c for c in checks if c.name not in NOT_COUNTED]
+    failed = sorted({c.name for c in checks} | ({BARE} if bare else set()))
+    if checks and not reason:
+        reason = f"{checks[0].name}: {checks[0].message}"[:200]
     if bare and not reason:
         reason = f"{', '.join(bare)}: {BARE}"[:200]
     return {
@@ -259,7 +261,7 @@ def row_of(
         "failed": failed,
         "reason": reason,
         "opened": sum((j.opened or 0.0) >= 0.9 for j in check_report.joints) if check_report else 0,
-        "openness_min": openness_min(check_report) if check_report else None,
+        "cavities_min": cavities_min(check_report) if check_report else None,
         "seconds": round(took_s, 2),
     }
 
@@ -293,7 +295,7 @@ def judged(
         except AssetError as error:
             return row_of(name, made, None, str(error), took)
         check_report = run_checks(asset)
-        loads = all(c.name != "loads" or c.outcome != "failed" for c in check_report.clauses)
+        loads = all(c.name != "loads" or c.outcome != "failed" for c in check_report.checks)
         return row_of(name, made, check_report, "", took, bare_parts(asset) if loads else ())
 
 
@@ -306,7 +308,7 @@ def ours(name: str, folder: Path) -> dict[str, Any]:
 
 def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
     """Counts over the objects of one tool."""
-    opennesses = sorted(r["openness_min"] for r in rows if r["openness_min"] is not None)
+    opennesses = sorted(r["cavities_min"] for r in rows if r["cavities_min"] is not None)
     return {
         "objects": len(rows),
         "made": sum(r["made"] for r in rows),
@@ -314,7 +316,7 @@ def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
         "good": sum(r["good"] for r in rows),
         "joints": joints,
         "joints_opened": sum(r["opened"] for r in rows),
-        "openness_min_median": opennesses[len(opennesses) // 2] if opennesses else None,
+        "cavities_min_median": opennesses[len(opennesses) // 2] if opennesses else None,
         "failed_by": dict(Counter(c for r in rows for c in r["failed"]).most_common()),
         "seconds_median": sorted(r["seconds"] for r in rows)[len(rows) // 2] if rows else None,
     }

@@ -17,7 +17,7 @@ from articulate.robot.arm import PANDA
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import make_task
-from articulate_envs.config import StartConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.placement_search import find_place
 from articulate_train.config import (
     ActionScalingConfig,
@@ -31,7 +31,7 @@ from articulate_train.run import Run, open_run, write_scene
 JOINT = "drawer_2_slide"
 
 
-TINY_PPO = PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=2, net=(8, 8))
+TINY_PPO = PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=2, net_arch=(8, 8))
 
 
 def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) -> Run:
@@ -43,14 +43,14 @@ def tiny_run(folder: Path, asset: Asset, *, updates: int = 6, **changes: Any) ->
     plan: dict[str, Any] = {
         "seeds": (0,),
         "steps": 32 * updates,
-        "members": 1,
+        "ensemble_size": 1,
         "jobs": 1,
         "checkpoint_updates": 2,
         "episodes": 4,
         "ppo": TINY_PPO,
-        "draw": replace(RandomizationConfig(), scales=3),
-        "starts": StartConfig(bank=16),
-        "select": CheckpointSelectionConfig(states=1, alone=0),
+        "randomization": replace(RandomizationConfig(), scales=3),
+        "initial_states": InitialStatesConfig(n_precomputed=16),
+        "checkpoint_selection": CheckpointSelectionConfig(n_checkpoints=1, member_episodes=0),
     }
     config = TrainConfig(asset=str(asset.folder), **({"joint": JOINT} | plan | changes))
     _write_run(folder, asset, config, episode_s=1.0)
@@ -68,7 +68,11 @@ def make_run(
 ) -> Path:
     """A run of ``task`` in ``folder`` whose policies are drawn from their seeds."""
     config = TrainConfig(
-        asset=str(asset.folder), task=task, joint=joint, seeds=seeds, draw=RandomizationConfig()
+        asset=str(asset.folder),
+        task=task,
+        joint=joint,
+        seeds=seeds,
+        randomization=RandomizationConfig(),
     )
     _write_run(folder, asset, config, episode_s=episode_s)
     for seed in seeds:
@@ -79,7 +83,7 @@ def make_run(
 def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: float) -> None:
     assert config.joint is not None
     task = make_task(config.task, asset, config.joint, episode_s=episode_s)
-    place = find_place(asset, task, PANDA, config.draw)
+    place = find_place(asset, task, PANDA, config.randomization)
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")
     write_text(folder / "config.yaml", to_yaml(config))
@@ -107,8 +111,8 @@ def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -
     folder.mkdir()
     content = {
         "policy": weights,
-        "net": list(net),
-        "fine": asdict(ActionScalingConfig()),
-        "normalise": {"mean": mean, "var": var},
+        "net_arch": list(net),
+        "action_scaling": asdict(ActionScalingConfig()),
+        "normalization": {"mean": mean, "var": var},
     }
     torch.save(content, folder / CHECKPOINT)

@@ -38,7 +38,7 @@ def make_scene(
         asset,
         task,
         arm=arm,
-        follow=ControlConfig(),
+        control=ControlConfig(),
         physics=PhysicsConfig(),
         place=find_place(asset, task, arm, draws),
         scales=draws.scale_values,
@@ -71,7 +71,7 @@ def closing_scene(folder: Path, part: str) -> Scene:
 def rows_of(start: Start, rows: Ints) -> Start:
     """The rows ``rows`` (M,) of ``start``."""
     return Start(
-        draw=EpisodeParams(start.draw.values[rows]),
+        params=EpisodeParams(start.params.values[rows]),
         q=start.q[rows],
         opened=start.opened[rows],
         width=start.width[rows],

@@ -11,7 +11,7 @@ from tests.runs import make_run, write_checkpoint
 from articulate.assets.asset import load_asset
 from articulate.commands import main
 from articulate.errors import UsageError
-from articulate.preparation.prepare import checked_asset
+from articulate.preparation.prepare import load_checked_asset
 from articulate_train import run as runs
 
 BOX = '<box size="1 1 1"/>'
@@ -46,7 +46,7 @@ def taken_as_proven(source, cache, config):
     """Asset folders made for tests have no URDF to prove them with."""
     if (source / "asset.json").is_file():
         return load_asset(source)
-    return checked_asset(source, cache, config)
+    return load_checked_asset(source, cache, config)
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def objects_here(objects, tmp_path):
         "--asset cabinet --steps 100",
         "--asset cabinet --seeds 1 1",
         "--asset cabinet --ppo.batch-size 500",
-        "--asset cabinet --draw.delay-ticks 3 1",
+        "--asset cabinet --randomization.delay-steps 3 1",
         "--asset cabinet --closed middle",
         "--asset cabinet --size -1",
         "--task open_drawer",
@@ -159,8 +159,8 @@ def test_train_without_robosuite_says_how_to_get_it(refused, monkeypatch):
         "--asset cabinet --require-success most",
         "--asset cabinet --dry-run --resume --out old",
         "--asset cabinet --size big",
-        "--asset cabinet --draw.mass 1",
-        "--asset cabinet --draw.mass 1.3 0.7",
+        "--asset cabinet --randomization.mass 1",
+        "--asset cabinet --randomization.mass 1.3 0.7",
         "--asset cabinet --ppo.net wide",
         "--asset cabinet --seeds",
         "--asset cabinet --episodes 0",

@@ -31,7 +31,7 @@ from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Limits
 from articulate_deploy.commands.deploy import DeployFlags
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.interface import OPTIONS
 from articulate_envs.make_scene import EnvConfig
 from articulate_train.commands.evaluate import EvaluateFlags
@@ -208,7 +208,7 @@ def test_every_block_names_its_language(page):
         ("setting", ControlConfig, 0),
         ("setting", ActionScalingConfig, 1),
         ("setting", RandomizationConfig, 2),
-        ("setting", StartConfig, 3),
+        ("setting", InitialStatesConfig, 3),
         ("setting", ImitationConfig, 4),
         ("weight", RewardConfig, 0),
         ("limit", Limits, 0),
@@ -257,7 +257,7 @@ def test_arguments_and_options_of_environments_are_those_of_the_code():
 
 @pytest.mark.parametrize("command", [c for c in FLAGS if c not in {"check", "export"}])
 def test_pages_of_commands_name_every_flag_and_no_other(command):
-    """`--draw.*` and the like stand for all flags of their group."""
+    """`--randomization.*` and the like stand for all flags of their group."""
     folder = "" if command in {"observe", "benchmark"} else "commands"
     page = (ROOT / "docs" / folder / f"{command}.md").read_text(encoding="utf-8")
     found = re.findall(r"(?<![\w-])--[a-z][a-z-]*", page)

@@ -34,11 +34,11 @@ class Wish(Protocol):
         """Joint of the asset; None: the reachable one with its handle nearest home height."""
 
     @property
-    def draw(self) -> RandomizationConfig:
+    def randomization(self) -> RandomizationConfig:
         """Randomisation."""
 
     @property
-    def follow(self) -> ControlConfig:
+    def control(self) -> ControlConfig:
         """Plant."""
 
     @property
@@ -95,9 +95,9 @@ def _unknown_joint(config: Wish, asset: Asset) -> AssetError:
 def _reached(config: Wish, asset: Asset, joint: str) -> tuple[Task, ObjectPlacement]:
     """Task and place of one joint; ReachError if it cannot be reached or held."""
     task = make_task(config.task, asset, joint)
-    place = find_place(asset, task, PANDA, config.draw)
+    place = find_place(asset, task, PANDA, config.randomization)
     scene = build_scene(
-        asset, task, arm=PANDA, follow=config.follow, physics=config.physics, place=place
+        asset, task, arm=PANDA, control=config.control, physics=config.physics, place=place
     )
     check_grasp(scene)
     return task, place

@@ -189,7 +189,7 @@ def _first_good(
             if best is None or value > best[0]:
                 value -= FOLLOWED * (1.0 - _followed_share(asset, task, arm, config, place))
             if best is None or value > best[0]:
-                best = (value, replace(place, drawn_share=share))
+                best = (value, replace(place, reachable_share=share))
         if best[0] >= GOOD or len(tried) == MAX_TRIES:
             break
     return best
@@ -230,7 +230,7 @@ def _places(
                 start_q=tuple(float(v) for v in start_q),
                 joint_margin_rad=float(margin[k]),
                 manipulability=float(able[k]),
-                drawn_share=0.0,
+                reachable_share=0.0,
                 tilt_rad=tilt_rad,
             ),
         )
@@ -267,8 +267,8 @@ def start_clearance(
     T_wo = place.T_wo()[None] if T_wo is None else T_wo
     q = np.asarray(place.start_q)
     T_wt = tool_pose(arm, q)
-    hand = HAND_POINTS @ T_wt[:3, :3].T + T_wt[:3, 3]
-    points = np.concatenate([hand, joint_poses(q)[3:, :3, 3]])
+    gripper = HAND_POINTS @ T_wt[:3, :3].T + T_wt[:3, 3]
+    points = np.concatenate([gripper, joint_poses(q)[3:, :3, 3]])
     T_ow = inverse(T_wo)
     points = points @ np.swapaxes(T_ow[:, :3, :3], 1, 2) + T_ow[:, None, :3, 3]
     points = points / scale[:, None, None]  # where they are seen from an object of its own size

@@ -15,7 +15,7 @@ from articulate.transforms import Array, Mask
 from articulate_envs.config import RewardConfig
 
 TERMS = (
-    "approach", "reach", "align", "grip", "early", "aside", "open", "progress", "rest",
+    "approach", "reach", "align", "grip", "premature_close", "lateral_offset", "open", "progress", "rest",
     "force", "speed", "action", "violation", "success",
 )  # fmt: skip
 """Names of the terms, in the order in which they are written; the last is :func:`at_end`'s."""

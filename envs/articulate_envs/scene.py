@@ -9,8 +9,8 @@ import numpy as np
 from articulate.assets.asset import Asset
 from articulate.robot.arm import Arm
 from articulate.robot.config import ControlConfig
-from articulate.robot.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR, contact_wrench
-from articulate.robot.control import check_follow
+from articulate.robot.contact import FLOOR_SENSOR, GRIPPER_SENSOR, ROBOT_SENSOR, contact_wrench
+from articulate.robot.control import check_control
 from articulate.simulator import mujoco
 from articulate.task.object_placement import ObjectPlacement, object_pose, tilted
 from articulate.task.randomization import EpisodeParams
@@ -65,7 +65,7 @@ class Scene:
     asset: Asset
     task: Task
     arm: Arm
-    follow: ControlConfig
+    control: ControlConfig
     physics: PhysicsConfig
     place: ObjectPlacement
     scales: tuple[float, ...]
@@ -80,12 +80,12 @@ class Scene:
     @property
     def substeps(self) -> int:
         """Physics steps in a tick."""
-        return self.physics.substeps(self.follow.tick_s)
+        return self.physics.substeps(self.control.step_s)
 
     @property
     def ticks(self) -> int:
         """Ticks in an episode."""
-        return round(self.task.episode_s * self.follow.rate_hz)
+        return round(self.task.episode_s * self.control.rate_hz)
 
     def T_wo(self, drawn: EpisodeParams) -> Array:
         """Poses of the object in the world (N, 4, 4) as drawn; see :func:`object_pose`."""
@@ -104,7 +104,7 @@ def build_scene(
     task: Task,
     *,
     arm: Arm,
-    follow: ControlConfig,
+    control: ControlConfig,
     physics: PhysicsConfig,
     place: ObjectPlacement,
     scales: tuple[float, ...] = (1.0,),
@@ -115,7 +115,7 @@ def build_scene(
         ConfigError: The follower could take the arm beyond its limits.
         MissingError: robosuite, whose Panda is used, is not installed.
     """
-    check_follow(follow, arm)
+    check_control(control, arm)
     models = []
     for scale in scales:
         spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)
@@ -125,7 +125,7 @@ def build_scene(
         asset=tilted(asset, task.joint, place.tilt_rad),
         task=task,
         arm=arm,
-        follow=follow,
+        control=control,
         physics=physics,
         place=place,
         scales=scales,
@@ -269,7 +269,7 @@ def _add_sensors(spec: mujoco.MjSpec, root_name: str) -> None:
     net = [int(data.mjCONDATA_FOUND), int(data.mjCONDATA_FORCE)]
     net += [int(data.mjCONDATA_TORQUE), int(data.mjCONDATA_POS)]
     for name, first, second, kind, fields, reduce in (
-        (HAND_SENSOR, HAND_BODY, root_name, xbody, net, 3),
+        (GRIPPER_SENSOR, HAND_BODY, root_name, xbody, net, 3),
         (FLOOR_SENSOR, HAND_BODY, "world", body, net, 3),
         (ROBOT_SENSOR, BASE_BODY, root_name, xbody, net[:1], 0),
     ):
@@ -310,7 +310,7 @@ def _addresses(model: mujoco.MjModel, task: Task) -> Addresses:
         finger_geoms=tuple(fingers),
         tool_site=int(model.site("tool").id),
         sensors=(
-            int(model.sensor(HAND_SENSOR).adr[0]),
+            int(model.sensor(GRIPPER_SENSOR).adr[0]),
             int(model.sensor(FLOOR_SENSOR).adr[0]),
             int(model.sensor(ROBOT_SENSOR).adr[0]),
         ),

@@ -55,7 +55,7 @@ def named(cabinet_folder, monkeypatch):
     return {
         "asset": str(cabinet_folder),
         "joint": "drawer_2_slide",
-        "draw": {"scales": 3},
+        "randomization": {"scales": 3},
     }
 
 

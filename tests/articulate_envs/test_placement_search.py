@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from tests.assets import make_cabinet
 
-from articulate.preparation.prepare import checked_asset
+from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA
 from articulate.robot.kinematics import manipulability, solve_ik, tool_pose
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
@@ -48,7 +48,7 @@ def test_way_of_a_placed_handle_is_reached_with_the_margins_that_are_stated(name
     assert manipulability(PANDA, found.q).min() == pytest.approx(place.manipulability, abs=0.005)
     assert place.joint_margin_rad >= MIN_JOINT_MARGIN_RAD
     assert place.manipulability >= MIN_MANIPULABILITY
-    assert 0.0 <= place.drawn_share <= 1.0
+    assert 0.0 <= place.reachable_share <= 1.0
 
 
 @pytest.mark.parametrize("name", ["drawer", "door"])
@@ -72,7 +72,7 @@ def test_same_object_is_placed_alike(drawer):
 def test_share_of_drawn_poses_that_are_reached_is_told(drawer):
     far = dataclasses.replace(RandomizationConfig(), scales=3, position_m=1.0)
     shares = [
-        find_place(drawer.asset, drawer.task, PANDA, draws).drawn_share
+        find_place(drawer.asset, drawer.task, PANDA, draws).reachable_share
         for draws in (NO_RANDOMIZATION, far)
     ]
     assert shares[0] == 1.0
@@ -92,7 +92,7 @@ def test_place_lets_a_hand_go_with_the_handle_all_the_way_and_in_time(drawer, mo
 @pytest.mark.dataset
 def test_door_that_closes_does_not_stand_where_the_elbow_is_caught(data_folder, tmp_path):
     """All poses are reached 5 cm farther off too, and a quarter of the ways is not followed."""
-    asset = checked_asset(data_folder / "assets" / "partnet" / "7119" / "mobility.urdf", tmp_path)
+    asset = load_checked_asset(data_folder / "assets" / "partnet" / "7119" / "mobility.urdf", tmp_path)
     args = asset, make_task("close_door", asset, "joint_0"), PANDA, RandomizationConfig()
     found = find_place(*args)
     farther = dataclasses.replace(found, pos_w=(0.884, -0.109, 0.678))

@@ -23,7 +23,7 @@ from articulate_envs.compiled.reward import (
     weights_of,
     write_terms,
 )
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.engine import State
 from articulate_envs.rewards import (
     MOST_ALONG_M,
@@ -32,7 +32,7 @@ from articulate_envs.rewards import (
     grasp_of,
 )
 
-CONFIG = RewardConfig(aside_most_m=1.0)
+CONFIG = RewardConfig(lateral_offset_max_m=1.0)
 TASK = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=0.8)
 HOME = np.asarray(PANDA.home)[None]
 FAR_M = 10.0
@@ -46,20 +46,20 @@ def state(*, offset=None, turn=0.0, opened=0.0, speed=0.0, smooth=-1.0, closing=
     for name, value in samples.items():
         rows[0, COLUMN[name]] = value
     one = np.ones(1)
-    hand = GripperState(smooth * one, closing * one, 10 * one, 0 * one, closing * one)
+    gripper = GripperState(smooth * one, closing * one, 10 * one, 0 * one, closing * one)
     return State(
         q=HOME,
         dq=np.zeros((1, 7)),
         target=HOME,
-        hand=hand,
-        hand_width=0.08 * one,
+        gripper=gripper,
+        gripper_width=0.08 * one,
         T_wt=tool_pose(PANDA, HOME),
         T_wt_target=tool_pose(PANDA, HOME),
         T_wh=T_wh,
         opened=opened * one,
         speed=speed * one,
         samples=rows,
-        motions_due=np.zeros((1, 7)),
+        pending_actions=np.zeros((1, 7)),
     )
 
 
@@ -158,10 +158,14 @@ def test_approach_counts_the_way_across_the_fingers_and_the_turn_by_their_weight
     ],
 )
 def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, thick, out):
-    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035, beyond_m=0.01)
+    config = dataclasses.replace(
+        CONFIG, lateral_offset=-50.0, lateral_free_from_m=0.035, overreach_m=0.01
+    )
     for along in (0.0, 0.03):
         after = state(offset=[along, across, ahead])
-        cost = terms(after, config=config, along_m=0.03, thick_m=thick, progress=1.0)["aside"]
+        cost = terms(after, config=config, along_m=0.03, thick_m=thick, progress=1.0)[
+            "lateral_offset"
+        ]
         assert cost == pytest.approx(-50.0 * out, abs=1e-9)
 
 
@@ -175,8 +179,8 @@ def test_leaving_the_way_between_the_fingers_costs_by_the_metre(across, ahead, t
     ],
 )
 def test_what_is_between_closed_fingers_costs_nothing(width, across, ahead, free):
-    after = dataclasses.replace(state(offset=[0.0, across, ahead]), hand_width=np.full(1, width))
-    assert (terms(after, thick_m=0.03, progress=1.0)["aside"] == 0.0) == free
+    after = dataclasses.replace(state(offset=[0.0, across, ahead]), gripper_width=np.full(1, width))
+    assert (terms(after, thick_m=0.03, progress=1.0)["lateral_offset"] == 0.0) == free
 
 
 @pytest.mark.parametrize(
@@ -190,27 +194,31 @@ def test_what_is_between_closed_fingers_costs_nothing(width, across, ahead, free
     ],
 )
 def test_a_hand_that_holds_a_handle_may_be_beyond_it(width, thick, free):
-    config = dataclasses.replace(CONFIG, aside=-50.0, beyond_m=0.01)
-    after = dataclasses.replace(state(offset=[0.0, 0.0, -0.03]), hand_width=np.full(1, width))
-    cost = terms(after, config=config, thick_m=thick, progress=1.0)["aside"]
+    config = dataclasses.replace(CONFIG, lateral_offset=-50.0, overreach_m=0.01)
+    after = dataclasses.replace(state(offset=[0.0, 0.0, -0.03]), gripper_width=np.full(1, width))
+    cost = terms(after, config=config, thick_m=thick, progress=1.0)["lateral_offset"]
     assert cost == pytest.approx(0.0 if free else -50.0 * 0.02, abs=1e-9)
 
 
 @pytest.mark.parametrize(("share", "part"), [(0.25, 0.0), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)])
 def test_what_one_finger_touches_costs_from_half_way_on(share, part):
     """Fingers 20 mm wider than the handle leave it 4.5 mm to either side."""
-    config = dataclasses.replace(CONFIG, aside=-50.0)
-    after = dataclasses.replace(state(offset=[0.0, 0.012, 0.0]), hand_width=np.full(1, 0.05))
-    cost = terms(after, config=config, thick_m=0.03, progress=share * config.until)["aside"]
+    config = dataclasses.replace(CONFIG, lateral_offset=-50.0)
+    after = dataclasses.replace(state(offset=[0.0, 0.012, 0.0]), gripper_width=np.full(1, 0.05))
+    cost = terms(after, config=config, thick_m=0.03, progress=share * config.until)[
+        "lateral_offset"
+    ]
     assert cost == pytest.approx(-50.0 * share * part * (0.012 - 0.45 * 0.01), abs=1e-9)
-    held = dataclasses.replace(after, hand_width=np.full(1, 0.037))
-    assert terms(held, config=config, thick_m=0.03, progress=share)["aside"] == 0.0
+    held = dataclasses.replace(after, gripper_width=np.full(1, 0.037))
+    assert terms(held, config=config, thick_m=0.03, progress=share)["lateral_offset"] == 0.0
 
 
 def test_a_handle_that_lies_far_beside_costs_no_more_than_one_that_does_so_a_little():
-    config = RewardConfig(aside=-50.0, aside_most_m=0.02)
+    config = RewardConfig(lateral_offset=-50.0, lateral_offset_max_m=0.02)
     costs = [
-        terms(state(offset=[0.0, y, 0.0]), config=config, thick_m=0.02, progress=1.0)["aside"]
+        terms(state(offset=[0.0, y, 0.0]), config=config, thick_m=0.02, progress=1.0)[
+            "lateral_offset"
+        ]
         for y in (0.03, 0.06, 0.3)
     ]
     assert costs[0] > costs[1]
@@ -218,20 +226,24 @@ def test_a_handle_that_lies_far_beside_costs_no_more_than_one_that_does_so_a_lit
 
 
 def test_the_way_is_the_narrower_the_less_the_hand_is_open():
-    config = dataclasses.replace(CONFIG, aside=-50.0, aside_from_m=0.035)
+    config = dataclasses.replace(CONFIG, lateral_offset=-50.0, lateral_free_from_m=0.035)
     after = state(offset=[0.0, 0.03, 0.0])
     for width, room in ((0.08, 0.03), (0.05, 0.015), (0.02, 0.0), (0.0, 0.0)):
-        half = dataclasses.replace(after, hand_width=np.full(1, width))
-        cost = terms(half, config=config, thick_m=0.02, progress=1.0)["aside"]
+        half = dataclasses.replace(after, gripper_width=np.full(1, width))
+        cost = terms(half, config=config, thick_m=0.02, progress=1.0)["lateral_offset"]
         assert cost == pytest.approx(-50.0 * (0.03 - 0.45 * room))
-    early = terms(after, config=config, thick_m=0.02, progress=0.25 * CONFIG.until)["aside"]
+    early = terms(after, config=config, thick_m=0.02, progress=0.25 * CONFIG.until)[
+        "lateral_offset"
+    ]
     assert early == pytest.approx(-50.0 * 0.25 * (0.03 - 0.45 * 0.03))
 
 
 def test_grip_beside_the_middle_of_a_long_handle_is_a_grip():
     beside = state(offset=[0.03, 0, 0], smooth=1.0, closing=1.0)
-    assert terms(beside, action=SHUT)["early"] < 0.4 * CONFIG.early
-    assert terms(beside, action=SHUT, along_m=0.03)["early"] == pytest.approx(0.0, abs=1e-9)
+    assert terms(beside, action=SHUT)["premature_close"] < 0.4 * CONFIG.premature_close
+    assert terms(beside, action=SHUT, along_m=0.03)["premature_close"] == pytest.approx(
+        0.0, abs=1e-9
+    )
     assert terms(beside, action=SHUT, along_m=0.03)["grip"] == pytest.approx(CONFIG.grip)
 
 
@@ -265,25 +277,29 @@ def test_closing_at_the_handle_earns_and_away_from_it_costs():
     at = terms(state(smooth=1.0, closing=1.0), action=SHUT)
     away = terms(state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0), action=SHUT)
     assert at["grip"] == pytest.approx(CONFIG.grip)
-    assert at["early"] == pytest.approx(0.0, abs=1e-9)
+    assert at["premature_close"] == pytest.approx(0.0, abs=1e-9)
     assert away["grip"] == pytest.approx(0.0, abs=1e-9)
-    assert away["early"] == pytest.approx(CONFIG.early)
+    assert away["premature_close"] == pytest.approx(CONFIG.premature_close)
 
 
 @pytest.mark.parametrize(("progress", "share"), [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (2.0, 1.0)])
 def test_closing_away_from_the_handle_grows_dearer_with_the_training(progress, share):
-    config = dataclasses.replace(CONFIG, early=-0.2, early_last=-1.0)
+    config = dataclasses.replace(CONFIG, premature_close=-0.2, premature_close_last=-1.0)
     away = state(offset=[0, 0, FAR_M], smooth=1.0, closing=1.0)
-    cost = terms(away, action=SHUT, config=config, progress=progress * config.until)["early"]
+    cost = terms(away, action=SHUT, config=config, progress=progress * config.until)[
+        "premature_close"
+    ]
     assert cost == pytest.approx(-0.2 - 0.8 * share)
 
 
 @pytest.mark.parametrize("progress", [0.0, 1.0])
 def test_what_counts_as_away_narrows_with_what_counts_as_at_the_handle(progress):
-    config = dataclasses.replace(CONFIG, early=-0.2, early_last=-0.2)
+    config = dataclasses.replace(CONFIG, premature_close=-0.2, premature_close_last=-0.2)
     at_m = CONFIG.grip_last_m if progress else CONFIG.grip_m
     away = state(offset=[0, 0.02, 0], smooth=1.0, closing=1.0)
-    cost = terms(away, action=SHUT, config=config, progress=progress * config.until)["early"]
+    cost = terms(away, action=SHUT, config=config, progress=progress * config.until)[
+        "premature_close"
+    ]
     assert cost == pytest.approx(-0.2 * (1.0 - np.exp(-((0.02 / (2.2 * at_m)) ** 2))))
 
 
@@ -293,7 +309,7 @@ def test_what_counts_as_away_narrows_with_what_counts_as_at_the_handle(progress)
 )
 def test_hand_that_has_closed_on_nothing_at_the_handle_earns_no_grip(width, thick, share):
     shut = dataclasses.replace(
-        state(smooth=1.0, closing=1.0), hand_width=np.array([width], dtype=np.float64)
+        state(smooth=1.0, closing=1.0), gripper_width=np.array([width], dtype=np.float64)
     )
     paid = terms(shut, action=SHUT, thick_m=thick)["grip"]
     assert_allclose(paid, share * CONFIG.grip, atol=1e-12)
@@ -302,11 +318,19 @@ def test_hand_that_has_closed_on_nothing_at_the_handle_earns_no_grip(width, thic
 @pytest.mark.parametrize("offset", [0.0, 0.015, FAR_M])
 def test_hand_that_has_closed_on_nothing_costs_the_same_wherever_it_is(offset):
     shut = state(offset=[0, 0, offset], smooth=1.0, closing=1.0)
-    empty = dataclasses.replace(shut, hand_width=np.array([0.0]))
-    assert terms(empty, action=SHUT, thick_m=0.02)["early"] == pytest.approx(CONFIG.early)
-    opening = dataclasses.replace(empty, hand=dataclasses.replace(empty.hand, closing=-np.ones(1)))
-    assert terms(opening, action=SHUT, thick_m=0.02)["early"] > 0.9 * CONFIG.early
-    assert terms(opening, action=-SHUT, thick_m=0.02)["early"] > 0.5 * CONFIG.early
+    empty = dataclasses.replace(shut, gripper_width=np.array([0.0]))
+    assert terms(empty, action=SHUT, thick_m=0.02)["premature_close"] == pytest.approx(
+        CONFIG.premature_close
+    )
+    opening = dataclasses.replace(
+        empty, gripper=dataclasses.replace(empty.gripper, closing=-np.ones(1))
+    )
+    assert (
+        terms(opening, action=SHUT, thick_m=0.02)["premature_close"] > 0.9 * CONFIG.premature_close
+    )
+    assert (
+        terms(opening, action=-SHUT, thick_m=0.02)["premature_close"] > 0.5 * CONFIG.premature_close
+    )
 
 
 def test_end_of_an_episode_pays_for_successes_alone():
@@ -320,7 +344,7 @@ def test_open_hand_that_is_told_to_stay_open_neither_earns_nor_costs():
     for offset in (0.0, 0.03, FAR_M):
         still = terms(state(offset=[0, 0, offset]), action=-SHUT)
         assert still["grip"] == 0
-        assert still["early"] == 0
+        assert still["premature_close"] == 0
 
 
 @pytest.mark.parametrize(
@@ -341,7 +365,7 @@ def test_telling_the_hand_to_close_counts_before_it_does(action, smooth, closing
     at = terms(state(smooth=smooth, closing=closing), action=told)
     away = terms(state(offset=[0, 0, FAR_M], smooth=smooth, closing=closing), action=told)
     assert at["grip"] == pytest.approx(share * CONFIG.grip)
-    assert away["early"] == pytest.approx(share * CONFIG.early)
+    assert away["premature_close"] == pytest.approx(share * CONFIG.premature_close)
 
 
 def test_grip_falls_with_the_distance_to_one_over_e_and_early_takes_its_place():
@@ -350,7 +374,7 @@ def test_grip_falls_with_the_distance_to_one_over_e_and_early_takes_its_place():
     way = [state(offset=[0, d, 0], smooth=1.0, closing=1.0) for d in (0.0, 0.005, 0.02, 0.05, 0.2)]
     both = [terms(after, action=SHUT) for after in way]
     assert np.all(np.diff([each["grip"] for each in both]) < 0)
-    assert np.all(np.diff([each["early"] for each in both]) < 0)
+    assert np.all(np.diff([each["premature_close"] for each in both]) < 0)
 
 
 GOAL = TASK.target * (1 + CONFIG.margin)
@@ -365,7 +389,7 @@ def test_part_earns_the_share_of_its_way_to_a_little_beyond_the_target(share, pa
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.5])
 def test_part_earns_less_the_nearer_it_comes_to_its_stop(share):
     opened = GOAL + share * (1.0 - GOAL)
-    paid = 1.0 - CONFIG.over * min(share, 1.0)
+    paid = 1.0 - CONFIG.overshoot * min(share, 1.0)
     assert terms(state(opened=opened))["open"] == pytest.approx(paid * CONFIG.open)
     change = terms(state(opened=opened), before=state(opened=GOAL))["progress"]
     assert change == pytest.approx((paid - 1.0) * CONFIG.progress)
@@ -382,7 +406,7 @@ SHUTS = dataclasses.replace(TASK, name="close_drawer", target=0.05, begin=(0.4, 
 
 @pytest.mark.parametrize(
     ("opened", "paid"),
-    [(0.8, 0.0), (0.9, 0.0), (0.405, 0.5), (0.01, 1.0), (0.0, 1.0 - 0.1 * CONFIG.over)],
+    [(0.8, 0.0), (0.9, 0.0), (0.405, 0.5), (0.01, 1.0), (0.0, 1.0 - 0.1 * CONFIG.overshoot)],
 )
 def test_closing_earns_its_way_from_the_farthest_begin_to_a_fifth_of_the_target(opened, paid):
     assert terms(state(opened=opened), task=SHUTS)["open"] == pytest.approx(paid * CONFIG.open)
@@ -466,7 +490,7 @@ def test_weights_stay_as_they_are_after_their_share_of_the_training():
 
 @pytest.mark.parametrize("until", [0.0, -1.0, 1.1, math.nan])
 def test_a_share_of_the_training_that_is_none_is_refused(until):
-    for config, name in ((RewardConfig, "reward"), (StartConfig, "starts")):
+    for config, name in ((RewardConfig, "reward"), (InitialStatesConfig, "initial_states")):
         with pytest.raises(ConfigError, match=rf"^{name}\.until is "):
             config(until=until)
 
@@ -498,7 +522,14 @@ def test_violation_costs_once_and_in_proportion_to_the_progress(progress):
 def test_what_is_wished_is_rewarded_and_what_is_not_costs():
     for name in ("approach", "reach", "align", "grip", "open", "progress", "rest"):
         assert getattr(CONFIG, name) >= 0, name
-    for name in {"early", "aside", "force", "speed", "action", "violation"} & set(TERMS):
+    for name in {
+        "premature_close",
+        "lateral_offset",
+        "force",
+        "speed",
+        "action",
+        "violation",
+    } & set(TERMS):
         assert getattr(CONFIG, name) <= 0, name
 
 
@@ -507,7 +538,7 @@ def test_opening_after_a_violation_earns_less_the_further_training_is(progress):
     after = {"opened": 0.9, "code": 3.0}
     whole = terms(state(opened=0.9), before=state(), progress=progress)
     spoiled = terms(state(**after), before=state(code=3.0), progress=progress)
-    left = 1 + min(progress / CONFIG.until, 1) * (CONFIG.spoiled - 1)
+    left = 1 + min(progress / CONFIG.until, 1) * (CONFIG.violated_share - 1)
     for name in ("open", "progress", "rest"):
         assert whole[name] > 0
         assert spoiled[name] == pytest.approx(left * whole[name])

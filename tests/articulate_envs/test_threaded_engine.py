@@ -14,9 +14,9 @@ from tests.scenes import DRAWS, rows_of
 from articulate.assets.asset import handle_frame
 from articulate.errors import EngineError
 from articulate.robot.control import (
-    discrete,
-    follow,
-    follow_start,
+    discretize_filter,
+    filter_start,
+    filter_step,
     hand_start,
     hand_tick,
     next_target,
@@ -24,11 +24,17 @@ from articulate.robot.control import (
 )
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import COLUMN, REASONS, WIDTH, judge_sample
-from articulate.task.randomization import COLUMNS, PUSH_S, EpisodeParams, draw, nominal_draw
+from articulate.task.randomization import (
+    COLUMNS,
+    PUSH_S,
+    EpisodeParams,
+    nominal_params,
+    sample_episode_params,
+)
 from articulate.task.task import Limits
 from articulate.transforms import pose
-from articulate_envs.config import StartConfig
-from articulate_envs.initial_states import bank_of_starts, home_start
+from articulate_envs.config import InitialStatesConfig
+from articulate_envs.initial_states import home_start, precompute_states
 from articulate_envs.scene import wrench_of
 from articulate_envs.threaded_engine import ThreadEngine
 
@@ -36,12 +42,12 @@ ROOT = Path(__file__).resolve().parents[2]
 N = 4
 
 
-def starts(scene, n=N, seed=0):
+def initial_states(scene, n=N, seed=0):
     """Half from home, half along the task with the hand closed on the handle."""
     rng = np.random.default_rng(seed)
-    config = StartConfig(bank=8 * n, grip_share=1.0)
-    bank = rows_of(bank_of_starts(scene, config, DRAWS, rng), np.arange(n))
-    home = home_start(scene, bank.draw)
+    config = InitialStatesConfig(n_precomputed=8 * n, grip_share=1.0)
+    bank = rows_of(precompute_states(scene, config, DRAWS, rng), np.arange(n))
+    home = home_start(scene, bank.params)
     odd = np.arange(n) % 2 == 1
 
     def mix(a, b):
@@ -63,7 +69,7 @@ def run(scene, *, threads=1, n=N, ticks=40, engine=None):
     """The states after each tick."""
     if engine is None:
         engine = ThreadEngine(scene, n, threads=threads)
-        engine.reset(np.arange(n), starts(scene, n))
+        engine.reset(np.arange(n), initial_states(scene, n))
     out = [engine.step(action) for action in actions(n, ticks)]
     engine.close()
     return out
@@ -72,7 +78,7 @@ def run(scene, *, threads=1, n=N, ticks=40, engine=None):
 def arrays(state):
     """All arrays of a state, by name."""
     plain = {k: v for k, v in vars(state).items() if k != "hand"}
-    return plain | {f"hand_{k}": v for k, v in vars(state.hand).items()}
+    return plain | {f"hand_{k}": v for k, v in vars(state.gripper).items()}
 
 
 def assert_same_bits(ours, theirs):
@@ -118,7 +124,7 @@ def test_same_seed_gives_the_same_bits_twice_and_in_another_process(drawer, tmp_
 def test_an_environment_does_what_it_would_do_alone(drawer):
     together = run(drawer)
     alone = ThreadEngine(drawer, 1)
-    alone.reset(np.zeros(1, dtype=int), rows_of(starts(drawer), np.array([1])))
+    alone.reset(np.zeros(1, dtype=int), rows_of(initial_states(drawer), np.array([1])))
     for state, action in zip(together, actions(), strict=True):
         only = alone.step(action[1:2])
         assert_array_equal(only.q[0], state.q[1])
@@ -136,7 +142,7 @@ def model_arrays(model):
 def test_a_thread_steps_each_environment_with_all_that_it_has_drawn(drawer):
     """A thread's model of a size is that of the environment it stepped last, to the bit."""
     engine = ThreadEngine(drawer, N)
-    engine.reset(np.arange(N), starts(drawer))
+    engine.reset(np.arange(N), initial_states(drawer))
     sizes = {int(engine._sizes[i]) for i in range(N)}
     assert len(sizes) > 1
     assert any(np.sum(engine._sizes == size) > 1 for size in sizes)
@@ -151,7 +157,7 @@ def test_a_thread_steps_each_environment_with_all_that_it_has_drawn(drawer):
 def test_engine_continues_from_a_snapshot_with_the_same_bits_in_another_engine(drawer):
     plan = actions()
     engine = ThreadEngine(drawer, N)
-    engine.reset(np.arange(N), starts(drawer))
+    engine.reset(np.arange(N), initial_states(drawer))
     for action in plan[:17]:
         engine.step(action)
     held = engine.snapshot()
@@ -168,7 +174,7 @@ def test_engine_continues_from_a_snapshot_with_the_same_bits_in_another_engine(d
 
 def test_states_given_out_stay_as_they_were(drawer):
     engine = ThreadEngine(drawer, N)
-    engine.reset(np.arange(N), starts(drawer))
+    engine.reset(np.arange(N), initial_states(drawer))
     first = engine.step(actions()[0])
     kept = copy.deepcopy(arrays(first))
     for action in actions()[1:5]:
@@ -186,34 +192,34 @@ class Reference:
         model, data = engine.physics_state(i)
         self.model, self.data = copy.copy(model), copy.copy(data)
         one = rows_of(start, np.array([i]))
-        self.drawn, self.q = one.draw, one.q
-        self.target, self.filter = one.q.copy(), follow_start(one.q)
+        self.drawn, self.q = one.params, one.q
+        self.target, self.filter = one.q.copy(), filter_start(one.q)
         self.finger = one.width / 2
         closing = one.closing
         smooth = 0.5 * np.maximum(closing, 0.0)
-        self.hand = dataclasses.replace(
+        self.gripper = dataclasses.replace(
             hand_start(1), smooth=smooth, wish=closing.copy(), closing=closing.copy()
         )
         self.samples, self.torque = np.zeros((1, WIDTH)), np.zeros((1, 7))
         self.past, self.tick = [np.zeros((1, 7))] * 8, 0
-        self.step_matrices = discrete(scene.follow.omega_rad_s, scene.physics.timestep_s)
+        self.step_matrices = discretize_filter(scene.control.omega_rad_s, scene.physics.timestep_s)
 
     def step(self, action):
         scene, at, data = self.scene, self.scene.at, self.data
         self.past = [action[None, :7], *self.past[:-1]]
-        delta = self.past[int(self.drawn["delay_ticks"][0])]
-        self.hand = hand_tick(
-            self.hand,
+        delta = self.past[int(self.drawn["delay_steps"][0])]
+        self.gripper = hand_tick(
+            self.gripper,
             action[None, 7],
-            self.drawn["hand_latency_s"],
-            scene.arm.hand,
-            scene.follow.tick_s,
+            self.drawn["gripper_latency_s"],
+            scene.arm.gripper,
+            scene.control.step_s,
         )
         width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
         felt = self.samples[:, :3] + self.drawn["force_bias"]
-        yields = presses(felt, self.hand.wish, np.array([width]), scene.follow)
-        self.target = next_target(self.target, delta, self.q, scene.follow, scene.arm, yields)
-        if self.hand.closing[0] < 0.0:  # it opens from where it is, not from where it pressed
+        yields = presses(felt, self.gripper.wish, np.array([width]), scene.control)
+        self.target = next_target(self.target, delta, self.q, scene.control, scene.arm, yields)
+        if self.gripper.closing[0] < 0.0:  # it opens from where it is, not from where it pressed
             self.finger = np.maximum(self.finger, width / 2)
         self._push()
         for _ in range(scene.substeps):
@@ -222,16 +228,16 @@ class Reference:
         self.tick += 1
 
     def _push(self):
-        t, begin = self.tick * self.scene.follow.tick_s, self.drawn["push_time"][0]
+        t, begin = self.tick * self.scene.control.step_s, self.drawn["push_time"][0]
         begin *= self.scene.task.episode_s
         on = begin <= t < begin + PUSH_S
         self.data.xfrc_applied[self.scene.at.part_body, :3] = on * self.drawn["push"][0]
 
     def _substep(self):
-        scene, at, data, hand = self.scene, self.scene.at, self.data, self.scene.arm.hand
+        scene, at, data, gripper = self.scene, self.scene.at, self.data, self.scene.arm.gripper
         dt = scene.physics.timestep_s
-        self.filter = follow(self.filter, self.target, *self.step_matrices)
-        way = -self.hand.closing * hand.finger_speed_m_s * dt
+        self.filter = filter_step(self.filter, self.target, *self.step_matrices)
+        way = -self.gripper.closing * gripper.finger_speed_m_s * dt
         self.finger = np.clip(self.finger + way, -0.03, 0.04)
         data.ctrl[at.arm_ctrl : at.arm_ctrl + 7] = self.filter[0, :, 0]
         data.ctrl[at.finger_ctrl : at.finger_ctrl + 2] = self.finger[0], -self.finger[0]
@@ -269,7 +275,7 @@ def test_compiled_loop_does_number_by_number_what_the_python_functions_do(
     """Under limits so narrow that some episode breaks one."""
     scene = request.getfixturevalue(name)
     scene = dataclasses.replace(scene, task=dataclasses.replace(scene.task, limits=limits))
-    start = starts(scene)
+    start = initial_states(scene)
     engine = ThreadEngine(scene, N, threads=2)
     engine.reset(np.arange(N), start)
     references = [Reference(engine, i, start) for i in range(N)]
@@ -282,7 +288,7 @@ def test_compiled_loop_does_number_by_number_what_the_python_functions_do(
             assert_allclose(state.q[i], ref.q[0], atol=1e-9)
             assert_allclose(state.dq[i], data.qvel[scene.at.arm_q : scene.at.arm_q + 7], atol=1e-8)
             assert_allclose(state.target[i], ref.target[0], atol=1e-9)
-            assert_array_equal(state.hand.closing[i], ref.hand.closing[0])
+            assert_array_equal(state.gripper.closing[i], ref.gripper.closing[0])
             size = ref.drawn["scale"][0] if scene.task.kind == "slide" else 1.0
             opened = data.qpos[scene.at.part_q] / (size * scene.task.span)
             assert_allclose(state.opened[i], opened, atol=1e-9)
@@ -297,7 +303,7 @@ ROW = {name: i for i, name in enumerate(COLUMNS)}
 
 def model_with(engine, **values):
     """A copy of environment 0's model after a reset with nominal draws but for ``values``."""
-    drawn = nominal_draw(engine.n_envs)
+    drawn = nominal_params(engine.n_envs)
     for name, value in values.items():
         drawn.values[:, ROW[name]] = value
     engine.reset(np.arange(engine.n_envs), home_start(engine.scene, drawn))
@@ -358,7 +364,7 @@ def test_random_draws_leave_nothing_behind_in_the_model(drawer):
     engine, rng = ThreadEngine(drawer, 1), np.random.default_rng(5)
     fresh = model_with(engine)
     for _ in range(5):
-        engine.reset(np.zeros(1, dtype=int), home_start(drawer, draw(DRAWS, rng, 1)))
+        engine.reset(np.zeros(1, dtype=int), home_start(drawer, sample_episode_params(DRAWS, rng, 1)))
         engine.step(np.ones((1, 8)))
     again = model_with(engine)
     for name in FIELDS:
@@ -367,10 +373,10 @@ def test_random_draws_leave_nothing_behind_in_the_model(drawer):
 
 def test_an_episode_leaves_nothing_behind_in_the_next(drawer):
     used = ThreadEngine(drawer, N)
-    used.reset(np.arange(N), starts(drawer, seed=9))
+    used.reset(np.arange(N), initial_states(drawer, seed=9))
     for action in actions(seed=9):
         used.step(action)
-    used.reset(np.arange(N), starts(drawer))
+    used.reset(np.arange(N), initial_states(drawer))
     assert_same_bits(run(drawer, engine=used), run(drawer))
 
 
@@ -378,10 +384,10 @@ def test_reset_of_some_leaves_the_others_alone(drawer):
     plan = actions()
     one, two = ThreadEngine(drawer, N), ThreadEngine(drawer, N)
     for engine in (one, two):
-        engine.reset(np.arange(N), starts(drawer))
+        engine.reset(np.arange(N), initial_states(drawer))
         for action in plan[:5]:
             engine.step(action)
-    two.reset(np.array([0, 2]), rows_of(starts(drawer, seed=3), np.array([0, 2])))
+    two.reset(np.array([0, 2]), rows_of(initial_states(drawer, seed=3), np.array([0, 2])))
     for action in plan[5:10]:
         a, b = one.step(action), two.step(action)
     for name in ("q", "dq", "samples", "opened", "T_wh"):
@@ -393,7 +399,7 @@ def test_reset_of_some_leaves_the_others_alone(drawer):
 def test_handle_of_the_state_is_the_handle_of_the_model_at_every_size(name, request):
     scene = request.getfixturevalue(name)
     n, rng = 12, np.random.default_rng(0)
-    drawn = draw(DRAWS, rng, n)
+    drawn = sample_episode_params(DRAWS, rng, n)
     drawn.values[:, ROW["scale"]] = np.resize(scene.scales, n)
     start = dataclasses.replace(home_start(scene, drawn), opened=rng.random(n))
     engine = ThreadEngine(scene, n)
@@ -411,48 +417,48 @@ def test_handle_of_the_state_is_the_handle_of_the_model_at_every_size(name, requ
 
 
 def test_actions_act_after_the_drawn_delay(drawer):
-    drawn = nominal_draw(3)
-    drawn.values[:, ROW["delay_ticks"]] = [0, 1, 2]
+    drawn = nominal_params(3)
+    drawn.values[:, ROW["delay_steps"]] = [0, 1, 2]
     engine = ThreadEngine(drawer, 3)
     engine.reset(np.arange(3), home_start(drawer, drawn))
     seen = np.array([engine.step(0.5 * np.ones((3, 8))).target for _ in range(5)])
-    assert np.abs(np.diff(seen[:, 0], axis=0)).max(axis=1).min() > 0.1 * drawer.follow.step_rad
+    assert np.abs(np.diff(seen[:, 0], axis=0)).max(axis=1).min() > 0.1 * drawer.control.step_rad
     home = np.asarray(drawer.place.start_q)
     late = np.array([[home, *seen[:-1, 0]], [home, home, *seen[:-2, 0]]])
     assert_allclose(seen[:, 1:].swapaxes(0, 1), late, atol=1e-12)
 
 
 def test_motions_due_are_those_said_and_not_used_yet(drawer):
-    drawn = nominal_draw(3)
-    drawn.values[:, ROW["delay_ticks"]] = [0, 1, 2]
+    drawn = nominal_params(3)
+    drawn.values[:, ROW["delay_steps"]] = [0, 1, 2]
     engine = ThreadEngine(drawer, 3)
     engine.reset(np.arange(3), home_start(drawer, drawn))
-    assert_array_equal(engine.state().motions_due, 0.0)
+    assert_array_equal(engine.state().pending_actions, 0.0)
     said = np.random.default_rng(1).uniform(-1.0, 1.0, (4, 3, 8))
     for tick, action in enumerate(said):
-        due = engine.step(action).motions_due
+        due = engine.step(action).pending_actions
         for i in range(3):
             late = said[max(0, tick + 1 - i) : tick + 1, i, :7]
             assert_allclose(due[i], late.sum(axis=0), atol=1e-12)
     engine.reset(np.array([2]), home_start(drawer, EpisodeParams(drawn.values[2:])))
-    assert_array_equal(engine.state().motions_due[2], 0.0)
+    assert_array_equal(engine.state().pending_actions[2], 0.0)
 
 
 def test_hands_move_after_the_drawn_latency(drawer):
-    drawn = nominal_draw(2)
-    drawn.values[:, ROW["hand_latency_s"]] = [0.0, 0.2]
+    drawn = nominal_params(2)
+    drawn.values[:, ROW["gripper_latency_s"]] = [0.0, 0.2]
     engine = ThreadEngine(drawer, 2)
     engine.reset(np.arange(2), home_start(drawer, drawn))
     action = np.zeros((2, 8))
     action[:, 7] = 1.0
-    closing = np.array([engine.step(action).hand.closing for _ in range(30)])
+    closing = np.array([engine.step(action).gripper.closing for _ in range(30)])
     first = np.argmax(closing > 0, axis=0)
-    assert (first[1] - first[0]) * drawer.follow.tick_s == pytest.approx(0.2)
+    assert (first[1] - first[0]) * drawer.control.step_s == pytest.approx(0.2)
 
 
 def test_push_acts_on_the_part_at_its_time_alone(drawer):
     """Closed form: 5 N against dry friction and damping of a drawer that nothing holds."""
-    drawn = nominal_draw(2)
+    drawn = nominal_params(2)
     drawn.values[0, ROW["push_x_n"]] = -5.0
     drawn.values[:, ROW["push_time"]] = 0.2
     engine = ThreadEngine(drawer, 2)
@@ -471,7 +477,7 @@ def test_push_acts_on_the_part_at_its_time_alone(drawer):
 
 def test_a_part_that_opens_backwards_has_positive_speed_when_it_opens(drawer):
     engine = ThreadEngine(drawer, 1)
-    engine.reset(np.zeros(1, dtype=int), home_start(drawer, nominal_draw()))
+    engine.reset(np.zeros(1, dtype=int), home_start(drawer, nominal_params()))
     assert engine.state().speed[0] * drawer.task.span >= 0
 
 
@@ -480,7 +486,7 @@ def test_an_environment_that_diverges_says_so_and_leaves_the_others_alone(
 ):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it runs
     engine, plan = ThreadEngine(drawer, N), actions()
-    engine.reset(np.arange(N), starts(drawer))
+    engine.reset(np.arange(N), initial_states(drawer))
     engine.step(plan[0])
     engine.physics_state(2)[1].qvel[:] = 1e12
     states = [engine.step(action) for action in plan[1:4]]
@@ -489,7 +495,7 @@ def test_an_environment_that_diverges_says_so_and_leaves_the_others_alone(
         assert np.isfinite(state.q).all()
         assert np.isfinite(state.T_wh).all()
         assert np.isfinite(state.samples[[0, 1, 3]]).all()
-    engine.reset(np.array([2]), rows_of(starts(drawer), np.array([2])))
+    engine.reset(np.array([2]), rows_of(initial_states(drawer), np.array([2])))
     assert np.isfinite(engine.step(plan[4]).samples).all()
 
 
@@ -498,10 +504,10 @@ def test_objects_whose_sizes_are_not_alike_in_memory_are_refused(drawer, door, e
     error_line("ThreadEngine(models of two kinds)", lambda: ThreadEngine(mixed, 1))
 
 
-@pytest.mark.parametrize("name", ["delay_ticks", "estimate_delay_ticks"])
+@pytest.mark.parametrize("name", ["delay_steps", "estimate_delay_steps"])
 @pytest.mark.parametrize("value", [-1.0, 6.0, 0.5, np.nan])
 def test_a_delay_that_is_not_kept_is_refused_before_compiled_code_reads_it(drawer, name, value):
-    engine, start = ThreadEngine(drawer, N), starts(drawer)
-    start.draw.values[1, COLUMNS.index(name)] = value
+    engine, start = ThreadEngine(drawer, N), initial_states(drawer)
+    start.params.values[1, COLUMNS.index(name)] = value
     with pytest.raises(EngineError, match=f"{name} must be whole numbers, 0 to 5"):
         engine.reset(np.arange(N), start)

@@ -75,52 +75,56 @@ def test_a_lost_link_is_refused_and_named(folder, source, tmp_path):
     names, check_report = defects.judged(folder, "link lost", tmp_path, origin)
     row = defects.row_of("link lost", names, check_report, 1.0)
     assert (row["planted"], row["found"], row["named"]) == (True, True, True)
-    assert row["clauses"] == ["loads"]
+    assert row["checks"] == ["loads"]
     assert list(tmp_path.iterdir()) == []
 
 
 def failed(name, subject):
-    clause = Check(name=name, outcome="failed", subject=subject, message="why")
-    return CheckReport(asset="a", verdict="refused", reasons=("why",), clauses=(clause,))
+    check = Check(name=name, outcome="failed", subject=subject, message="why")
+    return CheckReport(asset="a", verdict="rejected", reasons=("why",), checks=(check,))
 
 
 @pytest.mark.parametrize(
-    ("clause", "subject", "named"),
+    ("check", "subject", "named"),
     [
-        ("limits", "door_1", True),
-        ("limits", "door_11", False),  # another joint
-        ("open", "door_1", False),  # another clause
+        ("joint_limits", "door_1", True),
+        ("joint_limits", "door_11", False),  # another joint
+        ("opening", "door_1", False),  # another clause
     ],
 )
-def test_a_defect_is_named_by_its_clause_and_its_joint(clause, subject, named):
-    row = defects.row_of("limits absent", ("door_1", "door"), failed(clause, subject), 1.0)
+def test_a_defect_is_named_by_its_clause_and_its_joint(check, subject, named):
+    row = defects.row_of("limits absent", ("door_1", "door"), failed(check, subject), 1.0)
     assert (row["found"], row["named"]) == (True, named)
 
 
 def test_sums_tell_missed_from_not_named_and_false_alarms():
-    def row(kind, clauses, *, named=False):
+    def row(kind, checks, *, named=False):
         return {
             "kind": kind,
             "planted": True,
-            "found": bool(clauses),
+            "found": bool(checks),
             "named": named,
-            "clauses": clauses,
-            "reasons": clauses,
+            "checks": checks,
+            "reasons": checks,
             "seconds": 2.0,
         }
 
     rows = {
         "a": [
             row("untouched", []),
-            row("axis reversed", ["fk"], named=True),
-            row("mesh mirrored", ["shown"], named=True),
+            row("axis reversed", ["forward_kinematics"], named=True),
+            row("mesh mirrored", ["visual_fidelity"], named=True),
             {**row("pivot moved by 2 % of the diagonal", []), "planted": False},
         ],
-        "b": [row("untouched", ["open"]), row("axis reversed", []), row("link lost", ["fk"])],
+        "b": [
+            row("untouched", ["opening"]),
+            row("axis reversed", []),
+            row("link lost", ["forward_kinematics"]),
+        ],
     }
     result = defects.summed(rows)
     assert (result["planted"], result["found"], result["named"]) == (4, 3, 2)
-    assert result["false_alarms"] == {"b": ["open"]}
+    assert result["false_alarms"] == {"b": ["opening"]}
     assert result["kinds"]["axis reversed"]["missed"] == ["b"]
     assert result["kinds"]["link lost"]["not_named"] == ["b"]
     assert result["kinds"]["mesh mirrored"]["by_input_alone"] == 1

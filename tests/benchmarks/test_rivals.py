@@ -70,8 +70,8 @@ def test_convex_hulls_of_a_hollow_cabinet_are_found_sealed(job):
     row = json.loads(plain.note.read_text())
     assert row["loads"], row["reason"]
     assert not row["good"], row["failed"]
-    assert "openness" in row["failed"], row["reason"]
-    assert row["openness_min"] < 0.5
+    assert "cavities" in row["failed"], row["reason"]
+    assert row["cavities_min"] < 0.5
 
 
 def test_parts_that_collide_with_nothing_are_not_good(tmp_path):

@@ -16,9 +16,10 @@ from articulate.assets.check_report import CheckReport, Verdict
 from articulate.page import Tile
 
 VERDICT_TEXT: dict[Verdict, str] = {
-    "refused": "refused",
+    "rejected": "rejected",
+    "undecided": "undecided",
     "repaired": "repaired",
-    "proven": "proven",
+    "passed": "passed",
 }
 """In the order in which rows stand: what wants a look comes first."""
 LONGEST_REASON = 240
@@ -30,14 +31,14 @@ HEADER = ("", "object", "verdict", "category", "why", "joints", "collision shape
 class IndexRow:
     """One proof in the list."""
 
-    proof: CheckReport
+    check_report: CheckReport
     category: str = "unknown"
     """Category of the object."""
     page: Path | None = None
     """Its page; a picture of the same name that ends in ``.webp`` is shown."""
 
 
-def write_index(rows: Sequence[IndexRow], path: Path, *, title: str = "Proofs") -> None:
+def write_index(rows: Sequence[IndexRow], path: Path, *, title: str = "Check reports") -> None:
     """Write the page that lists ``rows``, with links to their pages, whole or not at all.
 
     Args:
@@ -45,20 +46,23 @@ def write_index(rows: Sequence[IndexRow], path: Path, *, title: str = "Proofs") 
         path: File that is written. Pictures are put into it, links are relative to it.
         title: Headline.
     """
-    counts = Counter(row.proof.verdict for row in rows)
-    good = counts["proven"] + counts["repaired"]
-    page = ReportPage(title, f"{good} of {len(rows)} objects are proven, some after repairs.")
+    counts = Counter(row.check_report.verdict for row in rows)
+    good = counts["passed"] + counts["repaired"]
+    page = ReportPage(title, f"{good} of {len(rows)} objects passed, some after repairs.")
     page.tiles(
-        Tile(value=counts["proven"], label="proven as they are", tone="good"),
-        Tile(value=counts["repaired"], label="proven after listed repairs", tone="good"),
+        Tile(value=counts["passed"], label="passed as they are", tone="good"),
+        Tile(value=counts["repaired"], label="passed after listed repairs", tone="good"),
         Tile(
-            value=counts["refused"],
-            label="refused with a reason",
-            tone="bad" if counts["refused"] else "plain",
+            value=counts["rejected"],
+            label="rejected with a reason",
+            tone="bad" if counts["rejected"] else "plain",
         ),
+        Tile(value=counts["undecided"], label="undecided"),
     )
     order = list(VERDICT_TEXT)
-    listed = sorted(rows, key=lambda row: (order.index(row.proof.verdict), row.proof.asset))
+    listed = sorted(
+        rows, key=lambda row: (order.index(row.check_report.verdict), row.check_report.asset)
+    )
     body = "".join(_row(row, path.parent) for row in listed)
     head = "".join(_head(k, name) for k, name in enumerate(HEADER))
     script = resources.files("articulate.asset_page").joinpath("assets/index.js").read_text("utf-8")
@@ -93,24 +97,30 @@ def _head(column: int, name: str) -> str:
 
 
 def _row(row: IndexRow, folder: Path) -> str:
-    proof = row.proof
-    name = escaped(proof.asset)
+    check_report = row.check_report
+    name = escaped(check_report.asset)
     if row.page is not None:
         name = f'<a href="{escaped(_address(row.page, folder))}">{name}</a>'
     cells = [
         _picture(row.page),
         name,
-        f'<span class="mark {"failed" if proof.verdict == "refused" else "passed"}">'
-        f"{VERDICT_TEXT[proof.verdict]}</span>",
+        f'<span class="mark {"passed" if check_report.is_usable else "failed"}">'
+        f"{VERDICT_TEXT[check_report.verdict]}</span>",
         escaped(row.category),
-        escaped(_why(proof)),
+        escaped(_why(check_report)),
     ]
-    keys = ["", proof.asset, list(VERDICT_TEXT).index(proof.verdict), row.category, _why(proof)]
+    keys = [
+        "",
+        check_report.asset,
+        list(VERDICT_TEXT).index(check_report.verdict),
+        row.category,
+        _why(check_report),
+    ]
     kinds = ["", "", "", "", ' class="why"']
     for value, text in (
-        (len(proof.joints), str(len(proof.joints))),
-        (proof.colliders, str(proof.colliders)),
-        (proof.seconds, f"{proof.seconds:.1f}"),
+        (len(check_report.joints), str(len(check_report.joints))),
+        (check_report.colliders, str(check_report.colliders)),
+        (check_report.seconds, f"{check_report.seconds:.1f}"),
     ):
         keys.append(value)
         cells.append(text)
@@ -119,13 +129,13 @@ def _row(row: IndexRow, folder: Path) -> str:
         f'<td{kind} data-key="{escaped(key)}">{cell}</td>'
         for kind, key, cell in zip(kinds, keys, cells, strict=True)
     )
-    return f'<tr class="{proof.verdict}" data-verdict="{proof.verdict}">{inner}</tr>'
+    return f'<tr class="{check_report.verdict}" data-verdict="{check_report.verdict}">{inner}</tr>'
 
 
-def _why(proof: CheckReport) -> str:
-    if proof.verdict == "proven":
+def _why(check_report: CheckReport) -> str:
+    if check_report.verdict == "passed":
         return ""
-    told = proof.reasons if proof.verdict == "refused" else proof.repairs
+    told = check_report.repairs if check_report.is_usable else check_report.reasons
     if not told:
         return ""
     first = told[0] if len(told[0]) <= LONGEST_REASON else f"{told[0][: LONGEST_REASON - 1]}…"

@@ -25,13 +25,13 @@ FEW = 12
 
 
 def write_page(
-    proof: CheckReport,
+    check_report: CheckReport,
     asset: Asset | None,
     path: Path,
     *,
     meanings: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the page of ``proof`` to ``path``, and a small picture beside it as ``.webp``.
+    """Write the page of ``check_report`` to ``path``, and a small picture beside it as ``.webp``.
 
     The page needs no other file. Where nothing can be drawn it has no pictures and says so.
 
@@ -41,19 +41,19 @@ def write_page(
         path: File that is written, whole or not at all.
         meanings: What each clause means, by its name, in a sentence.
     """
-    page = ReportPage(proof.asset, _lead(proof, asset))
-    page.verdict(proof)
+    page = ReportPage(check_report.asset, _lead(check_report, asset))
+    page.verdict(check_report)
     if asset is None:
         page.text("No object could be made of the input, so there is nothing to show.")
     else:
-        drawn = _show(page, proof, asset)
+        drawn = _show(page, check_report, asset)
         if drawn is not None:
             write_bytes(path.with_suffix(".webp"), drawn.thumbnail)
-    _figures(page, proof)
-    _joints(page, proof)
-    _clauses(page, proof.clauses, meanings or {})
-    _repairs(page, proof)
-    _origin(page, proof, asset)
+    _figures(page, check_report)
+    _joints(page, check_report)
+    _clauses(page, check_report.checks, meanings or {})
+    _repairs(page, check_report)
+    _origin(page, check_report, asset)
     page.save(path)
 
 
@@ -63,14 +63,14 @@ class ReportPage(Page):
     def __init__(self, title: str, lead: str = "") -> None:
         super().__init__(title, lead)
         assets = resources.files("articulate.asset_page").joinpath("assets")
-        self._add(f"<style>{assets.joinpath('proof.css').read_text('utf-8')}</style>")
+        self._add(f"<style>{assets.joinpath('check_report.css').read_text('utf-8')}</style>")
 
-    def verdict(self, proof: CheckReport) -> None:
+    def verdict(self, check_report: CheckReport) -> None:
         """Add what came of it, in words."""
-        title, text = verdict_text(proof)
-        reasons = "".join(f"<li>{escaped(reason)}</li>" for reason in proof.reasons)
+        title, text = verdict_text(check_report)
+        reasons = "".join(f"<li>{escaped(reason)}</li>" for reason in check_report.reasons)
         self._add(
-            f'<div class="verdict {proof.verdict}"><b>{escaped(title)}</b>'
+            f'<div class="verdict {check_report.verdict}"><b>{escaped(title)}</b>'
             f"<p>{escaped(text)}</p>{f'<ul>{reasons}</ul>' if reasons else ''}</div>"
         )
 
@@ -129,21 +129,24 @@ class ReportPage(Page):
         )
 
 
-def verdict_text(proof: CheckReport) -> tuple[str, str]:
-    """Verdict of ``proof`` as a headline and a sentence."""
-    counted = [c for c in proof.clauses if c.outcome != "not_applicable"]
+def verdict_text(check_report: CheckReport) -> tuple[str, str]:
+    """Verdict of ``check_report`` as a headline and a sentence."""
+    counted = [c for c in check_report.checks if c.outcome != "not_applicable"]
     held = sum(c.outcome == "passed" for c in counted)
-    if proof.verdict == "refused":
+    if not check_report.is_usable:
+        headline = check_report.verdict.capitalize()
         if not counted:
-            return "Refused", "It was not measured:"
-        return "Refused", f"{held} of {len(counted)} measurements hold. What speaks against it:"
-    what = f"All {len(counted)} measurements hold." if counted else "There was nothing to measure."
-    if not proof.joints:
-        what = f"It has no movable joint and is proven as a rigid object. {what}"
-    if proof.verdict == "proven":
-        return "Proven", f"{what} Nothing had to be repaired."
-    repairs = _count(len(proof.repairs), "repair")
-    return f"Proven after {repairs}", f"{what} What was changed is listed below."
+            return headline, "It was not measured:"
+        return headline, f"{held} of {len(counted)} measurements passed. Reasons:"
+    what = (
+        f"All {len(counted)} measurements passed." if counted else "There was nothing to measure."
+    )
+    if not check_report.joints:
+        what = f"It has no movable joint and was checked as a rigid object. {what}"
+    if check_report.verdict == "passed":
+        return "Passed", f"{what} Nothing had to be repaired."
+    repairs = _count(len(check_report.repairs), "repair")
+    return f"Passed after {repairs}", f"{what} What was changed is listed below."
 
 
 def amount(value: float | None, unit: str) -> str:
@@ -156,16 +159,16 @@ def amount(value: float | None, unit: str) -> str:
     return f"{shown(float(f'{factor * value:.4g}'))}{THIN if name != '°' else ''}{name}".strip()
 
 
-def bound(clauses: Sequence[Check]) -> str:
+def bound(checks: Sequence[Check]) -> str:
     """``"≤"`` or ``"≥"``: how measured and allowed values of one clause are compared.
 
     Outcomes tell: what passes below the allowed value passes by being small.
     """
-    for clause in clauses:
-        if clause.measured is None or clause.allowed is None or clause.measured == clause.allowed:
+    for check in checks:
+        if check.measured is None or check.allowed is None or check.measured == check.allowed:
             continue
-        if clause.outcome != "not_applicable":
-            small = (clause.measured < clause.allowed) == (clause.outcome == "passed")
+        if check.outcome != "not_applicable":
+            small = (check.measured < check.allowed) == (check.outcome == "passed")
             return "≤" if small else "≥"
     return ""
 
@@ -175,26 +178,26 @@ def escaped(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def _lead(proof: CheckReport, asset: Asset | None) -> str:
+def _lead(check_report: CheckReport, asset: Asset | None) -> str:
     known = [] if asset is None or asset.category == "unknown" else [asset.category]
-    if proof.joints:
-        known.append(_count(len(proof.joints), "joint"))
+    if check_report.joints:
+        known.append(_count(len(check_report.joints), "joint"))
     if asset is not None:
         size = (b - a for a, b in zip(*asset.bounds_o, strict=True))
         known.append(" × ".join(f"{100.0 * side:.0f}" for side in size) + " cm")
-    if proof.seconds:
-        known.append(f"converted and proven in {proof.seconds:.1f} s")
+    if check_report.seconds:
+        known.append(f"converted and checked in {check_report.seconds:.1f} s")
     return " · ".join(known)
 
 
-def _show(page: ReportPage, proof: CheckReport, asset: Asset) -> Pictures | None:
+def _show(page: ReportPage, check_report: CheckReport, asset: Asset) -> Pictures | None:
     """Add the 3-D view and the pictures, or why there are none."""
     try:
         subject = load_model(asset)
     except AssetError as error:
         page.text(f"There is no 3-D view and no picture: {error}.")
         return None
-    needs = {joint.name: joint.needs for joint in proof.joints if joint.needs}
+    needs = {joint.name: joint.needs for joint in check_report.joints if joint.needs}
     page.view(viewer_html(subject, needs))
     return _pictures(page, subject, needs)
 
@@ -214,22 +217,22 @@ def _pictures(
     return drawn
 
 
-def _figures(page: ReportPage, proof: CheckReport) -> None:
-    counted = [c for c in proof.clauses if c.outcome != "not_applicable"]
+def _figures(page: ReportPage, check_report: CheckReport) -> None:
+    counted = [c for c in check_report.checks if c.outcome != "not_applicable"]
     held = sum(c.outcome == "passed" for c in counted)
     tiles = []
     if counted:
         tiles.append(_share_tile(held, len(counted), "measurements hold"))
-    if proof.joints:
-        free = sum(not joint.blocked for joint in proof.joints)
-        tiles.append(_share_tile(free, len(proof.joints), "joints go through their range"))
+    if check_report.joints:
+        free = sum(not joint.blocked for joint in check_report.joints)
+        tiles.append(_share_tile(free, len(check_report.joints), "joints go through their range"))
     tried = [c for c in counted if c.name == "open"]
     if tried:
         opened = sum(c.outcome == "passed" for c in tried)
         tiles.append(_share_tile(opened, len(tried), "joints open under a hand's force"))
-    tiles.append(Tile(value=proof.colliders, label="collision shapes"))
-    if proof.step_us is not None:
-        tiles.append(Tile(value=float(f"{proof.step_us:.3g}"), label="physics step [µs]"))
+    tiles.append(Tile(value=check_report.colliders, label="collision shapes"))
+    if check_report.step_us is not None:
+        tiles.append(Tile(value=float(f"{check_report.step_us:.3g}"), label="physics step [µs]"))
     page.tiles(*tiles)
 
 
@@ -239,11 +242,11 @@ def _share_tile(part: int, whole: int, label: str) -> Tile:
     )
 
 
-def _joints(page: ReportPage, proof: CheckReport) -> None:
-    if not proof.joints:
+def _joints(page: ReportPage, check_report: CheckReport) -> None:
+    if not check_report.joints:
         return
     page.section("Joints")
-    rows = [(_joint_outcome(joint), _joint_cells(joint)) for joint in proof.joints]
+    rows = [(_joint_outcome(joint), _joint_cells(joint)) for joint in check_report.joints]
     header = ["joint", "moves", "free of others", "opened by a hand", "needs"]
     page.clause_table(header, rows, "joints", wide=False)
 
@@ -263,23 +266,23 @@ def _joint_cells(joint: JointCheck) -> list[str]:
     return [f"<b>{escaped(joint.name)}</b>", f"{kind} {way}", free, opened, needs]
 
 
-def _clauses(page: ReportPage, clauses: Sequence[Check], meanings: Mapping[str, str]) -> None:
-    if not clauses:
+def _clauses(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, str]) -> None:
+    if not checks:
         return
     page.section("What was measured")
-    names = list(dict.fromkeys(clause.name for clause in clauses))
-    names.sort(key=lambda name: not any(c.outcome == "failed" for c in clauses if c.name == name))
+    names = list(dict.fromkeys(check.name for check in checks))
+    names.sort(key=lambda name: not any(c.outcome == "failed" for c in checks if c.name == name))
     rows: list[tuple[str, list[str]]] = []
     for name in names:
-        rows += _clause_rows([c for c in clauses if c.name == name], meanings.get(name, ""))
+        rows += _clause_rows([c for c in checks if c.name == name], meanings.get(name, ""))
     header = ["clause", "outcome", "measured", "allowed", "what was found"]
-    page.clause_table(header, rows, "clauses")
+    page.clause_table(header, rows, "checks")
     page.text("What a clause means, why it matters and how to mend it is said by "
               "`check-asset --explain CLAUSE`.")  # fmt: skip
-    page.fold(f"All {len(clauses)} measurements")
+    page.fold(f"All {len(checks)} measurements")
     every = [
-        (c.outcome, [escaped(c.name), escaped(c.subject or "–"), *_measured_cells(c, clauses)])
-        for c in clauses
+        (c.outcome, [escaped(c.name), escaped(c.subject or "–"), *_measured_cells(c, checks)])
+        for c in checks
     ]
     page.clause_table(["clause", "about", "outcome", "measured", "allowed", "what was found"],
                       every, "all measurements")  # fmt: skip
@@ -292,9 +295,9 @@ def _clause_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[s
     failed = [c for c in group if c.outcome == "failed"]
     passed = [c for c in group if c.outcome == "passed"]
     rows = []
-    for clause in failed:
-        about = f"<b>{escaped(clause.subject)}</b>: " if clause.subject else ""
-        *figures, message = _measured_cells(clause, group)
+    for check in failed:
+        about = f"<b>{escaped(check.subject)}</b>: " if check.subject else ""
+        *figures, message = _measured_cells(check, group)
         rows.append(("failed", [title, *figures, about + message]))
     if passed:
         sign = bound(group)
@@ -328,33 +331,33 @@ def _worst(passed: Sequence[Check], sign: str) -> Check:
     return (max if sign == "≤" else min)(known, key=lambda c: c.measured or 0.0)
 
 
-def _measured_cells(clause: Check, peers: Sequence[Check]) -> list[str]:
+def _measured_cells(check: Check, peers: Sequence[Check]) -> list[str]:
     """Outcome, measured, allowed and message of a clause as HTML."""
-    mark = f'<span class="mark {clause.outcome}">{OUTCOME_TEXT[clause.outcome]}</span>'
-    sign = bound([c for c in peers if c.name == clause.name])
-    allowed = amount(clause.allowed, clause.unit)
+    mark = f'<span class="mark {check.outcome}">{OUTCOME_TEXT[check.outcome]}</span>'
+    sign = bound([c for c in peers if c.name == check.name])
+    allowed = amount(check.allowed, check.unit)
     limit = f"{sign} {allowed}".strip() if allowed else "–"
-    measured = amount(clause.measured, clause.unit) or "–"
+    measured = amount(check.measured, check.unit) or "–"
     cells = [escaped(text).replace(" ", "&nbsp;") for text in (measured, limit)]
-    return [mark, *cells, escaped(clause.message)]
+    return [mark, *cells, escaped(check.message)]
 
 
-def _repairs(page: ReportPage, proof: CheckReport) -> None:
+def _repairs(page: ReportPage, check_report: CheckReport) -> None:
     page.section("What was changed")
-    if not proof.repairs:
+    if not check_report.repairs:
         page.text("Nothing.")
         return
-    if len(proof.repairs) > FEW:
-        page.fold(f"{len(proof.repairs)} changes")
-    page.lines(proof.repairs)
-    if len(proof.repairs) > FEW:
+    if len(check_report.repairs) > FEW:
+        page.fold(f"{len(check_report.repairs)} changes")
+    page.lines(check_report.repairs)
+    if len(check_report.repairs) > FEW:
         page.unfold()
 
 
-def _origin(page: ReportPage, proof: CheckReport, asset: Asset | None) -> None:
+def _origin(page: ReportPage, check_report: CheckReport, asset: Asset | None) -> None:
     page.section("Where it came from")
-    if proof.counts is not None:
-        counts = proof.counts
+    if check_report.counts is not None:
+        counts = check_report.counts
         page.table(
             ["", "in the input", "in the asset"],
             [
@@ -362,7 +365,7 @@ def _origin(page: ReportPage, proof: CheckReport, asset: Asset | None) -> None:
                 for name in ("links", "joints", "visuals", "collisions")
             ],
         )
-    about = {"source": proof.source, "licence": proof.licence}
+    about = {"source": check_report.source, "licence": check_report.licence}
     if asset is not None:
         about["size"] = asset.size_rule or "as given"
         about["mass"] = f"{sum(link.mass_kg for link in asset.links):.3g} kg"

@@ -27,8 +27,8 @@ from articulate.files import write_text
 from articulate.transforms import Array, axis_angle_to_matrix, pose, quat_to_matrix
 
 SCHEMA = "articulate.asset"
-SCHEMA_VERSION = 1
-ABOUT = frozenset({"proof.json", "proof.html", "proof.webp"})
+SCHEMA_VERSION = 2
+ABOUT = frozenset({"check_report.json", "check_report.html", "check_report.webp"})
 """Files of an asset's folder that say something about it and are no part of it."""
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]

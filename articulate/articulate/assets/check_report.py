@@ -1,57 +1,59 @@
-"""The noun Proof: what was found out about an asset, clause by clause."""
+"""Result of the checks of an asset: verdict, reasons, repairs and every measurement."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-Outcome = Literal["passed", "failed", "not_applicable"]
-Verdict = Literal["proven", "repaired", "refused"]
+Outcome = Literal["passed", "failed", "warning", "undecided", "not_applicable"]
+"""``warning`` exceeds the limit and is accepted, ``undecided`` could not be measured."""
+Verdict = Literal["passed", "repaired", "rejected", "undecided"]
+VERDICTS: tuple[Verdict, ...] = ("passed", "repaired", "rejected", "undecided")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One thing that was measured, on one joint, link or the whole asset."""
+    """One measurement, on one joint, link or the complete asset."""
 
     name: str
-    """Name of the clause, a key of :data:`articulate.checks.descriptions.CLAUSES`."""
+    """Name of the check, a key of :data:`articulate.checks.descriptions.CHECKS`."""
     outcome: Outcome
-    """What came of it."""
+    """Result of comparing ``measured`` with ``allowed``."""
     subject: str = ""
-    """Joint or link that it is about; empty for the whole asset."""
+    """Joint or link that was measured; empty for the complete asset."""
     measured: float | None = None
-    """The figure that decides, in ``unit``."""
+    """Measured value in ``unit``."""
     allowed: float | None = None
-    """What it is compared with, in ``unit``."""
+    """Limit that ``measured`` is compared with, in ``unit``."""
     unit: str = ""
-    """Unit of both; ``"1"`` for shares."""
+    """Unit of both; ``"1"`` for fractions."""
     message: str = ""
-    """One sentence: what was found, and for a failure what would mend it."""
+    """One sentence: what was measured, and for a failure a possible remedy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointCheck:
-    """What was found out about one movable joint."""
+    """Summary of the checks of one movable joint."""
 
     name: str
     """Name of the joint."""
     kind: Literal["slide", "hinge"]
     """``slide`` measures metres, ``hinge`` radians."""
     span: float
-    """Signed way from closed to open [m or rad]."""
+    """Signed travel from closed to open [m or rad]."""
     swept: float
-    """Share of the way that it went without being blocked, in [0, 1]."""
+    """Fraction of the travel before the first interference, in [0, 1]."""
     blocked: bool
-    """Whether something stands in its way."""
+    """Whether a part interferes with another one on the travel."""
     needs: tuple[str, ...] = ()
     """Joints that must be open before this one can move."""
     opened: float | None = None
-    """Share of the way that a bounded force opened; None if it was not tried."""
+    """Fraction of the travel that a bounded force opened; None if it was not tried."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """How many there were in the input and are in the asset."""
+    """Numbers of elements in the input and in the asset."""
 
     links: tuple[int, int]
     joints: tuple[int, int]
@@ -61,29 +63,35 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
-    """Evidence about one asset, or why there is none."""
+    """Verdict on one asset with the measurements behind it."""
 
     asset: str
-    """Name of the asset, or of the input where none could be made of it."""
+    """Name of the asset, or of the input if no asset could be made."""
     verdict: Verdict
-    """``repaired`` means proven after the listed repairs."""
+    """``repaired``: passed after the listed repairs, or with a warning. ``undecided``: no
+    statement about the object, for example because the time limit ended the check."""
     reasons: tuple[str, ...] = ()
-    """Why it was refused, one sentence each."""
+    """Reasons for ``rejected`` and ``undecided``, one sentence each."""
     repairs: tuple[str, ...] = ()
-    """Everything that was changed on the way from the input, one sentence each."""
-    clauses: tuple[Check, ...] = ()
-    """All that was measured."""
+    """Everything that was changed from the input, one sentence each."""
+    checks: tuple[Check, ...] = ()
+    """All measurements."""
     joints: tuple[JointCheck, ...] = ()
     """The movable joints."""
     counts: Counts | None = None
-    """What went in and came out."""
+    """Numbers of elements before and after conversion."""
     source: str = "unknown"
-    """Where the object came from."""
+    """Origin of the object."""
     licence: str = "unknown"
-    """Its licence."""
+    """Licence of the object."""
     colliders: int = 0
-    """Collision geoms of the asset."""
+    """Number of collision geoms of the asset."""
     step_us: float | None = None
-    """Median time of a physics step of the asset alone [us]."""
+    """Median time of one physics step of the asset [us]."""
     seconds: float = 0.0
-    """Time that conversion and proof took [s]."""
+    """Time of conversion and checks [s]."""
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the asset may be used: the verdict is ``passed`` or ``repaired``."""
+        return self.verdict in ("passed", "repaired")

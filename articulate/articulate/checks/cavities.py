@@ -1,4 +1,4 @@
-"""Clauses ``openness`` and ``fingers``: what is hollow to the eye is hollow to the engine."""
+"""Clauses ``check_cavities`` and ``fingers``: what is hollow to the eye is hollow to the engine."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ Solids = Mapping[str, tuple[Solid, ...]]
 """The collision shapes of each link."""
 
 
-def openness(model: ObjectModel) -> tuple[Check, ...]:
+def check_cavities(model: ObjectModel) -> tuple[Check, ...]:
     """How much of each link's cavity the engine leaves free, and room for fingers."""
     solids = {link.name: solids_of(model, link.name) for link in model.asset.links}
     hollow = [_open(model, name, own) for name, own in solids.items()]
@@ -64,7 +64,7 @@ def openness(model: ObjectModel) -> tuple[Check, ...]:
 def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Check:
     unknown = unknown_shape(model, link)
     if unknown:
-        return Check(name="openness", outcome="failed", subject=link, message=unknown)
+        return Check(name="cavities", outcome="failed", subject=link, message=unknown)
     corners, faces = surface_of(model, link)
     hull = _hull(corners)
     if hull is None:
@@ -90,7 +90,7 @@ def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Check:
     if not passed:
         message += ": its collision shapes seal it; decompose it more finely"
     return Check(
-        name="openness",
+        name="cavities",
         outcome="passed" if passed else "failed",
         subject=link,
         measured=measured,
@@ -150,7 +150,7 @@ def _cavity(surface: _Surface) -> tuple[Array, Mask]:
 
 
 def _not_hollow(link: str, message: str) -> Check:
-    return Check(name="openness", outcome="not_applicable", subject=link, message=message)
+    return Check(name="cavities", outcome="not_applicable", subject=link, message=message)
 
 
 def is_cavity(points: Array, triangles: Array) -> Mask:
@@ -209,7 +209,7 @@ def _fingers(model: ObjectModel, data: Data, handle: Handle, solids: Solids) -> 
     if not passed:
         message += f"; {1000 * FINGER_M:.0f} mm are needed to hold it with everything closed"
     return Check(
-        name="fingers",
+        name="finger_clearance",
         outcome="passed" if passed else "not_applicable",
         subject=handle.joint,
         measured=room,

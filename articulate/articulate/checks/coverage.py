@@ -23,7 +23,7 @@ INSIDE = 0.5
 """Points that the surface winds round more often than this lie inside the material."""
 
 
-def coverage(model: ObjectModel) -> tuple[Check, ...]:
+def check_coverage(model: ObjectModel) -> tuple[Check, ...]:
     """Compare the visual surface of each link with its collision shapes, both ways."""
     return tuple(_covered(model, link.name) for link in model.asset.links)
 
@@ -31,12 +31,14 @@ def coverage(model: ObjectModel) -> tuple[Check, ...]:
 def _covered(model: ObjectModel, link: str) -> Check:
     unknown = unknown_shape(model, link)
     if unknown:
-        return Check(name="coverage", outcome="failed", subject=link, message=unknown)
+        return Check(name="collision_coverage", outcome="failed", subject=link, message=unknown)
     corners, faces = surface_of(model, link)
     solids = solids_of(model, link)
     if not len(faces) and not solids:
         message = f"{link} has no geometry"
-        return Check(name="coverage", outcome="not_applicable", subject=link, message=message)
+        return Check(
+            name="collision_coverage", outcome="not_applicable", subject=link, message=message
+        )
     near_m = near_of(corners) if len(corners) else NEAR_M
     touchable, seen = shares(corners[faces], solids, near_m)
     measured = min(touchable, seen)
@@ -52,7 +54,7 @@ def _covered(model: ObjectModel, link: str) -> Check:
             else ": collision shapes stand where nothing is seen; decompose it more finely"
         )
     return Check(
-        name="coverage",
+        name="collision_coverage",
         outcome="passed" if passed else "failed",
         subject=link,
         measured=measured,

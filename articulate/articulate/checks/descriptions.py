@@ -20,14 +20,14 @@ class Meaning:
     """What can be done about it."""
 
 
-CLAUSES: dict[str, Meaning] = {
+CHECKS: dict[str, Meaning] = {
     "loads": Meaning(
         means="MuJoCo compiles object.xml, and every link and joint of asset.json is in it.",
         matters="Nothing else can be measured on a model that the engine does not accept.",
         mend="The message is the engine's own. In a folder edited by hand undo the last change; "
         "in a fresh one it is a fault of the conversion that is worth a report.",
     ),
-    "fk": Meaning(
+    "forward_kinematics": Meaning(
         means="At 100 random joint states every link lies where yourdfpy and PyBullet put it when "
         "they read object.urdf: to 1e-6 m and rad. So does every link, and every handle, where "
         "asset.json puts it, at five positions of each joint with the others at 0.",
@@ -36,7 +36,7 @@ CLAUSES: dict[str, Meaning] = {
         mend="The link that is named is the first in the tree that strays: compare the origin "
         "and axis of its joint, and mimic factors, in object.xml, object.urdf and asset.json.",
     ),
-    "fk_input": Meaning(
+    "input_kinematics": Meaning(
         means="At 100 random joint states every moving link lies where yourdfpy or MuJoCo puts it "
         "when they read the input as it is, up to the listed scale, the object frame and axes "
         "made unit length: to 1e-6 m and rad.",
@@ -44,7 +44,7 @@ CLAUSES: dict[str, Meaning] = {
         mend="Look at the origin and axis of the joint that moves the named link. If the input "
         "itself is ambiguous (two roots, names used twice), make it unambiguous.",
     ),
-    "shown": Meaning(
+    "visual_fidelity": Meaning(
         means="At least 99 % of points on what each link shows in the input lie on what it shows "
         "in the asset, and the other way round, to 0.1 % of its diagonal; so do those on each of "
         "its meshes by itself.",
@@ -52,7 +52,7 @@ CLAUSES: dict[str, Meaning] = {
         mend="Look at the link in the page and in the input; in a fresh conversion it is a "
         "fault that is worth a report.",
     ),
-    "limits": Meaning(
+    "joint_limits": Meaning(
         means="Type, range, damping and dry friction of each joint are the same in object.xml, "
         "object.urdf and asset.json; the range is not empty and holds the closed and the open "
         "position.",
@@ -76,7 +76,7 @@ CLAUSES: dict[str, Meaning] = {
         matters="A drawer of 45 kg loads and simulates, but no arm opens it.",
         mend="Give --category, which decides the density, or --size, which decides the volume.",
     ),
-    "sweep": Meaning(
+    "joint_sweep": Meaning(
         means="Each joint goes through its whole range, the others closed, without a part going "
         "more than 2 mm deeper into another than at rest, by distance queries on collision "
         "shapes whatever their contact masks.",
@@ -86,7 +86,7 @@ CLAUSES: dict[str, Meaning] = {
         "If only the shapes meet, they are too coarse: raise --max-geoms. What less than 5 % of "
         "the visible surface costs is cut away by itself.",
     ),
-    "sweep_authored": Meaning(
+    "authored_overlap": Meaning(
         means="Where collision shapes meet on the way of a joint, the parts as they were authored "
         "meet there, too, or two joints each need the other one open first. It is listed only "
         "where it fails.",
@@ -95,13 +95,13 @@ CLAUSES: dict[str, Meaning] = {
         "degrees are left then is shortened, by itself; otherwise mend the limits, the axis or "
         "the meshes of the two parts that are named.",
     ),
-    "sweep_random": Meaning(
+    "joint_sweep_random": Meaning(
         means="The same with the other joints anywhere in their ranges. States in which the "
         "authored parts themselves meet are drawn again and counted.",
         matters="A robot does not close every other drawer first.",
         mend="As for sweep: limits, axes and meshes of the two parts, or finer shapes.",
     ),
-    "openness": Meaning(
+    "cavities": Meaning(
         means="Where a link is hollow (more than 5 % of its convex hull lies outside its "
         "material, at winding numbers below 0.5, and can be seen from outside), at least 85 % of "
         "that cavity is outside the collision shapes, too. Links thinner than 10 mm do not count, "
@@ -110,13 +110,13 @@ CLAUSES: dict[str, Meaning] = {
         "does so cannot be opened.",
         mend="Raise --max-geoms, or give <collision> elements of your own: boxes for the walls.",
     ),
-    "fingers": Meaning(
+    "finger_clearance": Meaning(
         means="How much room there is beside each handle for the fingers of a gripper with "
         "everything closed; said, and not a reason to refuse.",
         matters="A handle that lies flush has to be pushed or hooked, not held.",
         mend="Name the handle's visual element `handle` if another part was taken for it.",
     ),
-    "coverage": Meaning(
+    "collision_coverage": Meaning(
         means="At least 95 % of points on each link's visual surface lie within 3 mm, or 1 % of "
         "its diagonal, of its collision shapes, and the other way round. Where shapes lie against "
         "each other inside the material there is no surface to compare.",
@@ -124,7 +124,7 @@ CLAUSES: dict[str, Meaning] = {
         "where a shape stands for nothing.",
         mend="Raise --max-geoms, or remove the <collision> elements that do not fit.",
     ),
-    "settle": Meaning(
+    "settling": Meaning(
         means="Left alone under gravity the object comes to rest, and stays there for 2 s at its "
         "time step and at half of it: no joint strays by more than 1 % of its range. A lid that "
         "falls shut is right, and said.",
@@ -138,14 +138,14 @@ CLAUSES: dict[str, Meaning] = {
         "from inertias that no body can have; policies learn to exploit it.",
         mend="Mend the overlaps at rest, and what the clause inertia says.",
     ),
-    "open": Meaning(
+    "opening": Meaning(
         means="At most 30 N at the handle, or the torque they make, open at least 90 % of the "
         "range (hinges up to 90 degrees) within 3 s, contacts as they are.",
         matters="That is what a person, or an arm of a few kilograms, can do.",
         mend="Look at what the joint touches on its way, at its friction and damping, and at the "
         "mass of the part.",
     ),
-    "close": Meaning(
+    "closing": Meaning(
         means="The same force closes it again.",
         matters="A part that catches on the way back ends an episode for good.",
         mend="As for open: what it touches on its way, friction, damping, mass.",
@@ -161,7 +161,7 @@ CLAUSES: dict[str, Meaning] = {
 
 def meanings() -> dict[str, str]:
     """What each clause means, by name."""
-    return {name: clause.means for name, clause in CLAUSES.items()}
+    return {name: check.means for name, check in CHECKS.items()}
 
 
 def meaning_of(name: str) -> Meaning:
@@ -170,10 +170,10 @@ def meaning_of(name: str) -> Meaning:
     Raises:
         ConfigError: There is none.
     """
-    clause = CLAUSES.get(name)
-    if clause is None:
-        raise ConfigError(f"--explain {name}: no such clause{nearest(name, CLAUSES)}")
-    return clause
+    check = CHECKS.get(name)
+    if check is None:
+        raise ConfigError(f"--explain {name}: no such clause{nearest(name, CHECKS)}")
+    return check
 
 
 def explained(name: str) -> str:
@@ -182,10 +182,10 @@ def explained(name: str) -> str:
     Raises:
         ConfigError: There is none.
     """
-    clause = meaning_of(name)
+    check = meaning_of(name)
     return (
-        f"{name}\n\nWhat it means. {clause.means}\n\nWhy it matters. {clause.matters}\n\n"
-        f"How to mend it. {clause.mend}"
+        f"{name}\n\nWhat it means. {check.means}\n\nWhy it matters. {check.matters}\n\n"
+        f"How to mend it. {check.mend}"
     )
 
 

@@ -75,7 +75,7 @@ class Moved:
     diverged: bool = False
 
 
-def force(
+def check_opening(
     asset: Asset, model: ObjectModel, joints: Sequence[JointCheck]
 ) -> tuple[tuple[Check, ...], tuple[JointCheck, ...]]:
     """Clauses ``open`` and ``close`` of every joint that moves by itself.
@@ -88,25 +88,25 @@ def force(
     Returns:
         The clauses, and ``joints`` with how far each was opened.
     """
-    clauses: list[Check] = []
+    checks: list[Check] = []
     out = []
-    for proof in joints:
-        if proof.name not in model.free_joints:
-            out.append(proof)
+    for joint_check in joints:
+        if joint_check.name not in model.free_joints:
+            out.append(joint_check)
             continue
-        pull = pull_of(asset, model, proof.name)
+        pull = pull_of(asset, model, joint_check.name)
         if pull.way < LEAST_WAY:
-            clauses.append(_no_way(pull))
-            out.append(dataclasses.replace(proof, opened=0.0))
+            checks.append(_no_way(pull))
+            out.append(dataclasses.replace(joint_check, opened=0.0))
             continue
-        plant = held(model, proof)
-        opened = move(model, plant, pull, _start(model, plant, proof), closing=False)
-        clauses.append(_clause("open", pull, opened, model, plant, proof))
+        plant = held(model, joint_check)
+        opened = move(model, plant, pull, _start(model, plant, joint_check), closing=False)
+        checks.append(_clause("opening", pull, opened, model, plant, joint_check))
         if opened.share >= WANTED:
             closed, shut = _close(asset, model, plant, pull, opened.data)
-            clauses.append(_clause("close", pull, closed, model, plant, proof, shut))
-        out.append(dataclasses.replace(proof, opened=opened.share))
-    return tuple(clauses), tuple(out)
+            checks.append(_clause("closing", pull, closed, model, plant, joint_check, shut))
+        out.append(dataclasses.replace(joint_check, opened=opened.share))
+    return tuple(checks), tuple(out)
 
 
 def pull_of(asset: Asset, model: ObjectModel, name: str) -> Pull:
@@ -160,12 +160,12 @@ def _points_w(model: ObjectModel, link: str) -> Array:
     return np.vstack(out)
 
 
-def held(model: ObjectModel, proof: JointCheck) -> Model:
+def held(model: ObjectModel, joint_check: JointCheck) -> Model:
     """A copy of the model in which what the joint needs is held open, what it moves on closed."""
     plant = copy.copy(model.model)
     asset = model.asset
-    at = {name: asset.joint(name).closed for name in _carriers(asset, proof.name)}
-    at.update({name: asset.joint(name).open for name in proof.needs})
+    at = {name: asset.joint(name).closed for name in _carriers(asset, joint_check.name)}
+    at.update({name: asset.joint(name).open for name in joint_check.needs})
     for name, position in at.items():
         _hold(model, plant, name, position)
     return plant
@@ -191,9 +191,9 @@ def _carriers(asset: Asset, name: str) -> list[str]:
     return out
 
 
-def _start(model: ObjectModel, plant: Model, proof: JointCheck) -> Data:
+def _start(model: ObjectModel, plant: Model, joint_check: JointCheck) -> Data:
     data = mujoco.MjData(plant)
-    q = {name: model.asset.joint(name).open for name in proof.needs}
+    q = {name: model.asset.joint(name).open for name in joint_check.needs}
     for name, position in model.with_followers({**model.closed, **q}).items():
         data.qpos[model.qpos_address(name)] = position
     return data
@@ -281,7 +281,7 @@ def _along(model: ObjectModel, plant: Model, opened: str, state: Data) -> tuple[
 
 def _no_way(pull: Pull) -> Check:
     return Check(
-        name="open",
+        name="opening",
         outcome="failed",
         subject=pull.joint.name,
         measured=0.0,
@@ -297,12 +297,12 @@ def _clause(
     moved: Moved,
     model: ObjectModel,
     plant: Model,
-    proof: JointCheck,
+    joint_check: JointCheck,
     shut: tuple[str, ...] = (),
 ) -> Check:
     passed = moved.share >= WANTED and not moved.diverged
-    verb = "closes" if name == "close" else "opens"
-    with_ = f" with {' and '.join(proof.needs)} open" if proof.needs else ""
+    verb = "closes" if name == "closing" else "opens"
+    with_ = f" with {' and '.join(joint_check.needs)} open" if joint_check.needs else ""
     with_ += f", {' and '.join(shut)} held shut" if shut else ""
     message = (
         f"{FORCE_N:g} N at {pull.where} {verb} {100.0 * moved.share:.0f} % of the way in "

@@ -1,4 +1,4 @@
-"""Clause ``fk``: the MJCF moves its links to where other readers of the same object put them.
+"""Clause ``check_forward_kinematics``: the MJCF moves its links to where other readers of the same object put them.
 
 Judges are yourdfpy and PyBullet on the canonical URDF, and yourdfpy or MuJoCo on the input
 itself. Each judge takes joint positions and gives poses of links; what differs lies here.
@@ -52,20 +52,22 @@ class InputFrame:
     """Pose of the input's root frame, already in metres, in the object frame (4, 4)."""
 
 
-def fk(model: ObjectModel) -> tuple[Check, ...]:
+def check_forward_kinematics(model: ObjectModel) -> tuple[Check, ...]:
     """Compare the MJCF with yourdfpy and PyBullet on the URDF beside it, and with asset.json."""
     path = model.asset.folder / "object.urdf"
-    clauses = []
+    checks = []
     for name, make in (("yourdfpy", urdf_judge), ("PyBullet", bullet_judge)):
         try:
-            clauses.append(_compared(model, make(path), f"{name} on the canonical URDF"))
+            checks.append(_compared(model, make(path), f"{name} on the canonical URDF"))
         except ModuleNotFoundError as error:
             message = f"not compared with {name}: {error.name} is not installed"
-            clauses.append(Check(name="fk", outcome="not_applicable", message=message))
+            checks.append(
+                Check(name="forward_kinematics", outcome="not_applicable", message=message)
+            )
         except Exception as error:  # noqa: BLE001  foreign readers raise anything
             message = f"{name} does not read the canonical URDF: {_line(error)}"
-            clauses.append(Check(name="fk", outcome="failed", message=message))
-    return (*clauses, fk_noted(model))
+            checks.append(Check(name="forward_kinematics", outcome="failed", message=message))
+    return (*checks, fk_noted(model))
 
 
 def fk_noted(model: ObjectModel) -> Check:
@@ -83,7 +85,7 @@ def fk_noted(model: ObjectModel) -> Check:
             "make both files say the same"
         )
     return Check(
-        name="fk",
+        name="forward_kinematics",
         outcome="failed" if wrong else "passed",
         subject=wrong[0][0] if wrong else "",
         measured=worst,
@@ -138,7 +140,9 @@ def _site(model: ObjectModel, data: Any, site: int) -> Array:
     return inverse(T_wo) @ pose(data.site_xpos[site], data.site_xmat[site].reshape(3, 3))
 
 
-def fk_input(model: ObjectModel, source: Path, frame: InputFrame) -> tuple[Check, ...]:
+def check_input_kinematics(
+    model: ObjectModel, source: Path, frame: InputFrame
+) -> tuple[Check, ...]:
     """Compare the MJCF with the input that it was made from, where it can be read as it is.
 
     Args:
@@ -157,7 +161,7 @@ def fk_input(model: ObjectModel, source: Path, frame: InputFrame) -> tuple[Check
             continue
         return (_compared_input(model, judge, frame, f"{name} on the input"),)
     message = f"the input cannot be read as it is ({reason})"
-    return (Check(name="fk_input", outcome="not_applicable", message=message),)
+    return (Check(name="input_kinematics", outcome="not_applicable", message=message),)
 
 
 def urdf_judge(path: Path) -> Judge:
@@ -311,7 +315,7 @@ def _anchor(model: Model, body: int) -> Array:
 
 
 def _compared(model: ObjectModel, judge: Judge, who: str) -> Check:
-    """The clause ``fk`` against one judge, which sees the same numbers as the model does."""
+    """The clause ``check_forward_kinematics`` against one judge, which sees the same numbers as the model does."""
     names = [link.name for link in model.asset.links]
     error = np.zeros((0, len(names)))
     for q, own in _states(model):
@@ -319,21 +323,23 @@ def _compared(model: ObjectModel, judge: Judge, who: str) -> Check:
         lost = [name for name in names if name not in theirs]
         if lost:
             message = f"{who} knows no link {', '.join(lost[:3])}"
-            return Check(name="fk", outcome="failed", subject=lost[0], message=message)
+            return Check(
+                name="forward_kinematics", outcome="failed", subject=lost[0], message=message
+            )
         T_root = inverse(theirs[model.root])
         row = [_difference(own[n], T_root @ theirs[n]) for n in names]
         error = np.vstack([error, row])
-    return _clause("fk", model, names, error, who)
+    return _clause("forward_kinematics", model, names, error, who)
 
 
 def _compared_input(model: ObjectModel, judge: Judge, frame: InputFrame, who: str) -> Check:
-    """The clause ``fk_input``: positions of slides and of links are scaled before comparing."""
+    """The clause ``check_input_kinematics``: positions of slides and of links are scaled before comparing."""
     unit = {j.name: frame.scale if j.kind == "slide" else 1.0 for j in model.asset.joints}
     known = judge({})
     names = [x.name for x in model.asset.links if x.parent is not None and x.name in known]
     if not names:
         message = f"{who}: no moving link has kept its name"
-        return Check(name="fk_input", outcome="not_applicable", message=message)
+        return Check(name="input_kinematics", outcome="not_applicable", message=message)
     error = np.zeros((0, len(names)))
     for q, own in _states(model):
         theirs = judge({name: value / unit.get(name, 1.0) for name, value in q.items()})
@@ -344,7 +350,7 @@ def _compared_input(model: ObjectModel, judge: Judge, frame: InputFrame, who: st
             row.append(_difference(own[name], frame.T_os @ T_sl))
         error = np.vstack([error, row])
     who = f"{who}, {len(names)} of {len(model.asset.links) - 1} moving links"
-    return _clause("fk_input", model, names, error, who)
+    return _clause("input_kinematics", model, names, error, who)
 
 
 def _states(model: ObjectModel) -> Iterator[tuple[dict[str, float], dict[str, Array]]]:

@@ -26,7 +26,7 @@ DENSITY_KG_M3 = (5.0, 3000.0)
 """Mass by volume of the box of whole objects, from empty crates to solid stone."""
 
 
-def inertia(model: ObjectModel) -> tuple[Check, ...]:
+def check_inertia(model: ObjectModel) -> tuple[Check, ...]:
     """One clause for each link, and one for the mass of the whole."""
     asset = model.asset
     robot = robot_in(asset.folder / "object.urdf")

@@ -35,7 +35,7 @@ class Said:
     """Dry friction [N or Nm], None where it says nothing."""
 
 
-def limits(model: ObjectModel) -> tuple[Check, ...]:
+def check_limits(model: ObjectModel) -> tuple[Check, ...]:
     """Compare the joints of the MJCF with those of asset.json and of the canonical URDF."""
     said = _urdf_joints(model.asset.folder / "object.urdf")
     return tuple(_agrees(model, joint, said) for joint in model.asset.joints)
@@ -66,7 +66,7 @@ def _agrees(model: ObjectModel, joint: Joint, said: Mapping[str, Said]) -> Check
     if faults:
         message += f"; {'; '.join(faults)}: make all three say the same"
     return Check(
-        name="limits",
+        name="joint_limits",
         outcome="failed" if faults else "passed",
         subject=joint.name,
         measured=gap if math.isfinite(gap) else None,

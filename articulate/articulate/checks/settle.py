@@ -55,8 +55,8 @@ class Trace:
         return float(max(self.energy_j.max() - self.energy_j[0], 0.0))
 
 
-def settle(asset: Asset, model: ObjectModel) -> tuple[Check, ...]:
-    """Clauses ``settle`` of every joint and ``energy`` of the object."""
+def check_settling(asset: Asset, model: ObjectModel) -> tuple[Check, ...]:
+    """Clauses ``check_settling`` of every joint and ``energy`` of the object."""
     if not asset.joints:
         return ()
     plant = with_energy(model.model)
@@ -65,8 +65,8 @@ def settle(asset: Asset, model: ObjectModel) -> tuple[Check, ...]:
         start.qpos[model.qpos_address(name)] = position
     fall = until_still(model, plant, start)
     traces = [fall] if fall.diverged else [fall, *_rests(model, plant, fall.data)]
-    clauses = [_stays(joint, j, model, traces) for j, joint in enumerate(asset.joints)]
-    return (*clauses, _energy(traces, _weight_j(asset, model)))
+    checks = [_stays(joint, j, model, traces) for j, joint in enumerate(asset.joints)]
+    return (*checks, _energy(traces, _weight_j(asset, model)))
 
 
 def with_energy(model: Model) -> Model:
@@ -176,7 +176,7 @@ def _stays(joint: Joint, j: int, model: ObjectModel, traces: list[Trace]) -> Che
     span = span_of(model, joint.name)
     if any(trace.diverged for trace in traces):
         return Check(
-            name="settle",
+            name="settling",
             outcome="failed",
             subject=joint.name,
             message="the simulation blew up: look at masses, inertias and overlaps at rest",
@@ -192,7 +192,7 @@ def _stays(joint: Joint, j: int, model: ObjectModel, traces: list[Trace]) -> Che
             f"{which}: {_mend(joint, j, model, traces)}"
         )
     return Check(
-        name="settle",
+        name="settling",
         outcome="failed" if drift > DRIFT else "passed",
         subject=joint.name,
         measured=drift,

@@ -28,7 +28,7 @@ AUTHORED = "; the authored parts meet there too: mend the limits, the axis or th
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class Violation:
     """A way on which parts meet that should not."""
 
     joint: str
@@ -43,16 +43,16 @@ class Fault:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Swept:
+class SweepResult:
     """What sweeping the joints of an object brought to light."""
 
-    clauses: tuple[Check, ...]
+    checks: tuple[Check, ...]
     joints: tuple[JointCheck, ...]
-    faults: tuple[Fault, ...]
+    faults: tuple[Violation, ...]
 
 
-def sweep(model: ObjectModel) -> Swept:
-    """Clauses ``sweep``, ``sweep_authored`` and ``sweep_random``, and how far each joint went.
+def sweep_joints(model: ObjectModel) -> SweepResult:
+    """Clauses ``sweep_joints``, ``sweep_authored`` and ``sweep_random``, and how far each joint went.
 
     ``sweep_authored`` appears, failed, where the authored parts meet in the same place: then the
     object itself is at fault and not its shapes.
@@ -60,19 +60,19 @@ def sweep(model: ObjectModel) -> Swept:
     asset = model.asset
     sweeper = Sweeper(model=model)
     followers = {f.joint: f.leader for f in model.followers}
-    clauses: list[Check] = []
-    faults: list[Fault] = []
+    checks: list[Check] = []
+    faults: list[Violation] = []
     joints: dict[str, JointCheck] = {}
     for name in model.free_joints:
         joint = asset.joint(name)
         way, needs = _needed(sweeper, joint)
         alone, fault = _alone(sweeper, joint, way, needs)
-        clauses += alone
+        checks += alone
         passes = fault is None or len(fault.authored) == len(way.meetings)
         faults += [] if fault is None else [fault]
         if passes and len(model.free_joints) > 1:
-            clause, fault = _together(sweeper, joint, way, needs)
-            clauses.append(clause)
+            check, fault = _together(sweeper, joint, way, needs)
+            checks.append(check)
             faults += [] if fault is None else [fault]
         joints[name] = JointCheck(
             name=name,
@@ -82,9 +82,9 @@ def sweep(model: ObjectModel) -> Swept:
             blocked=bool(way.meetings),
             needs=needs,
         )
-    for name, proof in _locked(joints).items():
-        clauses.append(_deadlock(proof))
-        joints[name] = replace(proof, blocked=True, swept=0.0)
+    for name, joint_check in _locked(joints).items():
+        checks.append(_deadlock(joint_check))
+        joints[name] = replace(joint_check, blocked=True, swept=0.0)
     for joint in asset.joints:
         if joint.name in followers:
             leader = joints.get(_leader(joint.name, followers))
@@ -96,8 +96,8 @@ def sweep(model: ObjectModel) -> Swept:
                 blocked=leader.blocked if leader else True,
                 needs=leader.needs if leader else (),
             )
-    proofs = tuple(joints[joint.name] for joint in asset.joints)
-    return Swept(clauses=tuple(clauses), joints=proofs, faults=tuple(faults))
+    joint_checks = tuple(joints[joint.name] for joint in asset.joints)
+    return SweepResult(checks=tuple(checks), joints=joint_checks, faults=tuple(faults))
 
 
 def _leader(name: str, followers: Mapping[str, str]) -> str:
@@ -160,7 +160,7 @@ def _locked(joints: Mapping[str, JointCheck]) -> dict[str, JointCheck]:
 
 def _deadlock(joint: JointCheck) -> Check:
     return Check(
-        name="sweep_authored",
+        name="authored_overlap",
         outcome="failed",
         subject=joint.name,
         message=f"needs {' and '.join(joint.needs)} open, which needs this one open first: "
@@ -170,37 +170,37 @@ def _deadlock(joint: JointCheck) -> Check:
 
 def _alone(
     sweeper: Sweeper, joint: Joint, way: Way, needs: Sequence[str]
-) -> tuple[list[Check], Fault | None]:
+) -> tuple[list[Check], Violation | None]:
     """Clauses about a joint on its own, and what is at fault.
 
     What the authored parts do themselves is told apart from what the shapes make of them.
     """
     authored = [meeting for meeting in way.meetings if sweeper.authored(meeting)]
     shapes = [meeting for meeting in way.meetings if meeting not in authored]
-    clauses = []
+    checks = []
     if shapes:
-        clauses.append(_failed("sweep", shapes[0], f"{_words(shapes[0], joint)}{ONLY_SHAPES}"))
+        checks.append(_failed("joint_sweep", shapes[0], f"{_words(shapes[0], joint)}{ONLY_SHAPES}"))
     if authored:
         text = f"{_words(authored[0], joint)}{AUTHORED}"
-        clauses.append(_failed("sweep_authored", authored[0], text))
-    if not clauses:
+        checks.append(_failed("authored_overlap", authored[0], text))
+    if not checks:
         extra = f"with {' and '.join(needs)} open" if needs else "with the others closed"
-        clauses.append(_passed("sweep", joint, f"goes through its whole range {extra}"))
+        checks.append(_passed("joint_sweep", joint, f"goes through its whole range {extra}"))
     if not way.meetings:
-        return clauses, None
-    fault = Fault(
+        return checks, None
+    fault = Violation(
         joint=joint.name,
         others={name: sweeper.model.asset.joint(name).open for name in needs},
         way=way,
         authored=tuple((meeting.one, meeting.other) for meeting in authored),
         alone=True,
     )
-    return clauses, fault
+    return checks, fault
 
 
 def _together(
     sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]
-) -> tuple[Check, Fault | None]:
+) -> tuple[Check, Violation | None]:
     """The same with the other joints anywhere in their ranges.
 
     What nothing but the joint itself decides, and what it met ``alone``, does not count again.
@@ -222,17 +222,17 @@ def _together(
         if bad:
             text = f"with the others at random: {_words(bad[0], joint)}{ONLY_SHAPES}"
             way = replace(way, meetings=tuple(bad))
-            fault = Fault(joint=joint.name, others=others, way=way, authored=(), alone=False)
-            return _failed("sweep_random", bad[0], text), fault
+            fault = Violation(joint=joint.name, others=others, way=way, authored=(), alone=False)
+            return _failed("joint_sweep_random", bad[0], text), fault
         redrawn += bool(new)
         done += not new
     again = f"; {redrawn} states in which authored parts meet were drawn again" if redrawn else ""
     text = f"goes through its whole range with the others at {done} random states{again}"
-    clause = _passed("sweep_random", joint, text)
+    check = _passed("joint_sweep_random", joint, text)
     if done:
-        return clause, None
+        return check, None
     text = f"in all of {redrawn} random states of the others the authored parts themselves meet"
-    return replace(clause, outcome="not_applicable", measured=None, message=text), None
+    return replace(check, outcome="not_applicable", measured=None, message=text), None
 
 
 def _failed(name: str, meeting: Interference, message: str) -> Check:

@@ -25,29 +25,33 @@ NEAR_SHARE = 1e-3
 """So do points this share of the link's diagonal away."""
 
 
-def shown(model: ObjectModel, origin: Origin) -> tuple[Check, ...]:
+def check_visual_fidelity(model: ObjectModel, origin: Origin) -> tuple[Check, ...]:
     """Compare what each link shows with what it shows in the input, both ways.
 
     Each mesh counts by itself, too: links of hundreds of meshes lose one without losing a
     hundredth of their surface.
     """
-    clauses = []
+    checks = []
     names = {origin.root: model.root}
     for part, pieces in origin.shown.items():
         link = names.get(part, part)
         if link in model.bodies:
-            clauses.append(_alike(link, pieces, model))
+            checks.append(_alike(link, pieces, model))
         elif pieces:
             message = f"link {link} of the input is absent: make the asset anew"
-            clauses.append(Check(name="shown", outcome="failed", subject=link, message=message))
-    return tuple(clauses)
+            checks.append(
+                Check(name="visual_fidelity", outcome="failed", subject=link, message=message)
+            )
+    return tuple(checks)
 
 
 def _alike(link: str, given: Sequence[Array], model: ObjectModel) -> Check:
     own = [corners[faces] for corners, faces in pieces_of(model, link)]
     if not given and not own:
         message = f"{link} shows nothing, here and there"
-        return Check(name="shown", outcome="not_applicable", subject=link, message=message)
+        return Check(
+            name="visual_fidelity", outcome="not_applicable", subject=link, message=message
+        )
     kept, new = shares(given, own)
     least_kept, least_new = (kept, new) if len(given) == len(own) == 1 else least_shares(given, own)
     measured = min(kept, new, least_kept, least_new)
@@ -59,7 +63,7 @@ def _alike(link: str, given: Sequence[Array], model: ObjectModel) -> Check:
     if not passed:
         message += ": a mesh was lost, moved, scaled or mirrored"
     return Check(
-        name="shown",
+        name="visual_fidelity",
         outcome="passed" if passed else "failed",
         subject=link,
         measured=measured,

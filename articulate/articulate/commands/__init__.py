@@ -3,7 +3,7 @@
 Verbs are entry points of the group ``articulate.commands``, imported when they are asked for.
 A verb is a function ``main(argv) -> int`` that lets errors through; what is said about them,
 and the exit code, is decided here. It prints results by :func:`articulate.commands.console.emit`,
-progress by :func:`~articulate.commands.console.say`, and its module names the class of its flags
+progress by :func:`~articulate.commands.console.show_progress`, and its module names the class of its flags
 ``FLAGS``, from which completion is made.
 """
 
@@ -183,7 +183,7 @@ def _completion(argv: Sequence[str]) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    console.complain(_one_line(message))
+    console.print_error(_one_line(message))
     return code
 
 

@@ -15,7 +15,7 @@ from articulate.errors import UsageError
 from articulate.files import write_text
 from articulate.jobs.process_pool import Answer, ProcessPool
 from articulate.preparation import store
-from articulate.preparation.check_report_file import PROOF_FILE, load_proof
+from articulate.preparation.check_report_file import CHECK_REPORT_FILE, load_check_report
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 NOT_OBJECTS = {"package.xml"}
@@ -40,7 +40,7 @@ class Checked:
     """What came of one object."""
 
     item: Item
-    proof: CheckReport
+    check_report: CheckReport
     folder: Path
     """Where asset, proof and page lie."""
 
@@ -182,7 +182,7 @@ class Batch:
             found = self._made(item)
         if not _is_there(found, out):
             store.hand_over(found, out)
-        return Checked(item=item, proof=load_proof(out), folder=out)
+        return Checked(item=item, check_report=load_check_report(out), folder=out)
 
     def _made(self, item: Item) -> Path:
         """Folder of the cache with a result that was made now, be it a refusal."""
@@ -209,7 +209,7 @@ def _outcome(answer: Answer, limit_s: float) -> Path | Trouble:
         return Trouble(reason=reason, lasting=False)
     if answer.code == 0:
         folder = Path((answer.told.strip().splitlines() or [""])[-1])
-        return folder if (folder / PROOF_FILE).is_file() else Trouble(reason="left no proof")
+        return folder if (folder / CHECK_REPORT_FILE).is_file() else Trouble(reason="left no proof")
     if answer.code == USAGE_EXIT:
         raise UsageError(answer.last_words)
     if answer.code > 0:
@@ -238,8 +238,8 @@ def _is_there(folder: Path, out: Path) -> bool:
 
 def write_junit(results: Sequence[Checked], path: Path) -> None:
     """Write a JUnit report with a test case for each object, whole or not at all."""
-    refused = sum(r.proof.verdict == "refused" for r in results)
-    seconds = sum(r.proof.seconds for r in results)
+    refused = sum(not r.check_report.is_usable for r in results)
+    seconds = sum(r.check_report.seconds for r in results)
     lines = [
         '<?xml version="1.0" encoding="utf-8"?>',
         f'<testsuite name="check-asset" tests="{len(results)}" failures="{refused}" '
@@ -247,11 +247,11 @@ def write_junit(results: Sequence[Checked], path: Path) -> None:
     ]
     for r in results:
         case = f'  <testcase classname="check-asset" name={_quoted(r.item.name)} '
-        case += f'time="{r.proof.seconds:.3f}"'
-        if r.proof.verdict != "refused":
+        case += f'time="{r.check_report.seconds:.3f}"'
+        if r.check_report.is_usable:
             lines.append(f"{case}/>")
             continue
-        reasons = _quoted("\n".join(r.proof.reasons))
+        reasons = _quoted("\n".join(r.check_report.reasons))
         lines += [f"{case}>", f"    <failure message={reasons}/>", "  </testcase>"]
     write_text(path, "\n".join([*lines, "</testsuite>"]) + "\n")
 

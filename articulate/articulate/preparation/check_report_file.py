@@ -1,4 +1,4 @@
-"""``proof.json``: a proof as a file, and back."""
+"""``check_report.json``: a proof as a file, and back."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from articulate.assets.check_report import Check, CheckReport, Counts, JointChec
 from articulate.errors import AssetError
 from articulate.files import write_json
 
-PROOF_FILE = "proof.json"
-PAGE_FILE = "proof.html"
-SCHEMA = "articulate.proof"
-SCHEMA_VERSION = 1
+CHECK_REPORT_FILE = "check_report.json"
+PAGE_FILE = "check_report.html"
+SCHEMA = "articulate.check_report"
+SCHEMA_VERSION = 2
 
 
-def content_of(proof: CheckReport) -> dict[str, Any]:
-    """What ``proof.json`` holds: the verdict and its figures first, then all that was measured."""
+def content_of(check_report: CheckReport) -> dict[str, Any]:
+    """What ``check_report.json`` holds: the verdict and its figures first, then all that was measured."""
     joints = [
         {
             "name": joint.name,
@@ -30,32 +30,36 @@ def content_of(proof: CheckReport) -> dict[str, Any]:
             "needs": list(joint.needs),
             "opened": joint.opened,
         }
-        for joint in proof.joints
+        for joint in check_report.joints
     ]
     content = {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
-        "asset": proof.asset,
-        "verdict": proof.verdict,
-        "reasons": list(proof.reasons),
-        "repairs": list(proof.repairs),
+        "asset": check_report.asset,
+        "verdict": check_report.verdict,
+        "reasons": list(check_report.reasons),
+        "repairs": list(check_report.repairs),
         "joints": joints,
-        "fk_max_error_m": _extreme(proof, ("fk", "fk_input"), max),
-        "openness_min": _extreme(proof, ("openness",), min),
-        "colliders": proof.colliders,
-        "step_us": proof.step_us,
-        "seconds": proof.seconds,
-        "counts": None if proof.counts is None else dataclasses.asdict(proof.counts),
-        "source": proof.source,
-        "licence": proof.licence,
-        "clauses": [dataclasses.asdict(clause) for clause in proof.clauses],
+        "kinematics_max_error_m": _extreme(
+            check_report, ("forward_kinematics", "input_kinematics"), max
+        ),
+        "cavities_min": _extreme(check_report, ("cavities",), min),
+        "colliders": check_report.colliders,
+        "step_us": check_report.step_us,
+        "seconds": check_report.seconds,
+        "counts": None if check_report.counts is None else dataclasses.asdict(check_report.counts),
+        "source": check_report.source,
+        "licence": check_report.licence,
+        "checks": [dataclasses.asdict(check) for check in check_report.checks],
     }
     finite: dict[str, Any] = _finite(content)
     return finite
 
 
-def _extreme(proof: CheckReport, names: tuple[str, ...], choose: Any) -> float | None:
-    measured = [c.measured for c in proof.clauses if c.name in names and c.measured is not None]
+def _extreme(check_report: CheckReport, names: tuple[str, ...], choose: Any) -> float | None:
+    measured = [
+        c.measured for c in check_report.checks if c.name in names and c.measured is not None
+    ]
     return choose(measured) if measured else None
 
 
@@ -68,20 +72,20 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def save_proof(proof: CheckReport, folder: Path) -> Path:
-    """Write ``proof.json`` into ``folder``, whole or not at all, and return its path."""
-    path = folder / PROOF_FILE
-    write_json(path, content_of(proof))
+def save_check_report(check_report: CheckReport, folder: Path) -> Path:
+    """Write ``check_report.json`` into ``folder``, whole or not at all, and return its path."""
+    path = folder / CHECK_REPORT_FILE
+    write_json(path, content_of(check_report))
     return path
 
 
-def load_proof(folder: Path) -> CheckReport:
+def load_check_report(folder: Path) -> CheckReport:
     """Read the proof that lies in ``folder``.
 
     Raises:
         AssetError: There is none, or it is of another schema.
     """
-    path = folder / PROOF_FILE
+    path = folder / CHECK_REPORT_FILE
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -101,7 +105,7 @@ def _decoded(content: dict[str, Any]) -> CheckReport:
         verdict=content["verdict"],
         reasons=tuple(content["reasons"]),
         repairs=tuple(content["repairs"]),
-        clauses=tuple(Check(**clause) for clause in content["clauses"]),
+        checks=tuple(Check(**check) for check in content["checks"]),
         joints=tuple(
             JointCheck(
                 name=joint["name"],

@@ -15,19 +15,19 @@ import numpy as np
 from articulate.asset_page.page import write_page
 from articulate.assets.asset import Asset, load_asset
 from articulate.assets.check_report import Check, CheckReport, JointCheck, Verdict
-from articulate.cache import alone
-from articulate.checks.cavities import openness
-from articulate.checks.coverage import coverage
+from articulate.cache import entry_lock
+from articulate.checks.cavities import check_cavities
+from articulate.checks.coverage import check_coverage
 from articulate.checks.descriptions import meanings
-from articulate.checks.force import force
-from articulate.checks.forward_kinematics import fk, fk_input
-from articulate.checks.inertia import inertia
-from articulate.checks.limits import limits
+from articulate.checks.force import check_opening
+from articulate.checks.forward_kinematics import check_forward_kinematics, check_input_kinematics
+from articulate.checks.inertia import check_inertia
+from articulate.checks.limits import check_limits
 from articulate.checks.model import ObjectModel, load_model
-from articulate.checks.settle import settle
+from articulate.checks.settle import check_settling
 from articulate.checks.source import Origin, origin_of_reading
-from articulate.checks.sweep import sweep
-from articulate.checks.visual_fidelity import shown
+from articulate.checks.sweep import sweep_joints
+from articulate.checks.visual_fidelity import check_visual_fidelity
 from articulate.conversion.convert import (
     Reading,
     input_key,
@@ -45,7 +45,7 @@ from articulate.formats.mesh_paths import AbsentMesh
 from articulate.formats.repairs import is_note
 from articulate.geometry.time_budget import Budget
 from articulate.preparation import store
-from articulate.preparation.check_report_file import PAGE_FILE, load_proof, save_proof
+from articulate.preparation.check_report_file import PAGE_FILE, load_check_report, save_check_report
 from articulate.preparation.refine_colliders import Refined, Refiner, failed_shapes
 from articulate.preparation.repair import RepairResult, mend
 from articulate.simulator import mujoco
@@ -63,7 +63,7 @@ LEFT_OUT = "left out:"
 Measured = tuple[tuple[Check, ...], tuple[JointCheck, ...]]
 
 
-def prove(asset: Asset, origin: Origin | None = None) -> CheckReport:
+def run_checks(asset: Asset, origin: Origin | None = None) -> CheckReport:
     """Measure every clause on ``asset`` and say what comes of it.
 
     Args:
@@ -74,36 +74,42 @@ def prove(asset: Asset, origin: Origin | None = None) -> CheckReport:
     try:
         model = load_model(asset)
     except AssetError as error:
-        clause = Check(name="loads", outcome="failed", message=str(error))
-        return _judged(asset, (clause,), (), time.perf_counter() - start)
-    clauses: list[Check] = [
+        check = Check(name="loads", outcome="failed", message=str(error))
+        return _judged(asset, (check,), (), time.perf_counter() - start)
+    checks: list[Check] = [
         Check(name="loads", outcome="passed", message=f"MuJoCo {mujoco.__version__} loads it")
     ]
     for name, measure in (
-        ("fk", fk),
-        ("limits", limits),
-        ("inertia", inertia),
-        ("openness", openness),
-        ("coverage", coverage),
+        ("forward_kinematics", check_forward_kinematics),
+        ("joint_limits", check_limits),
+        ("inertia", check_inertia),
+        ("cavities", check_cavities),
+        ("collision_coverage", check_coverage),
     ):
-        clauses += _tried(name, measure, model)
+        checks += _tried(name, measure, model)
     if origin is not None:
-        clauses += _tried("fk_input", lambda m: fk_input(m, origin.source, origin.frame), model)
-        clauses += _tried("shown", lambda m: shown(m, origin), model)
+        checks += _tried(
+            "input_kinematics",
+            lambda m: check_input_kinematics(m, origin.source, origin.frame),
+            model,
+        )
+        checks += _tried("visual_fidelity", lambda m: check_visual_fidelity(m, origin), model)
     joints: tuple[JointCheck, ...] = ()
     if asset.joints:
         more, joints = _moved(asset, model)
-        clauses += more
+        checks += more
     else:
         message = "no joint moves: proven as a rigid object"
-        clauses.append(Check(name="rigid", outcome="passed", message=message))
-    proof = _judged(asset, tuple(clauses), joints, 0.0)
+        checks.append(Check(name="rigid", outcome="passed", message=message))
+    check_report = _judged(asset, tuple(checks), joints, 0.0)
     colliders = sum(len(model.collision_geoms(link.name)) for link in asset.links)
     step_us = _step_us(model)
-    return replace(proof, colliders=colliders, step_us=step_us, seconds=time.perf_counter() - start)
+    return replace(
+        check_report, colliders=colliders, step_us=step_us, seconds=time.perf_counter() - start
+    )
 
 
-def check(
+def check_asset(
     source: Path,
     out: Path,
     config: ConvertConfig | None = None,
@@ -136,10 +142,10 @@ def check(
         if folder is None:
             folder = checked(file, replace(config, cache_dir=cache), options, against)
         store.hand_over(folder, out)
-        return load_proof(out)
+        return load_check_report(out)
 
 
-def checked_asset(source: Path, cache: Path, config: ConvertConfig | None = None) -> Asset:
+def load_checked_asset(source: Path, cache: Path, config: ConvertConfig | None = None) -> Asset:
     """The asset made of ``source``, converted and proven once for each content and configuration.
 
     Args:
@@ -161,14 +167,14 @@ def checked_asset(source: Path, cache: Path, config: ConvertConfig | None = None
             f"{cache}: cannot be written ({error.strerror}); "
             "set XDG_CACHE_HOME to a folder that can"
         ) from None
-    proof = load_proof(folder)
-    if proof.verdict != "refused":
+    check_report = load_check_report(folder)
+    if check_report.is_usable:
         return load_asset(folder)
-    if not proof.clauses:
-        raise AssetError(proof.reasons[0])
-    more = f" (and {len(proof.reasons) - 1} more)" if len(proof.reasons) > 1 else ""
+    if not check_report.checks:
+        raise AssetError(check_report.reasons[0])
+    more = f" (and {len(check_report.reasons) - 1} more)" if len(check_report.reasons) > 1 else ""
     raise AssetError(
-        f"{source}: refused: {proof.reasons[0]}{more}; check-asset {source} --out DIR shows it"
+        f"{source}: refused: {check_report.reasons[0]}{more}; check-asset {source} --out DIR shows it"
     )
 
 
@@ -192,7 +198,7 @@ def checked(
     """
     assert config.cache_dir is not None
     cache = config.cache_dir
-    with alone(cache, store.ticket(file, options)[:32]) as waited:
+    with entry_lock(cache, store.ticket(file, options)[:32]) as waited:
         found = store.find(file, options, cache) if waited else None
         return found or _checked(file, config, options, against, cache)
 
@@ -215,7 +221,7 @@ def _checked(
         lasting = not isinstance(error, AbsentMesh)
         seconds = time.perf_counter() - start
         return refuse(file, str(error), options, cache, seconds=seconds, lasting=lasting)
-    if file.is_dir() or not any(said.startswith(LEFT_OUT) for said in made.proof.repairs):
+    if file.is_dir() or not any(said.startswith(LEFT_OUT) for said in made.check_report.repairs):
         store.keep(file, options, cache, made.inputs, made.folder)
     return made.folder
 
@@ -226,7 +232,7 @@ class _Result:
 
     folder: Path
     """Folder of the cache with asset, proof and page."""
-    proof: CheckReport
+    check_report: CheckReport
     inputs: list[Path]
     """Files that were read besides the source itself."""
 
@@ -249,8 +255,8 @@ def _copied(
         inputs = [reading.source.path, *_inputs(reading)]
         origin = origin_of_reading(reading, config)
     asset = load_asset(folder)
-    proof = _written(prove(asset, origin), asset, start)
-    return _Result(folder=folder, proof=proof, inputs=inputs)
+    check_report = _written(run_checks(asset, origin), asset, start)
+    return _Result(folder=folder, check_report=check_report, inputs=inputs)
 
 
 def _converted(reading: Reading, config: ConvertConfig, cache: Path, start: float) -> _Result:
@@ -261,23 +267,23 @@ def _converted(reading: Reading, config: ConvertConfig, cache: Path, start: floa
     """
     key = input_key(reading, config)[:20]
     folder = cache / "assets" / f"{reading.source.name[:40]}-{key}"
-    with alone(cache, f"asset-{key}"):
+    with entry_lock(cache, f"asset-{key}"):
         if (folder / "asset.json").is_file():
             asset = load_asset(folder)
         else:
             asset = _made(reading, config, folder)
-        proof = prove(asset, origin_of_reading(reading, config))
-        proof = replace(proof, counts=counts_of(reading.source, asset))
-        proof = _written(proof, asset, start)
-    return _Result(folder=folder, proof=proof, inputs=_inputs(reading))
+        check_report = run_checks(asset, origin_of_reading(reading, config))
+        check_report = replace(check_report, counts=counts_of(reading.source, asset))
+        check_report = _written(check_report, asset, start)
+    return _Result(folder=folder, check_report=check_report, inputs=_inputs(reading))
 
 
-def _written(proof: CheckReport, asset: Asset, start: float) -> CheckReport:
-    """``proof`` with its time since ``start``, written beside ``asset`` with its page."""
-    proof = replace(proof, seconds=time.perf_counter() - start)
-    write_page(proof, asset, asset.folder / PAGE_FILE, meanings=meanings())
-    save_proof(proof, asset.folder)
-    return proof
+def _written(check_report: CheckReport, asset: Asset, start: float) -> CheckReport:
+    """``check_report`` with its time since ``start``, written beside ``asset`` with its page."""
+    check_report = replace(check_report, seconds=time.perf_counter() - start)
+    write_page(check_report, asset, asset.folder / PAGE_FILE, meanings=meanings())
+    save_check_report(check_report, asset.folder)
+    return check_report
 
 
 def wrong_after(made: Refined, mended: RepairResult) -> frozenset[str]:
@@ -288,9 +294,9 @@ def wrong_after(made: Refined, mended: RepairResult) -> frozenset[str]:
     """
     if not mended.cut or made.model is None:
         return mended.stuck
-    failed = mended.cut & {clause.subject for clause in failed_shapes(mended.model)}
+    failed = mended.cut & {check.subject for check in failed_shapes(mended.model)}
     if failed:
-        failed -= {clause.subject for clause in failed_shapes(made.model)}
+        failed -= {check.subject for check in failed_shapes(made.model)}
     return mended.stuck | failed
 
 
@@ -335,11 +341,11 @@ def refuse(
         lasting: Note it, so that the same file is refused at once the next time.
     """
     name = file.parent.name if file.stem == "mobility" else file.stem
-    proof = CheckReport(asset=name, verdict="refused", reasons=(reason,), seconds=seconds)
-    folder = cache / "refused" / f"{name[:40]}-{store.ticket(file, options)[:20]}"
+    check_report = CheckReport(asset=name, verdict="rejected", reasons=(reason,), seconds=seconds)
+    folder = cache / "rejected" / f"{name[:40]}-{store.ticket(file, options)[:20]}"
     folder.mkdir(parents=True, exist_ok=True)
-    write_page(proof, None, folder / PAGE_FILE, meanings=meanings())
-    save_proof(proof, folder)
+    write_page(check_report, None, folder / PAGE_FILE, meanings=meanings())
+    save_check_report(check_report, folder)
     if lasting:
         store.keep(file, options, cache, (), folder, dated=True)
     return folder
@@ -357,16 +363,16 @@ def _inputs(reading: Reading) -> list[Path]:
 def _moved(asset: Asset, model: ObjectModel) -> Measured:
     """The clauses about motion."""
     try:
-        swept = sweep(model)
+        swept = sweep_joints(model)
     except Exception as error:  # noqa: BLE001  evidence or refusal, never a trace
-        return (_unmeasured("sweep", error),), ()
+        return (_unmeasured("joint_sweep", error),), ()
     joints = swept.joints
-    clauses = (*swept.clauses, *_tried("settle", lambda m: settle(asset, m), model))
+    checks = (*swept.checks, *_tried("settling", lambda m: check_settling(asset, m), model))
     try:
-        more, joints = force(asset, model, joints)
+        more, joints = check_opening(asset, model, joints)
     except Exception as error:  # noqa: BLE001
-        more = (_unmeasured("open", error),)
-    return (*clauses, *more), joints
+        more = (_unmeasured("opening", error),)
+    return (*checks, *more), joints
 
 
 def _tried(
@@ -386,20 +392,20 @@ def _unmeasured(name: str, error: Exception) -> Check:
 
 
 def _judged(
-    asset: Asset, clauses: tuple[Check, ...], joints: tuple[JointCheck, ...], seconds: float
+    asset: Asset, checks: tuple[Check, ...], joints: tuple[JointCheck, ...], seconds: float
 ) -> CheckReport:
-    failed = [clause for clause in clauses if clause.outcome == "failed"]
+    failed = [check for check in checks if check.outcome == "failed"]
     reasons = tuple(
         f"{c.name}{f' of {c.subject}' if c.subject else ''}: {c.message}" for c in failed
     )
     changed = any(not is_note(sentence) for sentence in asset.repairs)
-    verdict: Verdict = "refused" if failed else "repaired" if changed else "proven"
+    verdict: Verdict = "rejected" if failed else "repaired" if changed else "passed"
     return CheckReport(
         asset=asset.name,
         verdict=verdict,
         reasons=reasons,
         repairs=asset.repairs,
-        clauses=clauses,
+        checks=checks,
         joints=joints,
         source=asset.source,
         licence=asset.licence,

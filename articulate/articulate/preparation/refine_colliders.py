@@ -13,8 +13,8 @@ from pathlib import Path
 
 from articulate.assets.asset import Asset
 from articulate.assets.check_report import Check
-from articulate.checks.cavities import cavity_points, openness
-from articulate.checks.coverage import coverage
+from articulate.checks.cavities import cavity_points, check_cavities
+from articulate.checks.coverage import check_coverage
 from articulate.checks.model import ObjectModel, load_model
 from articulate.conversion.convert import Reading, Shaped, build_asset, write_asset
 from articulate.conversion.write_asset import Body, Mimic
@@ -94,7 +94,7 @@ class Refiner:
             again = sorted(link for link in short if is_worth_it(history[link], left))
             if not again:
                 break
-            sealed = {c.subject for c in failed if c.name == "openness"}
+            sealed = {c.subject for c in failed if c.name == "cavities"}
             for link in sorted(sealed - set(self._hollow)):
                 self._hollow[link] = cavity_points(now.model, link)
             times |= {link: len(history[link]) for link in again}
@@ -143,15 +143,15 @@ class Refiner:
 
 def failed_shapes(model: ObjectModel) -> list[Check]:
     """The clauses on shapes that fail."""
-    return [c for c in (*openness(model), *coverage(model)) if c.outcome == "failed"]
+    return [c for c in (*check_cavities(model), *check_coverage(model)) if c.outcome == "failed"]
 
 
 def shortfalls(failed: Sequence[Check]) -> dict[str, float]:
     """How much each link lacks of what failed clauses allow, the most of them."""
     short: dict[str, float] = {}
-    for clause in failed:
-        lacks = (clause.allowed or 0.0) - (clause.measured or 0.0)
-        short[clause.subject] = max(short.get(clause.subject, 0.0), lacks)
+    for check in failed:
+        lacks = (check.allowed or 0.0) - (check.measured or 0.0)
+        short[check.subject] = max(short.get(check.subject, 0.0), lacks)
     return short
 
 

@@ -21,7 +21,7 @@ from articulate.assets.asset import Asset, Joint
 from articulate.checks.force import FORCE_N, Pull, pull_of
 from articulate.checks.interference import LIMIT_M, MAX_STATES, Interference, Sweeper
 from articulate.checks.model import ObjectModel
-from articulate.checks.sweep import DRAW_STATES, Fault, sweep
+from articulate.checks.sweep import DRAW_STATES, Violation, sweep_joints
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf
 from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
@@ -95,7 +95,7 @@ def mend(
         bench.ease(pull)
         bench.balance(pull, model)
     for _ in range(ROUNDS):
-        faults = sweep(model).faults
+        faults = sweep_joints(model).faults
         changed = False
         for fault in faults:
             changed |= bench.mend(fault, model)
@@ -153,7 +153,7 @@ class RepairSession:
         self._barred = False
         """Whether the parts meet as authored where they were to be cut last."""
         self._shortened: dict[str, str] = {}
-        self._sparing: dict[str, tuple[dict[str, tuple[Any, ...]], Fault]] = {}
+        self._sparing: dict[str, tuple[dict[str, tuple[Any, ...]], Violation]] = {}
         """By joint: what was before as little as had to be was cut on its way, and why."""
         self._eased: list[str] = []
 
@@ -210,7 +210,7 @@ class RepairSession:
             f"at {pull.where} give {pull.effort:.3g} {unit}"
         )
 
-    def mend(self, fault: Fault, model: ObjectModel) -> bool:
+    def mend(self, fault: Violation, model: ObjectModel) -> bool:
         """Repair one fault; whether anything was changed.
 
         Args:
@@ -243,7 +243,12 @@ class RepairSession:
         return meeting.excess_m > near
 
     def _shorten(
-        self, fault: Fault, pairs: set[tuple[str, str]], model: ObjectModel, *, deep: bool = False
+        self,
+        fault: Violation,
+        pairs: set[tuple[str, str]],
+        model: ObjectModel,
+        *,
+        deep: bool = False,
     ) -> bool:
         """End the way of a joint where any of ``pairs`` of links meets; False if little is left.
 
@@ -289,7 +294,7 @@ class RepairSession:
         part = self.parts[joint.link]
         part.body = replace(part.body, joint=joint)
 
-    def _cut(self, fault: Fault) -> bool:
+    def _cut(self, fault: Violation) -> bool:
         """Cut shapes back along a way until nothing meets there; else leave all as it is.
 
         As little as has to be is tried first, then cuts after which two shapes do not meet at
@@ -346,7 +351,7 @@ class RepairSession:
             fresh = map(list, lists)
             self.parts[name].restore((*fresh, set(gone), set(cuts), count, removed_m3))
 
-    def _cut_along(self, fault: Fault, *, whole: bool) -> _Reached:
+    def _cut_along(self, fault: Violation, *, whole: bool) -> _Reached:
         """Cut shapes back along a way, as far as that goes."""
         most = MAX_STATES if fault.alone else DRAW_STATES
         start = Sweeper(model=self.model())
@@ -550,7 +555,7 @@ def _is_met(meeting: Interference) -> bool:
 
 def reach(
     sweeper: Sweeper,
-    fault: Fault,
+    fault: Violation,
     pairs: set[tuple[str, str]],
     counts: Callable[[Interference], bool] = _is_met,
 ) -> tuple[float, float]:

@@ -5,7 +5,7 @@ A bundle is a folder or a zip file::
     manifest.json       what stands below, and the SHA-256 of every other file
     policy.onnx         raw observations in, clipped actions out
     golden.npz          observations and the actions that they must give
-    draws.npz           what is drawn for the episodes that compare robots
+    episodes.npz           what is drawn for the episodes that compare robots
     scene/scene.xml     the nominal scene, with scene/meshes/
     object/object.urdf  the object alone, with object/meshes/
 
@@ -32,10 +32,10 @@ from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task
 
 SCHEMA = "articulate.policy-bundle"
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 MANIFEST_FILE, POLICY_FILE = "manifest.json", "policy.onnx"
 GOLDEN_FILE, SCENE_FILE = "golden.npz", "scene/scene.xml"
-DRAWS_FILE, OBJECT_FILE = "draws.npz", "object/object.urdf"
+EPISODES_FILE, OBJECT_FILE = "episodes.npz", "object/object.urdf"
 LIMIT_TABLES = ("q_min", "q_max", "dq_max", "ddq_max", "dddq_max", "tau_max", "dtau_max")
 """Fields of :class:`articulate.robot.arm.Arm` that the arm's maker sets."""
 
@@ -69,10 +69,10 @@ class Golden:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomizationEntry:
+class EpisodesEntry:
     """What is drawn for the episodes that robots are compared on, the same for all of them."""
 
-    file: str = DRAWS_FILE
+    file: str = EPISODES_FILE
     """File in the bundle, with the array ``values``, one row for each episode."""
     columns: tuple[str, ...] = COLUMNS
     """Names of its columns."""
@@ -103,18 +103,16 @@ class FingersEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Control:
-    """How set points become torques; the gains stand with the robot."""
+class ControllerEntry:
+    """Control law between targets and torques; its gains are fields of the robot."""
 
     law: Literal["joint_impedance"] = "joint_impedance"
     """Torque = stiffness (set point - q) - damping dq + gravity."""
     gravity_compensation: bool = True
     """Whether the controller carries the arm's weight."""
     target_filter: Literal["triple_pole"] = "triple_pole"
-    """The follower between targets and set points; its bandwidth is ``follow.omega_rad_s``."""
-    follow: ControlConfig
-    """Rate, bandwidth, step, lead and margin of the targets."""
-    trained_delay_ticks: tuple[int, int]
+    """Set-point filter between targets and set points; its bandwidth is ``control.omega_rad_s``."""
+    trained_delay_steps: tuple[int, int]
     """Delays of actions met in training, shortest and longest [ticks]."""
 
 
@@ -126,7 +124,7 @@ class StartEntry:
     """Angles of the arm (7,) [rad]."""
     tolerance_rad: float
     """How far each joint was from there in training [rad]."""
-    hand_width_m: float
+    gripper_width_m: float
     """Opening of the empty hand [m]."""
 
 
@@ -168,8 +166,8 @@ class SceneEntry:
     """Contact sensors: object on hand, floor on hand, robot on object."""
     object_file: str = OBJECT_FILE
     """URDF of the object at the scene's size, its root frame the object's, without visuals."""
-    carried: tuple[str, ...]
-    """Links of the object whose weight is carried, as springs of lids do."""
+    counterbalanced: tuple[str, ...]
+    """Links of the object whose weight is compensated, as the springs of lids do."""
     fingers: FingersEntry
     """The hand's two fingers."""
 
@@ -207,7 +205,8 @@ class Manifest:
     files: dict[str, str]
     """SHA-256 of every other file of the bundle, by its path."""
     policy: PolicyEntry
-    control: Control
+    control: ControlConfig
+    controller: ControllerEntry
     observation: Layout
     action: Layout
     robot: Arm
@@ -215,15 +214,15 @@ class Manifest:
     """:func:`limit_table_sha256` of the robot."""
     start: StartEntry
     task: Task
-    place: ObjectPlacement
+    placement: ObjectPlacement
     object: Asset
     object_sha256: str
     """Content id of the asset's folder."""
     scene: SceneEntry
     estimator: EstimatorEntry
-    draw: RandomizationConfig
-    """Randomisation in training."""
-    draws: RandomizationEntry
+    randomization: RandomizationConfig
+    """Randomization in training."""
+    episodes: EpisodesEntry
     training: Training
     golden: Golden
 

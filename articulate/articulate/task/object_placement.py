@@ -28,7 +28,7 @@ class ObjectPlacement:
     """Smallest distance to a joint limit along the nominal way [rad]."""
     manipulability: float
     """Smallest singular value of the tool's Jacobian along the nominal way."""
-    drawn_share: float
+    reachable_share: float
     """Share of drawn poses and sizes at which the whole way can be reached."""
     tilt_rad: float = 0.0
     """The hand holds the handle turned by this about its long axis [rad]; see :func:`tilted`."""

@@ -21,16 +21,16 @@ from articulate.checks.model import load_model
 MOST_BYTES = 3_000_000
 
 
-def proof_of(shown, verdict="proven", **changes):
+def check_report_of(shown, verdict="passed", **changes):
     joints = tuple(
         JointCheck(
             name=j.name, kind=j.kind, span=j.span, swept=1.0, blocked=False, needs=(), opened=1.0
         )
         for j in shown.joints
     )
-    clauses = tuple(
+    checks = tuple(
         Check(
-            name="sweep",
+            name="joint_sweep",
             outcome="passed",
             subject=j.name,
             measured=0.0002 * (k + 1),
@@ -43,7 +43,7 @@ def proof_of(shown, verdict="proven", **changes):
     told = {
         "asset": shown.name,
         "verdict": verdict,
-        "clauses": clauses,
+        "checks": checks,
         "joints": joints,
         "counts": Counts(links=(6, 4), joints=(3, 3), visuals=(9, 9), collisions=(8, 21)),
         "source": "made for tests",
@@ -86,26 +86,26 @@ def test_amounts_read_as_people_write_them(value, unit, text):
      (2.0, "passed", "")],
 )  # fmt: skip
 def test_outcomes_tell_how_measured_and_allowed_are_compared(measured, outcome, sign):
-    clause = Check(name="a", outcome=outcome, measured=measured, allowed=2.0)
-    assert bound([Check(name="a", outcome="not_applicable"), clause]) == sign
+    check = Check(name="a", outcome=outcome, measured=measured, allowed=2.0)
+    assert bound([Check(name="a", outcome="not_applicable"), check]) == sign
 
 
 def test_verdicts_are_said_in_words(cabinet):
-    assert verdict_text(proof_of(cabinet)) == (
+    assert verdict_text(check_report_of(cabinet)) == (
         "Proven",
         "All 3 measurements hold. Nothing had to be repaired.",
     )
-    repaired = proof_of(cabinet, "repaired", repairs=("a", "b"))
+    repaired = check_report_of(cabinet, "repaired", repairs=("a", "b"))
     assert verdict_text(repaired)[0] == "Proven after 2 repairs"
-    rigid = proof_of(cabinet, joints=())
+    rigid = check_report_of(cabinet, joints=())
     assert "no movable joint and is proven as a rigid object" in verdict_text(rigid)[1]
-    unread = proof_of(cabinet, "refused", clauses=(), reasons=("no mesh",))
+    unread = check_report_of(cabinet, "rejected", checks=(), reasons=("no mesh",))
     assert verdict_text(unread) == ("Refused", "It was not measured:")
 
 
 def test_page_holds_everything_and_needs_nothing(cabinet, tmp_path, no_driver):
-    path = tmp_path / "proof.html"
-    write_page(proof_of(cabinet, "repaired", repairs=("axis turned",)), cabinet, path)
+    path = tmp_path / "check_report.html"
+    write_page(check_report_of(cabinet, "repaired", repairs=("axis turned",)), cabinet, path)
     text = path.read_text(encoding="utf-8")
     for said in ("Proven after 1 repair", "axis turned", "made for tests", "MIT", "drawer_2_slide"):
         assert said in text
@@ -118,8 +118,8 @@ def test_page_holds_everything_and_needs_nothing(cabinet, tmp_path, no_driver):
 
 
 def test_page_without_a_driver_says_that_it_has_no_pictures(cabinet, tmp_path, no_driver):
-    path = tmp_path / "proof.html"
-    write_page(proof_of(cabinet), cabinet, path)
+    path = tmp_path / "check_report.html"
+    write_page(check_report_of(cabinet), cabinet, path)
     text = path.read_text(encoding="utf-8")
     assert "They were left out: no pictures here" in text
     assert "data:image" not in text
@@ -129,7 +129,7 @@ def test_page_without_a_driver_says_that_it_has_no_pictures(cabinet, tmp_path, n
 
 def test_failures_come_first_and_the_least_clear_success_is_shown(cabinet, tmp_path, no_driver):
     bad = Check(
-        name="open",
+        name="opening",
         outcome="failed",
         subject="drawer_1_slide",
         measured=0.4,
@@ -137,10 +137,14 @@ def test_failures_come_first_and_the_least_clear_success_is_shown(cabinet, tmp_p
         unit="1",
         message="stops at 40 %",
     )
-    proof = proof_of(cabinet, "refused", reasons=("open, joint drawer_1_slide: stops at 40 %",))
-    proof = proof_of(cabinet, "refused", reasons=proof.reasons, clauses=(*proof.clauses, bad))
-    path = tmp_path / "proof.html"
-    write_page(proof, cabinet, path, meanings={"open": "A hand opens it."})
+    check_report = check_report_of(
+        cabinet, "rejected", reasons=("open, joint drawer_1_slide: stops at 40 %",)
+    )
+    check_report = check_report_of(
+        cabinet, "rejected", reasons=check_report.reasons, checks=(*check_report.checks, bad)
+    )
+    path = tmp_path / "check_report.html"
+    write_page(check_report, cabinet, path, meanings={"opening": "A hand opens it."})
     text = path.read_text(encoding="utf-8").replace("\u202f", " ").replace("&nbsp;", " ")
     table = text[text.index("What was measured") : text.index("All 4 measurements")]
     assert table.index("stops at 40 %") < table.index("drawer_2_slide goes through its range")
@@ -153,51 +157,51 @@ def test_failures_come_first_and_the_least_clear_success_is_shown(cabinet, tmp_p
 
 def test_names_from_a_file_are_text_and_never_elements(cabinet, tmp_path, no_driver):
     evil = "<img src=x onerror=alert(1)>"
-    clause = Check(name=evil, outcome="failed", subject=evil, message=evil)
+    check = Check(name=evil, outcome="failed", subject=evil, message=evil)
     joint = JointCheck(name=evil, kind="slide", span=1.0, swept=0.0, blocked=True, needs=(evil,))
-    proof = proof_of(cabinet, "refused", asset=evil, reasons=(evil,), repairs=(evil,),
-                     source=evil, clauses=(clause,), joints=(joint,))  # fmt: skip
-    write_page(proof, cabinet, tmp_path / "proof.html", meanings={evil: evil})
-    write_index([IndexRow(proof=proof, category=evil)], tmp_path / "index.html")
-    for name in ("proof.html", "index.html"):
+    check_report = check_report_of(cabinet, "rejected", asset=evil, reasons=(evil,), repairs=(evil,),
+                     source=evil, checks=(check,), joints=(joint,))  # fmt: skip
+    write_page(check_report, cabinet, tmp_path / "check_report.html", meanings={evil: evil})
+    write_index([IndexRow(check_report=check_report, category=evil)], tmp_path / "index.html")
+    for name in ("check_report.html", "index.html"):
         assert "<img src=x" not in (tmp_path / name).read_text(encoding="utf-8")
 
 
 def test_what_could_not_be_read_gets_a_page_with_the_reason(tmp_path):
-    proof = CheckReport(
-        asset="lost", verdict="refused", reasons=("lost.urdf: mesh a.obj not found",)
+    check_report = CheckReport(
+        asset="lost", verdict="rejected", reasons=("lost.urdf: mesh a.obj not found",)
     )
-    write_page(proof, None, tmp_path / "proof.html")
-    text = (tmp_path / "proof.html").read_text(encoding="utf-8")
+    write_page(check_report, None, tmp_path / "check_report.html")
+    text = (tmp_path / "check_report.html").read_text(encoding="utf-8")
     assert "mesh a.obj not found" in text
     assert "THREE" not in text
 
 
 def test_a_broken_model_costs_the_view_and_not_the_page(cabinet, tmp_path):
     cabinet.mjcf_path.write_text("<mujoco><worldbody>", encoding="utf-8")
-    write_page(proof_of(cabinet), cabinet, tmp_path / "proof.html")
-    text = (tmp_path / "proof.html").read_text(encoding="utf-8")
+    write_page(check_report_of(cabinet), cabinet, tmp_path / "check_report.html")
+    text = (tmp_path / "check_report.html").read_text(encoding="utf-8")
     assert "There is no 3-D view and no picture" in text
     assert "MuJoCo refuses it" in text
 
 
 def test_list_shows_refused_first_and_links_to_pages(cabinet, tmp_path):
     rows = []
-    for name, verdict in (("b", "proven"), ("a", "repaired"), ("c", "refused")):
-        page = tmp_path / "out" / f"{name} 1" / "proof.html"
+    for name, verdict in (("b", "passed"), ("a", "repaired"), ("c", "rejected")):
+        page = tmp_path / "out" / f"{name} 1" / "check_report.html"
         page.parent.mkdir(parents=True)
         page.write_text("", encoding="utf-8")
         Image.new("RGB", (8, 8)).save(page.with_suffix(".webp"))
-        proof = proof_of(
-            cabinet, verdict, asset=name, reasons=("too tight",) * (verdict == "refused")
+        check_report = check_report_of(
+            cabinet, verdict, asset=name, reasons=("too tight",) * (verdict == "rejected")
         )
-        rows.append(IndexRow(proof=proof, category="Safe", page=page))
+        rows.append(IndexRow(check_report=check_report, category="Safe", page=page))
     write_index(rows, tmp_path / "out" / "index.html")
     text = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     assert re.findall(r'href="([^"]*)"', text) == [
-        "c%201/proof.html",
-        "a%201/proof.html",
-        "b%201/proof.html",
+        "c%201/check_report.html",
+        "a%201/check_report.html",
+        "b%201/check_report.html",
     ]
     assert text.count("data:image/webp") == 3
     assert "2 of 3 objects are proven" in text
@@ -227,20 +231,20 @@ def test_page_carries_the_pictures_and_leaves_a_small_one_beside_it(tmp_path):
         name="lid", kind="hinge", axis=(0, 1, 0), boxes=(((0.2, 0, 0.3), (0.1, 0.05, 0.02)),)
     )
     asset = make_object(tmp_path / "a", lid)
-    write_page(proof_of(asset), asset, tmp_path / "proof.html")
-    text = (tmp_path / "proof.html").read_text(encoding="utf-8")
+    write_page(check_report_of(asset), asset, tmp_path / "check_report.html")
+    text = (tmp_path / "check_report.html").read_text(encoding="utf-8")
     assert text.count("data:image/webp") == 3  # closed, the lid open, collision shapes
-    assert Image.open(tmp_path / "proof.webp").size == THUMBNAIL_SIZE
+    assert Image.open(tmp_path / "check_report.webp").size == THUMBNAIL_SIZE
 
 
 @pytest.mark.render
 def test_the_list_sorts_and_filters_in_a_browser(cabinet, tmp_path):
     rows = [
-        IndexRow(proof=proof_of(cabinet, verdict, asset=name, seconds=seconds))
+        IndexRow(check_report=check_report_of(cabinet, verdict, asset=name, seconds=seconds))
         for name, verdict, seconds in (
-            ("b", "proven", 2.0),
-            ("a", "proven", 10.0),
-            ("c", "refused", 3.0),
+            ("b", "passed", 2.0),
+            ("a", "passed", 10.0),
+            ("c", "rejected", 3.0),
         )
     ]
     write_index(rows, tmp_path / "index.html")

@@ -9,10 +9,10 @@ from tests.articulate.checks.objects import Part, make_object
 
 from articulate.checks.cavities import (
     cavity_points,
+    check_cavities,
     has_room,
     hull_points,
     is_cavity,
-    openness,
     width,
 )
 from articulate.checks.model import load_model
@@ -30,17 +30,17 @@ CAVITY = 0.36 * 0.36 * 0.18 / (0.4 * 0.4 * 0.2)
 """Share of the tray's hull that is hollow."""
 
 
-def clause_of(folder, boxes, shown, **more):
+def check_of(folder, boxes, shown, **more):
     part = Part(name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=boxes, shown=shown, **more)
-    clauses = openness(load_model(make_object(folder / "object", part)))
-    return {(c.name, c.subject): c for c in clauses}
+    checks = check_cavities(load_model(make_object(folder / "object", part)))
+    return {(c.name, c.subject): c for c in checks}
 
 
 def test_a_tray_of_five_walls_is_open(tmp_path):
-    clause = clause_of(tmp_path, TRAY, TRAY)["openness", "part"]
-    assert clause.outcome == "passed"
-    assert clause.measured == 1.0
-    (share,) = re.findall(r"\((\d+)% of its hull\)", clause.message)
+    check = check_of(tmp_path, TRAY, TRAY)["cavities", "part"]
+    assert check.outcome == "passed"
+    assert check.measured == 1.0
+    (share,) = re.findall(r"\((\d+)% of its hull\)", check.message)
     assert int(share) == pytest.approx(100.0 * CAVITY, abs=3.0)
 
 
@@ -59,16 +59,16 @@ def test_the_points_of_a_cavity_lie_between_its_walls_and_are_not_those_that_jud
 
 
 def test_a_sealed_tray_is_refused(tmp_path):
-    clause = clause_of(tmp_path, BLOCK, TRAY)["openness", "part"]
-    assert clause.outcome == "failed"
-    assert clause.measured == 0.0
+    check = check_of(tmp_path, BLOCK, TRAY)["cavities", "part"]
+    assert check.outcome == "failed"
+    assert check.measured == 0.0
 
 
 def test_a_tray_half_filled_is_half_open(tmp_path):
     half = (*TRAY, ((0.0, 0.0, -0.035), (0.18, 0.18, 0.045)))
-    clause = clause_of(tmp_path, half, TRAY)["openness", "part"]
-    assert clause.outcome == "failed"
-    assert clause.measured == pytest.approx(0.5, abs=0.04)
+    check = check_of(tmp_path, half, TRAY)["cavities", "part"]
+    assert check.outcome == "failed"
+    assert check.measured == pytest.approx(0.5, abs=0.04)
 
 
 def with_geom(asset, geom):
@@ -84,21 +84,21 @@ def with_geom(asset, geom):
 def test_a_cavity_that_an_ellipsoid_fills_is_not_open(tmp_path, size, outcome):
     asset = make_object(tmp_path / "object", body=TRAY)
     model = with_geom(asset, f'<geom type="ellipsoid" size="{size}" pos="0 0 0.02"/>')
-    assert openness(model)[0].outcome == outcome
+    assert check_cavities(model)[0].outcome == outcome
 
 
 def test_a_shape_that_cannot_be_measured_is_not_left_out(tmp_path):
     asset = make_object(tmp_path / "object", body=TRAY)
-    clause = openness(with_geom(asset, '<geom name="lid" type="plane" size="1 1 1"/>'))[0]
-    assert (clause.outcome, clause.subject) == ("failed", "body")
-    assert "lid of body is of type plane, which cannot be measured" in clause.message
+    check = check_cavities(with_geom(asset, '<geom name="lid" type="plane" size="1 1 1"/>'))[0]
+    assert (check.outcome, check.subject) == ("failed", "body")
+    assert "lid of body is of type plane, which cannot be measured" in check.message
 
 
 def test_a_solid_block_and_a_thin_plate_have_no_cavity(tmp_path):
     thin = (((0.0, 0.0, 0.0), (0.2, 0.2, 0.004)),)
     for name, boxes in (("block", BLOCK), ("plate", thin)):
-        clause = clause_of(tmp_path / name, boxes, boxes)["openness", "part"]
-        assert clause.outcome == "not_applicable"
+        check = check_of(tmp_path / name, boxes, boxes)["cavities", "part"]
+        assert check.outcome == "not_applicable"
 
 
 def comb(gap):
@@ -110,10 +110,10 @@ def comb(gap):
 
 @pytest.mark.parametrize(("gap", "outcome"), [(0.006, "not_applicable"), (0.03, "failed")])
 def test_gaps_in_which_no_small_ball_has_room_are_no_cavity(tmp_path, gap, outcome):
-    clause = clause_of(tmp_path, BLOCK, comb(gap))["openness", "part"]
-    assert clause.outcome == outcome
+    check = check_of(tmp_path, BLOCK, comb(gap))["cavities", "part"]
+    assert check.outcome == outcome
     if outcome == "not_applicable":
-        assert "only gaps: a ball of 10 mm has room in 0.0% of its convex hull" in clause.message
+        assert "only gaps: a ball of 10 mm has room in 0.0% of its convex hull" in check.message
 
 
 @pytest.mark.parametrize(
@@ -162,11 +162,11 @@ def test_room_for_fingers_is_the_gap_beside_the_handle(tmp_path):
         name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(bar, lid), handle=(0.0, 0.0, 0.05)
     )
     asset = make_object(tmp_path / "object", part)
-    (clause,) = [c for c in openness(load_model(asset)) if c.name == "fingers"]
-    assert clause.outcome == "passed"
-    assert clause.measured == pytest.approx(0.020, abs=0.001)
+    (check,) = [c for c in check_cavities(load_model(asset)) if c.name == "finger_clearance"]
+    assert check.outcome == "passed"
+    assert check.measured == pytest.approx(0.020, abs=0.001)
     wide = dataclasses.replace(asset.handles[0], extent=(0.1, 0.04, 0.01))
     asset = dataclasses.replace(asset, handles=(wide,))
-    (clause,) = [c for c in openness(load_model(asset)) if c.name == "fingers"]
-    assert clause.outcome == "not_applicable"
-    assert clause.measured == pytest.approx(0.005, abs=0.001)
+    (check,) = [c for c in check_cavities(load_model(asset)) if c.name == "finger_clearance"]
+    assert check.outcome == "not_applicable"
+    assert check.measured == pytest.approx(0.005, abs=0.001)

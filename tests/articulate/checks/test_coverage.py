@@ -1,7 +1,7 @@
 import pytest
 from tests.articulate.checks.objects import Part, make_object
 
-from articulate.checks.coverage import coverage
+from articulate.checks.coverage import check_coverage
 from articulate.checks.model import load_model
 
 SEEN = (((0.0, 0.0, 0.0), (0.2, 0.2, 0.01)), ((0.0, 0.0, 0.2), (0.01, 0.2, 0.2)))
@@ -9,21 +9,21 @@ SEEN = (((0.0, 0.0, 0.0), (0.2, 0.2, 0.01)), ((0.0, 0.0, 0.2), (0.01, 0.2, 0.2))
 
 def covered(folder, boxes, shown=SEEN):
     part = Part(name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=boxes, shown=shown)
-    clauses = coverage(load_model(make_object(folder / "object", part)))
-    return {c.subject: c for c in clauses}["part"]
+    checks = check_coverage(load_model(make_object(folder / "object", part)))
+    return {c.subject: c for c in checks}["part"]
 
 
 def test_shapes_that_are_what_is_seen_cover_it(tmp_path):
-    clause = covered(tmp_path, SEEN)
-    assert clause.outcome == "passed"
-    assert clause.measured == 1.0
+    check = covered(tmp_path, SEEN)
+    assert check.outcome == "passed"
+    assert check.measured == 1.0
 
 
 def test_a_link_without_collision_shapes_fails(tmp_path):
-    clause = covered(tmp_path, ())
-    assert clause.outcome == "failed"
-    assert clause.measured == 0.0
-    assert "cannot be touched" in clause.message
+    check = covered(tmp_path, ())
+    assert check.outcome == "failed"
+    assert check.measured == 0.0
+    assert "cannot be touched" in check.message
 
 
 @pytest.mark.parametrize("kind", ["ellipsoid", "plane"])
@@ -32,24 +32,24 @@ def test_shapes_beside_boxes_count_or_fail(tmp_path, kind):
     text = asset.mjcf_path.read_text()
     geom = f'<geom type="{kind}" size="0.3 0.3 0.3" pos="0 0 2"/>'
     asset.mjcf_path.write_text(text.replace('<body name="body">', f'<body name="body">{geom}'))
-    clause = coverage(load_model(asset))[0]
-    assert clause.outcome == "failed"
+    check = check_coverage(load_model(asset))[0]
+    assert check.outcome == "failed"
     said = "nothing is seen" if kind == "ellipsoid" else "of type plane, which cannot be measured"
-    assert said in clause.message
+    assert said in check.message
 
 
 def test_a_part_that_cannot_be_touched_is_measured_by_its_area(tmp_path):
     plate, wall = (2 * (0.4 * 0.4 + 2 * 0.4 * 0.02)), (2 * (0.4 * 0.4 + 0.02 * 0.4 * 2))
-    clause = covered(tmp_path, SEEN[:1])
-    assert clause.outcome == "failed"
+    check = covered(tmp_path, SEEN[:1])
+    assert check.outcome == "failed"
     # The foot of the wall lies in the plate or near it.
-    assert clause.measured == pytest.approx(plate / (plate + wall), abs=0.05)
+    assert check.measured == pytest.approx(plate / (plate + wall), abs=0.05)
 
 
 def test_a_shape_that_stands_for_nothing_fails(tmp_path):
-    clause = covered(tmp_path, (((0.0, 0.0, 0.1), (0.2, 0.2, 0.3)),))
-    assert clause.outcome == "failed"
-    assert "nothing is seen" in clause.message
+    check = covered(tmp_path, (((0.0, 0.0, 0.1), (0.2, 0.2, 0.3)),))
+    assert check.outcome == "failed"
+    assert "nothing is seen" in check.message
 
 
 def test_shapes_may_be_one_hundredth_of_the_diagonal_off(tmp_path):

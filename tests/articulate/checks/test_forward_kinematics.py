@@ -10,8 +10,8 @@ from articulate.assets.asset import load_asset
 from articulate.checks.forward_kinematics import (
     InputFrame,
     bullet_judge,
-    fk,
-    fk_input,
+    check_forward_kinematics,
+    check_input_kinematics,
     fk_noted,
     mjcf_judge,
     urdf_judge,
@@ -40,7 +40,7 @@ MIMIC = """<robot name="pair">
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Input and asset of a cabinet that is halved in size; not to be changed."""
-    folder = tmp_path_factory.mktemp("fk")
+    folder = tmp_path_factory.mktemp("forward_kinematics")
     source = write_cabinet(folder)
     config = ConvertConfig(size_m=0.25, decompose=False)
     return source, convert(source, folder / "asset", config), frame_of(source, config)
@@ -62,27 +62,27 @@ def changed(asset, folder, old, new):
 
 
 def test_both_judges_agree_with_a_converted_cabinet(made):
-    clauses = fk(load_model(made[1]))
-    assert [c.outcome for c in clauses] == ["passed"] * 3
+    checks = check_forward_kinematics(load_model(made[1]))
+    assert [c.outcome for c in checks] == ["passed"] * 3
     judges = ("yourdfpy", "PyBullet", "asset.json")
-    assert [judge in c.message for judge, c in zip(judges, clauses, strict=True)] == [True] * 3
-    assert [c.measured for c in clauses] == pytest.approx([0.0] * 3, abs=1e-6)
+    assert [judge in c.message for judge, c in zip(judges, checks, strict=True)] == [True] * 3
+    assert [c.measured for c in checks] == pytest.approx([0.0] * 3, abs=1e-6)
 
 
 def test_the_input_agrees_up_to_scale_and_frame(made):
     source, asset, frame = made
     assert frame.scale == pytest.approx(0.5, abs=0.05)
-    (clause,) = fk_input(load_model(asset), source, frame)
-    assert clause.outcome == "passed"
-    assert clause.measured == pytest.approx(0.0, abs=1e-9)
+    (check,) = check_input_kinematics(load_model(asset), source, frame)
+    assert check.outcome == "passed"
+    assert check.measured == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_wrong_scale_is_found_and_blamed_on_a_link(made):
     source, asset, frame = made
     wrong = InputFrame(scale=1.01 * frame.scale, T_os=frame.T_os)
-    (clause,) = fk_input(load_model(asset), source, wrong)
-    assert clause.outcome == "failed"
-    assert clause.subject == "drawer"
+    (check,) = check_input_kinematics(load_model(asset), source, wrong)
+    assert check.outcome == "failed"
+    assert check.subject == "drawer"
 
 
 @pytest.mark.parametrize(
@@ -95,10 +95,10 @@ def test_a_wrong_scale_is_found_and_blamed_on_a_link(made):
 def test_a_turned_axis_and_a_moved_pivot_are_found_by_every_judge(made, tmp_path, old, new):
     source, asset, frame = made
     model = changed(asset, tmp_path / "bad", old, new)
-    clauses = (*fk(model), *fk_input(model, source, frame))
-    assert [c.outcome for c in clauses] == ["failed"] * 4
-    assert {c.subject for c in clauses} == {"door"}
-    assert all("door_joint" in c.message for c in clauses)
+    checks = (*check_forward_kinematics(model), *check_input_kinematics(model, source, frame))
+    assert [c.outcome for c in checks] == ["failed"] * 4
+    assert {c.subject for c in checks} == {"door"}
+    assert all("door_joint" in c.message for c in checks)
 
 
 def moved(vector, by):
@@ -127,10 +127,10 @@ def test_what_asset_json_says_of_places_is_compared(made, tmp_path, which):
     part = content[kind][index]
     part[field] = change(part[field])
     path.write_text(json.dumps(content))
-    clause = fk_noted(load_model(load_asset(tmp_path / "bad")))
-    assert clause.outcome == "failed"
-    assert clause.subject == part.get("link", part["name"])
-    assert "make both files say the same" in clause.message
+    check = fk_noted(load_model(load_asset(tmp_path / "bad")))
+    assert check.outcome == "failed"
+    assert check.subject == part.get("link", part["name"])
+    assert "make both files say the same" in check.message
 
 
 def test_couplings_and_sites_that_are_not_there_do_not_matter(made, tmp_path):
@@ -150,13 +150,15 @@ def test_a_link_that_the_judge_does_not_know_is_found(made, tmp_path):
     model = changed(made[1], tmp_path / "bad", "<mujoco", "<mujoco")
     path = tmp_path / "bad" / "object.urdf"
     path.write_text(path.read_text().replace('"drawer"', '"tray"'))
-    assert {(c.outcome, c.subject) for c in fk(model)[:2]} == {("failed", "drawer")}
+    assert {(c.outcome, c.subject) for c in check_forward_kinematics(model)[:2]} == {
+        ("failed", "drawer")
+    }
 
 
 def test_an_urdf_that_cannot_be_read_fails(made, tmp_path):
     model = changed(made[1], tmp_path / "bad", "<mujoco", "<mujoco")
     (tmp_path / "bad" / "object.urdf").write_text("<robot")
-    assert [c.outcome for c in fk(model)] == ["failed", "failed", "passed"]
+    assert [c.outcome for c in check_forward_kinematics(model)] == ["failed", "failed", "passed"]
 
 
 def test_mimic_offset_and_an_axis_that_is_no_unit_vector(tmp_path):
@@ -165,8 +167,11 @@ def test_mimic_offset_and_an_axis_that_is_no_unit_vector(tmp_path):
     config = ConvertConfig(decompose=False)
     model = load_model(convert(source, tmp_path / "asset", config))
     assert [f.joint for f in model.followers] == ["turn"]
-    clauses = (*fk(model), *fk_input(model, source, frame_of(source, config)))
-    assert [c.outcome for c in clauses] == ["passed"] * 4, [c.message for c in clauses]
+    checks = (
+        *check_forward_kinematics(model),
+        *check_input_kinematics(model, source, frame_of(source, config)),
+    )
+    assert [c.outcome for c in checks] == ["passed"] * 4, [c.message for c in checks]
 
 
 def test_yourdfpy_is_asked_for_positions_along_unit_axes(tmp_path):
@@ -185,12 +190,12 @@ def test_yourdfpy_is_asked_for_positions_along_unit_axes(tmp_path):
 def test_an_input_that_nobody_reads_is_not_compared(made, tmp_path):
     source = tmp_path / "broken.urdf"
     source.write_text("<robot")
-    (clause,) = fk_input(load_model(made[1]), source, made[2])
-    assert clause.outcome == "not_applicable"
+    (check,) = check_input_kinematics(load_model(made[1]), source, made[2])
+    assert check.outcome == "not_applicable"
 
 
 def test_nothing_is_printed(made, capfd):
-    fk(load_model(made[1]))
+    check_forward_kinematics(load_model(made[1]))
     assert capfd.readouterr() == ("", "")
 
 
@@ -205,8 +210,8 @@ def test_an_mjcf_input_with_a_joint_off_the_origin_of_its_body_agrees(tmp_path):
     )
     config = ConvertConfig(decompose=False)
     model = load_model(convert(source, tmp_path / "asset", config))
-    (clause,) = fk_input(model, source, frame_of(source, config))
-    assert clause.outcome == "passed", clause.message
+    (check,) = check_input_kinematics(model, source, frame_of(source, config))
+    assert check.outcome == "passed", check.message
 
 
 def test_worlds_of_pybullet_are_closed_after_use(tmp_path):
@@ -258,9 +263,12 @@ def test_yourdfpy_is_told_what_the_file_says_and_it_does_not_do(tmp_path, case):
     source.write_text(f'<robot name="thing">{LINKS}{AS_READ[case]}</robot>')
     config = ConvertConfig(decompose=False)
     model = load_model(convert(source, tmp_path / "asset", config))
-    clauses = (*fk(model), *fk_input(model, source, frame_of(source, config)))
-    assert [c.outcome for c in clauses] == ["passed"] * 4, [c.message for c in clauses]
-    assert clauses[3].measured == pytest.approx(0.0, abs=1e-9)
+    checks = (
+        *check_forward_kinematics(model),
+        *check_input_kinematics(model, source, frame_of(source, config)),
+    )
+    assert [c.outcome for c in checks] == ["passed"] * 4, [c.message for c in checks]
+    assert checks[3].measured == pytest.approx(0.0, abs=1e-9)
 
 
 BOX = '<geom type="box" size=".03 .03 .03"/>'
@@ -290,9 +298,9 @@ def test_mujoco_reads_the_input_as_conversion_did(tmp_path, case):
     )
     config = ConvertConfig(decompose=False)
     model = load_model(convert(source, tmp_path / "asset", config))
-    (clause,) = fk_input(model, source, frame_of(source, config))
-    assert clause.outcome == "passed", clause.message
-    assert clause.measured == pytest.approx(0.0, abs=1e-9)
+    (check,) = check_input_kinematics(model, source, frame_of(source, config))
+    assert check.outcome == "passed", check.message
+    assert check.measured == pytest.approx(0.0, abs=1e-9)
 
 
 def test_names_are_not_guessed_where_bodies_stand_in_another_order(tmp_path):

@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 from tests.articulate.checks.objects import Part, make_object
 
-from articulate.checks.inertia import inertia
+from articulate.checks.inertia import check_inertia
 from articulate.checks.model import load_model
 
 HALF = (0.1, 0.2, 0.3)
@@ -24,14 +24,14 @@ def measured(folder, mass=3.0, com=(0.0, 0.0, 0.0), moments=None):
     asset.mjcf_path.write_text(text.replace(old, f'diaginertia="{numbers}"'))
     links = tuple(dataclasses.replace(x, mass_kg=mass) for x in asset.links if x.name == "part")
     asset = dataclasses.replace(asset, links=(asset.links[0], *links))
-    return {c.subject: c for c in inertia(load_model(asset))}
+    return {c.subject: c for c in check_inertia(load_model(asset))}
 
 
 def test_a_box_with_its_own_inertia_passes(tmp_path):
-    clause = measured(tmp_path)["part"]
-    assert clause.outcome == "passed"
+    check = measured(tmp_path)["part"]
+    assert check.outcome == "passed"
     a, b, c = (4.0 * h * h for h in HALF)
-    assert clause.measured == pytest.approx(((a + b) + (a + c) - (b + c)) / (b + c))
+    assert check.measured == pytest.approx(((a + b) + (a + c) - (b + c)) / (b + c))
 
 
 @pytest.mark.parametrize(
@@ -42,9 +42,9 @@ def test_a_box_with_its_own_inertia_passes(tmp_path):
     ],
 )
 def test_what_no_such_box_can_have_fails(tmp_path, wrong, said):
-    clause = measured(tmp_path, **wrong)["part"]
-    assert clause.outcome == "failed"
-    assert said in clause.message
+    check = measured(tmp_path, **wrong)["part"]
+    assert check.outcome == "failed"
+    assert said in check.message
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ def test_an_inertial_that_differs_from_the_urdf_fails(tmp_path, old, new, said):
 <limit lower="0" upper="0.3" effort="1" velocity="1"/></joint></robot>"""
     (tmp_path / "object").mkdir()
     (tmp_path / "object" / "object.urdf").write_text(urdf.replace(old, new) if old else urdf)
-    clause = measured(tmp_path)["part"]
-    assert clause.outcome == ("passed" if said is None else "failed"), clause.message
-    assert said is None or said in clause.message
+    check = measured(tmp_path)["part"]
+    assert check.outcome == ("passed" if said is None else "failed"), check.message
+    assert said is None or said in check.message
 
 
 def test_a_mass_that_asset_json_does_not_know_fails(tmp_path):
@@ -75,9 +75,9 @@ def test_a_mass_that_asset_json_does_not_know_fails(tmp_path):
     asset = make_object(tmp_path / "object", part)
     text = asset.mjcf_path.read_text()
     asset.mjcf_path.write_text(text.replace('mass="2.0"', 'mass="9.0"'))
-    clauses = {c.subject: c for c in inertia(load_model(asset))}
-    assert "asset.json says 2 kg" in clauses["part"].message
-    assert clauses["part"].outcome == "failed"
+    checks = {c.subject: c for c in check_inertia(load_model(asset))}
+    assert "asset.json says 2 kg" in checks["part"].message
+    assert checks["part"].outcome == "failed"
 
 
 def test_a_triangle_inequality_that_does_not_hold_fails(tmp_path):
@@ -85,18 +85,18 @@ def test_a_triangle_inequality_that_does_not_hold_fails(tmp_path):
     part = Part(name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=BOX)
     model = load_model(make_object(tmp_path / "object", part))
     model.model.body_inertia[model.bodies["part"]] = [0.1, 0.02, 0.03]
-    clauses = {c.subject: c for c in inertia(model)}
-    assert "greater than the sum of the others" in clauses["part"].message
+    checks = {c.subject: c for c in check_inertia(model)}
+    assert "greater than the sum of the others" in checks["part"].message
     model.model.body_inertia[model.bodies["part"]] = [0.1, -0.02, 0.03]
-    clauses = {c.subject: c for c in inertia(model)}
-    assert "not positive definite" in clauses["part"].message
+    checks = {c.subject: c for c in check_inertia(model)}
+    assert "not positive definite" in checks["part"].message
     model.model.body_mass[model.bodies["part"]] = 0.0
-    clauses = {c.subject: c for c in inertia(model)}
-    assert "mass is not above 0" in clauses["part"].message
+    checks = {c.subject: c for c in check_inertia(model)}
+    assert "mass is not above 0" in checks["part"].message
 
 
 def test_the_total_mass_is_said_and_never_refused(tmp_path):
-    clause = measured(tmp_path, mass=3.0)[""]
-    assert clause.name == "mass"
-    assert clause.outcome == "passed"
-    assert clause.measured > 3.0
+    check = measured(tmp_path, mass=3.0)[""]
+    assert check.name == "mass"
+    assert check.outcome == "passed"
+    assert check.measured > 3.0

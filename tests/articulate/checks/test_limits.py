@@ -1,7 +1,7 @@
 import pytest
 from tests.assets import make_cabinet, make_cupboard
 
-from articulate.checks.limits import limits
+from articulate.checks.limits import check_limits
 from articulate.checks.model import load_model
 
 URDF = """<robot name="cupboard"><link name="carcass"/><link name="door"/>
@@ -12,9 +12,9 @@ URDF = """<robot name="cupboard"><link name="carcass"/><link name="door"/>
 def test_ranges_that_say_the_same_pass(tmp_path):
     asset = make_cupboard(tmp_path, degrees=90.0)
     (tmp_path / "object.urdf").write_text(URDF.format(kind="revolute", upper=1.5707963267949))
-    (clause,) = limits(load_model(asset))
-    assert clause.outcome == "passed"
-    assert clause.measured == pytest.approx(0.0, abs=1e-9)
+    (check,) = check_limits(load_model(asset))
+    assert check.outcome == "passed"
+    assert check.measured == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -28,9 +28,9 @@ def test_ranges_that_say_the_same_pass(tmp_path):
 def test_an_urdf_that_says_something_else_fails(tmp_path, kind, upper, said):
     asset = make_cupboard(tmp_path, degrees=90.0)
     (tmp_path / "object.urdf").write_text(URDF.format(kind=kind, upper=upper))
-    (clause,) = limits(load_model(asset))
-    assert clause.outcome == "failed"
-    assert said in clause.message
+    (check,) = check_limits(load_model(asset))
+    assert check.outcome == "failed"
+    assert said in check.message
 
 
 @pytest.mark.parametrize(
@@ -46,10 +46,10 @@ def test_a_range_that_was_changed_in_the_mjcf_fails(tmp_path, old, new, said):
     text = asset.mjcf_path.read_text()
     assert old in text
     asset.mjcf_path.write_text(text.replace(old, new))
-    (clause,) = limits(load_model(asset))
-    assert clause.outcome == "failed"
-    assert clause.subject == "drawer_0_slide"
-    assert said in clause.message
+    (check,) = check_limits(load_model(asset))
+    assert check.outcome == "failed"
+    assert check.subject == "drawer_0_slide"
+    assert said in check.message
 
 
 @pytest.mark.parametrize(
@@ -68,9 +68,9 @@ def test_a_resistance_that_was_changed_in_the_mjcf_fails(tmp_path, old, new, sai
     text = asset.mjcf_path.read_text()
     assert old in text
     asset.mjcf_path.write_text(text.replace(old, new))
-    (clause,) = limits(load_model(asset))
-    assert (clause.outcome, clause.subject) == ("failed", "drawer_0_slide")
-    assert said in clause.message
+    (check,) = check_limits(load_model(asset))
+    assert (check.outcome, check.subject) == ("failed", "drawer_0_slide")
+    assert said in check.message
 
 
 @pytest.mark.parametrize(
@@ -87,5 +87,5 @@ def test_resistance_in_the_urdf_counts_where_it_says_any(tmp_path, dynamics, out
     asset = make_cupboard(tmp_path, degrees=90.0)
     text = URDF.format(kind="revolute", upper=1.5707963267949)
     (tmp_path / "object.urdf").write_text(text.replace("<limit", f"{dynamics}<limit"))
-    (clause,) = limits(load_model(asset))
-    assert clause.outcome == outcome
+    (check,) = check_limits(load_model(asset))
+    assert check.outcome == outcome

@@ -13,7 +13,7 @@ from tests.assets import make_cabinet
 from articulate.assets.asset import Asset
 from articulate.assets.check_report import Check
 from articulate.checks.model import ObjectModel, load_model
-from articulate.checks.settle import settle, simulate, until_still, with_energy
+from articulate.checks.settle import check_settling, simulate, until_still, with_energy
 from articulate.simulator import mujoco
 
 G = 9.81
@@ -22,7 +22,7 @@ BALL = (((0.0, 0.0, 0.0), (0.02, 0.02, 0.02)),)
 
 def clauses_of(asset: Asset) -> dict[tuple[str, str], Check]:
     """Clauses by name and joint."""
-    return {(c.name, c.subject): c for c in settle(asset, load_model(asset))}
+    return {(c.name, c.subject): c for c in check_settling(asset, load_model(asset))}
 
 
 def flap(folder: Path, *, axis_y: float, span: float, com: tuple[float, float, float], **more):
@@ -35,30 +35,30 @@ def flap(folder: Path, *, axis_y: float, span: float, com: tuple[float, float, f
 
 
 def test_a_cabinet_stays_closed_and_makes_no_energy(tmp_path):
-    clauses = clauses_of(make_cabinet(tmp_path / "a"))
-    assert {c.outcome for c in clauses.values()} == {"passed"}
-    assert clauses["energy", ""].measured == pytest.approx(0.0, abs=1e-9)
+    checks = clauses_of(make_cabinet(tmp_path / "a"))
+    assert {c.outcome for c in checks.values()} == {"passed"}
+    assert checks["energy", ""].measured == pytest.approx(0.0, abs=1e-9)
     for k in range(3):
-        clause = clauses["settle", f"drawer_{k}_slide"]
-        assert clause.measured == pytest.approx(0.0, abs=1e-6)
-        assert clause.message == "stays closed; stays where it is let go half open"
+        check = checks["settling", f"drawer_{k}_slide"]
+        assert check.measured == pytest.approx(0.0, abs=1e-6)
+        assert check.message == "stays closed; stays where it is let go half open"
 
 
 def test_a_lid_falls_shut_and_says_so(tmp_path):
     # closed it lies level at its stop; it opens upwards to 80 degrees
     asset = flap(tmp_path / "a", axis_y=-1.0, span=math.radians(80.0), com=(0.2, 0.0, 0.0))
-    clause = clauses_of(asset)["settle", "flap_joint"]
-    assert clause.outcome == "passed"
-    assert clause.message == "stays closed; falls shut when it is let go half open"
+    check = clauses_of(asset)["settling", "flap_joint"]
+    assert check.outcome == "passed"
+    assert check.message == "stays closed; falls shut when it is let go half open"
 
 
 def test_a_flap_that_hangs_falls_open_and_says_so(tmp_path):
     # closed it stands upright, leaning over a little; open it lies level
     asset = flap(tmp_path / "a", axis_y=1.0, span=math.pi / 2, com=(0.02, 0.0, 0.2), damping=0.05)
-    clause = clauses_of(asset)["settle", "flap_joint"]
-    assert clause.outcome == "passed"
-    assert "falls open under gravity, to 100 % of its way" in clause.message
-    assert "falls open when it is let go half open" in clause.message
+    check = clauses_of(asset)["settling", "flap_joint"]
+    assert check.outcome == "passed"
+    assert "falls open under gravity, to 100 % of its way" in check.message
+    assert "falls open when it is let go half open" in check.message
 
 
 def test_dry_friction_above_the_weight_holds_a_lid_half_open(tmp_path):
@@ -66,16 +66,16 @@ def test_dry_friction_above_the_weight_holds_a_lid_half_open(tmp_path):
         tmp_path / "a", axis_y=-1.0, span=math.radians(80.0), com=(0.2, 0.0, 0.0),
         friction=1.1 * G * 0.2 * math.cos(math.radians(40.0)),
     )  # fmt: skip
-    assert clauses_of(asset)["settle", "flap_joint"].message.endswith("let go half open")
-    assert "stays where" in clauses_of(asset)["settle", "flap_joint"].message
+    assert clauses_of(asset)["settling", "flap_joint"].message.endswith("let go half open")
+    assert "stays where" in clauses_of(asset)["settling", "flap_joint"].message
 
 
 def test_a_pendulum_comes_to_rest_under_its_pivot(tmp_path):
     # it starts level and swings through 90 degrees of its 180
     asset = flap(tmp_path / "a", axis_y=1.0, span=math.pi, com=(0.2, 0.0, 0.0), damping=0.3)
-    clause = clauses_of(asset)["settle", "flap_joint"]
-    assert clause.outcome == "passed"
-    assert "to 50 % of its way" in clause.message
+    check = clauses_of(asset)["settling", "flap_joint"]
+    assert check.outcome == "passed"
+    assert "to 50 % of its way" in check.message
 
 
 def undamped(tmp_path: Path) -> tuple[ObjectModel, mujoco.MjModel]:
@@ -122,12 +122,12 @@ def test_creep_under_a_weight_that_friction_should_hold_is_measured(
     )
     part = Part(name="bolt", kind="slide", axis=(0.0, 0.0, -1.0), span=0.1, mass_kg=1.0,
                 boxes=BALL, friction=15.0, more=friction)  # fmt: skip
-    clause = clauses_of(make_object(tmp_path / "a", part))["settle", "bolt_joint"]
+    check = clauses_of(make_object(tmp_path / "a", part))["settling", "bolt_joint"]
     low, high = impedance
     speed = (1.0 - low) / low * G * high * time_constant / 2.0
-    assert clause.measured == pytest.approx(2.0 * speed / 0.1, rel=0.05)
-    assert clause.outcome == outcome
-    assert ("gives way" in clause.message) == (outcome == "failed")
+    assert check.measured == pytest.approx(2.0 * speed / 0.1, rel=0.05)
+    assert check.outcome == outcome
+    assert ("gives way" in check.message) == (outcome == "failed")
 
 
 def test_parts_that_throw_each_other_out_make_energy(tmp_path):
@@ -144,18 +144,18 @@ def test_parts_that_throw_each_other_out_make_energy(tmp_path):
 def test_a_simulation_that_blows_up_is_said_so(tmp_path):
     stiff = Part(name="bolt", kind="slide", axis=(0.0, 0.0, -1.0), span=None, mass_kg=1e-3,
                  boxes=BALL, more='stiffness="1e6" springref="0.1"')  # fmt: skip
-    clauses = clauses_of(make_object(tmp_path / "a", stiff))
-    assert {c.outcome for c in clauses.values()} == {"failed"}
-    assert all("blew up" in c.message for c in clauses.values())
+    checks = clauses_of(make_object(tmp_path / "a", stiff))
+    assert {c.outcome for c in checks.values()} == {"failed"}
+    assert all("blew up" in c.message for c in checks.values())
 
 
 def test_energy_from_nothing_is_found(tmp_path):
     # negative damping pushes what begins to fall
     asset = flap(tmp_path / "a", axis_y=1.0, span=3.0, com=(0.2, 0.0, 0.0), damping=-2.0)
-    clause = clauses_of(asset)["energy", ""]
-    assert clause.outcome == "failed"
+    check = clauses_of(asset)["energy", ""]
+    assert check.outcome == "failed"
 
 
 def test_a_rigid_object_has_nothing_to_settle(tmp_path):
     asset = make_object(tmp_path / "a")
-    assert settle(asset, load_model(asset)) == ()
+    assert check_settling(asset, load_model(asset)) == ()

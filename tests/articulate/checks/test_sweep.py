@@ -12,7 +12,7 @@ from articulate.assets.asset import Asset
 from articulate.assets.check_report import Check, JointCheck
 from articulate.checks.interference import LIMIT_M, STEP_M, Sweeper
 from articulate.checks.model import load_model
-from articulate.checks.sweep import sweep
+from articulate.checks.sweep import sweep_joints
 
 TRAVEL_M = 0.3
 BLOCK: Box = ((0.0, 0.0, 0.0), (0.05, 0.05, 0.05))
@@ -21,8 +21,8 @@ SLIDER = Part(name="drawer", kind="slide", axis=(1.0, 0.0, 0.0), span=TRAVEL_M, 
 
 def swept(asset: Asset) -> tuple[dict[tuple[str, str], Check], dict[str, JointCheck]]:
     """Clauses by name and joint, and joints by name."""
-    found = sweep(load_model(asset))
-    return {(c.name, c.subject): c for c in found.clauses}, {j.name: j for j in found.joints}
+    found = sweep_joints(load_model(asset))
+    return {(c.name, c.subject): c for c in found.checks}, {j.name: j for j in found.joints}
 
 
 def plug(near_x: float, thick: float = 0.02) -> Box:
@@ -36,59 +36,59 @@ def walls(gap: float) -> tuple[Box, ...]:
 
 
 def test_drawers_of_a_cabinet_go_through_their_range(tmp_path):
-    clauses, joints = swept(make_cabinet(tmp_path / "a"))
-    assert {c.outcome for c in clauses.values()} == {"passed"}
-    assert {name for name, _ in clauses} == {"sweep", "sweep_random"}
+    checks, joints = swept(make_cabinet(tmp_path / "a"))
+    assert {c.outcome for c in checks.values()} == {"passed"}
+    assert {name for name, _ in checks} == {"joint_sweep", "joint_sweep_random"}
     assert all(j.swept == 1.0 and not j.blocked and not j.needs for j in joints.values())
 
 
 def test_a_door_goes_through_its_range(tmp_path):
-    clauses, joints = swept(make_cupboard(tmp_path / "a"))
-    assert [c.outcome for c in clauses.values()] == ["passed"]
+    checks, joints = swept(make_cupboard(tmp_path / "a"))
+    assert [c.outcome for c in checks.values()] == ["passed"]
     assert joints["door_hinge"].swept == 1.0
 
 
 @pytest.mark.parametrize("free", [0.01, 0.1, 0.25])
 def test_a_plug_blocks_a_drawer_where_it_stands(tmp_path, free):
-    clauses, joints = swept(make_object(tmp_path / "a", SLIDER, body=(plug(0.05 + free),)))
-    clause, joint = clauses["sweep_authored", "drawer_joint"], joints["drawer_joint"]
-    assert clause.outcome == "failed"
+    checks, joints = swept(make_object(tmp_path / "a", SLIDER, body=(plug(0.05 + free),)))
+    check, joint = checks["authored_overlap", "drawer_joint"], joints["drawer_joint"]
+    assert check.outcome == "failed"
     assert joint.blocked
     assert joint.swept == pytest.approx((free + LIMIT_M) / TRAVEL_M, abs=1.1 * STEP_M / TRAVEL_M)
-    assert "drawer goes" in clause.message
-    assert "authored parts meet there too" in clause.message
+    assert "drawer goes" in check.message
+    assert "authored parts meet there too" in check.message
 
 
 def test_depth_beyond_rest_is_measured(tmp_path):
     body = (plug(0.05 + TRAVEL_M - 0.015, thick=0.2),)
-    clauses, _ = swept(make_object(tmp_path / "a", SLIDER, body=body))
-    assert clauses["sweep_authored", "drawer_joint"].measured == pytest.approx(0.015, abs=2e-5)
+    checks, _ = swept(make_object(tmp_path / "a", SLIDER, body=body))
+    assert checks["authored_overlap", "drawer_joint"].measured == pytest.approx(0.015, abs=2e-5)
 
 
 @pytest.mark.parametrize("thick", [0.004, 0.0021])
 def test_a_thin_wall_is_not_jumped_over(tmp_path, thick):
     body = (plug(0.15, thick=thick),)
-    clauses, _ = swept(make_object(tmp_path / "a", SLIDER, body=body))
-    assert clauses["sweep_authored", "drawer_joint"].outcome == "failed"
+    checks, _ = swept(make_object(tmp_path / "a", SLIDER, body=body))
+    assert checks["authored_overlap", "drawer_joint"].outcome == "failed"
 
 
 def test_an_overlap_that_stays_as_it_is_at_rest_is_none(tmp_path):
-    clauses, _ = swept(make_object(tmp_path / "a", SLIDER, body=walls(gap=-0.01)))
-    assert clauses["sweep", "drawer_joint"].outcome == "passed"
+    checks, _ = swept(make_object(tmp_path / "a", SLIDER, body=walls(gap=-0.01)))
+    assert checks["joint_sweep", "drawer_joint"].outcome == "passed"
 
 
 def test_an_overlap_with_the_next_shape_of_the_same_link_is_at_rest_too(tmp_path):
     floor = [((x, 0.0, -0.056), (0.05, 0.1, 0.011)) for x in (0.0, 0.1, 0.2, 0.3)]
-    clauses, _ = swept(make_object(tmp_path / "a", SLIDER, body=tuple(floor)))
-    assert clauses["sweep", "drawer_joint"].outcome == "passed"
+    checks, _ = swept(make_object(tmp_path / "a", SLIDER, body=tuple(floor)))
+    assert checks["joint_sweep", "drawer_joint"].outcome == "passed"
 
 
 def test_an_overlap_that_grows_beyond_rest_is_found(tmp_path):
     floor = (((0.0, 0.0, -0.057), (0.05, 0.1, 0.01)), ((0.3, 0.0, -0.051), (0.05, 0.1, 0.01)))
-    clauses, _ = swept(make_object(tmp_path / "a", SLIDER, body=floor))
-    clause = clauses["sweep_authored", "drawer_joint"]
-    assert clause.outcome == "failed"
-    assert clause.measured == pytest.approx(0.006, abs=2e-5)  # 9 mm deep after 3 mm at rest
+    checks, _ = swept(make_object(tmp_path / "a", SLIDER, body=floor))
+    check = checks["authored_overlap", "drawer_joint"]
+    assert check.outcome == "failed"
+    assert check.measured == pytest.approx(0.006, abs=2e-5)  # 9 mm deep after 3 mm at rest
 
 
 def test_a_hull_that_seals_a_drawer_is_found_and_blamed(tmp_path):
@@ -101,13 +101,13 @@ def test_a_hull_that_seals_a_drawer_is_found_and_blamed(tmp_path):
     drawer = Part(name="drawer", kind="slide", axis=(1.0, 0.0, 0.0), span=0.2, boxes=tray)
     hull = (((0.05, 0.0, 0.0), (0.145, 0.1, 0.105)),)
     sealed = make_object(tmp_path / "sealed", drawer, body=hull, shown=seen)
-    clauses, joints = swept(sealed)
-    clause = clauses["sweep", "drawer_joint"]
-    assert clause.outcome == "failed"
-    assert "only the collision shapes meet there" in clause.message
+    checks, joints = swept(sealed)
+    check = checks["joint_sweep", "drawer_joint"]
+    assert check.outcome == "failed"
+    assert "only the collision shapes meet there" in check.message
     assert joints["drawer_joint"].blocked
     open_ = make_object(tmp_path / "open", drawer, body=seen)
-    assert swept(open_)[0]["sweep", "drawer_joint"].outcome == "passed"
+    assert swept(open_)[0]["joint_sweep", "drawer_joint"].outcome == "passed"
 
 
 def covered(**door_changes) -> tuple[Part, Part]:
@@ -119,21 +119,21 @@ def covered(**door_changes) -> tuple[Part, Part]:
 
 
 def test_a_drawer_behind_a_door_needs_it_open(tmp_path):
-    clauses, joints = swept(make_object(tmp_path / "a", *covered()))
+    checks, joints = swept(make_object(tmp_path / "a", *covered()))
     assert joints["drawer_joint"].needs == ("door_joint",)
     assert not joints["drawer_joint"].blocked
     assert joints["drawer_joint"].swept == 1.0
     assert joints["door_joint"].needs == ()
-    assert clauses["sweep", "drawer_joint"].outcome == "passed"
-    assert "door_joint open" in clauses["sweep", "drawer_joint"].message
+    assert checks["joint_sweep", "drawer_joint"].outcome == "passed"
+    assert "door_joint open" in checks["joint_sweep", "drawer_joint"].message
 
 
 def test_a_drawer_behind_the_shapes_of_a_door_alone_is_blocked_by_them(tmp_path):
     asset = make_object(tmp_path / "a", *covered(shown=(((0.0, -0.1, 0.5), (0.01, 0.1, 0.1)),)))
-    clauses, joints = swept(asset)
+    checks, joints = swept(asset)
     assert joints["drawer_joint"].needs == ()
     assert joints["drawer_joint"].blocked
-    assert "only the collision shapes" in clauses["sweep", "drawer_joint"].message
+    assert "only the collision shapes" in checks["joint_sweep", "drawer_joint"].message
 
 
 def test_two_doors_in_the_way_are_both_needed(tmp_path):
@@ -159,30 +159,30 @@ def twins(shown: tuple[Box, ...] | None) -> tuple[Part, Part]:
 
 
 def test_states_in_which_authored_parts_meet_are_drawn_again_and_counted(tmp_path):
-    clauses, joints = swept(make_object(tmp_path / "a", *twins(None)))
-    clause = clauses["sweep_random", "left_joint"]
-    assert clause.outcome == "passed"
-    assert "drawn again" in clause.message
+    checks, joints = swept(make_object(tmp_path / "a", *twins(None)))
+    check = checks["joint_sweep_random", "left_joint"]
+    assert check.outcome == "passed"
+    assert "drawn again" in check.message
     assert not joints["left_joint"].needs
 
 
 def test_shapes_that_meet_in_random_states_without_the_authored_parts_are_found(tmp_path):
-    clauses, _ = swept(make_object(tmp_path / "a", *twins((((0.0, 0.01, 0.0), (0.001,) * 3),))))
-    assert clauses["sweep", "left_joint"].outcome == "passed"
-    clause = clauses["sweep_random", "left_joint"]
-    assert clause.outcome == "failed"
-    assert clause.message.startswith("with the others at random: ")
-    assert "only the collision shapes" in clause.message
+    checks, _ = swept(make_object(tmp_path / "a", *twins((((0.0, 0.01, 0.0), (0.001,) * 3),))))
+    assert checks["joint_sweep", "left_joint"].outcome == "passed"
+    check = checks["joint_sweep_random", "left_joint"]
+    assert check.outcome == "failed"
+    assert check.message.startswith("with the others at random: ")
+    assert "only the collision shapes" in check.message
 
 
 def test_a_joint_without_end_is_swept_over_a_whole_turn(tmp_path):
     arm: tuple[Box, ...] = (((0.1, 0.0, 0.0), (0.1, 0.01, 0.01)),)
     paddle = Part(name="paddle", kind="hinge", axis=(0.0, 0.0, 1.0), span=None, boxes=arm)
     post = (((0.15 * math.cos(4.0), 0.15 * math.sin(4.0), 0.0), (0.01, 0.01, 0.05)),)
-    clauses, joints = swept(make_object(tmp_path / "post", paddle, body=post))
-    assert clauses["sweep_authored", "paddle_joint"].outcome == "failed"
+    checks, joints = swept(make_object(tmp_path / "post", paddle, body=post))
+    assert checks["authored_overlap", "paddle_joint"].outcome == "failed"
     assert joints["paddle_joint"].swept == pytest.approx(4.0 / (2 * math.pi), abs=0.03)
-    clauses, joints = swept(make_object(tmp_path / "free", paddle))
+    checks, joints = swept(make_object(tmp_path / "free", paddle))
     assert joints["paddle_joint"].swept == 1.0
 
 
@@ -192,9 +192,9 @@ def test_joints_that_follow_move_with_their_leader(tmp_path):
         boxes=(BLOCK,), follows="drawer",
     )  # fmt: skip
     body = (((0.0, 0.45, 0.0), (0.1, 0.02, 0.1)),)  # only the follower meets it, after 80 mm
-    clauses, joints = swept(make_object(tmp_path / "a", SLIDER, follower, body=body))
-    assert set(clauses) == {("sweep_authored", "drawer_joint")}
-    assert clauses["sweep_authored", "drawer_joint"].outcome == "failed"
+    checks, joints = swept(make_object(tmp_path / "a", SLIDER, follower, body=body))
+    assert set(checks) == {("authored_overlap", "drawer_joint")}
+    assert checks["authored_overlap", "drawer_joint"].outcome == "failed"
     for name in ("drawer_joint", "slave_joint"):
         assert joints[name].blocked
         assert joints[name].swept == pytest.approx(0.082 / TRAVEL_M, abs=1.1 * STEP_M / TRAVEL_M)
@@ -203,15 +203,15 @@ def test_joints_that_follow_move_with_their_leader(tmp_path):
 def test_a_part_on_a_part_counts_against_what_it_moves_on(tmp_path):
     lid = Part(name="lid", kind="slide", axis=(0.0, 0.0, -1.0), pos=(0.0, 0.0, 0.15), span=0.1,
                boxes=(BLOCK,), parent="drawer")  # fmt: skip
-    clauses, joints = swept(make_object(tmp_path / "a", SLIDER, lid))
-    assert clauses["sweep", "drawer_joint"].outcome == "passed"
+    checks, joints = swept(make_object(tmp_path / "a", SLIDER, lid))
+    assert checks["joint_sweep", "drawer_joint"].outcome == "passed"
     assert joints["lid_joint"].swept == pytest.approx(0.052 / 0.1, abs=1.1 * STEP_M / 0.1)
-    assert "lid goes 50.0 mm deeper into drawer" in clauses["sweep_authored", "lid_joint"].message
+    assert "lid goes 50.0 mm deeper into drawer" in checks["authored_overlap", "lid_joint"].message
 
 
 def test_the_same_object_gives_the_same_clauses_twice(tmp_path):
     asset = make_object(tmp_path / "a", *twins(None))
-    assert sweep(load_model(asset)).clauses == sweep(load_model(asset)).clauses
+    assert sweep_joints(load_model(asset)).checks == sweep_joints(load_model(asset)).checks
 
 
 def test_states_that_the_authored_parts_rule_out_are_not_held_against_a_joint(tmp_path):
@@ -219,11 +219,11 @@ def test_states_that_the_authored_parts_rule_out_are_not_held_against_a_joint(tm
     left, _ = twins(None)
     fan = Part(name="fan", kind="hinge", axis=(0.0, 0.0, 1.0), pos=(-0.09, 0.0, 0.0), span=None,
                boxes=(((0.0, 0.1, 0.0), (0.005, 0.1, 0.1)),))  # fmt: skip
-    clauses, _ = swept(make_object(tmp_path / "a", left, fan))
-    assert clauses["sweep", "fan_joint"].outcome == "passed"
-    clause = clauses["sweep_random", "fan_joint"]
-    assert clause.outcome in {"passed", "not_applicable"}
-    assert "authored parts" in clause.message
+    checks, _ = swept(make_object(tmp_path / "a", left, fan))
+    assert checks["joint_sweep", "fan_joint"].outcome == "passed"
+    check = checks["joint_sweep_random", "fan_joint"]
+    assert check.outcome in {"passed", "not_applicable"}
+    assert "authored parts" in check.message
 
 
 def test_two_parts_that_lock_each_other_are_found(tmp_path):
@@ -233,18 +233,18 @@ def test_two_parts_that_lock_each_other_are_found(tmp_path):
                boxes=(((0.0, 0.0, 0.0), block), ((0.1, 0.1, 0.0), block)))  # fmt: skip
     other = Part(name="other", kind="slide", axis=(0.0, 1.0, 0.0), span=0.2,
                  boxes=(((0.1, 0.0, 0.0), block),))  # fmt: skip
-    clauses, joints = swept(make_object(tmp_path / "a", one, other))
+    checks, joints = swept(make_object(tmp_path / "a", one, other))
     for name, needed in (("one_joint", "other_joint"), ("other_joint", "one_joint")):
         assert joints[name].needs == (needed,)
         assert joints[name].blocked
-        assert "needs this one open first" in clauses["sweep_authored", name].message
+        assert "needs this one open first" in checks["authored_overlap", name].message
 
 
 def test_a_part_that_scrapes_on_the_body_still_knows_what_it_needs(tmp_path):
     sill: Box = ((-0.2, 0.0, -0.052), (0.05, 0.1, 0.01))  # the drawer goes 8 mm into it
-    clauses, joints = swept(make_object(tmp_path / "a", *covered(), body=(sill,)))
+    checks, joints = swept(make_object(tmp_path / "a", *covered(), body=(sill,)))
     assert joints["drawer_joint"].needs == ("door_joint",)
-    assert clauses["sweep_authored", "drawer_joint"].measured == pytest.approx(0.008, abs=2e-5)
+    assert checks["authored_overlap", "drawer_joint"].measured == pytest.approx(0.008, abs=2e-5)
 
 
 def test_the_ends_of_what_is_free_are_told(tmp_path):
@@ -263,8 +263,8 @@ def test_a_follower_that_is_faster_than_its_leader_does_not_jump_over_a_wall(tmp
     text = asset.mjcf_path.read_text()
     assert 'polycoef="0 1 0 0 0"' in text
     asset.mjcf_path.write_text(text.replace('polycoef="0 1 0 0 0"', 'polycoef="0 20 0 0 0"'))
-    clauses, joints = swept(asset)
-    assert clauses["sweep_authored", "knob_joint"].outcome == "failed"
+    checks, joints = swept(asset)
+    assert checks["authored_overlap", "knob_joint"].outcome == "failed"
     assert joints["knob_joint"].swept == pytest.approx(0.12 / 0.4, abs=0.02)
 
 

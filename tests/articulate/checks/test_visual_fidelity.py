@@ -6,7 +6,7 @@ from tests.articulate.conversion.cabinets import write_cabinet
 from articulate.assets.asset import load_asset
 from articulate.checks.model import load_model
 from articulate.checks.source import origin_of_reading
-from articulate.checks.visual_fidelity import least_shares, shares, shown
+from articulate.checks.visual_fidelity import check_visual_fidelity, least_shares, shares
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.convert import read_input
 
@@ -22,8 +22,8 @@ def made(tmp_path):
 
 def test_a_fresh_asset_shows_what_its_input_shows(made):
     asset, origin = made
-    clauses = shown(load_model(asset), origin)
-    assert [(c.subject, c.outcome, c.measured) for c in clauses] == [
+    checks = check_visual_fidelity(load_model(asset), origin)
+    assert [(c.subject, c.outcome, c.measured) for c in checks] == [
         ("body", "passed", 1.0),
         ("drawer", "passed", 1.0),
         ("door", "passed", 1.0),
@@ -36,8 +36,8 @@ def test_a_mirrored_or_stretched_mesh_is_found(made, scale):
     text = asset.mjcf_path.read_text()
     (file,) = {word for word in text.split() if word.startswith('file="v02_000')}
     asset.mjcf_path.write_text(text.replace(file, f'{file[:-2]} scale="{scale}"/>'))
-    clauses = shown(load_model(load_asset(asset.folder)), origin)
-    assert [c.subject for c in clauses if c.outcome == "failed"] == ["door"]
+    checks = check_visual_fidelity(load_model(load_asset(asset.folder)), origin)
+    assert [c.subject for c in checks if c.outcome == "failed"] == ["door"]
 
 
 def test_a_lost_visual_is_found(made):
@@ -46,7 +46,7 @@ def test_a_lost_visual_is_found(made):
     kept = [line for line in lines if not ("<geom" in line and 'mesh="v01_000"' in line)]
     assert len(kept) == len(lines) - 1
     asset.mjcf_path.write_text("".join(kept))
-    failed = [c for c in shown(load_model(asset), origin) if c.outcome == "failed"]
+    failed = [c for c in check_visual_fidelity(load_model(asset), origin) if c.outcome == "failed"]
     assert [c.subject for c in failed] == ["drawer"]
 
 
@@ -56,7 +56,9 @@ def test_a_link_that_is_absent_is_found(made):
     from_elsewhere = type(origin)(
         source=origin.source, frame=origin.frame, root=origin.root, shown=extra
     )
-    failed = [c for c in shown(load_model(asset), from_elsewhere) if c.outcome == "failed"]
+    failed = [
+        c for c in check_visual_fidelity(load_model(asset), from_elsewhere) if c.outcome == "failed"
+    ]
     assert [c.subject for c in failed] == ["shelf"]
 
 

@@ -43,20 +43,25 @@ def test_one_object_is_converted_proven_and_told(objects, call, tmp_path):
     assert err == ""
     assert out.startswith("little: repaired (")
     assert "joint    drawer_joint: slide of 0.3 m, free 100%, opened by 30 N" in out
-    assert {"asset.json", "object.xml", "object.urdf", "meshes", "proof.json", "proof.html"} <= {
-        path.name for path in (tmp_path / "cabinet").iterdir()
-    }
+    assert {
+        "asset.json",
+        "object.xml",
+        "object.urdf",
+        "meshes",
+        "check_report.json",
+        "check_report.html",
+    } <= {path.name for path in (tmp_path / "cabinet").iterdir()}
     code, out, _ = call(source, "--out", "cabinet", "--json")
     content = json.loads(out)
     assert code == 0
-    assert content == json.loads((tmp_path / "cabinet" / "proof.json").read_text())
+    assert content == json.loads((tmp_path / "cabinet" / "check_report.json").read_text())
     assert set(content) >= {
         "verdict",
         "reasons",
         "repairs",
         "joints",
-        "fk_max_error_m",
-        "openness_min",
+        "kinematics_max_error_m",
+        "cavities_min",
         "colliders",
         "step_us",
         "seconds",
@@ -72,7 +77,7 @@ def test_a_folder_of_objects_ends_with_a_table_and_an_index(objects, call, tmp_p
     assert err.count("\n") == 3
     assert "3 objects: 0 proven, 2 repaired, 1 refused" in out
     assert [line.split()[:2] for line in out.splitlines()[1:4]] == [
-        ["letter", "refused"],
+        ["letter", "rejected"],
         ["little", "repaired"],
         ["stone", "repaired"],
     ]
@@ -108,8 +113,8 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
         (("x" * 300,), "cannot be looked up (File name too long)"),
         (("x" * 300, "--out", "x"), "cannot be looked up (File name too long)"),
         ((".", "--out", "x", "--against", "x" * 300), "cannot be looked up (File name too long)"),
-        (("--explain", "opennes", "--json"), "did you mean openness?"),
-        (("--explain", "opennes"), "did you mean openness?"),
+        (("--explain", "opennes", "--json"), "did you mean cavities?"),
+        (("--explain", "opennes"), "did you mean cavities?"),
         (("nowhere.urdf", "--ot", "x"), "did you mean --out?"),
     ],
 )
@@ -148,7 +153,7 @@ def test_flags_that_would_change_nothing_are_refused(objects, call, tmp_path, ma
 
 
 def test_a_clause_is_explained(call):
-    code, out, _ = call("--explain", "openness")
+    code, out, _ = call("--explain", "cavities")
     assert code == 0
     assert [p.split(".")[0] for p in out.split("\n\n")[1:]] == [
         "What it means",
@@ -158,9 +163,9 @@ def test_a_clause_is_explained(call):
 
 
 def test_a_clause_is_explained_to_programs(call):
-    code, out, _ = call("--explain", "sweep", "--json")
+    code, out, _ = call("--explain", "joint_sweep", "--json")
     content = json.loads(out)
     assert code == 0
     assert list(content) == ["clause", "means", "matters", "mend"]
-    assert content["clause"] == "sweep"
+    assert content["clause"] == "joint_sweep"
     assert content["means"].startswith("Each joint goes through its whole range")

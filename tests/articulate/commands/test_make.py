@@ -56,9 +56,9 @@ def test_a_proven_urdf_is_made_with_its_proof_and_its_trace(made):
     assert [joint.kind for joint in asset.joints] == ["slide"]
     assert asset.licence == "MIT"
     assert asset.category == "StorageFurniture"
-    assert json.loads((out / "proof.json").read_text())["verdict"] == "proven"
+    assert json.loads((out / "check_report.json").read_text())["verdict"] == "passed"
     content = json.loads((out / "made.json").read_text())
-    assert (content["verdict"], content["reasons"]) == ("proven", [])
+    assert (content["verdict"], content["reasons"]) == ("passed", [])
     assert content["urdf"] == str(out / "object.urdf")
     assert (out / "object.urdf").is_file()
     assert [joint["type"] for joint in content["joints"]] == ["prismatic"]
@@ -75,7 +75,7 @@ def test_the_program_beside_it_compiles_to_the_same_joints(made):
 def test_the_trace_needs_no_other_file_and_links_to_the_proof(made):
     _, out = made
     text = (out / "trace.html").read_text()
-    assert set(re.findall(r'href="([^"]*)"', text)) == {"proof.html", "program/program.py"}
+    assert set(re.findall(r'href="([^"]*)"', text)) == {"check_report.html", "program/program.py"}
     assert not re.search(r'(src|url)=?[("\']+(?!data:)\w', text)
     for said in ("What was given", "prismatic", "sandbox", "root(", "The proof", "geometric-text"):
         assert said in text
@@ -138,7 +138,7 @@ def test_what_cannot_be_proven_is_written_and_marked(tmp_path, capsys):
 def test_a_picture_is_compared_with_the_parts(capsys):
     given = module._given(MakeFlags(text="x", library="cabinet:3"))
     camera = view_of(given.meshes, {})
-    cv2.imwrite("seen.png", PartScene(given.meshes).picture(camera)[..., ::-1])
+    cv2.imwrite("seen.png", PartScene(given.meshes).render_image(camera)[..., ::-1])
     question = query.image_question(Path("seen.png"))
     assert overlap(question, given, camera) > 0.95
     # The benchmark's camera, which is the usual one, did not take it.

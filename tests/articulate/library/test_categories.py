@@ -15,7 +15,7 @@ from articulate.formats.repairs import Repairs, is_note
 from articulate.library.procedural.categories import CATEGORIES, write_object
 from articulate.library.procedural.meshes import mass_properties
 from articulate.library.procedural.truth import bounds, joints_of, origins
-from articulate.preparation.prepare import check
+from articulate.preparation.prepare import check_asset
 from articulate.simulator import mujoco
 from articulate.transforms import axis_angle_to_matrix, pose
 
@@ -182,9 +182,9 @@ def test_pictures_come_with_the_materials_and_the_converter_reads_their_mean(tmp
 @pytest.mark.parametrize("name", QUICK)
 def test_quick_categories_are_proven_and_true(name, tmp_path):
     write_object(name, 0, tmp_path / "object")
-    proof = check(tmp_path / "object", tmp_path / "out")
-    assert (proof.verdict, proof.reasons) == ("proven", ())
-    assert all(joint.opened > 0.9 for joint in proof.joints)  # type: ignore[operator]
+    check_report = check_asset(tmp_path / "object", tmp_path / "out")
+    assert (check_report.verdict, check_report.reasons) == ("passed", ())
+    assert all(joint.opened > 0.9 for joint in check_report.joints)  # type: ignore[operator]
     asset = load_asset(tmp_path / "out")
     assert asset.category == CATEGORIES[name].partnet
     assert all(handle.source == "name" for handle in asset.handles)
@@ -195,9 +195,9 @@ def test_quick_categories_are_proven_and_true(name, tmp_path):
 @pytest.mark.parametrize("name", CATEGORIES)
 def test_every_category_is_proven_and_true(name, tmp_path):
     write_object(name, 0, tmp_path / "object")
-    proof = check(tmp_path / "object", tmp_path / "out")
-    assert (proof.verdict, proof.reasons) == ("proven", ())
-    assert all(joint.opened > 0.9 for joint in proof.joints)  # type: ignore[operator]
+    check_report = check_asset(tmp_path / "object", tmp_path / "out")
+    assert (check_report.verdict, check_report.reasons) == ("passed", ())
+    assert all(joint.opened > 0.9 for joint in check_report.joints)  # type: ignore[operator]
     _agrees(CATEGORIES[name].parts(0), load_asset(tmp_path / "out"))
 
 

@@ -9,7 +9,7 @@ from articulate.assets.check_report import CheckReport
 from articulate.errors import UsageError
 from articulate.preparation import batch, store
 from articulate.preparation.batch import Batch, Checked, Item, items_in, write_junit
-from articulate.preparation.check_report_file import save_proof
+from articulate.preparation.check_report_file import save_check_report
 
 LIMIT_S = 6.0
 
@@ -96,11 +96,11 @@ request = json.loads(sys.stdin.read())
 def give(verdict, *reasons):
     folder = Path(request["cache"]) / "assets" / Path(request["file"]).stem
     folder.mkdir(parents=True, exist_ok=True)
-    save_proof(Proof(asset=folder.name, verdict=verdict, reasons=reasons), folder)
+    save_proof(CheckReport(asset=folder.name, verdict=verdict, reasons=reasons), folder)
     print(f"\\n{folder}")
     sys.exit(0)
 if "refusal" in request:
-    give("refused", request["refusal"], str(request["lasting"]))
+    give("rejected", request["refusal"], str(request["lasting"]))
 """
 
     python = sys.executable
@@ -119,18 +119,18 @@ if "refusal" in request:
             limit_s=limit_s,
             single=False,
         )
-        return {r.item.name: r.proof for r in run.run(items, jobs)}
+        return {r.item.name: r.check_report for r in run.run(items, jobs)}
 
     return play
 
 
 def test_one_that_crashes_is_refused_and_the_others_are_not(played):
-    script = 'if "bad" in request["file"]: os.kill(os.getpid(), signal.SIGSEGV)\ngive("proven")'
+    script = 'if "bad" in request["file"]: os.kill(os.getpid(), signal.SIGSEGV)\ngive("passed")'
     found = played(script, "good", "bad", "fine", jobs=2)
     assert {name: p.verdict for name, p in found.items()} == {
-        "good": "proven",
-        "bad": "refused",
-        "fine": "proven",
+        "good": "passed",
+        "bad": "rejected",
+        "fine": "passed",
     }
     assert "a library crashed on it (SIGSEGV)" in found["bad"].reasons[0]
     assert found["bad"].reasons[1] == "True"
@@ -170,24 +170,24 @@ def test_bad_usage_told_by_a_child_stops_the_batch(played):
 def test_names_with_folders_lie_in_folders(tmp_path, monkeypatch):
     folder = tmp_path / "cache" / "a"
     folder.mkdir(parents=True)
-    save_proof(CheckReport(asset="a", verdict="proven"), folder)
+    save_check_report(CheckReport(asset="a", verdict="passed"), folder)
     monkeypatch.setattr(store, "find", lambda *_: folder)
     run = Batch(out=tmp_path / "out", cache=tmp_path, options={}, limit_s=1.0, single=False)
     result = run.one(Item(name="x/y", file=tmp_path / "a.urdf"))
     assert result.folder == tmp_path / "out" / "x" / "y"
-    assert result.proof.verdict == "proven"
+    assert result.check_report.verdict == "passed"
 
 
 def test_junit_has_a_case_for_each_object_and_a_failure_for_each_refused(tmp_path):
-    proofs = {
-        "a/b": CheckReport(asset="b", verdict="proven", seconds=1.5),
+    check_reports = {
+        "a/b": CheckReport(asset="b", verdict="passed", seconds=1.5),
         "c": CheckReport(
-            asset="c", verdict="refused", reasons=('a "quoted" <reason>', "bell \x07")
+            asset="c", verdict="rejected", reasons=('a "quoted" <reason>', "bell \x07")
         ),
     }
     results = [
-        Checked(item=Item(name=name, file=tmp_path), proof=proof, folder=tmp_path)
-        for name, proof in proofs.items()
+        Checked(item=Item(name=name, file=tmp_path), check_report=check_report, folder=tmp_path)
+        for name, check_report in check_reports.items()
     ]
     write_junit(results, tmp_path / "report.xml")
     suite = minidom.parse(str(tmp_path / "report.xml")).getElementsByTagName("testsuite")[0]
@@ -202,7 +202,7 @@ def test_a_result_that_was_damaged_since_is_handed_over_again(tmp_path):
     made, out = tmp_path / "made", tmp_path / "out"
     for folder in (made, out):
         (folder / "meshes").mkdir(parents=True)
-        (folder / "proof.json").write_text("{}")
+        (folder / "check_report.json").write_text("{}")
         (folder / "meshes" / "a.obj").write_text("v 0 0 0")
     assert batch._is_there(made, out)
     (out / "meshes" / "a.obj").write_text("v 0 0 9")

@@ -11,12 +11,12 @@ from tests.articulate.conversion.cabinets import write_cabinet
 
 from articulate.assets.asset import load_asset
 from articulate.assets.check_report import Check, CheckReport
-from articulate.checks.descriptions import CLAUSES
+from articulate.checks.descriptions import CHECKS
 from articulate.conversion import ConvertConfig
 from articulate.errors import UsageError
 from articulate.preparation import prepare as proving
-from articulate.preparation.check_report_file import load_proof
-from articulate.preparation.prepare import check, prove, wrong_after
+from articulate.preparation.check_report_file import load_check_report
+from articulate.preparation.prepare import check_asset, run_checks, wrong_after
 from articulate.preparation.refine_colliders import Refined
 from articulate.preparation.repair import RepairResult
 
@@ -29,62 +29,69 @@ def checked(tmp_path_factory):
     folder = tmp_path_factory.mktemp("check")
     source = write_cabinet(folder)
     config = dataclasses.replace(CONFIG, cache_dir=folder / "cache")
-    return source, folder / "out", check(source, folder / "out", config), config
+    return source, folder / "out", check_asset(source, folder / "out", config), config
 
 
 @pytest.mark.render
 def test_a_cabinet_is_proven_with_all_its_evidence(checked):
-    _, out, proof, _ = checked
-    assert proof.reasons == ()
-    assert proof.verdict == "repaired"  # two links without inertia
-    assert {c.name for c in proof.clauses} <= set(CLAUSES)
-    assert {"fk", "fk_input", "limits", "inertia", "openness", "coverage", "sweep", "open"} <= {
-        c.name for c in proof.clauses if c.outcome == "passed"
-    }
-    assert [(j.name, j.blocked, j.swept) for j in proof.joints] == [
+    _, out, check_report, _ = checked
+    assert check_report.reasons == ()
+    assert check_report.verdict == "repaired"  # two links without inertia
+    assert {c.name for c in check_report.checks} <= set(CHECKS)
+    assert {
+        "forward_kinematics",
+        "input_kinematics",
+        "joint_limits",
+        "inertia",
+        "cavities",
+        "collision_coverage",
+        "joint_sweep",
+        "opening",
+    } <= {c.name for c in check_report.checks if c.outcome == "passed"}
+    assert [(j.name, j.blocked, j.swept) for j in check_report.joints] == [
         ("drawer_joint", False, 1.0),
         ("door_joint", False, 1.0),
     ]
-    assert proof.counts is not None
-    assert proof.counts.links == (4, 3)
-    assert proof.licence == "MIT"
-    assert proof.colliders == sum(x.collisions for x in load_asset(out).links)
-    assert load_proof(out) == proof
-    assert (out / "proof.html").stat().st_size > 10_000
+    assert check_report.counts is not None
+    assert check_report.counts.links == (4, 3)
+    assert check_report.licence == "MIT"
+    assert check_report.colliders == sum(x.collisions for x in load_asset(out).links)
+    assert load_check_report(out) == check_report
+    assert (out / "check_report.html").stat().st_size > 10_000
 
 
 @pytest.mark.render
 def test_the_same_input_is_not_checked_twice(checked, tmp_path, monkeypatch):
-    source, out, proof, config = checked
+    source, out, check_report, config = checked
     monkeypatch.setattr(proving, "checked", None)
-    assert check(source, tmp_path / "again", config) == proof
+    assert check_asset(source, tmp_path / "again", config) == check_report
     assert (tmp_path / "again" / "object.xml").read_bytes() == (out / "object.xml").read_bytes()
 
 
 @pytest.mark.render
 def test_an_asset_folder_is_proven_as_it_is(checked, tmp_path):
-    _, out, proof, _ = checked
-    again = check(out, tmp_path / "again", CONFIG)
-    assert again.verdict == proof.verdict
-    assert {c.name for c in proof.clauses} - {c.name for c in again.clauses} == {
-        "fk_input",
-        "shown",
+    _, out, check_report, _ = checked
+    again = check_asset(out, tmp_path / "again", CONFIG)
+    assert again.verdict == check_report.verdict
+    assert {c.name for c in check_report.checks} - {c.name for c in again.checks} == {
+        "input_kinematics",
+        "visual_fidelity",
     }
 
 
 @pytest.mark.render
 def test_a_damaged_asset_folder_is_judged_against_its_input(checked, tmp_path):
     source, out, _, _ = checked
-    assert check(out, tmp_path / "whole", CONFIG, against=source).verdict == "repaired"
+    assert check_asset(out, tmp_path / "whole", CONFIG, against=source).verdict == "repaired"
     shutil.copytree(out, tmp_path / "damaged")
     path = tmp_path / "damaged" / "object.xml"
     text = path.read_text()
     assert 'axis="0 0 1"' in text
     path.write_text(text.replace('axis="0 0 1"', 'axis="0 0.0872 0.9962"'))
-    proof = check(tmp_path / "damaged", tmp_path / "judged", CONFIG, against=source)
-    assert proof.verdict == "refused"
-    failed = {(c.name, c.subject) for c in proof.clauses if c.outcome == "failed"}
-    assert {("fk", "door"), ("fk_input", "door")} <= failed
+    check_report = check_asset(tmp_path / "damaged", tmp_path / "judged", CONFIG, against=source)
+    assert check_report.verdict == "rejected"
+    failed = {(c.name, c.subject) for c in check_report.checks if c.outcome == "failed"}
+    assert {("forward_kinematics", "door"), ("input_kinematics", "door")} <= failed
 
 
 @pytest.mark.parametrize(
@@ -94,20 +101,23 @@ def test_a_damaged_asset_folder_is_judged_against_its_input(checked, tmp_path):
 def test_what_cannot_be_converted_is_refused_with_a_reason(tmp_path, text, reason):
     source = tmp_path / "bad.urdf"
     source.write_text(text)
-    proof = check(source, tmp_path / "out", CONFIG)
-    assert proof.verdict == "refused"
-    assert reason in proof.reasons[0]
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["proof.html", "proof.json"]
+    check_report = check_asset(source, tmp_path / "out", CONFIG)
+    assert check_report.verdict == "rejected"
+    assert reason in check_report.reasons[0]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "check_report.html",
+        "check_report.json",
+    ]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.urdf", "out"]
 
 
 def test_a_source_that_does_not_exist_and_an_out_in_the_way_are_usage_errors(tmp_path):
     with pytest.raises(UsageError, match="does not exist"):
-        check(tmp_path / "none.urdf", tmp_path / "out", CONFIG)
+        check_asset(tmp_path / "none.urdf", tmp_path / "out", CONFIG)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "letter").write_text("")
     with pytest.raises(UsageError, match="is not an asset"):
-        check(tmp_path / "none.urdf", tmp_path / "full", CONFIG)
+        check_asset(tmp_path / "none.urdf", tmp_path / "full", CONFIG)
 
 
 def test_a_failed_clause_refuses_with_its_name_and_joint(tmp_path):
@@ -115,28 +125,30 @@ def test_a_failed_clause_refuses_with_its_name_and_joint(tmp_path):
     wall = ((0.4, 0.0, 0.0), (0.05, 0.2, 0.2))
     part = Part(name="drawer", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(box,))
     asset = make_object(tmp_path / "object", part, body=(wall,))
-    proof = prove(asset)
-    assert proof.verdict == "refused"
-    assert any(reason.startswith("sweep_authored of drawer_joint: ") for reason in proof.reasons)
-    assert {c.name for c in proof.clauses} <= set(CLAUSES)
-    assert proof.joints[0].blocked
+    check_report = run_checks(asset)
+    assert check_report.verdict == "rejected"
+    assert any(
+        reason.startswith("sweep_authored of drawer_joint: ") for reason in check_report.reasons
+    )
+    assert {c.name for c in check_report.checks} <= set(CHECKS)
+    assert check_report.joints[0].blocked
 
 
 def test_an_object_without_joints_is_proven_as_rigid_and_says_so(tmp_path):
     box = ((0.0, 0.0, 0.5), (0.1, 0.2, 0.5))
     asset = make_object(tmp_path / "stone", body=(box,))
-    names = {c.name: c for c in prove(asset).clauses}
+    names = {c.name: c for c in run_checks(asset).checks}
     assert "rigid" in names["rigid"].message
-    assert "sweep" not in names
-    assert "open" not in names
+    assert "joint_sweep" not in names
+    assert "opening" not in names
 
 
 def test_a_model_that_does_not_load_is_refused(tmp_path):
     asset = make_object(tmp_path / "object")
     asset.mjcf_path.write_text("<mujoco><nonsense/></mujoco>")
-    proof = prove(asset)
-    assert proof.verdict == "refused"
-    assert proof.reasons[0].startswith("loads: ")
+    check_report = run_checks(asset)
+    assert check_report.verdict == "rejected"
+    assert check_report.reasons[0].startswith("loads: ")
 
 
 def test_a_clause_that_cannot_be_measured_refuses_and_leaves_the_others(tmp_path, monkeypatch):
@@ -144,14 +156,16 @@ def test_a_clause_that_cannot_be_measured_refuses_and_leaves_the_others(tmp_path
         raise RuntimeError("over\nthere")
 
     monkeypatch.setattr(proving, "inertia", broken)
-    proof = prove(make_object(tmp_path / "object"))
-    assert any("could not be measured (RuntimeError: over there)" in r for r in proof.reasons)
-    assert any(c.name == "coverage" for c in proof.clauses)
+    check_report = run_checks(make_object(tmp_path / "object"))
+    assert any(
+        "could not be measured (RuntimeError: over there)" in r for r in check_report.reasons
+    )
+    assert any(c.name == "collision_coverage" for c in check_report.checks)
 
 
 def test_every_clause_is_explained_in_three_parts():
-    for clause in CLAUSES.values():
-        assert all(len(text) > 30 for text in (clause.means, clause.matters, clause.mend))
+    for check in CHECKS.values():
+        assert all(len(text) > 30 for text in (check.means, check.matters, check.mend))
 
 
 LEAF = """<robot name="leaf"><link name="body">{box}<visual><geometry>
@@ -166,12 +180,12 @@ def unmeasured(monkeypatch):
     monkeypatch.setattr(
         proving,
         "prove",
-        lambda asset, _: CheckReport(asset=asset.name, verdict="proven", repairs=asset.repairs),
+        lambda asset, _: CheckReport(asset=asset.name, verdict="passed", repairs=asset.repairs),
     )
 
 
 @pytest.mark.usefixtures("unmeasured")
-@pytest.mark.parametrize("box", ["", BOX], ids=["refused", "left out"])
+@pytest.mark.parametrize("box", ["", BOX], ids=["rejected", "left out"])
 @pytest.mark.parametrize("where", ["above", "named by the variable"])
 def test_a_mesh_that_comes_to_another_folder_is_found_the_next_time(
     tmp_path, monkeypatch, box, where
@@ -182,13 +196,13 @@ def test_a_mesh_that_comes_to_another_folder_is_found_the_next_time(
     config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache", allow_missing=True)
     if where != "above":
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
-    first = check(source, tmp_path / "out", config)
+    first = check_asset(source, tmp_path / "out", config)
     assert "not found" in " ".join((*first.reasons, *first.repairs))
     far = tmp_path / ("far" if where == "above" else "ros/far")
     far.mkdir(parents=True)
     trimesh.creation.box((0.3, 0.3, 0.3)).export(far / "leaf.obj")
-    second = check(source, tmp_path / "out", config)
-    assert second.verdict == "proven"
+    second = check_asset(source, tmp_path / "out", config)
+    assert second.verdict == "passed"
     assert "not found" not in " ".join(second.repairs)
 
 
@@ -198,9 +212,9 @@ def test_a_refusal_that_no_file_elsewhere_would_mend_is_kept(tmp_path, monkeypat
     source.parent.mkdir()
     source.write_text("")
     config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
-    first = check(source, tmp_path / "out", config)
+    first = check_asset(source, tmp_path / "out", config)
     monkeypatch.setattr(proving, "checked", None)
-    assert check(source, tmp_path / "out", config) == first
+    assert check_asset(source, tmp_path / "out", config) == first
 
 
 @pytest.mark.usefixtures("unmeasured")
@@ -212,9 +226,9 @@ def test_a_damaged_mesh_that_is_mended_under_its_name_is_read_again(tmp_path):
     mesh = source.parent / "far" / "leaf.obj"
     mesh.parent.mkdir()
     mesh.write_text("v 0 0\nf 1 2 3\n")
-    assert check(source, tmp_path / "out", config).verdict == "refused"
+    assert check_asset(source, tmp_path / "out", config).verdict == "rejected"
     trimesh.creation.box((0.3, 0.3, 0.3)).export(mesh)
-    assert check(source, tmp_path / "out", config).verdict == "proven"
+    assert check_asset(source, tmp_path / "out", config).verdict == "passed"
 
 
 @pytest.mark.usefixtures("unmeasured")
@@ -232,12 +246,14 @@ def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, mon
             met.append(asset.folder)
         except threading.BrokenBarrierError:
             pass
-        return CheckReport(asset=asset.name, verdict="proven")
+        return CheckReport(asset=asset.name, verdict="passed")
 
     monkeypatch.setattr(proving, "prove", meet)
     with ThreadPoolExecutor(2) as pool:
-        outs = list(pool.map(lambda s: check(s, s.parent.parent / "out", config).verdict, sources))
-    assert outs == ["proven", "proven"]
+        outs = list(
+            pool.map(lambda s: check_asset(s, s.parent.parent / "out", config).verdict, sources)
+        )
+    assert outs == ["passed", "passed"]
     assert len(list((tmp_path / "cache" / "assets").iterdir())) == 1
     assert met == []
 
@@ -272,7 +288,7 @@ def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
 ):
     def failing(model):
         return [
-            Check(name="coverage", outcome="failed", subject=link, message="")
+            Check(name="collision_coverage", outcome="failed", subject=link, message="")
             for link in failed.get(model, ())
         ]
 
@@ -286,7 +302,7 @@ def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
 def test_a_lid_that_cuts_would_spoil_is_made_finer_first(data_folder, tmp_path):
     """Two shapes stand for it; cut back, they bare what is not seen, and finer ones do not."""
     config = dataclasses.replace(ConvertConfig(), cache_dir=tmp_path / "cache")
-    proof = check(
+    check_report = check_asset(
         data_folder / "assets" / "partnet" / "8867" / "mobility.urdf", tmp_path / "out", config
     )
-    assert proof.verdict == "repaired"
+    assert check_report.verdict == "repaired"

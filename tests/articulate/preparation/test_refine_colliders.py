@@ -48,11 +48,11 @@ def test_what_is_worth_it_with_few_passes_left_is_so_with_more(before, now, left
 
 
 def test_a_link_lacks_what_its_worst_clause_does():
-    clauses = [
+    checks = [
         Check(name=name, outcome="failed", subject="a", measured=m, allowed=a, message="")
-        for name, m, a in (("openness", 0.80, 0.85), ("coverage", 0.93, 0.95))
+        for name, m, a in (("cavities", 0.80, 0.85), ("collision_coverage", 0.93, 0.95))
     ]
-    assert shortfalls(clauses) == {"a": pytest.approx(0.05)}
+    assert shortfalls(checks) == {"a": pytest.approx(0.05)}
 
 
 def failing(monkeypatch, measured):
@@ -64,7 +64,7 @@ def failing(monkeypatch, measured):
         value = left.pop(0)
         return (
             Check(
-                name="coverage",
+                name="collision_coverage",
                 outcome="passed" if value >= 0.95 else "failed",
                 subject="body",
                 measured=value,
@@ -77,7 +77,7 @@ def failing(monkeypatch, measured):
         made.append(args[1].finer)
         return build_asset(*args)
 
-    monkeypatch.setattr(refine_colliders, "coverage", covered)
+    monkeypatch.setattr(refine_colliders, "collision_coverage", covered)
     monkeypatch.setattr(refine_colliders, "build_asset", build)
     return made
 

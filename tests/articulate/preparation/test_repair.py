@@ -13,11 +13,11 @@ from tests.articulate.conversion.boxes import BODY_BOX, LIMIT, written
 from articulate.assets.check_report import CheckReport
 from articulate.checks.interference import LIMIT_M, Sweeper
 from articulate.checks.model import load_model
-from articulate.checks.sweep import sweep
+from articulate.checks.sweep import sweep_joints
 from articulate.conversion import ConvertConfig, convert
 from articulate.errors import AssetError
 from articulate.geometry.presets import SLIDE
-from articulate.preparation.prepare import check, checked_asset
+from articulate.preparation.prepare import check_asset, load_checked_asset
 from articulate.preparation.repair import reach, weight_on
 
 PLATE = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.01))
@@ -25,7 +25,7 @@ PLATE = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.01))
 
 def checked(path: Path, tmp_path: Path) -> CheckReport:
     """The proof of a URDF."""
-    return check(path, tmp_path / "checked", ConvertConfig(cache_dir=tmp_path / "cache"))
+    return check_asset(path, tmp_path / "checked", ConvertConfig(cache_dir=tmp_path / "cache"))
 
 
 def plug(near: float, thick: float = 0.3, high: float = 0.4) -> tuple[str, str]:
@@ -38,29 +38,29 @@ def plug(near: float, thick: float = 0.3, high: float = 0.4) -> tuple[str, str]:
     return BODY_BOX + "</geometry></visual>", BODY_BOX + text
 
 
-def sentences(proof: CheckReport) -> str:
+def sentences(check_report: CheckReport) -> str:
     """All that was changed, a sentence a line."""
-    return "\n".join(proof.repairs)
+    return "\n".join(check_report.repairs)
 
 
 def test_a_way_that_ends_at_an_authored_wall_is_shortened(tmp_path):
-    proof = checked(written(tmp_path / "in", plug(0.2)), tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    (joint,) = proof.joints
+    check_report = checked(written(tmp_path / "in", plug(0.2)), tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    (joint,) = check_report.joints
     assert joint.span == pytest.approx(0.2 + LIMIT_M, abs=2e-4)
     assert joint.swept == 1.0
-    assert "way of joint slide shortened to 0 to 0.20" in sentences(proof)
-    assert "was 0 to 0.3" in sentences(proof)
-    limits = [c for c in proof.clauses if c.name == "limits"]
+    assert "way of joint slide shortened to 0 to 0.20" in sentences(check_report)
+    assert "was 0 to 0.3" in sentences(check_report)
+    limits = [c for c in check_report.checks if c.name == "joint_limits"]
     assert [c.outcome for c in limits] == ["passed"]
 
 
 def test_a_way_of_which_too_little_would_be_left_is_refused(tmp_path):
-    proof = checked(written(tmp_path / "in", plug(0.1)), tmp_path)
-    assert proof.verdict == "refused"
-    assert proof.joints[0].span == pytest.approx(0.3)
-    assert any(reason.startswith("sweep_authored of slide") for reason in proof.reasons)
-    assert "shortened" not in sentences(proof)
+    check_report = checked(written(tmp_path / "in", plug(0.1)), tmp_path)
+    assert check_report.verdict == "rejected"
+    assert check_report.joints[0].span == pytest.approx(0.3)
+    assert any(reason.startswith("sweep_authored of slide") for reason in check_report.reasons)
+    assert "shortened" not in sentences(check_report)
 
 
 LEAF = """<robot name="leaf">
@@ -77,13 +77,13 @@ may lose 3 mm; at its end it stands right across the jamb."""
 
 def test_shapes_are_cut_back_as_far_as_that_goes_and_the_way_ends_there(tmp_path):
     (tmp_path / "leaf.urdf").write_text(LEAF)
-    proof = checked(tmp_path / "leaf.urdf", tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    (joint,) = proof.joints
+    check_report = checked(tmp_path / "leaf.urdf", tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    (joint,) = check_report.joints
     assert math.radians(90.0) < joint.span < 2.79
-    assert "way of joint hinge shortened" in sentences(proof)
-    assert "goes into jamb, as authored" in sentences(proof)
-    assert "collision shapes cut back where parts pass" in sentences(proof)
+    assert "way of joint hinge shortened" in sentences(check_report)
+    assert "goes into jamb, as authored" in sentences(check_report)
+    assert "collision shapes cut back where parts pass" in sentences(check_report)
 
 
 SILL = (
@@ -96,17 +96,17 @@ SILL = (
 
 def test_cuts_that_take_too_long_are_not_made(tmp_path, monkeypatch):
     monkeypatch.setattr("articulate.preparation.prepare.MEND_S", -1.0)
-    proof = checked(written(tmp_path / "in", SILL), tmp_path)
-    assert proof.verdict == "refused"
-    assert "cut back" not in sentences(proof)
+    check_report = checked(written(tmp_path / "in", SILL), tmp_path)
+    assert check_report.verdict == "rejected"
+    assert "cut back" not in sentences(check_report)
 
 
 def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
-    proof = checked(written(tmp_path / "in", SILL), tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    assert proof.joints[0].span == pytest.approx(0.3)
-    assert "collision shapes cut back where parts pass each other" in sentences(proof)
-    coverage = [c for c in proof.clauses if c.name == "coverage"]
+    check_report = checked(written(tmp_path / "in", SILL), tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    assert check_report.joints[0].span == pytest.approx(0.3)
+    assert "collision shapes cut back where parts pass each other" in sentences(check_report)
+    coverage = [c for c in check_report.checks if c.name == "collision_coverage"]
     assert all(c.outcome == "passed" for c in coverage)
 
 
@@ -115,18 +115,18 @@ def test_a_way_ends_where_a_cut_mends_no_more_and_shapes_are_cut_before(tmp_path
     both = (old, sill + wall.removeprefix(old))
     source = written(tmp_path / "in", both)
     model = load_model(convert(source, tmp_path / "asset"))
-    (fault,) = sweep(model).faults
+    (fault,) = sweep_joints(model).faults
     pairs = {(met.one, met.other) for met in fault.way.meetings}
     sweeper = Sweeper(model=model)
     grazed = reach(sweeper, fault, pairs)[1]
     barred = reach(sweeper, fault, pairs, lambda met: met.excess_m > 0.01)[1]
     assert grazed < 0.03  # the sill
     assert barred == pytest.approx(0.21, abs=5e-4)  # the plug, and 10 mm into it
-    proof = checked(source, tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    assert 0.2 < proof.joints[0].span < 0.215
-    assert "way of joint slide shortened to 0 to 0.21" in sentences(proof)
-    assert "collision shapes cut back where parts pass each other" in sentences(proof)
+    check_report = checked(source, tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    assert 0.2 < check_report.joints[0].span < 0.215
+    assert "way of joint slide shortened to 0 to 0.21" in sentences(check_report)
+    assert "collision shapes cut back where parts pass each other" in sentences(check_report)
 
 
 def walled(wall: float) -> tuple[str, str]:
@@ -148,10 +148,10 @@ def walled(wall: float) -> tuple[str, str]:
 def test_no_way_is_carved_through_a_wall(tmp_path, wall):
     inside = ('<origin xyz="-0.22 0 0"/>', '<origin xyz="-0.1 0 0"/>')
     out = (LIMIT, '<limit lower="0" upper="0.5"/>')
-    proof = checked(written(tmp_path / "in", walled(wall), inside, out), tmp_path)
-    assert proof.verdict == "refused"
-    assert "cut back" not in sentences(proof)
-    (reason,) = (reason for reason in proof.reasons if reason.startswith("sweep_authored"))
+    check_report = checked(written(tmp_path / "in", walled(wall), inside, out), tmp_path)
+    assert check_report.verdict == "rejected"
+    assert "cut back" not in sentences(check_report)
+    (reason,) = (reason for reason in check_report.reasons if reason.startswith("authored_overlap"))
     assert re.search(r"of slide: drawer goes [\d.]+ mm deeper into body at", reason)
 
 
@@ -161,10 +161,12 @@ def test_two_parts_that_both_reach_too_far_are_cut_by_half_each(tmp_path):
         '<geometry><box size="0.3 0.4 0.03"/></geometry></visual>'
     )  # its top lies 9 mm above the drawer's lower edge; each strays by 3 to 7 mm at most
     path = written(tmp_path / "in", (BODY_BOX + "</geometry></visual>", BODY_BOX + sill))
-    proof = checked(path, tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    assert proof.joints[0].span == pytest.approx(0.3)
-    assert len(re.findall("collision shapes cut back where parts pass", sentences(proof))) == 2
+    check_report = checked(path, tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    assert check_report.joints[0].span == pytest.approx(0.3)
+    assert (
+        len(re.findall("collision shapes cut back where parts pass", sentences(check_report))) == 2
+    )
 
 
 HATCH = """<robot name="hatch">
@@ -185,9 +187,11 @@ def hatch(folder: Path, thick: float, inertial: str = "") -> Path:
 
 
 def test_what_is_too_heavy_to_be_lifted_shut_is_balanced(tmp_path):
-    proof = checked(hatch(tmp_path / "in", 0.1), tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    found = re.search(r"lowered from ([\d.]+) to ([\d.]+) kg, as if a spring", sentences(proof))
+    check_report = checked(hatch(tmp_path / "in", 0.1), tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    found = re.search(
+        r"lowered from ([\d.]+) to ([\d.]+) kg, as if a spring", sentences(check_report)
+    )
     assert found is not None
     assert float(found[2]) * 9.81 == pytest.approx(0.8 * 30.0 - SLIDE.frictionloss, rel=0.01)
 
@@ -196,10 +200,10 @@ def test_what_is_too_heavy_to_be_lifted_shut_is_balanced(tmp_path):
 def test_far_too_heavy_and_given_masses_stay_and_are_refused(tmp_path, given):
     mass = '<mass value="4.5"/><inertia ixx="0.04" iyy="0.04" izz="0.07" ixy="0" ixz="0" iyz="0"/>'
     inertial = f"<inertial>{mass}</inertial>" if given else ""
-    proof = checked(hatch(tmp_path / "in", 0.1 if given else 0.6, inertial), tmp_path)
-    assert proof.verdict == "refused"
-    assert any(reason.startswith("close of slide") for reason in proof.reasons)
-    assert "spring" not in sentences(proof)
+    check_report = checked(hatch(tmp_path / "in", 0.1 if given else 0.6, inertial), tmp_path)
+    assert check_report.verdict == "rejected"
+    assert any(reason.startswith("close of slide") for reason in check_report.reasons)
+    assert "spring" not in sentences(check_report)
 
 
 def test_weight_on_a_joint_is_that_of_its_closed_form(tmp_path):
@@ -215,10 +219,10 @@ def test_weight_on_a_joint_is_that_of_its_closed_form(tmp_path):
 
 
 def test_what_already_passes_is_left_as_it_is(tmp_path):
-    proof = checked(written(tmp_path / "in"), tmp_path)
-    assert proof.verdict != "refused", proof.reasons
-    assert "cut back" not in sentences(proof)
-    assert "shortened" not in sentences(proof)
+    check_report = checked(written(tmp_path / "in"), tmp_path)
+    assert check_report.verdict != "rejected", check_report.reasons
+    assert "cut back" not in sentences(check_report)
+    assert "shortened" not in sentences(check_report)
 
 
 def test_a_door_that_opens_into_a_wall_stops_before_it(tmp_path):
@@ -233,33 +237,33 @@ def test_a_door_that_opens_into_a_wall_stops_before_it(tmp_path):
          BODY_BOX + '</geometry></visual><visual><origin xyz="-0.4 0.45 0"/>'
          '<geometry><box size="0.1 0.3 0.4"/></geometry></visual>'),
     )  # fmt: skip
-    proof = checked(written(tmp_path / "in", *door), tmp_path)
-    assert proof.verdict == "repaired", proof.reasons
-    (joint,) = proof.joints
+    check_report = checked(written(tmp_path / "in", *door), tmp_path)
+    assert check_report.verdict == "repaired", check_report.reasons
+    (joint,) = check_report.joints
     assert math.radians(90.0) < joint.span < math.radians(170.0)
-    assert "goes into body, as authored" in sentences(proof)
+    assert "goes into body, as authored" in sentences(check_report)
 
 
 def test_a_proven_asset_comes_from_the_cache_the_second_time(tmp_path, monkeypatch):
     path = written(tmp_path / "in", plug(0.2))
-    asset = checked_asset(path, tmp_path / "cache")
+    asset = load_checked_asset(path, tmp_path / "cache")
     assert asset.joint("slide").open == pytest.approx(0.2, abs=0.01)
     monkeypatch.setattr("articulate.preparation.prepare.prove", None)
-    assert checked_asset(path, tmp_path / "cache") == asset
+    assert load_checked_asset(path, tmp_path / "cache") == asset
 
 
 def test_a_refused_asset_is_no_asset(tmp_path):
     path = written(tmp_path / "in", plug(0.1))
     with pytest.raises(AssetError, match=r"refused: sweep_authored of slide.*check-asset"):
-        checked_asset(path, tmp_path / "cache")
+        load_checked_asset(path, tmp_path / "cache")
 
 
 def test_what_cannot_be_read_keeps_its_own_sentence(tmp_path):
     path = tmp_path / "no.urdf"
     path.write_text("nothing")
     with pytest.raises(AssetError, match=r"no\.urdf") as caught:
-        checked_asset(path, tmp_path / "cache")
-    assert "refused" not in str(caught.value)
+        load_checked_asset(path, tmp_path / "cache")
+    assert "rejected" not in str(caught.value)
 
 
 def test_what_no_hand_could_turn_and_weighs_nothing_is_refused_in_a_sentence(tmp_path):
@@ -275,6 +279,8 @@ def test_what_no_hand_could_turn_and_weighs_nothing_is_refused_in_a_sentence(tmp
       <joint name="tilt" type="revolute"><parent link="pin"/><child link="tip"/>
         <axis xyz="1 0 0"/><limit lower="0" upper="1"/></joint>
     </robot>""")
-    proof = checked(path, tmp_path)
-    assert proof.verdict == "refused"
-    assert any("away from its axis" in reason for reason in proof.reasons), proof.reasons
+    check_report = checked(path, tmp_path)
+    assert check_report.verdict == "rejected"
+    assert any("away from its axis" in reason for reason in check_report.reasons), (
+        check_report.reasons
+    )

@@ -5,7 +5,7 @@ import types
 import pytest
 
 from articulate.checks.interference import Way
-from articulate.checks.sweep import Fault
+from articulate.checks.sweep import Violation
 from articulate.preparation.repair import RepairSession
 
 
@@ -16,7 +16,7 @@ def bench():
 
 
 WAY = Way(free=0.5, meetings=(), ends=(0.0, 0.5), deepest_m=0.003)
-FAULT = Fault(joint="lid", others={}, way=WAY, authored=(("lid", "box"),), alone=True)
+FAULT = Violation(joint="lid", others={}, way=WAY, authored=(("lid", "box"),), alone=True)
 
 
 def cuts(bench, monkeypatch, *, sparing, apart):

@@ -15,7 +15,7 @@ def kept(tmp_path):
     mesh.write_text("v 0 0 0")
     folder = tmp_path / "cache" / "assets" / "a"
     folder.mkdir(parents=True)
-    (folder / "proof.json").write_text('{"schema": "articulate.proof"}')
+    (folder / "check_report.json").write_text('{"schema": "articulate.check_report"}')
     store.keep(source, {}, tmp_path / "cache", [mesh], folder)
     return source, mesh, tmp_path / "cache", folder
 
@@ -38,7 +38,7 @@ def test_whatever_changes_it_is_checked_anew(kept, change):
     elif change == "new file":
         (mesh.parent / "b.obj").write_text("")
     elif change == "result":
-        (folder / "proof.json").unlink()
+        (folder / "check_report.json").unlink()
     else:
         next((cache / "checks").iterdir()).write_text("{")
     assert store.find(source, options, cache) is None
@@ -85,11 +85,11 @@ def test_handing_over_replaces_an_earlier_result_and_nothing_else(kept, tmp_path
     store.hand_over(folder, out)
     (out / "old").write_text("")
     store.hand_over(folder, out)
-    assert [p.name for p in out.iterdir()] == ["proof.json"]
+    assert [p.name for p in out.iterdir()] == ["check_report.json"]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "in", "out"]
     with pytest.raises(UsageError, match="is not an asset"):
         store.hand_over(folder, kept[0].parent)
-    for name in ("asset.json", "proof.json"):
+    for name in ("asset.json", "check_report.json"):
         (kept[0].parent / name).write_text("{}")  # of another program
     with pytest.raises(UsageError, match="is not an asset"):
         store.hand_over(folder, kept[0].parent)
@@ -113,4 +113,4 @@ def test_an_out_with_too_long_a_name_is_refused_in_one_line(kept, tmp_path):
 
 def test_an_out_may_have_the_longest_name_that_the_disk_takes(kept, tmp_path):
     store.hand_over(kept[3], tmp_path / ("x" * 255))
-    assert (tmp_path / ("x" * 255) / "proof.json").is_file()
+    assert (tmp_path / ("x" * 255) / "check_report.json").is_file()

@@ -118,7 +118,7 @@ def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_pat
             CheckReport(asset="box", verdict="passed") if moved and helps else refused(grazes(0.01))
         )
 
-    monkeypatch.setattr(_Bench, "proof", check_report)
+    monkeypatch.setattr(_Bench, "check_report", check_report)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]])
     given = types.SimpleNamespace(meshes=[plain_part("lid", corners, np.array([[0, 1, 2]]))])
     bench = _Bench(given=given, order=None, actor="me")  # type: ignore[arg-type]  # all it asks for

@@ -77,7 +77,7 @@ def world():
     for _ in range(MAX_AGE + 2):
         estimator.push(turned(rng, N), rng.uniform(0, 1, N), rng.normal(size=N))
     values = rng.uniform(-0.1, 0.1, (N, len(COLUMNS)))
-    values[:, COLUMNS.index("estimate_delay_ticks")] = rng.integers(0, MAX_AGE, N)
+    values[:, COLUMNS.index("estimate_delay_steps")] = rng.integers(0, MAX_AGE, N)
     q = rng.uniform(*PANDA.bounds(), (N, 7))
     one = rng.uniform(-1, 1, (5, N))
     return {
@@ -90,7 +90,7 @@ def world():
         "width_before": rng.uniform(0.0, 0.08, N),
         "hand": GripperState(one[0], one[1], 3.0 * np.abs(one[2]), one[3], one[4]),
         "last_action": rng.uniform(-1, 1, (N, 8)),
-        "motions_due": rng.uniform(-3, 3, (N, 7)),
+        "pending_actions": rng.uniform(-3, 3, (N, 7)),
         "samples": rng.normal(scale=60.0, size=(N, WIDTH)),
         "tick": rng.integers(0, TICKS + 1, N),
     }
@@ -98,20 +98,20 @@ def world():
 
 def compiled(world, noise, *, closes=False):
     """Observations of ``world`` by the compiled function."""
-    hand, estimator = world["hand"], world["estimator"]
+    gripper, estimator = world["hand"], world["estimator"]
     seen = Seen(
         q=world["q"],
         dq=world["dq"],
         target=world["target"],
         width=world["width"],
         width_before=world["width_before"],
-        smooth=hand.smooth,
-        wish=hand.wish,
-        since_s=hand.since_s,
+        smooth=gripper.smooth,
+        wish=gripper.wish,
+        since_s=gripper.since_s,
         samples=world["samples"],
         T_wt=tool_pose(PANDA, world["q"]),
         T_wt_target=tool_pose(PANDA, world["target"]),
-        motions_due=world["motions_due"],
+        pending_actions=world["pending_actions"],
         last_action=world["last_action"],
         tick=world["tick"],
     )
@@ -133,13 +133,13 @@ def by_numpy(world, noise, *, closes=False):
         q=world["q"],
         dq=world["dq"],
         target=world["target"],
-        hand_width=world["width"],
-        hand_speed=(world["width"] - world["width_before"]) / TICK_S,
-        hand_force=felt(force_w, world["drawn"], CONFIG.force_noise_n, second),
-        hand=world["hand"],
+        gripper_width=world["width"],
+        gripper_speed=(world["width"] - world["width_before"]) / TICK_S,
+        measured_force=felt(force_w, world["drawn"], CONFIG.force_noise_n, second),
+        gripper=world["hand"],
         estimate=estimate,
         last_action=world["last_action"],
-        motions_due=world["motions_due"],
+        pending_actions=world["pending_actions"],
         move_m=MOVE_M,
         time_left=1.0 - world["tick"] / TICKS,
         goal=GOAL,

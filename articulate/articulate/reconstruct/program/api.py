@@ -15,11 +15,11 @@ import numpy as np
 from articulate.assets.asset import Quat, Vec3
 from articulate.errors import AssetError, nearest
 from articulate.reconstruct.program.arguments import (
+    format_value,
     least_zero,
     limits,
     named,
     number,
-    told,
     unit,
     vector,
 )
@@ -28,8 +28,14 @@ from articulate.reconstruct.program.language import FUNCTIONS, PLACEMENTS
 from articulate.reconstruct.program.materials import DEFAULT, MATERIALS
 from articulate.reconstruct.program.placement import TABLE, centred, shift
 from articulate.reconstruct.program.program_parts import Parts
-from articulate.reconstruct.program.result import Built, BuiltJoint, BuiltPart, JointKind, Placed
-from articulate.reconstruct.program.values import ValueRefused
+from articulate.reconstruct.program.result import (
+    JointKind,
+    ObjectJoint,
+    ObjectPart,
+    PlacementRecord,
+    ProgramObject,
+)
+from articulate.reconstruct.program.values import InvalidValueError
 from articulate.transforms import (
     Array,
     apply,
@@ -66,12 +72,12 @@ class Builder:
         self.frames: list[str] = []
         self.settled: set[str] = set()
         """Parts that the program has put somewhere: they stand in the way of others."""
-        self.joints: dict[str, BuiltJoint] = {}
+        self.joints: dict[str, ObjectJoint] = {}
         """By child."""
         self.rests_on: dict[str, str] = {}
         """Parent of the last placement, by child."""
         self.materials: dict[str, str] = {}
-        self.placed: list[Placed] = []
+        self.placed: list[PlacementRecord] = []
         self.notes: list[str] = []
         self.chosen_root: str | None = None
         self.calls = self.snaps = 0
@@ -92,15 +98,15 @@ class Builder:
         """
         self.calls += 1
         if self.calls > MOST_CALLS:
-            raise ValueRefused(f"more than {MOST_CALLS} calls; shorten the program")
+            raise InvalidValueError(f"more than {MOST_CALLS} calls; shorten the program")
         if not isinstance(name, str) or name not in FUNCTIONS or not isinstance(arguments, dict):
-            raise ValueRefused("no function of the language")
+            raise InvalidValueError("no function of the language")
         if set(arguments) != set(FUNCTIONS[name].names):
-            raise ValueRefused(f"write {FUNCTIONS[name].line(name)}")
+            raise InvalidValueError(f"write {FUNCTIONS[name].line(name)}")
         try:
             return self._answers[name](**arguments)
         except AssetError as error:  # a mesh that cannot be read
-            raise ValueRefused(str(error)) from None
+            raise InvalidValueError(str(error)) from None
 
     # What there is
 
@@ -160,14 +166,14 @@ class Builder:
         """Put the child at a side of the parent, up to contact if ``snap``."""
         name, other = self._free(child), self._part(parent)
         if name == other:
-            raise ValueRefused("a part cannot be placed relative to itself")
+            raise InvalidValueError("a part cannot be placed relative to itself")
         if placement not in PLACEMENTS:
-            raise ValueRefused(
-                f"placement {told(placement)} is not known; there are: {', '.join(PLACEMENTS)}"
+            raise InvalidValueError(
+                f"placement {format_value(placement)} is not known; there are: {', '.join(PLACEMENTS)}"
             )
         gap, side = number(clearance, "clearance"), TABLE[str(placement)]
         if not isinstance(snap, bool) or not isinstance(align, bool):
-            raise ValueRefused("snap and align are True or False")
+            raise InvalidValueError("snap and align are True or False")
         before = self.T_wp[name]
         own, its = np.array(self.box(name)), np.array(self.box(other))
         way = centred(own, its, side) if align else np.zeros(3)
@@ -180,7 +186,7 @@ class Builder:
         moved = (self.T_wp[name] @ inverse(before))[:3, 3]
         self.rests_on[name] = other
         self.placed.append(
-            Placed(
+            PlacementRecord(
                 child=name,
                 parent=other,
                 placement=placement,
@@ -197,7 +203,9 @@ class Builder:
         """Move the child along the placement's axis until it touches; see docs/program.md."""
         self.snaps += 1
         if self.snaps > MOST_SNAPS:
-            raise ValueRefused(f"more than {MOST_SNAPS} placements with snap; write snap=False")
+            raise InvalidValueError(
+                f"more than {MOST_SNAPS} placements with snap; write snap=False"
+            )
         side = TABLE[placement]
         assert side is not None
         own, its = np.array(self.box(name)), np.array(self.box(parent))
@@ -263,9 +271,9 @@ class Builder:
         """Add a link without geometry."""
         label = named(name)
         if label in self.T_wp:
-            raise ValueRefused(f"{told(name)} is taken; choose another name")
+            raise InvalidValueError(f"{format_value(name)} is taken; choose another name")
         if len(self.frames) >= MOST_FRAMES:
-            raise ValueRefused(f"at most {MOST_FRAMES} frames are accepted")
+            raise InvalidValueError(f"at most {MOST_FRAMES} frames are accepted")
         self.frames.append(label)
         self.T_wp[label] = np.eye(4)
         return label
@@ -274,14 +282,16 @@ class Builder:
         """Say what stands still."""
         name = self._part(part)
         if name in self.joints:
-            raise ValueRefused(f"{name} is the child of joint {self.joints[name].name}: no root")
+            raise InvalidValueError(
+                f"{name} is the child of joint {self.joints[name].name}: no root"
+            )
         self.chosen_root = name
 
     def material(self, part: Any, material: Any) -> None:
         """Say what it is made of."""
         if not isinstance(material, str) or material not in MATERIALS:
-            raise ValueRefused(
-                f"material {told(material)} is not known; there are: {', '.join(MATERIALS)}"
+            raise InvalidValueError(
+                f"material {format_value(material)} is not known; there are: {', '.join(MATERIALS)}"
             )
         self.materials[self._part(part)] = material
 
@@ -296,7 +306,9 @@ class Builder:
         """A hinge with limits [rad]."""
         low, high = limits(lower, upper)
         if low is not None and high is not None and max(-low, high) > 4.0 * math.pi:
-            raise ValueRefused("limits of a hinge are in radians; write radians(90) for degrees")
+            raise InvalidValueError(
+                "limits of a hinge are in radians; write radians(90) for degrees"
+            )
         return self._join(
             "revolute", child, parent, name, axis_w=_three(unit(axis)),
             pivot_w=_three(vector(pivot, "pivot")), lower=low, upper=high,
@@ -331,42 +343,48 @@ class Builder:
         by_name = {joint.name: child for child, joint in self.joints.items()}
         for joint in (follower, leader):
             if not isinstance(joint, str) or joint not in by_name:
-                raise ValueRefused(f"joint {told(joint)} is not known{_near(joint, by_name)}")
+                raise InvalidValueError(
+                    f"joint {format_value(joint)} is not known{_near(joint, by_name)}"
+                )
         seen, at = {follower}, leader
         while at is not None:
             if at in seen:
-                raise ValueRefused("joints that follow each other in a circle")
+                raise InvalidValueError("joints that follow each other in a circle")
             seen.add(at)
             ahead = self.joints[by_name[at]].mimic
             at = None if ahead is None else ahead[0]
         joints = [self.joints[by_name[joint]] for joint in (follower, leader)]
         if any(joint.kind == "fixed" for joint in joints):
-            raise ValueRefused("a fixed joint neither follows nor leads")
+            raise InvalidValueError("a fixed joint neither follows nor leads")
         numbers = number(multiplier, "multiplier"), number(offset, "offset")
         fields = {**vars(joints[0]), "mimic": (leader, *numbers)}
-        self.joints[joints[0].child] = BuiltJoint(**fields)
+        self.joints[joints[0].child] = ObjectJoint(**fields)
 
     def _join(self, kind: JointKind, child: Any, parent: Any, name: Any, **what: Any) -> str:
         below, above = self._part(child), self._part(parent)
         if below in self.joints:
-            raise ValueRefused(f"{below} is the child of joint {self.joints[below].name} already")
+            raise InvalidValueError(
+                f"{below} is the child of joint {self.joints[below].name} already"
+            )
         if below == self.chosen_root:
-            raise ValueRefused(f"{below} is the root; it has no joint")
+            raise InvalidValueError(f"{below} is the root; it has no joint")
         at: str | None = above
         while at is not None:
             if at == below:
-                raise ValueRefused(f"{above} hangs on {below}: the joints would form a circle")
+                raise InvalidValueError(f"{above} hangs on {below}: the joints would form a circle")
             at = self.joints[at].parent if at in self.joints else None
         taken = {joint.name for joint in self.joints.values()}
         label = f"{below}_joint" if name is None else named(name)
         if label in taken:
-            raise ValueRefused(f"a joint is called {told(label)} already; choose another name")
-        self.joints[below] = BuiltJoint(name=label, kind=kind, child=below, parent=above, **what)
+            raise InvalidValueError(
+                f"a joint is called {format_value(label)} already; choose another name"
+            )
+        self.joints[below] = ObjectJoint(name=label, kind=kind, child=below, parent=above, **what)
         return label
 
     # What comes out
 
-    def built(self, layers: tuple[str, ...]) -> Built:
+    def built(self, layers: tuple[str, ...]) -> ProgramObject:
         """The whole object; what nothing joins is fixed."""
         names = list(self.T_wp)
         free = [name for name in names if name not in self.joints]
@@ -379,9 +397,9 @@ class Builder:
             parent = self._support(name, root, joints)
             self.notes.append(f"nothing joins {name}: fixed to {parent}")
             label = _unused(f"{name}_joint", taken)
-            joints[name] = BuiltJoint(name=label, kind="fixed", child=name, parent=parent)
+            joints[name] = ObjectJoint(name=label, kind="fixed", child=name, parent=parent)
         parts = tuple(
-            BuiltPart(
+            ObjectPart(
                 name=name,
                 pos_w=_three(self.T_wp[name][:3, 3]),
                 quat_w=_four(matrix_to_quat(self.T_wp[name][:3, :3])),
@@ -391,12 +409,12 @@ class Builder:
             for name in names
         )
         ordered = tuple(joints[name] for name in names if name in joints)
-        return Built(
+        return ProgramObject(
             root=root, parts=parts, joints=ordered, placed=tuple(self.placed),
             notes=tuple(dict.fromkeys(self.notes)), layers=layers,
         )  # fmt: skip
 
-    def _support(self, name: str, root: str, joints: dict[str, BuiltJoint]) -> str:
+    def _support(self, name: str, root: str, joints: dict[str, ObjectJoint]) -> str:
         """What an unjoined part is fixed to: what it was placed at, unless that hangs on it."""
         support = self.rests_on.get(name, root)
         at: str | None = support
@@ -411,7 +429,7 @@ class Builder:
     def _part(self, name: Any) -> str:
         if not isinstance(name, str) or name not in self.T_wp:
             hint = _near(name, list(self.T_wp)[:60])
-            raise ValueRefused(f"part {told(name)} is not known{hint}")
+            raise InvalidValueError(f"part {format_value(name)} is not known{hint}")
         return name
 
     def _free(self, name: Any) -> str:
@@ -419,13 +437,15 @@ class Builder:
         part = self._part(name)
         for joint in self.joints.values():
             if part in {joint.child, joint.parent}:
-                raise ValueRefused(f"{part} is part of joint {joint.name}: place it before joining")
+                raise InvalidValueError(
+                    f"{part} is part of joint {joint.name}: place it before joining"
+                )
         self.settled.add(part)
         return part
 
     def _hull(self, name: str) -> Hull:
         if name not in self.parts or not self.parts[name].pieces:
-            raise ValueRefused(f"{name} has no geometry, so it has no box")
+            raise InvalidValueError(f"{name} has no geometry, so it has no box")
         self.check_time()  # the hull of a large mesh takes seconds
         return self.parts[name].hull.moved(self.T_wp[name])
 

@@ -14,7 +14,7 @@ JointKind = Literal["fixed", "revolute", "continuous", "prismatic"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuiltPart:
+class ObjectPart:
     """Where a part is while every joint is at 0."""
 
     name: str
@@ -29,7 +29,7 @@ class BuiltPart:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuiltJoint:
+class ObjectJoint:
     """One joint, at its position 0."""
 
     name: str
@@ -52,7 +52,7 @@ class BuiltJoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Placed:
+class PlacementRecord:
     """What one ``place_relative_to`` did."""
 
     child: str
@@ -69,16 +69,16 @@ class Placed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Built:
+class ProgramObject:
     """A whole object, as a program describes it."""
 
     root: str
     """The part that stands still."""
-    parts: tuple[BuiltPart, ...]
+    parts: tuple[ObjectPart, ...]
     """All parts, in the order in which they were given, then frames."""
-    joints: tuple[BuiltJoint, ...]
+    joints: tuple[ObjectJoint, ...]
     """One for each part but the root."""
-    placed: tuple[Placed, ...] = ()
+    placed: tuple[PlacementRecord, ...] = ()
     notes: tuple[str, ...] = ()
     """What was decided for the program, one sentence each."""
     layers: tuple[str, ...] = ()

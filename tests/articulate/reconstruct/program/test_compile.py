@@ -12,11 +12,16 @@ from tests.articulate.reconstruct.program import scenes
 from articulate.errors import AssetError, UsageError
 from articulate.geometry.presets import LARGE_HINGE, MASS_KG, SLIDE
 from articulate.preparation.prepare import check_asset
-from articulate.reconstruct.program.compile import link_plans, write_built
+from articulate.reconstruct.program.compile import link_plans, write_object
 from articulate.reconstruct.program.mass import inertial_of
-from articulate.reconstruct.program.materials import DEFAULT, MATERIALS, Material
+from articulate.reconstruct.program.materials import DEFAULT, MATERIALS, PartMaterial
 from articulate.reconstruct.program.program_parts import parts_of
-from articulate.reconstruct.program.result import Built, BuiltJoint, BuiltPart, ProgramError
+from articulate.reconstruct.program.result import (
+    ObjectJoint,
+    ObjectPart,
+    ProgramError,
+    ProgramObject,
+)
 from articulate.reconstruct.program.run import compile_program
 
 
@@ -105,7 +110,7 @@ def test_damping_friction_and_mass_come_from_the_tables(robot):
 
 
 def test_a_solid_box_has_the_inertia_of_the_closed_form():
-    stuff = Material(density=1000.0, wall_m=10.0)
+    stuff = PartMaterial(density=1000.0, wall_m=10.0)
     found = inertial_of(parts_of({"a": scenes.box((0.1, 0.2, 0.3))})["a"].pieces, stuff, np.eye(4))
     assert found is not None
     assert found.mass_kg == pytest.approx(6.0)
@@ -149,7 +154,7 @@ def test_names_of_parts_cannot_leave_their_attributes_or_folders(tmp_path):
 
 def test_a_urdf_is_never_beside_meshes_of_another_object(tmp_path, monkeypatch):
     parts = parts_of(scenes.parts())
-    path = write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
+    path = write_object(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
     seen = []
 
     def killed(file, content):
@@ -158,7 +163,7 @@ def test_a_urdf_is_never_beside_meshes_of_another_object(tmp_path, monkeypatch):
 
     monkeypatch.setattr("articulate.reconstruct.program.elements.write_bytes", killed)
     with pytest.raises(KeyboardInterrupt):
-        write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
+        write_object(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
     assert seen == [False]
     assert not path.exists()
 
@@ -167,7 +172,7 @@ def test_a_urdf_that_cannot_be_removed_is_refused_in_one_line(tmp_path):
     parts = parts_of(scenes.parts())
     (tmp_path / "cabinet.urdf").mkdir()
     with pytest.raises(UsageError, match=r"cabinet\.urdf: cannot be written"):
-        write_built(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
+        write_object(scenes.built(scenes.PROGRAM, parts), parts, tmp_path, name="cabinet")
 
 
 def test_an_error_of_a_program_writes_nothing(tmp_path):
@@ -178,12 +183,12 @@ def test_an_error_of_a_program_writes_nothing(tmp_path):
 
 def test_data_that_are_no_tree_are_refused(tmp_path):
     at, turned = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-    parts = tuple(BuiltPart(name=n, pos_w=at, quat_w=turned, material=DEFAULT) for n in "abc")
+    parts = tuple(ObjectPart(name=n, pos_w=at, quat_w=turned, material=DEFAULT) for n in "abc")
     joints = tuple(
-        BuiltJoint(name=c, kind="fixed", child=c, parent=p) for c, p in (("b", "c"), ("c", "b"))
+        ObjectJoint(name=c, kind="fixed", child=c, parent=p) for c, p in (("b", "c"), ("c", "b"))
     )
     with pytest.raises(AssetError, match="2 parts hang on nothing"):
-        link_plans(Built(root="a", parts=parts, joints=joints))
+        link_plans(ProgramObject(root="a", parts=parts, joints=joints))
 
 
 @pytest.mark.slow
@@ -197,6 +202,6 @@ def test_check_asset_proves_what_a_program_makes(compiled, tmp_path):
 def test_the_data_can_be_written_again_without_a_program(tmp_path):
     parts = parts_of(scenes.parts())
     built = scenes.built(scenes.PROGRAM, parts)
-    path = write_built(built, parts, tmp_path, name="again")
+    path = write_object(built, parts, tmp_path, name="again")
     assert path.is_file()
     assert not (tmp_path / "program.py").exists()
