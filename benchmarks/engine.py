@@ -64,11 +64,11 @@ import torch
 from numba import carray, njit  # type: ignore[attr-defined]  # numba says no __all__
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
-from articulate.robot.control import discrete, follow
+from articulate.robot.control import discretize_filter, filter_step
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
 from articulate_envs.compiled.advance import _call, _doubles
-from articulate_envs.config import StartConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene, build_scene
 from articulate_envs.threaded_engine import ThreadEngine
@@ -78,7 +78,7 @@ from training import PACKAGES, WARM_UP_STEPS, OurSide, prepare
 
 ROBOSUITE_STEP_S = 0.002
 """Physics step of robosuite [s]."""
-STARTS = StartConfig(share_first=1.0, share_last=1.0, cut=0.0)
+STARTS = InitialStatesConfig(share_first=1.0, share_last=1.0, truncation_probability=0.0)
 """Episodes begin along the task and run their full length."""
 HELD_TICKS = 10
 """So long an action lasts."""
@@ -126,9 +126,9 @@ def replay(
 
 @dataclass
 class Recorded:
-    """What stood before each tick: all that the controls of its substeps follow from."""
+    """What stood before each tick: all that determines the controls of its substeps."""
 
-    follow: list[Array] = field(default_factory=list)
+    filter: list[Array] = field(default_factory=list)
     target: list[Array] = field(default_factory=list)
     closing: list[Array] = field(default_factory=list)
     finger: list[Array] = field(default_factory=list)
@@ -136,24 +136,24 @@ class Recorded:
 
     def controls(self, scene: Scene) -> tuple[Array, Array]:
         """Controls (N, T, substeps, nu) and pushes (N, T, 3)."""
-        at, hand, dt = scene.at, scene.arm.hand, scene.physics.timestep_s
-        A, B = discrete(scene.follow.omega_rad_s, dt)
-        step = hand.finger_speed_m_s * dt
+        at, gripper, dt = scene.at, scene.arm.gripper, scene.physics.timestep_s
+        A, B = discretize_filter(scene.control.omega_rad_s, dt)
+        step = gripper.finger_speed_m_s * dt
         n, ticks = len(self.finger[0]), len(self.finger)
         out = np.zeros((n, ticks, scene.substeps, scene.nominal.nu))
         for t in range(ticks):
-            state, finger = self.follow[t], self.finger[t]
+            state, finger = self.filter[t], self.finger[t]
             way = np.where(self.closing[t] > 0.0, -step, step)
             for s in range(scene.substeps):
-                state = follow(state, self.target[t], A, B)
-                finger = np.clip(finger + way, *hand.finger_m)
+                state = filter_step(state, self.target[t], A, B)
+                finger = np.clip(finger + way, *gripper.finger_m)
                 out[:, t, s, at.arm_ctrl : at.arm_ctrl + 7] = state[:, :, 0]
                 out[:, t, s, at.finger_ctrl] = finger
                 out[:, t, s, at.finger_ctrl + 1] = -finger
         return out, np.stack(self.push, axis=1)
 
 
-BEFORE = ("follow", "closing", "finger", "push")
+BEFORE = ("filter", "closing", "finger", "push")
 """What the tick changes, or is the same after it; targets are moved at its beginning."""
 
 
@@ -200,7 +200,13 @@ class RecordingEngine(ThreadEngine):
 
 def episodes_on(engine: ThreadEngine, config: TrainConfig) -> Episodes:
     """Episodes as in training at its beginning, all of full length."""
-    return Episodes(engine, draws=config.draw, reward=config.reward, starts=STARTS, seed=0)
+    return Episodes(
+        engine,
+        randomization=config.randomization,
+        reward=config.reward,
+        initial_states=STARTS,
+        seed=0,
+    )
 
 
 def motions(n: int, ticks: int) -> Array:
@@ -336,7 +342,7 @@ def scene_with(scene: Scene, timestep_s: float) -> Scene:
         scene.asset,
         scene.task,
         arm=scene.arm,
-        follow=scene.follow,
+        control=scene.control,
         physics=replace(scene.physics, timestep_s=timestep_s),
         place=scene.place,
         scales=scene.scales,
@@ -381,7 +387,9 @@ def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
         side.update()  # the first one compiles and fills caches
         blocks[name] = Block(partial(update, side), side.close)
     rates = alternating(blocks | {"engine": Block(engine_alone, _nothing)}, args.rounds)
-    share = min(config.show.until * config.members, 1.0)  # of a seed's ticks, members together
+    share = min(
+        config.imitation.until * config.ensemble_size, 1.0
+    )  # of a seed's ticks, members together
     by_kind = zip(rates["shown"], rates["ppo"], strict=True)
     rates["training"] = [1.0 / (share / shown + (1.0 - share) / ppo) for shown, ppo in by_kind]
     out: dict[str, Any] = {}

@@ -18,7 +18,7 @@ from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import make_task
 from articulate_envs.config import InitialStatesConfig
-from articulate_envs.placement_search import find_place
+from articulate_envs.placement_search import find_placement
 from articulate_train.config import (
     ActionScalingConfig,
     CheckpointSelectionConfig,
@@ -83,7 +83,7 @@ def make_run(
 def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: float) -> None:
     assert config.joint is not None
     task = make_task(config.task, asset, config.joint, episode_s=episode_s)
-    place = find_place(asset, task, PANDA, config.randomization)
+    place = find_placement(asset, task, PANDA, config.randomization)
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")
     write_text(folder / "config.yaml", to_yaml(config))

@@ -16,7 +16,7 @@ from articulate.task.task import make_task
 from articulate.transforms import Ints
 from articulate_envs.engine import Start
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.placement_search import find_place
+from articulate_envs.placement_search import find_placement
 from articulate_envs.scene import Scene, build_scene
 
 DRAWS = dataclasses.replace(RandomizationConfig(), scales=3)
@@ -40,7 +40,7 @@ def make_scene(
         arm=arm,
         control=ControlConfig(),
         physics=PhysicsConfig(),
-        place=find_place(asset, task, arm, draws),
+        place=find_placement(asset, task, arm, draws),
         scales=draws.scale_values,
     )
 

@@ -1,6 +1,5 @@
-"""The documents of the repository keep their promises."""
+"""Documentation: links, commands, code blocks and generated pages are valid."""
 
-import ast
 import dataclasses
 import importlib
 import os
@@ -10,7 +9,9 @@ import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
+import figures
 import pytest
+import reference
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
 
@@ -19,41 +20,26 @@ from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.cache import CacheFlags
 from articulate.commands.check import CheckFlags
 from articulate.commands.completion import SHELLS
-from articulate.commands.fields import flags_of
 from articulate.commands.flags import parse
+from articulate.commands.help import help_text
 from articulate.commands.make import MakeFlags
 from articulate.commands.observe import ObserveFlags
 from articulate.commands.watch import WatchFlags
-from articulate.robot.config import ControlConfig
-from articulate.task.episode_monitor import REASONS
 from articulate.task.manifest import Manifest
-from articulate.task.observation import ACTION, OBSERVATION
-from articulate.task.randomization_config import RandomizationConfig
-from articulate.task.task import Limits
 from articulate_deploy.commands.deploy import DeployFlags
-from articulate_envs.config import InitialStatesConfig, RewardConfig
-from articulate_envs.interface import OPTIONS
-from articulate_envs.make_scene import EnvConfig
 from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.commands.export import ExportFlags
 from articulate_train.commands.train import TrainFlags
-from articulate_train.config import ActionScalingConfig, ImitationConfig
 from articulate_train.report import Report
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = [
-    "articulate",
-    "envs",
-    "train",
-    "deploy",
-    "configs",
-    "benchmarks",
-    "docs",
-    "docs/commands",
-    "docs/results",
-]
+FOLDERS = ["articulate", "envs", "train", "deploy", "configs", "benchmarks"]
 PAGES = sorted(
-    [*ROOT.glob("*.md"), *(p for folder in FOLDERS for p in ROOT.glob(f"{folder}/*.md"))]
+    [
+        *ROOT.glob("*.md"),
+        *(ROOT / "docs").rglob("*.md"),
+        *(p for folder in FOLDERS for p in ROOT.glob(f"{folder}/*.md")),
+    ]
 )
 OURS = "articulate|benchmarks|configs|deploy|docs|envs|scripts|tests|train"
 FLAGS = {
@@ -70,7 +56,7 @@ FLAGS = {
     "watch": WatchFlags,
     "cache": CacheFlags,
 }
-COMMON = {"--config", "--help", "--quiet", "--verbose"}
+COMMON = {"--set", "--help-all", "--config", "--help", "--quiet", "--verbose"}
 """Flags of every command."""
 
 OTHERS = {"coverage", "source", "tensorboard"}
@@ -83,8 +69,8 @@ def fences(page):
     return list(zip(parts[1::4], parts[2::4], strict=True))
 
 
-SLOW = {"docs/engines.md"}
-"""Pages whose blocks take seconds: they prove a cabinet, or train on it."""
+SLOW = {"docs/concepts/engines.md"}
+"""Pages whose blocks take seconds: they check a cabinet."""
 
 
 def blocks(language):
@@ -184,8 +170,6 @@ def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
             parse(FLAGS[command], rest, default=resumes, prog=command)
         elif command.startswith("python"):
             source = (ROOT / rest[0]).read_text(encoding="utf-8")
-            if "import policy_parser" in source:
-                source += (ROOT / "benchmarks/policy_flags.py").read_text(encoding="utf-8")
             assert all(f'"{flag}"' in source for flag in rest if flag.startswith("--"))
         else:
             assert command in OTHERS or os.access(ROOT / command, os.X_OK), line
@@ -203,34 +187,6 @@ def test_every_block_names_its_language(page):
 
 
 @pytest.mark.parametrize(
-    ("head", "cls", "index"),
-    [
-        ("setting", ControlConfig, 0),
-        ("setting", ActionScalingConfig, 1),
-        ("setting", RandomizationConfig, 2),
-        ("setting", InitialStatesConfig, 3),
-        ("setting", ImitationConfig, 4),
-        ("weight", RewardConfig, 0),
-        ("limit", Limits, 0),
-    ],
-)
-def test_tables_of_defaults_are_those_of_the_code(head, cls, index):
-    text = (ROOT / "docs/concepts.md").read_text(encoding="utf-8")
-    found = re.findall(rf"^\| {head} \| value \|.*\n\|[-|]+\n((?:\|.*\n?)+)", text, re.MULTILINE)
-    rows = re.findall(r"^\| `(\w+)` \| `([^`]+)` \| .+ \|$", found[index], re.MULTILINE)
-    told = {name: ast.literal_eval(value) for name, value in rows}
-    assert told == {f.name: f.default for f in dataclasses.fields(cls)}
-
-
-def test_reasons_and_layouts_are_those_of_the_code():
-    assert [row[0].strip("`") for row in table("concepts.md", "reason")] == list(REASONS)
-    for head, layout in (("observation", OBSERVATION), ("action", ACTION)):
-        told = table("concepts.md", head)
-        known = [[f"`{f.name}`", str(f.size), f.unit, f.source] for f in layout.fields]
-        assert told == known
-
-
-@pytest.mark.parametrize(
     ("head", "cls", "without"),
     [
         ("field of the asset", Asset, {"folder"}),
@@ -242,30 +198,36 @@ def test_reasons_and_layouts_are_those_of_the_code():
     ],
 )
 def test_tables_of_fields_are_those_of_the_code(head, cls, without):
-    told = [name for row in table("formats.md", head) for name in re.findall(r"`(\w+)`", row[0])]
+    told = [name for row in table("reference/formats.md", head) for name in re.findall(r"`(\w+)`", row[0])]
     assert sorted(told) == sorted({f.name for f in dataclasses.fields(cls)} - without)
 
 
-def test_arguments_and_options_of_environments_are_those_of_the_code():
-    told = {row[0].strip("`"): row[1].strip("`") for row in table("engines.md", "argument")}
-    assert list(told) == [f.name for f in dataclasses.fields(EnvConfig)]
-    for field in dataclasses.fields(EnvConfig):
-        if field.default is not dataclasses.MISSING and field.name != "task":
-            assert ast.literal_eval(told[field.name]) == field.default
-    assert [row[0].strip("`") for row in table("engines.md", "option")] == list(OPTIONS)
+@pytest.mark.parametrize("name", list(reference.PAGES))
+def test_generated_reference_pages_are_those_of_the_code(name):
+    """Rewrite them with ``python scripts/reference.py docs/reference``."""
+    page = ROOT / "docs" / "reference" / name
+    assert page.read_text(encoding="utf-8") == reference.PAGES[name]()
 
 
-@pytest.mark.parametrize("command", [c for c in FLAGS if c not in {"check", "export"}])
-def test_pages_of_commands_name_every_flag_and_no_other(command):
-    """`--randomization.*` and the like stand for all flags of their group."""
-    folder = "" if command in {"observe", "benchmark"} else "commands"
-    page = (ROOT / "docs" / folder / f"{command}.md").read_text(encoding="utf-8")
-    found = re.findall(r"(?<![\w-])--[a-z][a-z-]*", page)
-    told = {flag.replace("--no-randomise", "--randomise") for flag in found}
-    flags = [flag for flag in flags_of(FLAGS[command]) if not flag.positional]
-    known = {f"--{flag.path[0].replace('_', '-')}" for flag in flags}
-    assert told - COMMON <= known
-    assert known <= told
+def test_diagrams_are_those_of_the_script():
+    for name in figures.FIGURES:
+        assert (ROOT / "docs" / "images" / f"{name}.svg").read_text() == figures.draw(name)
+
+
+def test_pages_written_by_people_are_short():
+    generated = {ROOT / "docs" / "reference" / name for name in reference.PAGES}
+    pages = set((ROOT / "docs").rglob("*.md")) - generated
+    assert sum(len(page.read_text(encoding="utf-8").splitlines()) for page in pages) <= 2500
+
+
+def test_readme_animation_is_small():
+    assert (ROOT / "docs" / "images" / "open_drawer.webp").stat().st_size <= 1_000_000
+
+
+@pytest.mark.parametrize("command", sorted(set(FLAGS) - {"check", "export"}))
+def test_help_is_short(command):
+    shown = help_text(FLAGS[command], command, "")
+    assert len(re.findall(r"^  --\w", shown, re.MULTILINE)) <= 35
 
 
 @pytest.mark.parametrize("script", ["install", "test", "lint", "check", "quickstart"])
@@ -296,8 +258,8 @@ def test_the_documents_make_a_site_without_warnings(tmp_path):
         load_config(str(ROOT / "mkdocs.yml"), site_dir=str(tmp_path))
     )  # strict: a warning ends it
     home = (tmp_path / "index.html").read_text()
-    assert 'src="images/open_drawer.png"' in home
+    assert 'src="images/open_drawer.webp"' in home
     for page in (ROOT / "docs").rglob("*.md"):
         made = tmp_path / page.relative_to(ROOT / "docs").with_suffix("")
-        made = made.parent if made.name == "README" else made
+        made = made.parent if made.name == "index" else made
         assert (made / "index.html").is_file(), page

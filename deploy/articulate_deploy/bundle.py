@@ -19,7 +19,7 @@ import numpy as np
 from articulate.errors import BundleError, UsageError
 from articulate.task.manifest import MANIFEST_FILE, Manifest, decode_manifest
 from articulate.task.randomization import COLUMNS, EpisodeParams
-from articulate.task.randomization_config import FACTORS, MAX_DELAY_TICKS
+from articulate.task.randomization_config import FACTORS, MAX_DELAY_STEPS
 from articulate_deploy.bundle_files import read_contents
 from articulate_deploy.manifest_compatibility import check_fits
 from articulate_deploy.npz_arrays import read_tables
@@ -143,7 +143,7 @@ def _check_sums(manifest: Manifest, contents: dict[str, bytes], path: Path) -> N
             raise BundleError(f"{path}: {name} was changed after export; export it again")
     scene = manifest.scene
     for name in (
-        *(manifest.policy.file, manifest.golden.file, manifest.draws.file),
+        *(manifest.policy.file, manifest.golden.file, manifest.episodes.file),
         *(scene.file, scene.object_file),
     ):
         if name not in contents:
@@ -169,7 +169,7 @@ def _check_object(bundle: Bundle) -> None:
 
 
 def _draws(bundle: Bundle) -> EpisodeParams:
-    entry = bundle.manifest.draws
+    entry = bundle.manifest.episodes
     where, wanted = f"{bundle.where}/{entry.file}", f"{entry.count} draws of this version"
     shape = (entry.count, len(COLUMNS))
     values = read_tables(bundle.files[entry.file], {"values": shape}, where, wanted)["values"]
@@ -181,10 +181,10 @@ def _draws(bundle: Bundle) -> EpisodeParams:
 
 def _check_draws(draws: EpisodeParams, where: str) -> None:
     """Refuse what no range of a draw allows, and a stand-in would not survive."""
-    for name in ("delay_ticks", "estimate_delay_ticks"):
+    for name in ("delay_steps", "estimate_delay_steps"):
         ticks = draws[name]
-        if np.any((ticks < 0.0) | (ticks > MAX_DELAY_TICKS) | (ticks != np.round(ticks))):
-            raise BundleError(f"{where}: a {name} is not one of 0 to {MAX_DELAY_TICKS} ticks")
+        if np.any((ticks < 0.0) | (ticks > MAX_DELAY_STEPS) | (ticks != np.round(ticks))):
+            raise BundleError(f"{where}: a {name} is not one of 0 to {MAX_DELAY_STEPS} ticks")
     for name in FACTORS:
         if np.any(draws[name] <= 0.0):
             raise BundleError(f"{where}: a {name} is not above 0")

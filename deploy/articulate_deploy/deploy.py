@@ -11,7 +11,7 @@ import numpy as np
 
 from articulate.errors import ConfigError
 from articulate.task.manifest import Manifest
-from articulate.task.randomization import EpisodeParams, at_size, drawn_one_by_one
+from articulate.task.randomization import EpisodeParams, at_size, sample_episode_params_each
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, Recording, run_episode, start_of
@@ -20,7 +20,7 @@ from articulate_deploy.policy_runner import Policy
 from articulate_deploy.recording import give_back, new_folders, write_episode, write_report
 from articulate_deploy.report import DeployReport, Transfer
 from articulate_deploy.robots import robot_named
-from articulate_deploy.robots.robot import StandIn
+from articulate_deploy.robots.robot import SimulatedRobot
 
 _Told = Callable[[str, int, EpisodeResult], None]
 _SCALE_NOTE = "the object's size is not randomised: a bundle holds its scene at one size"
@@ -100,7 +100,7 @@ def _deploy(
 def _run(
     policy: Policy,
     bundle: Bundle,
-    stand_in: StandIn,
+    stand_in: SimulatedRobot,
     plan: Plan,
     out: Path | None,
     on_episode: Callable[[int, EpisodeResult], None] | None,
@@ -110,15 +110,15 @@ def _run(
     with stand_in:
         for k in range(len(plan.draws.values)):
             drawn, noise = plan.draw(k), plan.noise(k)
-            stand_in.set_draw(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
-            stand_in.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
+            stand_in.set_episode_params(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
+            stand_in.reset_to(start_of(manifest, drawn), manifest.start.gripper_width_m)
             recording = None if out is None else Recording()
             result = run_episode(
                 policy,
                 stand_in,
                 TruthEstimator(stand_in, plan.config, manifest.task, drawn, noise),
                 manifest,
-                delay_ticks=int(drawn["delay_ticks"][0]),
+                delay_steps=int(drawn["delay_steps"][0]),
                 recording=recording,
             )
             if out is not None and recording is not None:
@@ -132,7 +132,7 @@ def _run(
 def _report(
     path: Path,
     bundle: Bundle,
-    stand_in: StandIn,
+    stand_in: SimulatedRobot,
     plan: Plan,
     asked: _Asked,
     results: tuple[EpisodeResult, ...],
@@ -183,13 +183,13 @@ def plan_of(bundle: Bundle, episodes: int, *, seed: int | None, randomise: bool)
     manifest = bundle.manifest
     config = one_size(manifest) if randomise else still(manifest)
     carried = seed is None and randomise
-    seed = manifest.draws.seed if seed is None else seed
+    seed = manifest.episodes.seed if seed is None else seed
     if not carried:
-        rows = drawn_one_by_one(config, seed, episodes, begin=manifest.task.begin)
+        rows = sample_episode_params_each(config, seed, episodes, begin=manifest.task.begin)
         return Plan(config, rows, seed, carried)
-    if episodes > manifest.draws.count:
+    if episodes > manifest.episodes.count:
         raise ConfigError(
-            f"episodes is {episodes}; the bundle carries {manifest.draws.count} draws: "
+            f"episodes is {episodes}; the bundle carries {manifest.episodes.count} draws: "
             "run fewer, or give a seed to draw others"
         )
     return Plan(config, EpisodeParams(bundle.draws.values[:episodes]), seed, carried)
@@ -197,12 +197,12 @@ def plan_of(bundle: Bundle, episodes: int, *, seed: int | None, randomise: bool)
 
 def still(manifest: Manifest) -> RandomizationConfig:
     """No randomisation but that of the start, without which all episodes would be the same."""
-    return replace(NO_RANDOMIZATION, start_rad=manifest.draw.start_rad)
+    return replace(NO_RANDOMIZATION, start_rad=manifest.randomization.start_rad)
 
 
 def one_size(manifest: Manifest) -> RandomizationConfig:
     """The randomisation of training with the object at the size of the bundle's scene."""
-    return at_size(manifest.draw, manifest.scene.scale)
+    return at_size(manifest.randomization, manifest.scene.scale)
 
 
 def transfer(
@@ -238,4 +238,4 @@ def transfer(
 
 
 def _scale_notes(manifest: Manifest, randomise: bool) -> tuple[str, ...]:
-    return (_SCALE_NOTE,) if randomise and manifest.draw.scale_values != (1.0,) else ()
+    return (_SCALE_NOTE,) if randomise and manifest.randomization.scale_values != (1.0,) else ()

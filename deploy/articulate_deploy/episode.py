@@ -9,11 +9,11 @@ import numpy as np
 from articulate.task.episode_monitor import (
     REASONS,
     EpisodeMonitor,
+    failure_reason,
+    goal_held,
     judge_sample,
     judge_tick,
-    judgement_start,
-    opened_at_end,
-    verdict,
+    new_monitor,
 )
 from articulate.task.manifest import Manifest
 from articulate.task.observation import Estimate, observation
@@ -24,7 +24,7 @@ from articulate_deploy.policy_control import Plant
 from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.robot import (
     FORCE_KEYS,
-    HAND_KEY,
+    GRIPPER_KEY,
     SPEED_KEYS,
     Robot,
     action_of,
@@ -89,7 +89,7 @@ def run_episode(
     estimator: Estimator,
     manifest: Manifest,
     *,
-    delay_ticks: int = 0,
+    delay_steps: int = 0,
     recording: Recording | None = None,
 ) -> EpisodeResult:
     """Run ``policy`` for the task's time on a robot that stands at its start.
@@ -99,20 +99,20 @@ def run_episode(
         robot: Connected, at rest.
         estimator: What is known of the object.
         manifest: Task, plant, limits.
-        delay_ticks: Age of the motions that are used.
+        delay_steps: Age of the motions that are used.
         recording: Takes what happens at each tick.
 
     Raises:
         StartError: The robot does not stand at its start.
     """
-    task, tick_s = manifest.task, manifest.control.follow.tick_s
-    ticks = round(task.episode_s / tick_s)
+    task, step_s = manifest.task, manifest.control.step_s
+    ticks = round(task.episode_s / step_s)
     q = joints_of(robot.get_observation())
     check_start(q, manifest.start)
-    plant = Plant(manifest, q, delay_ticks=delay_ticks)
+    plant = Plant(manifest, q, delay_steps=delay_steps)
     robot.take_samples()
     estimator.reset()
-    judgement, torque = judgement_start(1), np.zeros(7)
+    judgement, torque = new_monitor(1), np.zeros(7)
     last, clipped, tick = np.zeros(manifest.action.size), 0, 0
     before: dict[str, float] | None = None
     for tick in range(ticks):
@@ -122,7 +122,7 @@ def run_episode(
         before = seen
         action = policy.act(observed)[0]
         wish, width = plant.tick(
-            action, q=joints_of(seen), width_m=seen[HAND_KEY], force=joints_of(seen, FORCE_KEYS)
+            action, q=joints_of(seen), width_m=seen[GRIPPER_KEY], force=joints_of(seen, FORCE_KEYS)
         )
         sent = joints_of(robot.send_action(action_of(wish, width)))
         clipped += was_clipped(wish, sent)
@@ -133,14 +133,14 @@ def run_episode(
         if recording is not None:
             truth = estimator.judged()
             recording.add(
-                time_s=tick * tick_s,
+                time_s=tick * step_s,
                 observation=observed[0],
                 action=action,
                 target=sent,
                 joint_pos=joints_of(seen),
                 joint_vel=joints_of(seen, SPEED_KEYS),
-                hand_width_m=seen[HAND_KEY],
-                hand_force_n=joints_of(seen, FORCE_KEYS),
+                gripper_width_m=seen[GRIPPER_KEY],
+                measured_force_n=joints_of(seen, FORCE_KEYS),
                 estimate_T_wh=estimate.T_wh[0],
                 estimate_open=estimate.opened[0],
                 part_open=truth.opened[0],
@@ -151,8 +151,8 @@ def run_episode(
             break
     robot.stop()
     return EpisodeResult(
-        reason=REASONS[int(verdict(judgement, task)[0])],
-        opened=bool(opened_at_end(judgement, task)[0]),
+        reason=REASONS[int(failure_reason(judgement, task)[0])],
+        opened=bool(goal_held(judgement, task)[0]),
         fraction=float(estimator.judged().opened[0]),
         ticks=tick + 1,
         clipped=clipped,
@@ -162,7 +162,7 @@ def run_episode(
 
 def start_of(manifest: Manifest, drawn: EpisodeParams) -> Array:
     """Angles of the arm (7,) at which an episode under ``drawn`` begins [rad]."""
-    low, high = manifest.robot.bounds(manifest.control.follow.margin_rad)
+    low, high = manifest.robot.bounds(manifest.control.margin_rad)
     return np.asarray(np.clip(np.asarray(manifest.start.q) + drawn["start"][0], low, high))
 
 
@@ -175,20 +175,20 @@ def _observation(
     time_left: float,
 ) -> Array:
     before, seen = read
-    tick_s = manifest.control.follow.tick_s
+    step_s = manifest.control.step_s
     return observation(
         manifest.robot,
         q=joints_of(seen)[None],
         dq=joints_of(seen, SPEED_KEYS)[None],
         target=plant.target[None],
-        hand_width=np.array([seen[HAND_KEY]]),
-        hand_speed=np.array([seen[HAND_KEY] - before[HAND_KEY]]) / tick_s,
-        hand_force=joints_of(seen, FORCE_KEYS)[None],
-        hand=plant.hand,
+        gripper_width=np.array([seen[GRIPPER_KEY]]),
+        gripper_speed=np.array([seen[GRIPPER_KEY] - before[GRIPPER_KEY]]) / step_s,
+        measured_force=joints_of(seen, FORCE_KEYS)[None],
+        gripper=plant.gripper,
         estimate=estimate,
         last_action=last[None],
-        motions_due=plant.motions_due[None],
-        move_m=manifest.control.follow.move_m,
+        pending_actions=plant.pending_actions[None],
+        move_m=manifest.control.move_m,
         time_left=np.array([time_left]),
         goal=manifest.task.target,
         closes=manifest.task.closes,
@@ -219,6 +219,6 @@ def _judged(
         manifest.task,
         opened=now.opened,
         speed=now.speed,
-        tick_s=manifest.control.follow.tick_s,
+        step_s=manifest.control.step_s,
     )
     return after, torque

@@ -14,7 +14,7 @@ import numpy as np
 from articulate.config import to_plain
 from articulate.errors import BundleError, ConfigError, nearest
 from articulate.robot.arm import arm_named
-from articulate.robot.control import check_follow
+from articulate.robot.control import check_control
 from articulate.task.manifest import Manifest, limit_table_sha256
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.task import TASK_RULES, Limits
@@ -105,19 +105,19 @@ def _check_task(manifest: Manifest, where: str) -> None:
 
 
 def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
-    follow = manifest.control.follow
+    control = manifest.control
     for name in ("omega_rad_s", "step_rad", "move_m", "turn_rad", "lead_rad"):
-        value = getattr(follow, name)
-        yield f"control.follow.{name}", value > 0.0, f"is {value}; it must be above 0"
-    low, high = manifest.robot.bounds(max(follow.margin_rad, 0.0))
+        value = getattr(control, name)
+        yield f"control.{name}", value > 0.0, f"is {value}; it must be above 0"
+    low, high = manifest.robot.bounds(max(control.margin_rad, 0.0))
     yield (
-        "control.follow.margin_rad",
-        follow.margin_rad >= 0.0 and bool(np.all(low < high)),
-        f"is {follow.margin_rad}; it must not be negative, nor leave a joint no room",
+        "control.margin_rad",
+        control.margin_rad >= 0.0 and bool(np.all(low < high)),
+        f"is {control.margin_rad}; it must not be negative, nor leave a joint no room",
     )
-    rate = follow.rate_hz
+    rate = control.rate_hz
     yield (
-        "control.follow.rate_hz",
+        "control.rate_hz",
         1.0 <= rate <= MAX_RATE_HZ,
         f"is {rate}; it must be in [1, {MAX_RATE_HZ:g}]",
     )
@@ -130,9 +130,9 @@ def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
 def _task_bounds(manifest: Manifest) -> Iterator[Bound]:
     task = manifest.task
     episode, limits = task.episode_s, task.limits
-    tick_s = manifest.control.follow.tick_s
-    accepted = tick_s <= episode <= 10.0
-    yield "task.episode_s", accepted, f"is {episode}; it must be in [{tick_s:g}, 10] s"
+    step_s = manifest.control.step_s
+    accepted = step_s <= episode <= 10.0
+    yield "task.episode_s", accepted, f"is {episode}; it must be in [{step_s:g}, 10] s"
     yield (
         "task.hold_s",
         0.0 < task.hold_s <= episode,
@@ -144,11 +144,11 @@ def _task_bounds(manifest: Manifest) -> Iterator[Bound]:
     ):  # fmt: skip
         value, most = getattr(limits, name), getattr(own, name)
         yield f"task.limits.{name}", 0.0 < value <= most, f"is {value}; it must be in (0, {most}]"
-    follow = manifest.control.follow
-    for name in ("guard_n", "guard_held_n"):
-        value, most = getattr(follow, name), own.force_n
+    control = manifest.control
+    for name in ("force_limit_n", "force_limit_holding_n"):
+        value, most = getattr(control, name), own.force_n
         accepted = 0.0 < value <= most
-        yield f"control.follow.{name}", accepted, f"is {value}; it must be in (0, {most}] N"
+        yield f"control.{name}", accepted, f"is {value}; it must be in (0, {most}] N"
 
 
 def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
@@ -160,35 +160,35 @@ def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
         inside,
         f"is {np.round(q, 3).tolist()}; it must be 7 angles within the joint limits",
     )
-    tolerance, wide = start.tolerance_rad, robot.hand.max_width_m
+    tolerance, wide = start.tolerance_rad, robot.gripper.max_width_m
     yield "start.tolerance_rad", tolerance >= 0.0, f"is {tolerance}; it must not be negative"
     yield (
-        "start.hand_width_m",
-        0.0 <= start.hand_width_m <= wide,
-        f"is {start.hand_width_m}; it must be in [0, {wide}]",
+        "start.gripper_width_m",
+        0.0 <= start.gripper_width_m <= wide,
+        f"is {start.gripper_width_m}; it must be in [0, {wide}]",
     )
     for name in ("max_width_m", "finger_speed_m_s", "force_n", "stiffness_n_m"):
-        value = getattr(robot.hand, name)
-        yield f"robot.hand.{name}", value > 0.0, f"is {value}; it must be above 0"
+        value = getattr(robot.gripper, name)
+        yield f"robot.gripper.{name}", value > 0.0, f"is {value}; it must be above 0"
     for table in ("stiffness", "damping"):
         positive = all(value > 0.0 for value in getattr(robot, table))
         yield f"robot.{table}", positive, "holds a gain that is not above 0"
     yield "scene.scale", scene.scale > 0.0, f"is {scene.scale}; it must be above 0"
     atol = manifest.golden.atol
     yield "golden.atol", 0.0 < atol <= MOST_ATOL, f"is {atol}; it must be in (0, {MOST_ATOL}]"
-    seed, sizes = manifest.draws.seed, manifest.draw.scales
-    yield "draws.seed", seed >= 0, f"is {seed}; it must be 0 or more"
-    yield "draw.scales", sizes <= MAX_SIZES, f"is {sizes}; it must be at most {MAX_SIZES}"
-    smoothing = robot.hand.smoothing
-    yield "robot.hand.smoothing", 0.0 <= smoothing < 1.0, f"is {smoothing}; it must be in [0, 1)"
-    for name, value in vars(manifest.draw).items():
+    seed, sizes = manifest.episodes.seed, manifest.randomization.scales
+    yield "episodes.seed", seed >= 0, f"is {seed}; it must be 0 or more"
+    yield "randomization.scales", sizes <= MAX_SIZES, f"is {sizes}; it must be at most {MAX_SIZES}"
+    smoothing = robot.gripper.smoothing
+    yield "robot.gripper.smoothing", 0.0 <= smoothing < 1.0, f"is {smoothing}; it must be in [0, 1)"
+    for name, value in vars(manifest.randomization).items():
         most = np.max(np.abs(value))
-        yield f"draw.{name}", bool(most <= MOST_DRAWN), f"is {value}; above {MOST_DRAWN:g}"
+        yield f"randomization.{name}", bool(most <= MOST_DRAWN), f"is {value}; above {MOST_DRAWN:g}"
 
 
 def _check_follower(manifest: Manifest, where: str) -> None:
     """No targets of an episode can ask more of the arm than its tables allow."""
     try:
-        check_follow(manifest.control.follow, manifest.robot, manifest.task.episode_s)
+        check_control(manifest.control, manifest.robot, manifest.task.episode_s)
     except ConfigError as error:
         raise BundleError(f"{where}: control.{error}") from None

@@ -15,23 +15,23 @@ _NO_LATENCY = np.zeros(1)
 class Plant:
     """The targets of one episode; what runs between ticks is the robot's."""
 
-    def __init__(self, manifest: Manifest, q: Array, *, delay_ticks: int = 0) -> None:
+    def __init__(self, manifest: Manifest, q: Array, *, delay_steps: int = 0) -> None:
         """Begin at rest.
 
         Args:
             manifest: Step, lead, margins, hand.
             q: Angles of the arm (7,) [rad].
-            delay_ticks: Age of the motions that are used: a slow link, for stand-ins.
+            delay_steps: Age of the motions that are used: a slow link, for stand-ins.
         """
-        self._follow, self._arm = manifest.control.follow, manifest.robot
+        self._follow, self._arm = manifest.control, manifest.robot
         self.target: Array = np.asarray(q, dtype=np.float64).copy()
         """What the robot was last told (7,) [rad]."""
-        self.hand: GripperState = hand_start(1)
+        self.gripper: GripperState = hand_start(1)
         """What the hand was told."""
-        self._late = [np.zeros(7)] * delay_ticks
+        self._late = [np.zeros(7)] * delay_steps
 
     @property
-    def motions_due(self) -> Array:
+    def pending_actions(self) -> Array:
         """Sum of the motions that were said but have not been used yet (7,)."""
         return np.sum(self._late, axis=0) if self._late else np.zeros(7)
 
@@ -46,14 +46,14 @@ class Plant:
         """
         self._late.append(action[:7])
         motion = self._late.pop(0)
-        self.hand = hand_tick(
-            self.hand, action[7:8], _NO_LATENCY, self._arm.hand, self._follow.tick_s
+        self.gripper = hand_tick(
+            self.gripper, action[7:8], _NO_LATENCY, self._arm.gripper, self._follow.step_s
         )
-        yields = presses(force[None], self.hand.wish, np.array([width_m]), self._follow)
+        yields = presses(force[None], self.gripper.wish, np.array([width_m]), self._follow)
         target = next_target(
             self.target[None], motion[None], q[None], self._follow, self._arm, yields
         )
-        width = 0.0 if self.hand.wish[0] > 0.0 else self._arm.hand.max_width_m
+        width = 0.0 if self.gripper.wish[0] > 0.0 else self._arm.gripper.max_width_m
         return target[0], width
 
     def sent(self, target: Array) -> None:

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from articulate.errors import AssetError, EngineError
-from articulate.robot.control import GripperState, follow_start, hand_start
+from articulate.robot.control import GripperState, filter_start, hand_start
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import WIDTH
 from articulate.task.object_placement import way_of
 from articulate.task.randomization import COLUMNS, EpisodeParams
-from articulate.task.randomization_config import MAX_DELAY_TICKS
+from articulate.task.randomization_config import MAX_DELAY_STEPS
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
 from articulate_envs.compiled.motion import chain_of, see
@@ -23,7 +23,7 @@ from articulate_envs.engine import Start, State
 from articulate_envs.native_mujoco import SharedModelArrays, copy_model
 from articulate_envs.scene import Scene
 
-KEPT_ACTIONS = MAX_DELAY_TICKS + 1
+KEPT_ACTIONS = MAX_DELAY_STEPS + 1
 """How many ticks of actions are kept."""
 DIVERGED = 1e10
 """Speed from which a state counts as diverged [rad/s or m/s]; MuJoCo's own ``mjMAXVAL``."""
@@ -32,12 +32,12 @@ DIVERGED = 1e10
 class Buffers(NamedTuple):
     """Arrays that a tick reads and writes, first axis N.
 
-    ``follow`` (N, 7, 3), ``target`` (N, 7), ``closing`` and ``finger`` (N,), ``push`` (N, 3),
+    ``filter`` (N, 7, 3), ``target`` (N, 7), ``closing`` and ``finger`` (N,), ``push`` (N, 3),
     ``samples`` (N, WIDTH), ``torque`` (N, 7), ``q`` and ``dq`` (N, 7), ``rest`` (N, 4): finger
     width, part position, part speed, and one until the environment diverges.
     """
 
-    follow: Array
+    filter: Array
     target: Array
     closing: Array
     finger: Array
@@ -74,11 +74,11 @@ class BufferedEngine(ABC):
         self._buffers = _buffers(n_envs)
         start = hand_start(n_envs)
         self._hand = Hands(*(getattr(start, name) for name in Hands._fields))
-        self._times = times_of(scene.arm.hand, scene.follow, scene.task.episode_s)
+        self._times = times_of(scene.arm.gripper, scene.control, scene.task.episode_s)
         self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
         self._motion = np.zeros((n_envs, 7))
         self._yields = np.zeros(n_envs, dtype=bool)
-        self._chain = chain_of(scene.arm, scene.follow)
+        self._chain = chain_of(scene.arm, scene.control)
         self._tool, self._led = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(2))
         self._draw = np.zeros((n_envs, len(COLUMNS)))
         self._T_wo = np.tile(np.eye(4), (n_envs, 1, 1))
@@ -116,14 +116,14 @@ class BufferedEngine(ABC):
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
         rows = np.asarray(rows, dtype=np.int64)
-        self._draw[rows] = start.draw.values
-        self._place(rows, start.draw)
+        self._draw[rows] = start.params.values
+        self._place(rows, start.params)
         for k, i in enumerate(rows):
-            self._write_model(int(i), start.draw.values[k])
+            self._write_model(int(i), start.params.values[k])
             self._write_data(int(i), start, k)
         self._order[:] = np.argsort(self._sizes, kind="stable")
         b = self._buffers
-        b.follow[rows] = follow_start(start.q)
+        b.filter[rows] = filter_start(start.q)
         b.target[rows] = start.q
         b.closing[rows] = start.closing
         b.finger[rows] = start.width / 2.0
@@ -151,10 +151,10 @@ class BufferedEngine(ABC):
         self._shown.scale[rows] = drawn["scale"]
         if scene.task.kind == "slide":
             self._shown.size[rows] = drawn["scale"]
-        for name in ("delay_ticks", "estimate_delay_ticks"):  # compiled code takes them on trust
+        for name in ("delay_steps", "estimate_delay_steps"):  # compiled code takes them on trust
             if not np.isin(drawn[name], np.arange(KEPT_ACTIONS)).all():
-                raise EngineError(f"a draw's {name} must be whole numbers, 0 to {MAX_DELAY_TICKS}")
-        self._delay[rows] = drawn["delay_ticks"].astype(np.int64)
+                raise EngineError(f"a draw's {name} must be whole numbers, 0 to {MAX_DELAY_STEPS}")
+        self._delay[rows] = drawn["delay_steps"].astype(np.int64)
 
     def _write_model(self, i: int, row: Array) -> None:
         """Copy the model of the drawn size and write the drawn numbers into it."""
@@ -220,15 +220,15 @@ class BufferedEngine(ABC):
             q=b.q.copy(),
             dq=b.dq.copy(),
             target=b.target.copy(),
-            hand=GripperState(*(array.copy() for array in self._hand)),
-            hand_width=b.rest[:, 0].copy(),
+            gripper=GripperState(*(array.copy() for array in self._hand)),
+            gripper_width=b.rest[:, 0].copy(),
             T_wt=self._tool.copy(),
             T_wt_target=self._led.copy(),
             T_wh=self._shown.handle.copy(),
             opened=self._shown.opened.copy(),
             speed=b.rest[:, 2] * np.sign(self._span),
             samples=b.samples.copy(),
-            motions_due=self._due.copy(),
+            pending_actions=self._due.copy(),
         )
 
     def snapshot(self) -> dict[str, Array]:
@@ -279,7 +279,7 @@ class BufferedEngine(ABC):
 
 def _buffers(n: int) -> Buffers:
     return Buffers(
-        follow=np.zeros((n, 7, 3)),
+        filter=np.zeros((n, 7, 3)),
         target=np.zeros((n, 7)),
         closing=-np.ones(n),
         finger=np.full(n, 0.04),

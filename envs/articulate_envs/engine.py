@@ -23,9 +23,9 @@ class State:
     """Joint speeds (N, 7) [rad/s]."""
     target: Array
     """Targets that the follower runs to (N, 7) [rad]."""
-    hand: GripperState
+    gripper: GripperState
     """What the hand was told and does."""
-    hand_width: Array
+    gripper_width: Array
     """Opening between the fingers (N,) [m]."""
     T_wt: Array
     """Pose of the tool in the world, by the joint angles (N, 4, 4)."""
@@ -39,7 +39,7 @@ class State:
     """Speed of the part, positive opening (N,) [m/s or rad/s]."""
     samples: Array
     """Rows of the judgement (N, WIDTH)."""
-    motions_due: Array
+    pending_actions: Array
     """Sum of the motions that were said but have not been used yet, as they come late (N, 7)."""
 
 
@@ -47,7 +47,7 @@ class State:
 class Start:
     """How episodes begin, one row per environment of a reset."""
 
-    draw: EpisodeParams
+    params: EpisodeParams
     """What was drawn (M rows)."""
     q: Array
     """Angles of the arm (M, 7) [rad]."""

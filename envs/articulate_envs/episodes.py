@@ -10,12 +10,12 @@ import numpy as np
 from articulate.errors import EngineError
 from articulate.task.episode_monitor import (
     EpisodeMonitor,
-    judgement_start,
-    opened_at_end,
-    verdict,
+    failure_reason,
+    goal_held,
+    new_monitor,
 )
 from articulate.task.observation import ACTION
-from articulate.task.randomization import EpisodeParams, draw
+from articulate.task.randomization import EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.state_estimation import NoisyEstimator
 from articulate.transforms import Array, Ints, Mask
@@ -23,9 +23,9 @@ from articulate_envs.compiled.after import Judged, Rules, after
 from articulate_envs.compiled.judge import asked_of
 from articulate_envs.compiled.observe import NOISES, Past, Scales, Seen, observations
 from articulate_envs.compiled.reward import view_of, way_of, weights_of
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.engine import Engine, Start, State
-from articulate_envs.initial_states import bank_of_starts, home_start, mixed_start
+from articulate_envs.initial_states import home_start, mix_starts, precompute_states
 from articulate_envs.privileged_observation import privileged
 from articulate_envs.rewards import TERMS, at_end, grasp_of
 
@@ -76,9 +76,9 @@ class Episodes:
         self,
         engine: Engine,
         *,
-        draws: RandomizationConfig,
+        randomization: RandomizationConfig,
         reward: RewardConfig,
-        starts: StartConfig | None,
+        initial_states: InitialStatesConfig | None,
         seed: int | np.random.SeedSequence | np.random.Generator,
         renew: bool = True,
     ) -> None:
@@ -86,26 +86,30 @@ class Episodes:
 
         Args:
             engine: What is stepped.
-            draws: Ranges of the randomisation.
+            randomization: Ranges of the randomization.
             reward: Weights.
             starts: Starts along the task; None begins every episode at home.
             seed: Decides all that is random here.
             renew: Begin a new episode in the tick in which one ends; otherwise :meth:`reset` does.
         """
         self.engine = engine
-        self.draws = draws
+        self.randomization = randomization
         self.reward = reward
-        self.starts = starts
+        self.initial_states = initial_states
         self.progress = 0.0
         self._renew = renew
         scene, n = engine.scene, engine.n_envs
         self._rng = np.random.default_rng(seed)
-        self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, draws)
-        self._drawn = draw(draws, self._rng, n, begin=scene.task.begin)
-        self._bank = None if starts is None else bank_of_starts(scene, starts, draws, self._rng)
+        self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, randomization)
+        self._drawn = sample_episode_params(randomization, self._rng, n, begin=scene.task.begin)
+        self._bank = (
+            None
+            if initial_states is None
+            else precompute_states(scene, initial_states, randomization, self._rng)
+        )
         self._past = Past(self._estimator.poses, self._estimator.opened, self._estimator.speed)
         self._rules = self._make_rules()
-        self._judgement = judgement_start(n)
+        self._judgement = new_monitor(n)
         self._tick = np.zeros(n, dtype=np.int64)
         self._home = np.zeros(n, dtype=bool)
         self._last = np.zeros((n, ACTION.size))
@@ -117,14 +121,14 @@ class Episodes:
         scene = self.engine.scene
         grasp = grasp_of(scene.asset.handle_of(scene.task.joint))
         scales = Scales(
-            tick_s=scene.follow.tick_s,
+            step_s=scene.control.step_s,
             ticks=scene.ticks,
-            move_m=scene.follow.move_m,
+            move_m=scene.control.move_m,
             goal=scene.task.target,
             closes=scene.task.closes,
-            noise_m=self.draws.estimate_noise_m,
+            noise_m=self.randomization.estimate_noise_m,
             noise_open=self._estimator.part_noise,
-            noise_n=self.draws.force_noise_n,
+            noise_n=self.randomization.force_noise_n,
         )
         return Rules(
             weights=weights_of(self.reward),
@@ -168,11 +172,11 @@ class Episodes:
     def draw_start(self, n: int) -> Start:
         """How the next N episodes would begin; what is random is drawn."""
         scene = self.engine.scene
-        drawn = draw(self.draws, self._rng, n, begin=scene.task.begin)
-        if self.starts is None or self._bank is None:
+        drawn = sample_episode_params(self.randomization, self._rng, n, begin=scene.task.begin)
+        if self.initial_states is None or self._bank is None:
             return home_start(scene, drawn)
-        share = self.starts.share(self.progress)
-        return mixed_start(scene, self._bank, drawn, share, self._rng)
+        share = self.initial_states.share(self.progress)
+        return mix_starts(scene, self._bank, drawn, share, self._rng)
 
     def reset(self, *, stagger: bool = False, start: Start | None = None) -> Array:
         """Begin all episodes and return the observations (N, size).
@@ -188,7 +192,7 @@ class Episodes:
         if stagger:
             self._tick[:] = (rows * self.engine.scene.ticks) // n
             self._home &= self._tick == 0
-        self._width = self._state.hand_width
+        self._width = self._state.gripper_width
         self._estimator.push(self._state.T_wh, self._state.opened, self._state.speed)
         return self._observe()
 
@@ -196,9 +200,9 @@ class Episodes:
         """Begin episodes in environments ``rows`` (M,); what is then true of all."""
         start = self.draw_start(len(rows)) if start is None else start
         self.engine.reset(rows, start)
-        self._drawn.values[rows] = start.draw.values
+        self._drawn.values[rows] = start.params.values
         self._home[rows] = start.home
-        fresh = judgement_start(len(rows))
+        fresh = new_monitor(len(rows))
         self._judgement.rest_s[rows] = 0.0
         self._judgement.opened[rows] = False
         self._judgement.diverged[rows] = False
@@ -212,20 +216,20 @@ class Episodes:
 
     def _seen(self) -> Seen:
         """What observations are made of, but for the estimate."""
-        state, hand = self.state, self.state.hand
+        state, gripper = self.state, self.state.gripper
         return Seen(
             state.q,
             state.dq,
             state.target,
-            state.hand_width,
+            state.gripper_width,
             self._width,
-            hand.smooth,
-            hand.wish,
-            hand.since_s,
+            gripper.smooth,
+            gripper.wish,
+            gripper.since_s,
             state.samples,
             state.T_wt,
             state.T_wt_target,
-            state.motions_due,
+            state.pending_actions,
             self._last,
             self._tick,
         )
@@ -247,14 +251,16 @@ class Episodes:
         scene, before = self.engine.scene, self.state
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         self._state = self.engine.step(action)
-        self._width = before.hand_width
+        self._width = before.gripper_width
         self._last = action
         self._tick += 1
         terms, seen = self._after(before, action)
         full = self._tick >= scene.ticks
         if full.any():
             ends = self._tick == scene.ticks  # once, where nobody begins anew either
-            terms[ends] += at_end(self.reward, verdict(self._judgement, scene.task)[ends] == 0)
+            terms[ends] += at_end(
+                self.reward, failure_reason(self._judgement, scene.task)[ends] == 0
+            )
         self._terms += terms
         cut = self._cut()
         done = full | self._judgement.diverged | cut
@@ -264,7 +270,7 @@ class Episodes:
             if self._renew:
                 self._state = self._begin(ended.rows)
                 self._width = self._width.copy()
-                self._width[ended.rows] = self._state.hand_width[ended.rows]
+                self._width[ended.rows] = self._state.gripper_width[ended.rows]
                 seen = seen.copy()
                 seen[ended.rows] = self._observe()[ended.rows]
         return Tick(seen, terms.sum(axis=1), done, ended)
@@ -272,7 +278,7 @@ class Episodes:
     def _after(self, before: State, action: Array) -> tuple[Array, Array]:
         """Judge the tick; the terms of its reward (N, len(TERMS)), and what is seen (N, size)."""
         n, was, now = self.engine.n_envs, self._judgement, self.state
-        terms, judged = np.empty((n, len(TERMS))), _judged(judgement_start(n))
+        terms, judged = np.empty((n, len(TERMS))), _judged(new_monitor(n))
         seen: Array = after(
             self._rules,
             min(self.progress / self.reward.until, 1.0),
@@ -293,23 +299,27 @@ class Episodes:
     def _may_cut(self) -> Mask:
         """Environments whose episodes training may cut off (N,)."""
         n = self.engine.n_envs
-        share = 0.0 if self.starts is None or self.starts.cut <= 0.0 else self.starts.cut_share
+        share = (
+            0.0
+            if self.initial_states is None or self.initial_states.truncation_probability <= 0.0
+            else self.initial_states.truncation_env_share
+        )
         return np.asarray(np.arange(n) < round(share * n))
 
     def _cut(self) -> Mask:
         """Which episodes of training are cut off now (N,)."""
         may = self._may_cut()
-        if self.starts is None or not may.any():
+        if self.initial_states is None or not may.any():
             return may
-        chosen = may & (self._rng.random(len(may)) < self.starts.cut)
-        return np.asarray(chosen & opened_at_end(self._judgement, self.engine.scene.task))
+        chosen = may & (self._rng.random(len(may)) < self.initial_states.truncation_probability)
+        return np.asarray(chosen & goal_held(self._judgement, self.engine.scene.task))
 
     def _end(self, rows: Ints, seen: Array, cut: Mask) -> Ended:
         task = self.engine.scene.task
         return Ended(
             rows=rows,
-            code=verdict(self._judgement, task)[rows],
-            opened=opened_at_end(self._judgement, task)[rows],
+            code=failure_reason(self._judgement, task)[rows],
+            opened=goal_held(self._judgement, task)[rows],
             from_home=(self._home & ~self._may_cut())[rows],
             cut=(cut & (self._tick < self.engine.scene.ticks))[rows],
             terms=self._terms[rows].copy(),

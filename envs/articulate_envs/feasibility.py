@@ -20,7 +20,7 @@ from articulate.transforms import Ints
 from articulate_envs.config import RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene
-from articulate_envs.scripted_expert import guide_of
+from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 
 N_EPISODES = 64
@@ -93,7 +93,7 @@ def _run(episodes: Episodes) -> Ints:
     """
     scene = episodes.engine.scene
     codes = np.full(episodes.engine.n_envs, -1, dtype=np.int64)
-    expert = guide_of(scene)
+    expert = make_scripted_expert(scene)
     episodes.reset()
     params = episodes.drawn
     for _ in range(scene.ticks):

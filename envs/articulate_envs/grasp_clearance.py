@@ -10,7 +10,7 @@ from articulate.simulator import mujoco
 from articulate.task.object_placement import handle_in_world
 from articulate.transforms import Array
 from articulate_envs.panda import BASE_BODY, HAND_BODY
-from articulate_envs.placement_search import MIN_DRAWN_SHARE, way_ends
+from articulate_envs.placement_search import MIN_DRAWN_SHARE, opening_range
 from articulate_envs.scene import PREFIX, Scene
 
 MAX_OVERLAP_M = 0.003
@@ -29,15 +29,15 @@ def check_grasp(scene: Scene) -> float:
             arm at its start is in the way of the object.
     """
     asset, task, place = scene.asset, scene.task, scene.place
-    if place.drawn_share < MIN_DRAWN_SHARE:
+    if place.reachable_share < MIN_DRAWN_SHARE:
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} can be followed to the target at "
-            f"{place.drawn_share:.0%} of the drawn poses and sizes only; try a smaller --size or "
-            "smaller --draw.* ranges"
+            f"{place.reachable_share:.0%} of the drawn poses and sizes only; try a smaller --size or "
+            "smaller --randomization.* ranges"
         )
     best = max(
         min(_overlap(scene, opened, back) for back in BACK_M)
-        for opened in np.linspace(*way_ends(task), 3)
+        for opened in np.linspace(*opening_range(task), 3)
     )
     if best > MAX_OVERLAP_M:
         raise ReachError(
@@ -76,7 +76,7 @@ def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
     for joint in scene.asset.joints:
         part = opened if joint.name == scene.task.joint else 0.0
         data.joint(PREFIX + joint.name).qpos[0] = joint.closed + part * joint.span
-    half = scene.arm.hand.max_width_m / 2.0
+    half = scene.arm.gripper.max_width_m / 2.0
     data.qpos[at.arm_q : at.arm_q + 7] = q
     data.qpos[at.finger_q : at.finger_q + 2] = (half, -half)
     mujoco.mj_forward(model, data)

@@ -2,7 +2,7 @@
 
 Episodes have the task's length, and the observation holds the time that is left: the end of an
 episode is a *termination*, as it is in training, and so is a state that diverged. The environment
-itself truncates nothing unless its ``starts`` say to cut episodes off;
+itself truncates nothing unless its ``initial_states`` say to cut episodes off;
 ``gymnasium.make(..., max_episode_steps=N)`` does, and gymnasium tells the two apart.
 """
 
@@ -20,12 +20,12 @@ from articulate.render.canvas import Pixels
 from articulate.task.layout import Layout
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array
-from articulate_envs.interface import checked_action, drawn_numbers, start_asked_for, told
+from articulate_envs.interface import apply_options, checked_action, episode_info, params_dict
 from articulate_envs.make_scene import make_episodes, make_scene, read_config
 from articulate_envs.scene import Scene
 from articulate_envs.single_engine import SingleEngine
-from articulate_envs.video import SIZE, Film
-from articulate_envs.viewer import Window, has_display, require_display
+from articulate_envs.video import SIZE, SceneRenderer
+from articulate_envs.viewer import SceneViewer, has_display, require_display
 
 Vector = NDArray[np.float32]
 Info = dict[str, Any]
@@ -86,12 +86,12 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         self.action_space = box(ACTION)
         # On this machine: what it cannot do need not be tried.
         modes = [m for m in RENDER_MODES if m != "human" or has_display()]
-        rate = self.engine.scene.follow.rate_hz
+        rate = self.engine.scene.control.rate_hz
         self.metadata = {"render_modes": modes, "render_fps": round(rate)}
         self._running = False
         self._shown: tuple[float, bytes] | None = None
-        self._film: Film | None = None
-        self._window: Window | None = None
+        self._film: SceneRenderer | None = None
+        self._window: SceneViewer | None = None
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -107,14 +107,16 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         """
         super().reset(seed=seed)
         self.episodes.reseed(self.np_random)
-        start = start_asked_for(options, self.episodes.draw_start(1), self.engine.scene)
+        start = apply_options(options, self.episodes.draw_start(1), self.engine.scene)
         observation = self.episodes.reset(start=start)
         self._running = True
         self._show()
-        return self._vector(observation), self._info() | {"draw": drawn_numbers(start.draw)}
+        return self._vector(observation), self._info() | {
+            "episode_params": params_dict(start.params)
+        }
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, Info]:
-        """Run one tick: observation, reward, terminated, truncated (cut off, by ``starts``), info.
+        """Run one tick: observation, reward, terminated, truncated (cut off, by ``initial_states``), info.
 
         Raises:
             EngineError: The action is not accepted, or no episode is running.
@@ -144,7 +146,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
             return None
         scale, T_wo = self._object()
         if self._film is None:
-            self._film = Film(self.engine.scene, scale=scale, T_wo=T_wo, size=self._size)
+            self._film = SceneRenderer(self.engine.scene, scale=scale, T_wo=T_wo, size=self._size)
         return np.ascontiguousarray(self._film.frame(self.engine.data.qpos.copy()))
 
     def snapshot(self) -> dict[str, Any]:
@@ -167,7 +169,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         return np.asarray(observation[0], dtype=np.float32)
 
     def _info(self) -> Info:
-        every = told(self.episodes.judgement, self.engine.scene.task, self.episodes.state)
+        every = episode_info(self.episodes.judgement, self.engine.scene.task, self.episodes.state)
         return {name: values.tolist()[0] for name, values in every.items()}
 
     def _object(self) -> tuple[float, Array]:
@@ -184,8 +186,8 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         scale, T_wo = self._object()
         scene = self.engine.scene
         if self._window is None:
-            self._window = Window(scene, scale=scale, T_wo=T_wo)
-        self._window.show(self.engine.data.qpos, scene.follow.tick_s)
+            self._window = SceneViewer(scene, scale=scale, T_wo=T_wo)
+        self._window.show(self.engine.data.qpos, scene.control.step_s)
 
     def _close_pictures(self) -> None:
         for shown in (self._film, self._window):

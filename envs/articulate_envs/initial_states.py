@@ -8,10 +8,10 @@ import numpy as np
 
 from articulate.robot.kinematics import solve_ik
 from articulate.task.object_placement import handle_in_world
-from articulate.task.randomization import COLUMNS, EpisodeParams, draw
+from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array, pose
-from articulate_envs.config import StartConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Start
 
 if TYPE_CHECKING:  # configurations are light to import, scenes are not
@@ -23,24 +23,24 @@ def home_start(scene: Scene, drawn: EpisodeParams) -> Start:
     n, opened = len(drawn.values), drawn["part_open"].copy()
     first, last = scene.task.begin
     assert np.all((opened >= first) & (opened <= last)), "drawn without the task's begin"
-    low, high = scene.arm.bounds(scene.follow.margin_rad)
+    low, high = scene.arm.bounds(scene.control.margin_rad)
     return Start(
-        draw=drawn,
+        params=drawn,
         q=np.clip(np.asarray(scene.place.start_q) + drawn["start"], low, high),
         opened=opened,
-        width=np.full(n, scene.arm.hand.max_width_m),
+        width=np.full(n, scene.arm.gripper.max_width_m),
         closing=-np.ones(n),
         home=np.ones(n, dtype=bool),
     )
 
 
-def bank_of_starts(
-    scene: Scene, config: StartConfig, draws: RandomizationConfig, rng: np.random.Generator
+def precompute_states(
+    scene: Scene, config: InitialStatesConfig, draws: RandomizationConfig, rng: np.random.Generator
 ) -> Start:
     """Starts along the task whose arm poses were found by inverse kinematics."""
-    n = config.bank
+    n = config.n_precomputed
     task = scene.task
-    drawn = draw(draws, rng, n, begin=task.begin)
+    drawn = sample_episode_params(draws, rng, n, begin=task.begin)
     grip = rng.random(n) < config.grip_share
     on_way = task.begin[1] + (task.target - task.begin[1]) * rng.random(n)
     opened = np.where(grip, on_way, drawn["part_open"])
@@ -53,11 +53,11 @@ def bank_of_starts(
         opened=opened,
         flip=scene.place.flip,
     )
-    empty = ~grip & (rng.random(n) < config.empty_share)
+    empty = ~grip & (rng.random(n) < config.empty_grasp_share)
     back = np.where(grip, 0.0, config.standoff_m * rng.random(n) ** 2)
-    back = np.where(empty, np.maximum(back, config.empty_m), back)
-    astray = ~grip & (rng.random(n) < config.astray_share)
-    nearest, aside = config.astray_m
+    back = np.where(empty, np.maximum(back, config.empty_grasp_m), back)
+    astray = ~grip & (rng.random(n) < config.off_target_share)
+    nearest, aside = config.off_target_m
     back = np.where(astray, nearest + (config.standoff_m - nearest) * rng.random(n), back)
     sides = np.where(astray, aside, 0.0) * rng.uniform(-1.0, 1.0, (2, n))
     closing = ~(grip | empty | astray) & (rng.random(n) < config.closing_share)
@@ -66,15 +66,15 @@ def bank_of_starts(
     found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
     handle = scene.asset.handle_of(scene.task.joint)
     thick = handle.extent[1] if handle is not None else 0.02
-    held = np.clip(thick * drawn["scale"], 0.0, scene.arm.hand.max_width_m)
+    held = np.clip(thick * drawn["scale"], 0.0, scene.arm.gripper.max_width_m)
     ok = found.reached
     if not ok.any():
         ok[:] = True
     return Start(
-        draw=EpisodeParams(drawn.values[ok]),
+        params=EpisodeParams(drawn.values[ok]),
         q=found.q[ok],
         opened=opened[ok],
-        width=np.select([grip, empty], [held, 0.0 * held], scene.arm.hand.max_width_m)[ok],
+        width=np.select([grip, empty], [held, 0.0 * held], scene.arm.gripper.max_width_m)[ok],
         closing=np.where(grip | empty | closing, 1.0, -1.0)[ok],
         home=np.zeros(int(ok.sum()), dtype=bool),
     )
@@ -84,7 +84,7 @@ PLACED = ("scale", "x_m", "y_m", "yaw_rad", "part_open")
 """Drawn numbers on which a prepared arm pose depends."""
 
 
-def mixed_start(
+def mix_starts(
     scene: Scene, bank: Start, drawn: EpisodeParams, share: float, rng: np.random.Generator
 ) -> Start:
     """Home starts, of which ``share`` are replaced by rows of ``bank``."""
@@ -94,14 +94,14 @@ def mixed_start(
     pick = rng.integers(len(bank.q), size=n)
     values = drawn.values.copy()
     columns = np.array([COLUMNS.index(name) for name in PLACED])
-    values[np.ix_(along, columns)] = bank.draw.values[pick[along]][:, columns]
+    values[np.ix_(along, columns)] = bank.params.values[pick[along]][:, columns]
 
     def choose(a: Array, b: Array) -> Array:
         mask = along if a.ndim == 1 else along[:, None]
         return np.where(mask, b[pick], a)
 
     return Start(
-        draw=EpisodeParams(values),
+        params=EpisodeParams(values),
         q=choose(home.q, bank.q),
         opened=choose(home.opened, bank.opened),
         width=choose(home.width, bank.width),

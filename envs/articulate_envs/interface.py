@@ -1,4 +1,4 @@
-"""What gymnasium and robosuite share: what users ask for, checked, and what they are told."""
+"""Checks of actions and reset options, and the info of steps, for Gymnasium and robosuite."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from articulate.errors import EngineError, nearest
-from articulate.task.episode_monitor import REASONS, EpisodeMonitor, opened_at_end, verdict
+from articulate.errors import EngineError, nearest, quote
+from articulate.task.episode_monitor import REASONS, EpisodeMonitor, failure_reason, goal_held
 from articulate.task.observation import ACTION
 from articulate.task.randomization import COLUMNS, EpisodeParams
-from articulate.task.randomization_config import FACTORS, MAX_DELAY_TICKS
+from articulate.task.randomization_config import FACTORS, MAX_DELAY_STEPS
 from articulate.task.task import Task
 from articulate.transforms import Array
 from articulate_envs.engine import Start, State
@@ -20,19 +20,19 @@ from articulate_envs.initial_states import home_start
 from articulate_envs.scene import Scene
 
 OPTIONS = {
-    "draw": "a mapping of columns of a draw to numbers",
+    "episode_params": "a mapping of names of episode parameters to numbers",
     "q": "seven joint angles [rad]",
     "opened": "the fraction open, in [0, 1]",
     "width": "the opening between the fingers [m]",
-    "closing": "1 for a hand told to close, -1 for one told to open",
+    "closing": "1 for a closed gripper command, -1 for an open one",
 }
-"""What may be asked of a reset; each replaces what was drawn."""
-WHOLE = ("delay_ticks", "estimate_delay_ticks")
-"""Columns of a draw that are whole numbers of ticks."""
+"""Options of a reset; each replaces a sampled value."""
+DELAYS = ("delay_steps", "estimate_delay_steps")
+"""Episode parameters that are integers: numbers of control steps."""
 
 
 def checked_action(action: Any, n: int | None = None) -> Array:
-    """``action`` as float64 of shape (8,), or (``n``, 8).
+    """Return ``action`` as float64 of shape (8,), or (``n``, 8).
 
     Raises:
         EngineError: It has another shape, or a number in it is not finite.
@@ -53,8 +53,13 @@ def checked_action(action: Any, n: int | None = None) -> Array:
     return values
 
 
-def start_asked_for(options: Mapping[str, Any] | None, start: Start, scene: Scene) -> Start:
-    """``start``, as drawn for N episodes, with what ``options`` (:data:`OPTIONS`) ask for.
+def apply_options(options: Mapping[str, Any] | None, start: Start, scene: Scene) -> Start:
+    """Return the sampled ``start`` of N episodes with the values of ``options``.
+
+    Args:
+        options: Values by the names of :data:`OPTIONS`, the same for all N episodes.
+        start: Sampled initial states.
+        scene: Scene of the episodes; it gives the bounds of the values.
 
     Raises:
         EngineError: An option is not known, or its value is not accepted.
@@ -62,70 +67,82 @@ def start_asked_for(options: Mapping[str, Any] | None, start: Start, scene: Scen
     options = options or {}
     for name in options:
         if name not in OPTIONS:
-            raise EngineError(f"reset: no option {name!r}{nearest(name, OPTIONS)}")
-    if "draw" in options:
-        start = _drawn(options["draw"], start, scene)
+            raise EngineError(f"reset: no option {quote(name)}{nearest(str(name), OPTIONS)}")
+    if "episode_params" in options:
+        start = _with_params(options["episode_params"], start, scene)
     low, high = scene.arm.bounds()
-    widest = scene.arm.hand.max_width_m
+    widest = scene.arm.gripper.max_width_m
     bounds: dict[str, tuple[Any, Any]] = {"q": (low, high), "opened": (0.0, 1.0)}
     bounds |= {"width": (0.0, widest), "closing": (-1.0, 1.0)}
-    asked: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     for name, (least, most) in bounds.items():
         if name in options:
             value = _numbers(name, options[name], np.shape(least))
             if np.any(value < least) or np.any(value > most):
                 raise EngineError(
-                    f"reset: {name} is {_shown(value)}; it must lie within "
-                    f"{_shown(least)} and {_shown(most)}"
+                    f"reset: {name} is {_format(value)}; it must lie within "
+                    f"{_format(least)} and {_format(most)}"
                 )
             if name == "closing":
                 value = np.where(value > 0.0, 1.0, -1.0)
-            asked[name] = np.broadcast_to(value, getattr(start, name).shape)
-    if "opened" in asked and "part_open" not in options.get("draw", {}):
-        values = start.draw.values.copy()
-        values[:, COLUMNS.index("part_open")] = asked["opened"]
-        asked["draw"] = EpisodeParams(values)
-    return replace(start, **asked)
+            changes[name] = np.broadcast_to(value, getattr(start, name).shape)
+    if "opened" in changes and "part_open" not in options.get("episode_params", {}):
+        values = start.params.values.copy()
+        values[:, COLUMNS.index("part_open")] = changes["opened"]
+        changes["params"] = EpisodeParams(values)
+    return replace(start, **changes)
 
 
-def _drawn(asked: Any, start: Start, scene: Scene) -> Start:
-    if not isinstance(asked, Mapping):
-        raise EngineError(f"reset: draw is {asked!r}; it must be {OPTIONS['draw']}")
-    values = start.draw.values.copy()
-    for name, value in asked.items():
+def _with_params(changes: Any, start: Start, scene: Scene) -> Start:
+    if not isinstance(changes, Mapping):
+        raise EngineError(
+            f"reset: episode_params is {quote(changes)}; it must be {OPTIONS['episode_params']}"
+        )
+    values = start.params.values.copy()
+    for name, value in changes.items():
         if name not in COLUMNS:
-            raise EngineError(f"reset: a draw has no column {name!r}{nearest(str(name), COLUMNS)}")
-        number = float(_numbers(f"draw.{name}", value, ()))
+            raise EngineError(
+                f"reset: episode_params has no entry {quote(name)}{nearest(str(name), COLUMNS)}"
+            )
+        number = float(_numbers(f"episode_params.{name}", value, ()))
         if name == "scale":
             number = _size(number, scene)
-        elif name in FACTORS and number <= 0.0:
-            raise EngineError(f"reset: draw.{name} is {number}; factors must be above 0")
-        elif name == "part_open" and not 0.0 <= number <= 1.0:
-            raise EngineError(f"reset: draw.part_open is {number}; it must lie within 0 and 1")
-        elif name in WHOLE and number not in range(MAX_DELAY_TICKS + 1):
-            raise EngineError(
-                f"reset: draw.{name} is {number}; it must be a whole number up to {MAX_DELAY_TICKS}"
-            )
+        else:
+            _check_param(name, number)
         values[:, COLUMNS.index(name)] = number
-    drawn = EpisodeParams(values)
+    params = EpisodeParams(values)
     within, k = values.copy(), COLUMNS.index("part_open")
     within[:, k] = np.clip(values[:, k], *scene.task.begin)
     home, at_home = home_start(scene, EpisodeParams(within)), start.home
     return replace(
         start,
-        draw=drawn,
+        params=params,
         q=np.where(at_home[:, None], home.q, start.q),
-        opened=np.where(at_home, drawn["part_open"], start.opened),
+        opened=np.where(at_home, params["part_open"], start.opened),
     )
 
 
+def _check_param(name: str, number: float) -> None:
+    accepted = ""
+    if name in FACTORS and number <= 0.0:
+        accepted = "factors must be above 0"
+    elif name == "part_open" and not 0.0 <= number <= 1.0:
+        accepted = "it must lie within 0 and 1"
+    elif name in DELAYS and number not in range(MAX_DELAY_STEPS + 1):
+        accepted = f"it must be an integer up to {MAX_DELAY_STEPS}"
+    if accepted:
+        raise EngineError(f"reset: episode_params.{name} is {number}; {accepted}")
+
+
 def _size(number: float, scene: Scene) -> float:
-    """The prepared size that ``number`` is."""
+    """Return the compiled size that equals ``number``."""
     sizes = np.asarray(scene.scales)
     k = int(np.argmin(np.abs(sizes - number)))
     if abs(sizes[k] - number) > 1e-6:
         known = ", ".join(f"{size:.6g}" for size in sizes)
-        raise EngineError(f"reset: draw.scale is {number}; sizes that are prepared: {known}")
+        raise EngineError(
+            f"reset: episode_params.scale is {number}; sizes that are compiled: {known}"
+        )
     return float(sizes[k])
 
 
@@ -135,30 +152,37 @@ def _numbers(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     except (TypeError, ValueError):
         out = np.full(1, np.nan)
     if out.shape != shape or not np.isfinite(out).all():
-        what = f"{shape[0]} finite numbers" if shape else "a finite number"
-        raise EngineError(f"reset: {name} is {value!r}; it must be {what}")
+        accepted = f"{shape[0]} finite numbers" if shape else "a finite number"
+        raise EngineError(f"reset: {name} is {quote(value)}; it must be {accepted}")
     return out
 
 
-def _shown(value: Any) -> str:
+def _format(value: Any) -> str:
     return " ".join(f"{v:.4g}" for v in np.ravel(value))
 
 
-def told(judgement: EpisodeMonitor, task: Task, state: State) -> dict[str, Array]:
-    """What users are told of N episodes, as if they ended at this tick.
+def episode_info(monitor: EpisodeMonitor, task: Task, state: State) -> dict[str, Array]:
+    """Return the info of N episodes as if they ended at this control step.
 
-    ``success``, ``reason`` (:data:`articulate.task.episode_monitor.REASONS`), ``opened`` (rests at the target,
-    limits aside) and ``open_fraction``.
+    Args:
+        monitor: Episode monitor of N episodes.
+        task: Target and limits.
+        state: State of the N environments.
+
+    Returns:
+        Arrays (N,): ``success`` (boolean), ``reason`` (a name of
+        :data:`articulate.task.episode_monitor.REASONS`), ``opened`` (boolean: the goal is held,
+        limits aside) and ``open_fraction`` (dimensionless).
     """
-    code = verdict(judgement, task)
+    code = failure_reason(monitor, task)
     return {
         "success": code == 0,
         "reason": np.array([REASONS[int(c)] for c in code], dtype=object),
-        "opened": opened_at_end(judgement, task),
+        "opened": goal_held(monitor, task),
         "open_fraction": state.opened.copy(),
     }
 
 
-def drawn_numbers(drawn: EpisodeParams, i: int = 0) -> dict[str, float]:
-    """Row ``i`` of a draw by the names of its columns."""
-    return {name: float(value) for name, value in zip(COLUMNS, drawn.values[i], strict=True)}
+def params_dict(params: EpisodeParams, i: int = 0) -> dict[str, float]:
+    """Return row ``i`` of ``params`` by the names of its columns."""
+    return {name: float(value) for name, value in zip(COLUMNS, params.values[i], strict=True)}

@@ -14,7 +14,7 @@ from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task, make_task, matching_joints, no_joint_error
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.placement_search import ObjectPlacement, find_place, handle_way
+from articulate_envs.placement_search import ObjectPlacement, find_placement, handle_way
 from articulate_envs.scene import build_scene
 
 HOME_HEIGHT_M = 0.78
@@ -95,7 +95,7 @@ def _unknown_joint(config: Wish, asset: Asset) -> AssetError:
 def _reached(config: Wish, asset: Asset, joint: str) -> tuple[Task, ObjectPlacement]:
     """Task and place of one joint; ReachError if it cannot be reached or held."""
     task = make_task(config.task, asset, joint)
-    place = find_place(asset, task, PANDA, config.randomization)
+    place = find_placement(asset, task, PANDA, config.randomization)
     scene = build_scene(
         asset, task, arm=PANDA, control=config.control, physics=config.physics, place=place
     )

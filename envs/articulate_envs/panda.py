@@ -61,19 +61,19 @@ def panda_spec(arm: Arm, *, visuals: bool) -> mujoco.MjSpec:
     """
     assets = robosuite_folder() / "models" / "assets"
     spec = mujoco.MjSpec.from_file(str(assets / "robots" / "panda" / "robot.xml"))
-    hand = mujoco.MjSpec.from_file(str(assets / "grippers" / "panda_gripper.xml"))
-    for part in (spec, hand):
+    gripper = mujoco.MjSpec.from_file(str(assets / "grippers" / "panda_gripper.xml"))
+    for part in (spec, gripper):
         _strip(part, visuals=visuals)
     wrist = spec.body(HAND_BODY)  # robosuite rounds its place: 0.1065 m and quat 0.924, -0.383
     wrist.pos = [0.0, 0.0, FLANGE_Z_M]
     wrist.quat = [np.cos(HAND_TURN_RAD / 2), 0.0, 0.0, np.sin(HAND_TURN_RAD / 2)]
     frame = wrist.add_frame()
-    spec.attach(hand, prefix="", frame=frame)
+    spec.attach(gripper, prefix="", frame=frame)
     _set_joints(spec, arm)
     _set_fingers(spec, arm)
     tool = spec.body(HAND_BODY).add_site()
     tool.name = "tool"
-    tool.pos = [0.0, 0.0, arm.hand.tcp_z_m]
+    tool.pos = [0.0, 0.0, arm.gripper.tcp_z_m]
     return spec
 
 
@@ -148,8 +148,8 @@ def _set_joints(spec: mujoco.MjSpec, arm: Arm) -> None:
 
 def _set_fingers(spec: mujoco.MjSpec, arm: Arm) -> None:
     for name in ("leftfinger", "rightfinger"):
-        spec.body(name).pos = [0.0, 0.0, arm.hand.tcp_z_m - PADS_Z_M]
-    half = arm.hand.max_width_m / 2.0
+        spec.body(name).pos = [0.0, 0.0, arm.gripper.tcp_z_m - PADS_Z_M]
+    half = arm.gripper.max_width_m / 2.0
     for i, sign in ((1, 1.0), (2, -1.0)):
         joint = spec.joint(f"finger_joint{i}")
         joint.armature, joint.frictionloss = 0.2, 0.5
@@ -158,9 +158,9 @@ def _set_fingers(spec: mujoco.MjSpec, arm: Arm) -> None:
         joint.solref_limit, joint.solimp_limit = [0.01, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
         actuator = spec.add_actuator(name=joint.name, target=joint.name)
         actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        actuator.set_to_position(kp=arm.hand.stiffness_n_m, kv=40.0)
+        actuator.set_to_position(kp=arm.gripper.stiffness_n_m, kv=40.0)
         actuator.forcelimited = 1
-        actuator.forcerange = [-arm.hand.force_n, arm.hand.force_n]
+        actuator.forcerange = [-arm.gripper.force_n, arm.gripper.force_n]
     couple = spec.add_equality(name="fingers", name1="finger_joint2", name2="finger_joint1")
     couple.type = mujoco.mjtEq.mjEQ_JOINT
     couple.objtype = mujoco.mjtObj.mjOBJ_JOINT

@@ -23,12 +23,12 @@ class PhysicsConfig:
     tolerance: float = 1e-8
     """The solver stops below this."""
 
-    def substeps(self, tick_s: float) -> int:
-        """Physics steps in a tick of ``tick_s`` [s]; ConfigError if it is not a whole number."""
-        count = round(tick_s / self.timestep_s)
-        if count < 1 or abs(count * self.timestep_s - tick_s) > 1e-9:
+    def substeps(self, step_s: float) -> int:
+        """Physics steps in a tick of ``step_s`` [s]; ConfigError if it is not a whole number."""
+        count = round(step_s / self.timestep_s)
+        if count < 1 or abs(count * self.timestep_s - step_s) > 1e-9:
             raise ConfigError(
-                f"physics.timestep_s is {self.timestep_s}; a tick of {tick_s} s must be a "
+                f"physics.timestep_s is {self.timestep_s}; a tick of {step_s} s must be a "
                 "whole number of steps"
             )
         return count

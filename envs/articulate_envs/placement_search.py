@@ -22,7 +22,7 @@ from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task
 from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, quat_to_matrix
 
-__all__ = ["ObjectPlacement", "find_place", "handle_in_world", "handle_way", "object_pose"]
+__all__ = ["ObjectPlacement", "find_placement", "handle_in_world", "handle_way", "object_pose"]
 
 STANDOFF_M = 0.13
 """Wished distance from the start pose's tool to the handle as an episode begins [m].
@@ -83,7 +83,7 @@ MIN_MANIPULABILITY = 0.04
 
 
 @dataclass(frozen=True)
-class Stage:
+class SearchStage:
     """Places that are tried together."""
 
     back_m: float
@@ -100,20 +100,22 @@ class Stage:
 
 TILTS_RAD = (-0.3, 0.3, -0.6, 0.6)
 """Tilts that are tried where none will do."""
-STAGES = (
-    Stage(0.0, X_M, Z_M),
-    Stage(0.0, X_M[::2], WIDE_Z_M[:-1]),
-    Stage(0.08, X_M[::2], WIDE_Z_M[:-1]),
-    Stage(0.16, X_M[::2], WIDE_Z_M[:-1]),
-    Stage(0.16, X_M, Z_M, standoff_m=FAR_M),
-    Stage(0.22, X_M, Z_M, standoff_m=FAR_M),
-    Stage(0.0, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
-    Stage(0.08, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
+SEARCH_STAGES = (
+    SearchStage(0.0, X_M, Z_M),
+    SearchStage(0.0, X_M[::2], WIDE_Z_M[:-1]),
+    SearchStage(0.08, X_M[::2], WIDE_Z_M[:-1]),
+    SearchStage(0.16, X_M[::2], WIDE_Z_M[:-1]),
+    SearchStage(0.16, X_M, Z_M, standoff_m=FAR_M),
+    SearchStage(0.22, X_M, Z_M, standoff_m=FAR_M),
+    SearchStage(0.0, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
+    SearchStage(0.08, WIDE_X_M, WIDE_Z_M, TILTS_RAD),
 )
 """Tried in this order; the first that holds a good place is the last."""
 
 
-def find_place(asset: Asset, task: Task, arm: Arm, config: RandomizationConfig) -> ObjectPlacement:
+def find_placement(
+    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig
+) -> ObjectPlacement:
     """The best place for the object, tested from closed to the farthest that the task asks for.
 
     The object is turned so that its closed handle faces the arm; the robot's base or the object
@@ -125,9 +127,9 @@ def find_place(asset: Asset, task: Task, arm: Arm, config: RandomizationConfig) 
     Raises:
         ReachError: There is none; the message says what would help.
     """
-    way = np.linspace(*way_ends(task), 5)
+    way = np.linspace(*opening_range(task), 5)
     best: tuple[float, ObjectPlacement] | None = None
-    for stage in STAGES:
+    for stage in SEARCH_STAGES:
         places = [
             found
             for tilt_rad in stage.tilts_rad
@@ -166,7 +168,7 @@ def _yaws(approach: Array) -> list[float]:
     return [k * np.pi / 2 for k in range(4)]
 
 
-def way_ends(task: Task) -> tuple[float, float]:
+def opening_range(task: Task) -> tuple[float, float]:
     """The least and the farthest open fraction between which the handle must be followed."""
     return min(task.target, task.begin[0]), task.far
 
@@ -206,7 +208,7 @@ def _places(
     task: Task,
     arm: Arm,
     way: Array,
-    stage: Stage,
+    stage: SearchStage,
     flip: bool,
     yaw: float,
     y: float,
@@ -395,7 +397,7 @@ def _drawn_share(
     asset = tilted(asset, task.joint, place.tilt_rad)
     scale, T_wo = _corners(asset, task, config, place)
     ok = np.ones(len(scale), dtype=bool)
-    for opened in np.linspace(*way_ends(task), 3)[[0, 2, 1]]:
+    for opened in np.linspace(*opening_range(task), 3)[[0, 2, 1]]:
         goals = _goals(asset, task, place, scale, T_wo, float(opened))
         ok &= solve_ik(arm, goals, np.asarray(place.start_q), iterations=80).reached
         if ok.mean() <= least:

@@ -24,16 +24,16 @@ PRIVILEGED = Layout(
     (
         Field(name="handle_pos_true", size=3, unit="0.2 m", frame="tool", source="estimator"),
         Field(
-            name="handle_near_true", size=3, unit="0.02 m", frame="tool", source="estimator",
+            name="handle_pos_fine_true", size=3, unit="0.02 m", frame="tool", source="estimator",
             low=-1.5, high=1.5,
         ),
         Field(name="part_open_true", size=1, unit="1", frame="-", source="estimator"),
         Field(
-            name="part_beyond_true", size=1, unit="0.05", frame="-", source="estimator",
+            name="goal_error_fine_true", size=1, unit="0.05", frame="-", source="estimator",
             low=-4.0, high=2.0,
         ),
-        Field(name="hand_closing", size=1, unit="1", frame="-", source="plant"),
-        Field(name="hand_wait", size=1, unit="s", frame="-", source="plant"),
+        Field(name="gripper_closing", size=1, unit="1", frame="-", source="plant"),
+        Field(name="gripper_latency_left", size=1, unit="s", frame="-", source="plant"),
         Field(name="force", size=3, unit="20 N", frame="world", source="robot"),
         Field(name="violated", size=1, unit="1", frame="-", source="plant"),
         Field(name="rest", size=1, unit="s", frame="-", source="plant"),
@@ -53,11 +53,12 @@ def privileged(task: Task, state: State, judgement: EpisodeMonitor, drawn: Episo
     return PRIVILEGED.pack(
         {
             "handle_pos_true": handle / HANDLE_UNIT_M,
-            "handle_near_true": handle / NEAR_UNIT_M,
+            "handle_pos_fine_true": handle / NEAR_UNIT_M,
             "part_open_true": state.opened,
-            "part_beyond_true": beyond(state.opened, task.target, closes=task.closes) / BEYOND_UNIT,
-            "hand_closing": state.hand.closing,
-            "hand_wait": state.hand.wait_s,
+            "goal_error_fine_true": beyond(state.opened, task.target, closes=task.closes)
+            / BEYOND_UNIT,
+            "gripper_closing": state.gripper.closing,
+            "gripper_latency_left": state.gripper.wait_s,
             "force": np.nan_to_num(state.samples[:, 0:3]) / 20.0,
             "violated": (state.samples[:, COLUMN["code"]] > 0.0).astype(np.float64),
             "rest": np.minimum(judgement.rest_s, 1.0),

@@ -27,9 +27,15 @@ from articulate.task.layout import Field
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array
 from articulate_envs.engine import Start
-from articulate_envs.interface import checked_action, drawn_numbers, start_asked_for, told
+from articulate_envs.interface import apply_options, checked_action, episode_info, params_dict
 from articulate_envs.make_scene import EnvConfig, make_episodes, make_scene, read_config
-from articulate_envs.robosuite_sim import CAMERAS, SceneModel, SceneSim, SuiteRobot, SuiteViewer
+from articulate_envs.robosuite_sim import (
+    CAMERAS,
+    RobosuiteRobot,
+    RobosuiteViewer,
+    SceneModel,
+    SceneSim,
+)
 from articulate_envs.scene import Scene
 from articulate_envs.single_engine import SingleEngine
 
@@ -87,7 +93,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         Args:
             robots: ``Panda``.
             controller_configs: None: the plant is part of the task.
-            initialization_noise: ``default`` as ``draw.start_rad`` says, None for none, or
+            initialization_noise: ``default`` as ``randomization.start_rad`` says, None for none, or
                 robosuite's dictionary of a uniform one.
             use_camera_obs: Add pictures to observations.
             camera_names: Their cameras, of :data:`articulate_envs.robosuite_sim.CAMERAS`.
@@ -96,7 +102,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
             has_renderer: Show MuJoCo's viewer, where there is a display.
             has_offscreen_renderer: Accepted; pictures are drawn when they are asked for.
             render_camera: Where the viewer looks from; its user moves on from there.
-            control_freq: Ticks a second [Hz]; by default ``follow.rate_hz``.
+            control_freq: Ticks a second [Hz]; by default ``control.rate_hz``.
             horizon: Ticks after which an episode is done; by default the task's length.
             ignore_done: Let episodes go on; their time stands at its end.
             reward_scale: Factor on rewards.
@@ -123,8 +129,8 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         self.camera_heights = [camera_heights] * len(names)
         self.camera_widths = [camera_widths] * len(names)
         self.sim: Any = None  # a SceneSim until it is closed
-        self.viewer: SuiteViewer | None = None
-        self.robots: list[SuiteRobot] = []
+        self.viewer: RobosuiteViewer | None = None
+        self.robots: list[RobosuiteRobot] = []
         self._observation = np.zeros(OBSERVATION.size)
         self._reward = 0.0
         self._start: Start | None = None
@@ -132,7 +138,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
             has_renderer=has_renderer,
             has_offscreen_renderer=False,  # robosuite's own context would draw the bare model
             render_camera=render_camera,
-            control_freq=self._scene.follow.rate_hz,
+            control_freq=self._scene.control.rate_hz,
             horizon=horizon or self._scene.ticks,
             ignore_done=ignore_done,
             seed=seed,
@@ -146,7 +152,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
 
     def _initialize_sim(self, xml_string: str | None = None) -> None:
         self.sim = SceneSim(self._scene, self.engine)
-        self.robots = [SuiteRobot(self.sim, self._scene)]
+        self.robots = [RobosuiteRobot(self.sim, self._scene)]
         self.initialize_time(self.control_freq)
 
     def initialize_time(self, control_freq: float) -> None:
@@ -154,11 +160,11 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         self.cur_time = 0.0
         self.control_freq = control_freq
         self.model_timestep = self._scene.physics.timestep_s
-        self.control_timestep = self._scene.follow.tick_s
+        self.control_timestep = self._scene.control.step_s
 
     def initialize_renderer(self) -> None:
         """Prepare the viewer if there shall be one; it opens with the first picture."""
-        self.viewer = SuiteViewer(self.sim) if self.has_renderer else None
+        self.viewer = RobosuiteViewer(self.sim) if self.has_renderer else None
 
     def reset(self) -> OrderedDict[str, Any]:
         """Begin an episode and return its first observations; ``env.rng`` decides it.
@@ -175,7 +181,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
     def _reset_internal(self) -> None:
         self.episodes.reseed(self.rng)
         start = self.episodes.draw_start(1)
-        self._begin(start_asked_for(self._ep_meta, start, self._scene))
+        self._begin(apply_options(self._ep_meta, start, self._scene))
 
     def _begin(self, start: Start) -> None:
         self._start = start
@@ -207,10 +213,10 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         if self.viewer is not None:
             self.viewer.update()
         observations = self._get_observations(force_update=True)
-        return observations, self._reward, self.done, self._told()
+        return observations, self._reward, self.done, self._episode_info()
 
-    def _told(self) -> dict[str, Any]:
-        every = told(self.episodes.judgement, self._scene.task, self.episodes.state)
+    def _episode_info(self) -> dict[str, Any]:
+        every = episode_info(self.episodes.judgement, self._scene.task, self.episodes.state)
         return {name: values.tolist()[0] for name, values in every.items()}
 
     def reward(self, action: Array | None = None) -> float:
@@ -218,7 +224,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return self._reward
 
     def _check_success(self) -> bool:
-        return bool(self._told()["success"])
+        return bool(self._episode_info()["success"])
 
     def _setup_observables(self) -> OrderedDict[str, Observable]:
         found = [self._sensor_of(field) for field in OBSERVATION.fields]
@@ -266,7 +272,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
             return {}
         plain = {name: getattr(start, name)[0].tolist() for name in ("q", "opened", "width")}
         closing = float(start.closing[0])
-        return {"draw": drawn_numbers(start.draw), **plain, "closing": closing}
+        return {"episode_params": params_dict(start.params), **plain, "closing": closing}
 
     def reset_from_xml_string(self, xml_string: str) -> None:
         """Begin the episode that runs anew, if ``xml_string`` is its model.
@@ -367,12 +373,12 @@ def _without_fixed(given: dict[str, Any]) -> dict[str, Any]:
 def _read(
     given: dict[str, Any], noise: Any, control_freq: float | None, scene: Scene | None
 ) -> EnvConfig:
-    if scene is not None and control_freq not in (None, scene.follow.rate_hz):
-        rate = f"{scene.follow.rate_hz:g}"
+    if scene is not None and control_freq not in (None, scene.control.rate_hz):
+        rate = f"{scene.control.rate_hz:g}"
         raise ConfigError(f"control_freq is {control_freq}; the scene that is given has {rate}")
     if control_freq is not None and scene is None:
-        follow = to_plain(given.get("follow") or {})
-        given = {**given, "follow": {**follow, "rate_hz": float(control_freq)}}
+        control = to_plain(given.get("control") or {})
+        given = {**given, "control": {**control, "rate_hz": float(control_freq)}}
     config = read_config(given, "ArticulatedObject", scene)
     if noise == "default":
         return config
@@ -383,4 +389,4 @@ def _read(
             "{'type': 'uniform', 'magnitude': rad}"
         )
     start_rad = 0.0 if noise is None else float(noise.get("magnitude") or 0.0)
-    return replace(config, draw=replace(config.draw, start_rad=start_rad))
+    return replace(config, randomization=replace(config.randomization, start_rad=start_rad))

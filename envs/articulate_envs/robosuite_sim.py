@@ -13,8 +13,8 @@ from articulate.task.observation import ACTION
 from articulate.transforms import Array
 from articulate_envs.scene import Scene, counterbalance, scene_spec
 from articulate_envs.single_engine import SingleEngine
-from articulate_envs.video import Film
-from articulate_envs.viewer import Window, require_display
+from articulate_envs.video import SceneRenderer
+from articulate_envs.viewer import SceneViewer, require_display
 
 CAMERAS: dict[str, tuple[float, float] | None] = {
     "agentview": None,
@@ -76,7 +76,7 @@ class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
         self.scene = scene
         self._engine = engine
         self._shown: tuple[float, bytes] | None = None
-        self._films: dict[tuple[int, int], Film] = {}
+        self._films: dict[tuple[int, int], SceneRenderer] = {}
 
     def render(
         self,
@@ -107,13 +107,13 @@ class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
             view = film.view_from(qpos, azimuth_deg=way[0], elevation_deg=way[1])
         return film.frame(qpos, view)[::-1]
 
-    def _film(self, size: tuple[int, int]) -> Film:
+    def _film(self, size: tuple[int, int]) -> SceneRenderer:
         scale, T_wo = self._engine.object_pose(0)
         if self._shown != (scale, T_wo.tobytes()):
             self._close_films()
             self._shown = (scale, T_wo.tobytes())
         if size not in self._films:
-            self._films[size] = Film(self.scene, scale=scale, T_wo=T_wo, size=size)
+            self._films[size] = SceneRenderer(self.scene, scale=scale, T_wo=T_wo, size=size)
         return self._films[size]
 
     def _close_films(self) -> None:
@@ -121,10 +121,10 @@ class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
             film.close()
         self._films.clear()
 
-    def window(self) -> Window:
+    def window(self) -> SceneViewer:
         """A window on the episode's object."""
         scale, T_wo = self._engine.object_pose(0)
-        return Window(self.scene, scale=scale, T_wo=T_wo)
+        return SceneViewer(self.scene, scale=scale, T_wo=T_wo)
 
     def pose_id(self) -> bytes:
         """Tells objects of different sizes and poses apart."""
@@ -136,14 +136,14 @@ class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
         self._close_films()
 
 
-class SuiteViewer:
+class RobosuiteViewer:
     """MuJoCo's viewer as robosuite calls its own: opened at the first picture."""
 
     def __init__(self, sim: SceneSim) -> None:
         """For ``sim``; MissingError where there is no display."""
         require_display()
         self._sim = sim
-        self._window: Window | None = None
+        self._window: SceneViewer | None = None
         self._pose = b""
 
     def update(self) -> None:
@@ -151,7 +151,7 @@ class SuiteViewer:
         if self._window is None or self._pose != self._sim.pose_id():
             self.close()
             self._window, self._pose = self._sim.window(), self._sim.pose_id()
-        self._window.show(self._sim.data.qpos, self._sim.scene.follow.tick_s)
+        self._window.show(self._sim.data.qpos, self._sim.scene.control.step_s)
 
     render = update
 
@@ -172,7 +172,7 @@ class Panda:
     naming_prefix = "robot0_"
 
 
-class SuiteRobot:
+class RobosuiteRobot:
     """What ``env.robots[0]`` is: the arm as robosuite's users ask it."""
 
     name = "Panda"
@@ -182,7 +182,7 @@ class SuiteRobot:
         self.robot_model = Panda()
         self.sim = sim
         self.init_qpos = np.array(scene.place.start_q)
-        self.control_freq = scene.follow.rate_hz
+        self.control_freq = scene.control.rate_hz
         self._at = scene.at
 
     @property

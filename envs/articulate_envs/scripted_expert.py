@@ -76,17 +76,17 @@ class ScriptedExpert:
 
     def act(self, state: State, drawn: EpisodeParams) -> Array:
         """Actions (N, 8) for environments in ``state``, under what was ``drawn``."""
-        follow = self.scene.follow
-        unit = np.repeat([follow.move_m, follow.turn_rad], 3)
+        control = self.scene.control
+        unit = np.repeat([control.move_m, control.turn_rad], 3)
         T_ht = relative(state.T_wh, state.T_wt)
-        T_wa = state.T_wt_target @ _small_pose(state.motions_due[:, :6] * unit)
+        T_wa = state.T_wt_target @ _small_pose(state.pending_actions[:, :6] * unit)
         T_ha = relative(state.T_wh, T_wa)
         held, empty = self._held(state, drawn, T_ht)
         near, at = self._at_handle(T_ht, T_ha)
         goal = self._before(T_ha, retreat=empty)
         T_goal = np.where(held[:, None, None], self._ahead(state, drawn, T_ht), state.T_wh @ goal)
         twist = small_twist(relative(T_wa, T_goal)) / unit
-        told = state.hand.wish > 0.0
+        told = state.gripper.wish > 0.0
         most = np.where(near & ~held, SLOW, 1.0)
         whole = np.abs(twist).max(axis=1)
         for part in (slice(0, 3), slice(3, 6)):
@@ -102,7 +102,7 @@ class ScriptedExpert:
     def _held(self, state: State, drawn: EpisodeParams, T_ht: Array) -> tuple[Mask, Mask]:
         """Whether closed fingers have the handle between them, and whether they have nothing."""
         thick = self.grasp.thick_m * drawn["scale"]
-        closing, width = state.hand.closing > 0.0, state.hand_width
+        closing, width = state.gripper.closing > 0.0, state.gripper_width
         between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + BESIDE_M
         between &= np.abs(T_ht[:, 2, 3]) <= LOST_M
         empty = closing & (width < np.where(between, HELD_SHARE * thick, SHUT_M))
@@ -150,7 +150,7 @@ class ScriptedExpert:
         return np.asarray(goal @ T_ht)
 
 
-def guide_of(scene: Scene) -> ScriptedExpert:
+def make_scripted_expert(scene: Scene) -> ScriptedExpert:
     """The guide of ``scene``."""
     task = scene.task
     way = way_of(scene.asset, task.joint, flip=scene.place.flip)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.robot.control import discrete, follow
+from articulate.robot.control import discretize_filter, filter_step
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import judge_sample
 from articulate_envs.buffered_engine import DIVERGED, BufferedEngine
@@ -24,7 +24,7 @@ class SingleEngine(BufferedEngine):
     def __init__(self, scene: Scene) -> None:
         """Make one environment of ``scene``; call :meth:`reset` before stepping."""
         super().__init__(scene, 1)
-        self._matrices = discrete(scene.follow.omega_rad_s, scene.physics.timestep_s)
+        self._matrices = discretize_filter(scene.control.omega_rad_s, scene.physics.timestep_s)
         self._room = room_of()
         at = scene.at
         self._arm_v = slice(at.arm_q, at.arm_q + 7)
@@ -67,15 +67,15 @@ class SingleEngine(BufferedEngine):
 
     def _control(self) -> None:
         """Move the follower and the fingers on by one physics step."""
-        b, at, hand = self._buffers, self.scene.at, self.scene.arm.hand
-        b.follow[:] = follow(b.follow, b.target, *self._matrices)
-        step = hand.finger_speed_m_s * self.scene.physics.timestep_s
+        b, at, gripper = self._buffers, self.scene.at, self.scene.arm.gripper
+        b.filter[:] = filter_step(b.filter, b.target, *self._matrices)
+        step = gripper.finger_speed_m_s * self.scene.physics.timestep_s
         way = -step if b.closing[0] > 0.0 else step
-        closed, wide = hand.finger_m
+        closed, wide = gripper.finger_m
         wide = min(max(b.finger[0] + way, closed), wide)
         b.finger[0] = wide
         ctrl = self.data.ctrl
-        ctrl[at.arm_ctrl : at.arm_ctrl + 7] = b.follow[0, :, 0]
+        ctrl[at.arm_ctrl : at.arm_ctrl + 7] = b.filter[0, :, 0]
         ctrl[at.finger_ctrl : at.finger_ctrl + 2] = wide, -wide
 
     def _judge(self) -> None:

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from articulate.robot.control import discrete
+from articulate.robot.control import discretize_filter
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered_engine import BufferedEngine
@@ -139,7 +139,7 @@ def _where(scene: Scene) -> Where:
 
 def _constants(scene: Scene) -> Constants:
     dt, limits, arm = scene.physics.timestep_s, scene.task.limits, scene.arm
-    A, B = discrete(scene.follow.omega_rad_s, dt)
+    A, B = discretize_filter(scene.control.omega_rad_s, dt)
     return Constants(
         substeps=scene.substeps,
         dt=dt,
@@ -154,7 +154,7 @@ def _constants(scene: Scene) -> Constants:
         moment=limits.moment_nm,
         gain=1.0 - float(np.exp(-dt / limits.filter_s)),
         short_gain=1.0 - float(np.exp(-dt / limits.short_filter_s)),
-        finger_step=arm.hand.finger_speed_m_s * dt,
-        finger_closed=arm.hand.finger_m[0],
-        finger_open=arm.hand.finger_m[1],
+        finger_step=arm.gripper.finger_speed_m_s * dt,
+        finger_closed=arm.gripper.finger_m[0],
+        finger_open=arm.gripper.finger_m[1],
     )

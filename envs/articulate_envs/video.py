@@ -17,7 +17,7 @@ from articulate.simulator import mujoco
 from articulate.transforms import Array, matrix_to_quat
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, Scene, scene_spec
-from articulate_envs.scene_visuals import set_stage
+from articulate_envs.scene_visuals import add_scene_visuals
 
 FRAMES_PER_S = 20
 """Frames of a clip in a second; a tick of the default rate is one."""
@@ -41,7 +41,7 @@ def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> No
     mujoco.mj_camlight(model, data)
 
 
-class Film:
+class SceneRenderer:
     """Draws a scene at positions of its model; close it, or use it in a ``with`` block."""
 
     def __init__(
@@ -66,7 +66,7 @@ class Film:
             MissingError: Nothing can be drawn here.
         """
         self.scene = scene
-        self._model = drawn_model(scene, scale=scale, T_wo=T_wo, size=size)
+        self._model = visual_model(scene, scale=scale, T_wo=T_wo, size=size)
         self._root = _root_of(self._model)
         self._data = mujoco.MjData(self._model)
         self._size = size
@@ -131,7 +131,7 @@ class Film:
         """Give back the drawing context."""
         self._canvas.close()
 
-    def __enter__(self) -> Film:
+    def __enter__(self) -> SceneRenderer:
         return self
 
     def __exit__(
@@ -187,14 +187,14 @@ class Film:
         return body == top
 
 
-def drawn_model(
+def visual_model(
     scene: Scene,
     *,
     scale: float = 1.0,
     T_wo: Array | None = None,
     size: tuple[int, int] = SIZE,
 ) -> mujoco.MjModel:
-    """The scene as people see it; the arguments are :class:`Film`'s."""
+    """The scene as people see it; the arguments are :class:`SceneRenderer`'s."""
     T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
     spec = scene_spec(
         scene.asset,
@@ -204,7 +204,7 @@ def drawn_model(
         scale=scale,
         visuals=True,
     )
-    set_stage(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
+    add_scene_visuals(spec, scene.asset, scale=scale, T_wo=T_wo, size=size)
     model = spec.compile()
     root = _root_of(model)
     model.body_pos[root] = T_wo[:3, 3]
@@ -216,7 +216,7 @@ def _root_of(model: mujoco.MjModel) -> int:
     return next(i for i in range(model.nbody) if model.body(i).name.startswith(PREFIX))
 
 
-def write_film(
+def write_episode_video(
     path: Path,
     scene: Scene,
     qpos: Array,
@@ -240,11 +240,11 @@ def write_film(
     Raises:
         MissingError: Nothing can be drawn here, or the encoder is not installed.
     """
-    with Film(scene, scale=scale, T_wo=T_wo, size=size) as film:
+    with SceneRenderer(scene, scale=scale, T_wo=T_wo, size=size) as film:
         return write_video(path, film.frames(np.asarray(qpos)), size, round(1.0 / step_s))
 
 
-def picture(
+def render_png(
     scene: Scene,
     qpos: Array,
     *,
@@ -252,13 +252,13 @@ def picture(
     T_wo: Array | None = None,
     size: tuple[int, int] = PICTURE_SIZE,
 ) -> bytes:
-    """A PNG of the scene at positions (nq,), with shadows; the arguments are :func:`write_film`'s.
+    """A PNG of the scene at positions (nq,), with shadows; the arguments are :func:`write_episode_video`'s.
 
     Raises:
         MissingError: Nothing can be drawn here.
     """
     double = (2 * size[0], 2 * size[1])
-    with Film(scene, scale=scale, T_wo=T_wo, size=double, shadows=True) as film:
+    with SceneRenderer(scene, scale=scale, T_wo=T_wo, size=double, shadows=True) as film:
         image = Image.fromarray(film.frame(np.asarray(qpos))).resize(size, Image.Resampling.BOX)
     out = BytesIO()
     image.save(out, "PNG", optimize=True)

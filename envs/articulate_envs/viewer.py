@@ -12,7 +12,7 @@ from articulate.errors import MissingError
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_envs.scene import Scene
-from articulate_envs.video import drawn_model, set_positions
+from articulate_envs.video import set_positions, visual_model
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Environment variables of which one names the display, on Linux."""
@@ -23,7 +23,7 @@ def has_display(environment: Mapping[str, str] = os.environ) -> bool:
     return sys.platform != "linux" or any(environment.get(name) for name in DISPLAYS)
 
 
-class Window:
+class SceneViewer:
     """Shows a scene at positions of its model; a user turns and closes it."""
 
     def __init__(self, scene: Scene, *, scale: float, T_wo: Array) -> None:
@@ -37,19 +37,19 @@ class Window:
         Raises:
             MissingError: There is no display.
         """
-        self._model = drawn_model(scene, scale=scale, T_wo=T_wo)
+        self._model = visual_model(scene, scale=scale, T_wo=T_wo)
         self._data = mujoco.MjData(self._model)
         self._viewer = _open(self._model, self._data)
         self._next_s = time.monotonic()
 
-    def show(self, qpos: Array, tick_s: float = 0.0) -> None:
-        """Show positions (nq,), ``tick_s`` [s] after those before; no harm in a closed window."""
+    def show(self, qpos: Array, step_s: float = 0.0) -> None:
+        """Show positions (nq,), ``step_s`` [s] after those before; no harm in a closed window."""
         if self._viewer.is_running():
             with self._viewer.lock():
                 set_positions(self._model, self._data, qpos)
             self._viewer.sync()
         now = time.monotonic()
-        self._next_s = max(self._next_s + tick_s, now)
+        self._next_s = max(self._next_s + step_s, now)
         time.sleep(self._next_s - now)
 
     def close(self) -> None:

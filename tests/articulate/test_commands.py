@@ -138,7 +138,7 @@ def test_help_is_told_where_output_is_not_utf_8():
         env={**os.environ, "PYTHONIOENCODING": "ascii"},
     )
     assert result.returncode == 0
-    assert b"--draw.position-m" in result.stdout
+    assert b"--randomization.position-m" in result.stdout
 
 
 @pytest.mark.parametrize(
@@ -168,7 +168,7 @@ def test_values_can_be_given_in_several_ways(words, expected):
 def test_every_command_can_say_less_or_more(flag, heard, capsys):
     def verb(argv):
         parse(Train, argv)
-        console.say("told")
+        console.show_progress("told")
         console.detail("more")
         return 0
 

@@ -8,7 +8,7 @@ import pytest
 
 from articulate.errors import BundleError
 from articulate.task.manifest import decode_manifest, encode_manifest, with_files
-from articulate.task.randomization import COLUMNS, at_size, drawn_one_by_one
+from articulate.task.randomization import COLUMNS, at_size, sample_episode_params_each
 from articulate_deploy import bundle_files
 from articulate_deploy.bundle import load_bundle
 from articulate_train.export import write_bundle
@@ -252,7 +252,7 @@ def test_a_folder_that_holds_a_whole_disk_is_not_walked_through(tmp_path, monkey
 
 @pytest.mark.parametrize("shape", [(199, 30), (200, 29)])
 def test_draws_of_another_size_are_refused(folder, shape, error_line):
-    np.savez(folder / "draws.npz", values=np.zeros(shape))
+    np.savez(folder / "episodes.npz", values=np.zeros(shape))
     resealed(folder)
     error_line("load_bundle: other draws", lambda: load_bundle(folder))
 
@@ -310,21 +310,21 @@ def test_a_folder_that_cannot_be_read_is_refused(folder, monkeypatch):
         load_bundle(folder)
 
 
-@pytest.mark.parametrize(("column", "value"), [("delay_ticks", 1e9), ("mass", -1.0)])
+@pytest.mark.parametrize(("column", "value"), [("delay_steps", 1e9), ("mass", -1.0)])
 def test_draws_that_no_range_allows_are_refused(folder, column, value):
-    with np.load(folder / "draws.npz", allow_pickle=False) as arrays:
+    with np.load(folder / "episodes.npz", allow_pickle=False) as arrays:
         values = arrays["values"]
     values[3, COLUMNS.index(column)] = value
-    np.savez(folder / "draws.npz", values=values)
+    np.savez(folder / "episodes.npz", values=values)
     resealed(folder)
     with pytest.raises(BundleError, match=f"a {column} is not"):
         load_bundle(folder)
 
 
 def test_draws_are_those_of_the_evaluation_seed(bundle, run):
-    entry = bundle.manifest.draws
-    config = at_size(run.config.draw, 1.0)
-    own = drawn_one_by_one(config, run.config.evaluation_seed, 3, begin=run.task.begin)
+    entry = bundle.manifest.episodes
+    config = at_size(run.config.randomization, 1.0)
+    own = sample_episode_params_each(config, run.config.evaluation_seed, 3, begin=run.task.begin)
     assert entry.count == 200
     assert np.array_equal(bundle.draws.values[:3], own.values)
 

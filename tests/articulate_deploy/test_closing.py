@@ -1,4 +1,4 @@
-"""A run that closes a part, its bundle, the stand-in: one start, one plant, one verdict."""
+"""A run that closes a part, its bundle, the stand-in: one start, one plant, one failure_reason."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tests.assets import make_box, make_cabinet
 from tests.runs import make_run, tiny_run
 
 from articulate.task.episode_monitor import REASONS
-from articulate.task.randomization import EpisodeParams, draw, nominal_draw
+from articulate.task.randomization import EpisodeParams, nominal_params, sample_episode_params
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.deploy import deploy, one_size
 from articulate_deploy.robots.mujoco import MujocoRobot
@@ -35,14 +35,14 @@ def made(request, tmp_path_factory):
 def test_task_and_place_are_in_the_bundle_as_they_were_trained(made):
     run, bundle = made
     assert bundle.manifest.task == run.task
-    assert bundle.manifest.place == run.place
+    assert bundle.manifest.placement == run.placement
 
 
 def test_the_stand_in_of_a_closing_or_turning_part_is_the_plant_of_training(made):
     run, bundle = made
     manifest, rng = bundle.manifest, np.random.default_rng(0)
     engine = ThreadEngine(run.scene((1.0,)), 1)
-    drawn = draw(one_size(manifest), rng, begin=run.task.begin)
+    drawn = sample_episode_params(one_size(manifest), rng, begin=run.task.begin)
     actions = rng.uniform(-1.0, 1.0, (TICKS, 8))
     with MujocoRobot(bundle) as robot:
         compare(engine, robot, manifest, home_start(engine.scene, drawn), actions, atol=1e-6)
@@ -55,9 +55,9 @@ def test_the_stand_in_begins_where_the_part_was_drawn_and_stays_there(made):
         middle = np.mean(run.task.begin)
         assert_allclose(robot.object_state().opened, middle, atol=1e-12)
         for share in (0.0, 1.0):
-            row: EpisodeParams = nominal_draw(begin=run.task.begin)
+            row: EpisodeParams = nominal_params(begin=run.task.begin)
             row.values[:, -1] = run.task.begin[0] + share * np.ptp(run.task.begin)
-            robot.set_draw(row)
+            robot.set_episode_params(row)
             robot.reset_to(np.asarray(bundle.manifest.start.q), 0.08)
             assert_allclose(robot.object_state().opened, row["part_open"], atol=1e-12)
 
@@ -75,7 +75,7 @@ def test_what_trains_is_exported_and_deployed_and_judged_as_closed_or_not(tmp_pa
         with np.load(tmp_path / "out" / f"episode_{k:04d}.npz") as arrays:
             assert abs(arrays["part_open"][0] - drawn["part_open"][0]) < 0.1
         assert result.reason in REASONS
-        assert result.reason != "not_open"
+        assert result.reason != "goal_not_reached"
     assert "closed " in report.text()
     again = deploy(path, episodes=3, seed=1)
     assert [r.reason for r in again.results] == [r.reason for r in report.results]

@@ -114,7 +114,7 @@ def test_a_changed_bundle_is_one_line_and_exit_2(folder, capsys):
 def test_without_a_seed_the_bundles_own_draws_are_run(exported, bundle):
     done = deploy(exported, episodes=1)
     assert done.carried
-    assert done.seed == bundle.manifest.draws.seed
+    assert done.seed == bundle.manifest.episodes.seed
     assert np.array_equal(done.draws[0].values, bundle.draws.values[:1])
     assert "the bundle's draws" in done.text()
 
@@ -150,7 +150,7 @@ def test_two_robots_run_the_same_draws_and_are_compared(exported, tmp_path, caps
 def test_a_ratio_is_that_of_the_successes(report):
     done, _ = report
     won = dataclasses.replace(done.results[0], reason="success")
-    lost = dataclasses.replace(done.results[0], reason="not_open")
+    lost = dataclasses.replace(done.results[0], reason="goal_not_reached")
     first = dataclasses.replace(done, robot="a", results=(won, won))
     second = dataclasses.replace(done, robot="b", results=(won, lost))
     both = Transfer((first, second))

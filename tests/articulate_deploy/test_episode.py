@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from articulate.task.episode_monitor import REASONS
-from articulate.task.randomization import COLUMNS, EpisodeParams, draw
+from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
@@ -16,45 +16,45 @@ from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
 from articulate_envs.threaded_engine import ThreadEngine
 
-QUIET = dataclasses.replace(NO_RANDOMIZATION, hand_latency_s=(0.2, 0.2), start_rad=0.1)
+QUIET = dataclasses.replace(NO_RANDOMIZATION, gripper_latency_s=(0.2, 0.2), start_rad=0.1)
 
 
 def late_draw(seed):
     """Everything drawn but noise: the delays, the biases and the push stay."""
     config = dataclasses.replace(
-        QUIET, delay_ticks=(1, 2), estimate_delay_ticks=(1, 2), estimate_bias_m=0.003,
+        QUIET, delay_steps=(1, 2), estimate_delay_steps=(1, 2), estimate_bias_m=0.003,
         estimate_yaw_rad=0.02, position_m=0.02, yaw_rad=0.1, push_n=(2.0, 5.0),
         force_bias_n=1.5,
     )  # fmt: skip
-    return draw(config, np.random.default_rng(seed))
+    return sample_episode_params(config, np.random.default_rng(seed))
 
 
 def played(bundle, drawn, policy):
     """The result and recording of one episode on the stand-in."""
     manifest, recording = bundle.manifest, Recording()
     with MujocoRobot(bundle) as robot:
-        robot.set_draw(drawn)
-        robot.reset_to(start_of(manifest, drawn), manifest.start.hand_width_m)
+        robot.set_episode_params(drawn)
+        robot.reset_to(start_of(manifest, drawn), manifest.start.gripper_width_m)
         estimator = TruthEstimator(robot, QUIET, manifest.task, drawn, np.random.default_rng(0))
-        delay = int(drawn["delay_ticks"][0])
+        delay = int(drawn["delay_steps"][0])
         result = run_episode(
-            policy, robot, estimator, manifest, delay_ticks=delay, recording=recording
+            policy, robot, estimator, manifest, delay_steps=delay, recording=recording
         )
     return result, recording.arrays()
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_an_episode_is_the_one_of_training(bundle, run, seed):
-    """Same draw, same policy: every observation, every action and the verdict agree."""
+    """Same draw, same policy: every observation, every action and the failure_reason agree."""
     drawn, policy = late_draw(seed), Policy(bundle)
     result, record = played(bundle, drawn, policy)
     engine = ThreadEngine(run.scene((1.0,)), 1)
-    episodes = Episodes(engine, draws=QUIET, reward=RewardConfig(), starts=None, seed=0)
+    episodes = Episodes(engine, draws=QUIET, reward=RewardConfig(), initial_states=None, seed=0)
     start = Start(
-        draw=EpisodeParams(drawn.values.copy()),
+        params=EpisodeParams(drawn.values.copy()),
         q=start_of(bundle.manifest, drawn)[None],
         opened=np.zeros(1),
-        width=np.full(1, bundle.manifest.start.hand_width_m),
+        width=np.full(1, bundle.manifest.start.gripper_width_m),
         closing=-np.ones(1),
         home=np.ones(1, dtype=bool),
     )
@@ -84,7 +84,7 @@ def test_an_arm_that_stands_still_leaves_the_drawer_closed(bundle):
     values = late_draw(0).values.copy()
     values[:, COLUMNS.index("push_x_n") : COLUMNS.index("push_z_n") + 1] = 0.0
     result, record = played(bundle, EpisodeParams(values), Still())
-    assert result.reason == "not_open"
+    assert result.reason == "goal_not_reached"
     assert not result.success
     assert not result.opened
     assert abs(result.fraction) < 1e-2
@@ -106,7 +106,7 @@ def test_an_arm_that_does_not_stand_at_its_start_is_refused(bundle, error_line):
 def test_a_start_is_within_tolerance_and_limits(bundle):
     manifest = bundle.manifest
     for seed in range(20):
-        q = start_of(manifest, draw(manifest.draw, np.random.default_rng(seed)))
+        q = start_of(manifest, sample_episode_params(manifest.randomization, np.random.default_rng(seed)))
         assert np.all(np.abs(q - np.asarray(manifest.start.q)) <= manifest.start.tolerance_rad)
         assert np.all(q >= np.asarray(manifest.robot.q_min))
         assert np.all(q <= np.asarray(manifest.robot.q_max))

@@ -28,20 +28,20 @@ def test_what_was_exported_fits(bundle):
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("control.follow.margin_rad", -3.0),
-        ("control.follow.margin_rad", 3.0),
-        ("control.follow.margin_rad", float("nan")),
-        ("control.follow.lead_rad", 0.0),
-        ("control.follow.move_m", -0.008),
-        ("control.follow.rate_hz", 0.0),
-        ("control.follow.rate_hz", 1e9),
+        ("control.margin_rad", -3.0),
+        ("control.margin_rad", 3.0),
+        ("control.margin_rad", float("nan")),
+        ("control.lead_rad", 0.0),
+        ("control.move_m", -0.008),
+        ("control.rate_hz", 0.0),
+        ("control.rate_hz", 1e9),
         ("scene.timestep_s", 0.0),
         ("scene.timestep_s", 0.007),
         ("scene.scale", 0.0),
         ("start.q", (0.0,) * 6),
         ("start.q", (9.0,) * 7),
         ("start.tolerance_rad", -0.1),
-        ("start.hand_width_m", 1.0),
+        ("start.gripper_width_m", 1.0),
         ("robot.stiffness", (-1.0,) * 7),
         ("task.name", "nonsense"),
         ("task.hold_s", -1.0),
@@ -58,14 +58,14 @@ def test_what_was_exported_fits(bundle):
         ("task.limits.speed_share", 0.71),
         ("task.limits.filter_s", 10.0),
         ("task.episode_s", 0.01),
-        ("control.follow.guard_n", 0.0),
-        ("control.follow.guard_n", 1e9),
-        ("control.follow.guard_held_n", 40.1),
-        ("robot.hand.smoothing", -0.5),
-        ("robot.hand.smoothing", 1e308),
-        ("draw.push_n", (-1.7e308, 1.7e308)),
-        ("draws.seed", -1),
-        ("draw.scales", 10**9),
+        ("control.force_limit_n", 0.0),
+        ("control.force_limit_n", 1e9),
+        ("control.force_limit_holding_n", 40.1),
+        ("robot.gripper.smoothing", -0.5),
+        ("robot.gripper.smoothing", 1e308),
+        ("randomization.push_n", (-1.7e308, 1.7e308)),
+        ("episodes.seed", -1),
+        ("randomization.scales", 10**9),
         ("golden.atol", float("inf")),
     ],
 )
@@ -110,15 +110,15 @@ def test_a_follower_that_may_leave_the_arms_limits_is_refused(bundle, changes, u
     manifest = bundle.manifest
     manifest = forced(manifest, "task", dataclasses.replace(manifest.task, episode_s=10.0))
     for name, value in changes.items():
-        manifest = forced(manifest, f"control.follow.{name}", value)
-    with pytest.raises(BundleError, match=f"control.follow: targets could ask for .* {unit}"):
+        manifest = forced(manifest, f"control.{name}", value)
+    with pytest.raises(BundleError, match=f"control: targets could ask for .* {unit}"):
         check_fits(manifest, "b")
 
 
 @pytest.mark.parametrize(
     ("keys", "value"),
     [
-        (("control", "follow", "margin_rad"), -3.0),
+        (("control", "margin_rad"), -3.0),
         (("task", "span"), 0.0),
         (("task", "limits", "force_n"), -1.0),
         (("robot", "hand", "force_n"), 0.0),

@@ -8,15 +8,15 @@ from numpy.testing import assert_allclose
 
 from articulate.errors import BundleError
 from articulate.robot.kinematics import solve_ik, tool_pose
-from articulate.task.episode_monitor import COLUMN, judge_sample, judgement_start
+from articulate.task.episode_monitor import COLUMN, judge_sample, new_monitor
 from articulate.task.object_placement import handle_in_world
-from articulate.task.randomization import COLUMNS, EpisodeParams, draw
+from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate_deploy.deploy import one_size
 from articulate_deploy.policy_control import Plant
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (
     FORCE_KEYS,
-    HAND_KEY,
+    GRIPPER_KEY,
     SPEED_KEYS,
     action_of,
     joints_of,
@@ -44,16 +44,16 @@ def engine(run):
 def compare(engine, robot, manifest, start, actions, atol):
     """Run both on the same start and actions and compare all that is observed and judged."""
     engine.reset(np.array([0]), start)
-    robot.set_draw(start.draw)
+    robot.set_episode_params(start.params)
     robot.reset_to(start.q[0], float(start.width[0]))
-    delay = int(start.draw["delay_ticks"][0])
-    plant = Plant(manifest, start.q[0], delay_ticks=delay)
-    rows, torque, bias = judgement_start(1).samples, np.zeros(7), start.draw["force_bias"][0]
+    delay = int(start.params["delay_steps"][0])
+    plant = Plant(manifest, start.q[0], delay_steps=delay)
+    rows, torque, bias = new_monitor(1).samples, np.zeros(7), start.params["force_bias"][0]
     for tick, action in enumerate(actions):
         state = engine.step(action[None])
         seen = robot.get_observation()
         felt = joints_of(seen, FORCE_KEYS)
-        wish, width = plant.tick(action, q=joints_of(seen), width_m=seen[HAND_KEY], force=felt)
+        wish, width = plant.tick(action, q=joints_of(seen), width_m=seen[GRIPPER_KEY], force=felt)
         plant.sent(joints_of(robot.send_action(action_of(wish, width))))
         for sample in robot.take_samples():
             rows = judge_sample(
@@ -73,14 +73,14 @@ def compare(engine, robot, manifest, start, actions, atol):
             ("q", joints_of(seen), state.q[0]),
             ("dq", joints_of(seen, SPEED_KEYS), state.dq[0]),
             ("target", plant.target, state.target[0]),
-            ("width", seen[HAND_KEY], state.hand_width[0]),
+            ("width", seen[GRIPPER_KEY], state.gripper_width[0]),
             ("force", joints_of(seen, FORCE_KEYS) - bias, rows[0, :3]),
             ("handle", truth.T_wh, state.T_wh),
             ("opened", truth.opened, state.opened),
             ("speed", truth.speed, state.speed),
-            ("smooth", plant.hand.smooth, state.hand.smooth),
-            ("wish", plant.hand.wish, state.hand.wish),
-            ("since", plant.hand.since_s, state.hand.since_s),
+            ("smooth", plant.gripper.smooth, state.gripper.smooth),
+            ("wish", plant.gripper.wish, state.gripper.wish),
+            ("since", plant.gripper.since_s, state.gripper.since_s),
         ):
             assert_allclose(ours, theirs, rtol=0, atol=atol, err_msg=f"{name} at tick {tick}")
         force = slice(COLUMN["fx"], COLUMN["torque_rate"])
@@ -93,7 +93,7 @@ def compare(engine, robot, manifest, start, actions, atol):
 def test_the_stand_in_is_the_plant_of_training(engine, robot, bundle, seed):
     manifest = bundle.manifest
     rng = np.random.default_rng(seed)
-    drawn = draw(one_size(manifest), rng)
+    drawn = sample_episode_params(one_size(manifest), rng)
     actions = rng.uniform(-1.0, 1.0, (TICKS, 8))
     actions[:, 7] = np.sign(np.sin(np.arange(TICKS) / 8.0))  # the hand opens and closes
     compare(engine, robot, manifest, home_start(engine.scene, drawn), actions, atol=1e-6)
@@ -102,26 +102,26 @@ def test_the_stand_in_is_the_plant_of_training(engine, robot, bundle, seed):
 def test_the_stand_in_is_the_plant_of_training_while_it_pulls(engine, robot, bundle):
     """The hand closes on the handle and draws it back: contact, friction, force."""
     manifest = bundle.manifest
-    values = draw(one_size(manifest), np.random.default_rng(3)).values
+    values = sample_episode_params(one_size(manifest), np.random.default_rng(3)).values
     for name in ("x_m", "y_m", "yaw_rad"):
         values[:, COLUMNS.index(name)] = 0.0
-    values[:, COLUMNS.index("hand_latency_s")] = 0.1
-    values[:, COLUMNS.index("delay_ticks")] = 1.0
+    values[:, COLUMNS.index("gripper_latency_s")] = 0.1
+    values[:, COLUMNS.index("delay_steps")] = 1.0
     goal = handle_in_world(
         manifest.object,
         manifest.task.joint,
-        T_wo=manifest.place.T_wo()[None],
+        T_wo=manifest.placement.T_wo()[None],
         scale=np.ones(1),
         opened=np.zeros(1),
-        flip=manifest.place.flip,
+        flip=manifest.placement.flip,
     )
     grip = solve_ik(manifest.robot, goal, np.asarray(manifest.start.q), iterations=80)
     assert grip.reached.all()
     actions = np.zeros((60, 8))
     actions[:, 7] = 1.0
-    actions[25:55, 2] = -0.12 / (30 * manifest.control.follow.move_m)
+    actions[25:55, 2] = -0.12 / (30 * manifest.control.move_m)
     start = Start(
-        draw=EpisodeParams(values),
+        params=EpisodeParams(values),
         q=grip.q,
         opened=np.zeros(1),
         width=np.full(1, 0.08),

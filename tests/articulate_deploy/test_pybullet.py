@@ -13,11 +13,11 @@ from articulate.errors import BundleError
 from articulate.robot.arm import PANDA
 from articulate.robot.kinematics import joint_poses, solve_ik, tool_jacobian, tool_pose
 from articulate.task.object_placement import handle_in_world
-from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_draw
+from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_params
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.pybullet import PybulletRobot, armature_on_links, contact_force
-from articulate_deploy.robots.robot import HAND_KEY, action_of, joints_of
+from articulate_deploy.robots.robot import GRIPPER_KEY, action_of, joints_of
 from articulate_train.export import export_policy
 
 
@@ -37,7 +37,7 @@ def smooth(bundle):
 
 
 def drawn(**values):
-    row = nominal_draw()
+    row = nominal_params()
     for name, value in values.items():
         row.values[:, COLUMNS.index(name)] = value
     return row
@@ -53,10 +53,10 @@ def grip_of(bundle):
     goal = handle_in_world(
         manifest.object,
         manifest.task.joint,
-        T_wo=manifest.place.T_wo()[None],
+        T_wo=manifest.placement.T_wo()[None],
         scale=np.ones(1),
         opened=np.zeros(1),
-        flip=manifest.place.flip,
+        flip=manifest.placement.flip,
     )
     grip = solve_ik(manifest.robot, goal, start_of(bundle), iterations=80)
     assert grip.reached.all()
@@ -81,7 +81,7 @@ def test_its_panda_has_our_kinematics(robot):
 def test_the_object_stands_where_training_has_it(robot, bundle):
     """Its URDF in PyBullet against our own kinematics, moved, turned and open."""
     row = drawn(x_m=0.02, y_m=-0.01, yaw_rad=0.1, part_open=0.5)
-    robot.set_draw(row)
+    robot.set_episode_params(row)
     robot.reset_to(start_of(bundle), 0.08)
     manifest = bundle.manifest
     joint = manifest.object.joint(manifest.task.joint)
@@ -129,7 +129,7 @@ def test_armature_on_links_adds_up_to_that_of_the_joints():
 def test_a_slide_under_a_force_moves_as_the_closed_form_says(robot, bundle):
     """m x'' = F - c x' - f with the drawn mass, damping and dry friction."""
     mass, damping, friction, force, t = 2.5 * 1.2, 5.0 * 2.0, 2.0 * 0.5, 9.0, 0.2
-    robot.set_draw(drawn(mass=1.2, joint_damping=2.0, joint_friction=0.5))
+    robot.set_episode_params(drawn(mass=1.2, joint_damping=2.0, joint_friction=0.5))
     robot.reset_to(start_of(bundle), 0.08)
     robot._push(np.array([-force, 0.0, 0.0]) @ robot._T_wo[0, :3, :3].T)
     for _ in range(round(t / robot.step_s)):
@@ -141,7 +141,7 @@ def test_a_slide_under_a_force_moves_as_the_closed_form_says(robot, bundle):
 
 
 def test_dry_friction_holds_a_slide_below_its_force(robot, bundle):
-    robot.set_draw(drawn(joint_friction=2.0))
+    robot.set_episode_params(drawn(joint_friction=2.0))
     robot.reset_to(start_of(bundle), 0.08)
     robot._push(np.array([-3.9, 0.0, 0.0]) @ robot._T_wo[0, :3, :3].T)
     for _ in range(200):
@@ -151,7 +151,7 @@ def test_dry_friction_holds_a_slide_below_its_force(robot, bundle):
 
 def test_gravity_is_carried_without_the_help_of_friction(smooth, bundle):
     q = start_of(bundle) + 0.05
-    smooth.set_draw(nominal_draw())
+    smooth.set_episode_params(nominal_params())
     smooth.reset_to(q, 0.08)
     for _ in range(10):
         smooth.send_action(action_of(q, 0.08))
@@ -160,11 +160,11 @@ def test_gravity_is_carried_without_the_help_of_friction(smooth, bundle):
 
 def test_the_impedance_answers_a_step_as_in_mujoco(robot, bundle):
     """Another arm's inertias behind the same follower, stiffness and damping, nothing touched."""
-    q, step = start_of(bundle), bundle.manifest.control.follow.step_rad
+    q, step = start_of(bundle), bundle.manifest.control.step_rad
     ways = []
     with MujocoRobot(bundle) as other:
         for one in (robot, other):
-            one.set_draw(nominal_draw())
+            one.set_episode_params(nominal_params())
             one.reset_to(q, 0.08)
             way = []
             for tick in range(40):
@@ -180,7 +180,7 @@ def test_the_impedance_answers_a_step_as_in_mujoco(robot, bundle):
 def test_forces_on_the_hand_are_those_that_the_joints_feel(smooth, bundle):
     """At rest J^T W = gravity - torque: the hand holds the handle and presses the drawer shut."""
     q = grip_of(bundle)
-    smooth.set_draw(drawn(hand_latency_s=0.1))
+    smooth.set_episode_params(drawn(gripper_latency_s=0.1))
     smooth.reset_to(q, 0.08)
     for _ in range(16):
         smooth.send_action(action_of(q, 0.0))
@@ -208,13 +208,13 @@ def test_a_hand_that_pulls_opens_the_drawer_as_far_as_in_mujoco(robot, bundle):
     ends = []
     with MujocoRobot(bundle) as other:
         for one in (robot, other):
-            one.set_draw(drawn(hand_latency_s=0.1))
+            one.set_episode_params(drawn(gripper_latency_s=0.1))
             one.reset_to(q, 0.08)
             for tick in range(50):
                 way = -0.08 * np.clip((tick - 16) / 24, 0.0, 1.0) * approach
                 target = q + np.linalg.pinv(jacobian) @ np.append(way, np.zeros(3))
                 one.send_action(action_of(target, 0.0))
-            ends.append((one.object_state().opened[0], one.get_observation()[HAND_KEY]))
+            ends.append((one.object_state().opened[0], one.get_observation()[GRIPPER_KEY]))
     assert ends[1][0] > 0.1
     assert_allclose(ends[0][0], ends[1][0], rtol=0, atol=0.04)
     assert_allclose(ends[0][1], ends[1][1], rtol=0, atol=0.004)  # what it holds is as thick
@@ -223,7 +223,7 @@ def test_a_hand_that_pulls_opens_the_drawer_as_far_as_in_mujoco(robot, bundle):
 def test_an_episode_depends_on_nothing_that_was_before_it(robot, bundle):
     def run(seed):
         rng = np.random.default_rng(seed)
-        robot.set_draw(EpisodeParams(bundle.draws.values[seed : seed + 1]))
+        robot.set_episode_params(EpisodeParams(bundle.draws.values[seed : seed + 1]))
         q = start_of(bundle)
         robot.reset_to(q, 0.08)
         for _ in range(10):
@@ -240,10 +240,10 @@ def test_a_lid_whose_weight_is_carried_stays_where_it_was_drawn(tmp_path):
     asset = make_box(tmp_path / "object")
     path = make_run(tmp_path / "run", asset, joint="lid_hinge", task="close_lid", episode_s=2.0)
     bundle = load_bundle(export_policy(path, tmp_path / "bundle").path)
-    assert bundle.manifest.scene.carried == ("lid",)
+    assert bundle.manifest.scene.counterbalanced == ("lid",)
     row = drawn(part_open=bundle.manifest.task.begin[1], joint_friction=0.01)
     with PybulletRobot(bundle) as robot:
-        robot.set_draw(row)
+        robot.set_episode_params(row)
         robot.reset_to(start_of(bundle), 0.08)
         for _ in range(10):
             robot.send_action(action_of(start_of(bundle), 0.08))

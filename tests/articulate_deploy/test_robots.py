@@ -6,12 +6,12 @@ from numpy.testing import assert_allclose
 
 from articulate.errors import ConfigError, MissingError
 from articulate.robot.control import joint_steps
-from articulate.task.randomization import COLUMNS, nominal_draw
+from articulate.task.randomization import COLUMNS, nominal_params
 from articulate_deploy.robots import ROBOTS, robot_named
 from articulate_deploy.robots.robot import (
     ACTION_FEATURES,
     FORCE_KEYS,
-    HAND_KEY,
+    GRIPPER_KEY,
     OBSERVATION_FEATURES,
     NotConnectedError,
     action_of,
@@ -28,7 +28,7 @@ def connected(request, bundle):
 @pytest.fixture
 def robot(connected, bundle):
     """A stand-in at rest at the bundle's start, nothing drawn."""
-    connected.set_draw(nominal_draw())
+    connected.set_episode_params(nominal_params())
     connected.reset_to(np.asarray(bundle.manifest.start.q), 0.08)
     return connected
 
@@ -69,18 +69,18 @@ def test_a_stopped_robot_refuses_actions_until_it_is_reset(robot, bundle):
 def test_a_robot_at_rest_is_where_it_was_brought(robot, bundle):
     seen = robot.get_observation()
     assert_allclose(joints_of(seen), bundle.manifest.start.q, rtol=0, atol=1e-12)
-    assert_allclose(seen[HAND_KEY], 0.08, rtol=0, atol=1e-12)
+    assert_allclose(seen[GRIPPER_KEY], 0.08, rtol=0, atol=1e-12)
     assert_allclose(robot.object_state().opened, 0.0, rtol=0, atol=1e-12)
     assert [seen[key] for key in FORCE_KEYS] == [0.0, 0.0, 0.0]
 
 
 def test_a_stand_in_feels_with_the_errors_that_were_drawn(robot, bundle):
-    drawn, q = nominal_draw(), np.asarray(bundle.manifest.start.q)
+    drawn, q = nominal_params(), np.asarray(bundle.manifest.start.q)
     drawn["force_bias"][:] = (1.0, -2.0, 3.0)
-    robot.set_draw(drawn)
+    robot.set_episode_params(drawn)
     robot.reset_to(q, 0.08)
     assert [robot.get_observation()[key] for key in FORCE_KEYS] == [1.0, -2.0, 3.0]
-    robot.set_draw(drawn, force_noise_n=0.5, noise=np.random.default_rng(0))
+    robot.set_episode_params(drawn, force_noise_n=0.5, noise=np.random.default_rng(0))
     robot.reset_to(q, 0.08)
     seen = np.array([joints_of(robot.get_observation(), FORCE_KEYS) for _ in range(400)])
     assert_allclose(seen.mean(axis=0), (1.0, -2.0, 3.0), rtol=0, atol=0.1)
@@ -100,10 +100,10 @@ def test_an_arm_that_is_told_nothing_new_stays_where_it_is(robot, bundle):
 def test_what_was_really_sent_comes_back(robot, bundle):
     manifest = bundle.manifest
     q = np.asarray(manifest.start.q)
-    step = joint_steps(manifest.control.follow, manifest.robot)
+    step = joint_steps(manifest.control, manifest.robot)
     sent = robot.send_action(action_of(q + 1.0, 0.05))
     assert_allclose(joints_of(sent), q + step, rtol=0, atol=1e-12)
-    assert sent[HAND_KEY] == manifest.robot.hand.max_width_m
+    assert sent[GRIPPER_KEY] == manifest.robot.gripper.max_width_m
 
 
 def test_a_target_that_is_no_number_leaves_the_joint_where_it_is(robot, bundle):
@@ -114,12 +114,12 @@ def test_a_target_that_is_no_number_leaves_the_joint_where_it_is(robot, bundle):
 
 def test_the_hand_closes_after_its_latency_at_its_speed(robot, bundle):
     """A latency of 0.3 s, then both fingers at the hand's speed, less what they lag."""
-    q, hand = np.asarray(bundle.manifest.start.q), bundle.manifest.robot.hand
-    shut_s = hand.max_width_m / 2.0 / hand.finger_speed_m_s
+    q, gripper = np.asarray(bundle.manifest.start.q), bundle.manifest.robot.gripper
+    shut_s = gripper.max_width_m / 2.0 / gripper.finger_speed_m_s
     widths = []
     for _ in range(6 + round(shut_s / 0.05) + 6):
         robot.send_action(action_of(q, 0.0))
-        widths.append(robot.get_observation()[HAND_KEY])
+        widths.append(robot.get_observation()[GRIPPER_KEY])
     assert_allclose(widths[5], 0.08, rtol=0, atol=1e-3)
     half = widths[6 + round(shut_s / 0.1) - 1]
     assert 0.04 - 0.01 < half < 0.04 + 0.015
@@ -133,9 +133,9 @@ def test_unknown_keys_of_an_action_are_refused(robot, bundle, error_line):
 
 
 def test_another_size_of_the_object_is_refused(robot, error_line):
-    drawn = nominal_draw()
+    drawn = nominal_params()
     drawn.values[:, COLUMNS.index("scale")] = 1.1
-    error_line("set_draw: scale 1.1", lambda: robot.set_draw(drawn))
+    error_line("set_episode_params: scale 1.1", lambda: robot.set_episode_params(drawn))
 
 
 @pytest.mark.parametrize("name", ["panda", "fr3", "mujco", "kuka"])

@@ -11,13 +11,13 @@ from articulate.errors import ReachError
 from articulate.robot.kinematics import relative, tool_pose
 from articulate.task.episode_monitor import REASONS
 from articulate.task.object_placement import handle_in_world, object_pose
-from articulate.task.randomization import BLOCKS, COLUMNS, draw, nominal_draw
+from articulate.task.randomization import BLOCKS, COLUMNS, nominal_params, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate.transforms import axis_angle_to_matrix, rotation_angle
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.grasp_clearance import check_grasp
-from articulate_envs.initial_states import bank_of_starts, home_start
+from articulate_envs.initial_states import home_start, precompute_states
 from articulate_envs.placement_search import CLEAR_M, MIN_DRAWN_SHARE, start_clearance
 from articulate_envs.threaded_engine import ThreadEngine
 
@@ -30,7 +30,7 @@ def scene(request):
 
 
 def test_place_is_reached_when_drawn_and_the_arm_starts_clear_of_the_open_part(scene):
-    assert scene.place.drawn_share >= MIN_DRAWN_SHARE
+    assert scene.place.reachable_share >= MIN_DRAWN_SHARE
     assert start_clearance(scene.asset, scene.task, scene.arm, scene.place) > 0.8 * CLEAR_M
     assert check_grasp(scene) < 0.003
 
@@ -69,14 +69,14 @@ def test_arm_that_starts_within_the_open_part_is_refused(closing_drawer):
 
 def test_episodes_begin_at_home_empty_with_the_part_uniformly_where_the_task_says(scene):
     n, (low, high) = 4000, scene.task.begin
-    drawn = draw(DRAWS, np.random.default_rng(0), n, begin=scene.task.begin)
+    drawn = sample_episode_params(DRAWS, np.random.default_rng(0), n, begin=scene.task.begin)
     start = home_start(scene, drawn)
     assert_array_equal(start.opened, drawn["part_open"])
     assert low <= start.opened.min() < start.opened.max() <= high
     shares = (start.opened - low) / (high - low)
     assert_allclose(np.quantile(shares, [0.1, 0.5, 0.9]), [0.1, 0.5, 0.9], atol=0.03)
     assert np.all(start.closing == -1)
-    assert np.all(start.width == scene.arm.hand.max_width_m)
+    assert np.all(start.width == scene.arm.gripper.max_width_m)
     engine = ThreadEngine(scene, 6)
     rows = np.arange(6)
     engine.reset(rows, rows_of(start, rows))
@@ -87,7 +87,7 @@ def test_episodes_begin_at_home_empty_with_the_part_uniformly_where_the_task_say
 def test_part_stays_where_it_is_while_nobody_touches_it(scene):
     """The weight of a lid is carried, as springs and struts do."""
     n = 3
-    start = home_start(scene, nominal_draw(n, begin=scene.task.begin))
+    start = home_start(scene, nominal_params(n, begin=scene.task.begin))
     start.opened[:] = [scene.task.begin[0], np.mean(scene.task.begin), scene.task.begin[1]]
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), start)
@@ -99,7 +99,7 @@ def test_part_stays_where_it_is_while_nobody_touches_it(scene):
 
 
 def test_an_open_lid_that_is_to_be_opened_falls(lid):
-    start = home_start(lid, nominal_draw())
+    start = home_start(lid, nominal_params())
     start.opened[:] = 0.5
     engine = ThreadEngine(lid, 1)
     engine.reset(np.zeros(1, dtype=int), start)
@@ -110,10 +110,10 @@ def test_an_open_lid_that_is_to_be_opened_falls(lid):
 
 
 def test_prepared_hands_hold_parts_on_their_way_and_wait_before_those_that_begin(scene):
-    config = StartConfig(bank=80)
-    bank = bank_of_starts(scene, config, DRAWS, np.random.default_rng(0))
+    config = InitialStatesConfig(n_precomputed=80)
+    bank = precompute_states(scene, config, DRAWS, np.random.default_rng(0))
     n = len(bank.q)
-    assert n > 0.5 * config.bank
+    assert n > 0.5 * config.n_precomputed
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), bank)
     error = relative(tool_pose(scene.arm, bank.q), engine.state().T_wh)
@@ -122,8 +122,8 @@ def test_prepared_hands_hold_parts_on_their_way_and_wait_before_those_that_begin
     low, high = scene.task.begin
     assert np.all((bank.opened[holds] >= scene.task.target) & (bank.opened[holds] <= high))
     assert bank.opened[holds].min() < low
-    assert_array_equal(bank.opened[~holds], bank.draw["part_open"][~holds])
-    assert np.all((bank.draw["part_open"] >= low) & (bank.draw["part_open"] <= high))
+    assert_array_equal(bank.opened[~holds], bank.params["part_open"][~holds])
+    assert np.all((bank.params["part_open"] >= low) & (bank.params["part_open"] <= high))
     assert np.linalg.norm(error[holds, :3, 3], axis=1).max() < 2e-3
     assert rotation_angle(error[:, :3, :3]).max() < 0.021, "the corridor turns with the handle"
     assert error[~holds, 2, 3].min() > -2e-3
@@ -160,8 +160,10 @@ def test_handle_of_a_hinge_goes_on_a_circle_and_turns_with_it(closing_door):
 def test_part_that_rests_closed_is_a_success_and_one_that_stays_open_is_not_closed(scene):
     n = 4
     engine = ThreadEngine(scene, n)
-    runs = Episodes(engine, draws=NO_RANDOMIZATION, reward=RewardConfig(), starts=None, seed=0)
-    start = home_start(scene, nominal_draw(n, begin=scene.task.begin))
+    runs = Episodes(
+        engine, randomization=NO_RANDOMIZATION, reward=RewardConfig(), initial_states=None, seed=0
+    )
+    start = home_start(scene, nominal_params(n, begin=scene.task.begin))
     start.opened[:] = [scene.task.begin[1], scene.task.target + 0.02, scene.task.target - 0.02, 0]
     start.q[2:, 0] += 1.5  # the arm is elsewhere
     runs.reset(start=start)
@@ -169,7 +171,7 @@ def test_part_that_rests_closed_is_a_success_and_one_that_stays_open_is_not_clos
         tick = runs.step(np.zeros((n, 8)))
     assert tick.ended is not None
     codes = [REASONS[c] for c in tick.ended.code]
-    assert codes == ["not_closed", "not_closed", "success", "success"]
+    assert codes == ["goal_not_reached", "goal_not_reached", "success", "success"]
     assert tick.ended.opened.tolist() == [False, False, True, True]
     assert_allclose(runs.drawn["part_open"], np.clip(runs.drawn["part_open"], *scene.task.begin))
     engine.close()
@@ -178,8 +180,14 @@ def test_part_that_rests_closed_is_a_success_and_one_that_stays_open_is_not_clos
 def test_episodes_of_closing_continue_from_a_snapshot_with_the_same_bits(closing_door):
     def made():
         engine = ThreadEngine(closing_door, 3)
-        starts = StartConfig(bank=16)
-        return Episodes(engine, draws=DRAWS, reward=RewardConfig(), starts=starts, seed=3)
+        initial_states = InitialStatesConfig(n_precomputed=16)
+        return Episodes(
+            engine,
+            randomization=DRAWS,
+            reward=RewardConfig(),
+            initial_states=initial_states,
+            seed=3,
+        )
 
     plan = np.random.default_rng(0).uniform(-1, 1, (30, 3, 8))
     runs, other = made(), made()
@@ -197,14 +205,14 @@ def test_episodes_of_closing_continue_from_a_snapshot_with_the_same_bits(closing
 
 def test_same_draws_as_for_opening_but_for_where_the_part_begins_and_when_it_is_pushed():
     """Opening tasks draw what they drew before tasks that close were added."""
-    one = draw(DRAWS, np.random.default_rng(0), 5)
-    two = draw(DRAWS, np.random.default_rng(0), 5, begin=(0.4, 0.8))
+    one = sample_episode_params(DRAWS, np.random.default_rng(0), 5)
+    two = sample_episode_params(DRAWS, np.random.default_rng(0), 5, begin=(0.4, 0.8))
     before = COLUMNS.index("push_time")
     assert COLUMNS[before:] == ("push_time", "part_open", *COLUMNS[BLOCKS["force_bias"]])
     assert_array_equal(one.values[:, :before], two.values[:, :before])
     assert_allclose(two["push_time"], 0.5 + 0.4 / 0.9 * one["push_time"], rtol=1e-12)
     assert np.all(one["part_open"] == 0)
     rng, same = np.random.default_rng(0), np.random.default_rng(0)
-    draw(DRAWS, rng, 5)
-    draw(DRAWS, same, 5, begin=(0.3, 0.3))
+    sample_episode_params(DRAWS, rng, 5)
+    sample_episode_params(DRAWS, same, 5, begin=(0.3, 0.3))
     assert rng.bit_generator.state == same.bit_generator.state

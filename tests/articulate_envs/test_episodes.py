@@ -6,24 +6,30 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from tests.scenes import DRAWS, rows_of
 
-from articulate.task.episode_monitor import CODE, REASONS
+from articulate.task.episode_monitor import REASONS, FailureReason
 from articulate.task.observation import OBSERVATION
-from articulate.task.randomization import nominal_draw
+from articulate.task.randomization import nominal_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.episodes import Episodes
-from articulate_envs.initial_states import bank_of_starts, home_start
+from articulate_envs.initial_states import home_start, precompute_states
 from articulate_envs.privileged_observation import PRIVILEGED
 from articulate_envs.rewards import TERMS
 from articulate_envs.threaded_engine import ThreadEngine
 
 N = 4
-STARTS = StartConfig(bank=24)
+STARTS = InitialStatesConfig(n_precomputed=24)
 
 
-def episodes(scene, *, n=N, seed=0, starts=STARTS, draws=DRAWS, threads=1):
+def episodes(scene, *, n=N, seed=0, initial_states=STARTS, randomization=DRAWS, threads=1):
     engine = ThreadEngine(scene, n, threads=threads)
-    return Episodes(engine, draws=draws, reward=RewardConfig(), starts=starts, seed=seed)
+    return Episodes(
+        engine,
+        randomization=randomization,
+        reward=RewardConfig(),
+        initial_states=initial_states,
+        seed=seed,
+    )
 
 
 def actions(ticks, n=N, seed=1):
@@ -47,7 +53,7 @@ def test_every_episode_has_the_tasks_length_and_the_next_begins_by_itself(drawer
 
 
 def test_observation_of_a_tick_that_ends_an_episode_is_of_the_new_one(drawer):
-    runs = episodes(drawer, starts=None, draws=NO_RANDOMIZATION)
+    runs = episodes(drawer, initial_states=None, randomization=NO_RANDOMIZATION)
     first = runs.reset()
     for action in actions(drawer.ticks):
         tick = runs.step(action)
@@ -58,7 +64,7 @@ def test_observation_of_a_tick_that_ends_an_episode_is_of_the_new_one(drawer):
 
 
 def test_staggered_episodes_end_one_after_another_and_the_short_ones_are_not_from_home(drawer):
-    runs = episodes(drawer, starts=None)
+    runs = episodes(drawer, initial_states=None)
     runs.reset(stagger=True)
     done, home = [], []
     for action in actions(2 * drawer.ticks):
@@ -87,14 +93,14 @@ def test_observations_are_finite_and_within_their_layout(name, request):
 def test_speed_of_the_hand_is_the_change_of_its_width_and_nothing_at_a_start(drawer):
     runs = episodes(drawer)
     before = runs.reset()
-    assert_allclose(field(before, "hand_speed"), 0.0)
+    assert_allclose(field(before, "gripper_speed"), 0.0)
     close = np.zeros((N, 8))
     close[:, 7] = 1.0
     moved = 0.0
     for _ in range(drawer.ticks):
         tick = runs.step(close)
-        change = field(tick.observation, "hand_width") - field(before, "hand_width")
-        speed = field(tick.observation, "hand_speed")
+        change = field(tick.observation, "gripper_width") - field(before, "gripper_width")
+        speed = field(tick.observation, "gripper_speed")
         going = ~tick.done
         assert_allclose(speed[going], 10 * change[going], atol=1e-9)
         assert_allclose(speed[tick.done], 0.0)
@@ -126,7 +132,7 @@ def test_sums_of_terms_are_the_sum_of_rewards(drawer):
 
 def held_open(scene, n):
     """Starts with the arm turned away from a part that is just beyond its target."""
-    start = home_start(scene, nominal_draw(n))
+    start = home_start(scene, nominal_params(n))
     start.opened[:] = scene.task.target + 0.01
     start.q[:, 0] += 1.5
     start.home[:] = False
@@ -136,14 +142,14 @@ def held_open(scene, n):
 @pytest.mark.parametrize("name", ["drawer", "door"])
 def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_not(name, request):
     scene = request.getfixturevalue(name)
-    runs = episodes(scene, starts=None, draws=NO_RANDOMIZATION)
+    runs = episodes(scene, initial_states=None, randomization=NO_RANDOMIZATION)
     start = held_open(scene, N)
     start.opened[0], start.q[0], start.home[0] = 0.0, scene.place.start_q, True
     runs.reset(start=start)
     for _ in range(scene.ticks):
         tick = runs.step(np.zeros((N, 8)))
     assert tick.ended is not None
-    assert [REASONS[c] for c in tick.ended.code] == ["not_open"] + ["success"] * (N - 1)
+    assert [REASONS[c] for c in tick.ended.code] == ["goal_not_reached"] + ["success"] * (N - 1)
     assert tick.ended.opened.tolist() == [False] + [True] * (N - 1)
     assert tick.ended.from_home.tolist() == [True] + [False] * (N - 1)
     fresh = runs.judgement  # nothing of it is left to the episodes that now run
@@ -201,8 +207,8 @@ def test_what_was_drawn_is_what_the_engine_runs(drawer):
 
 
 def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
-    always = StartConfig(bank=24, share_first=1.0, share_last=1.0)
-    runs = episodes(drawer, starts=always)
+    always = InitialStatesConfig(n_precomputed=24, share_first=1.0, share_last=1.0)
+    runs = episodes(drawer, initial_states=always)
     runs.reset()
     for action in actions(drawer.ticks):
         tick = runs.step(action)
@@ -210,18 +216,22 @@ def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
     assert not tick.ended.from_home.any()
 
 
-def open_and_idle(scene, **starts):
+def open_and_idle(scene, **initial_states):
     """Episodes that begin with the part open at rest, and what their ticks give."""
-    runs = episodes(scene, starts=dataclasses.replace(STARTS, **starts), draws=NO_RANDOMIZATION)
-    start = home_start(scene, nominal_draw(N))
+    runs = episodes(
+        scene,
+        initial_states=dataclasses.replace(STARTS, **initial_states),
+        randomization=NO_RANDOMIZATION,
+    )
+    start = home_start(scene, nominal_params(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     return [runs.step(np.zeros((N, 8))) for _ in range(scene.ticks)]
 
 
 def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks(drawer):
-    ticks = open_and_idle(drawer, cut=1.0, cut_share=0.5)
+    ticks = open_and_idle(drawer, truncation_probability=1.0, truncation_env_share=0.5)
     when = [k for k, tick in enumerate(ticks) if tick.done.any()]
-    held = round(drawer.task.hold_s / drawer.follow.tick_s)
+    held = round(drawer.task.hold_s / drawer.control.step_s)
     assert when[0] + 1 == held
     ended = ticks[when[0]].ended
     assert ended is not None
@@ -234,16 +244,27 @@ def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks
 
 
 def test_only_episodes_that_are_never_cut_count_as_from_home(drawer):
-    ended = [t.ended for t in open_and_idle(drawer, cut=1.0, cut_share=0.5) if t.ended is not None]
+    ended = [
+        t.ended
+        for t in open_and_idle(drawer, truncation_probability=1.0, truncation_env_share=0.5)
+        if t.ended is not None
+    ]
     counted = np.concatenate([e.rows[e.from_home] for e in ended])
     assert sorted(counted.tolist()) == [2, 3]
     assert not any(e.cut[e.from_home].any() for e in ended)
 
 
 def test_success_is_paid_once_at_the_end_of_a_whole_episode(drawer, monkeypatch):
-    judged = np.array([CODE["success"], CODE["force"], CODE["success"], CODE["moving"]])
-    monkeypatch.setattr(f"{Episodes.__module__}.verdict", lambda *_: judged)
-    ticks = open_and_idle(drawer, cut=0.0)
+    judged = np.array(
+        [
+            FailureReason.SUCCESS,
+            FailureReason.FORCE,
+            FailureReason.SUCCESS,
+            FailureReason.NOT_AT_REST,
+        ]
+    )
+    monkeypatch.setattr(f"{Episodes.__module__}.failure_reason", lambda *_: judged)
+    ticks = open_and_idle(drawer, truncation_probability=0.0)
     *before, last = ticks
     ended = last.ended
     assert ended is not None
@@ -254,13 +275,16 @@ def test_success_is_paid_once_at_the_end_of_a_whole_episode(drawer, monkeypatch)
 
 
 def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
-    for never in ({"cut": 0.0}, {"cut": 1.0, "cut_share": 0.0}):
+    for never in (
+        {"truncation_probability": 0.0},
+        {"truncation_probability": 1.0, "truncation_env_share": 0.0},
+    ):
         ticks = open_and_idle(drawer, **never)
         assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
         assert not ticks[-1].ended.cut.any()
         assert ticks[-1].ended.from_home.all()
-    runs = episodes(drawer, starts=None, draws=NO_RANDOMIZATION)
-    start = home_start(drawer, nominal_draw(N))
+    runs = episodes(drawer, initial_states=None, randomization=NO_RANDOMIZATION)
+    start = home_start(drawer, nominal_params(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     done = [runs.step(np.zeros((N, 8))).done.any() for _ in range(drawer.ticks)]
     assert done == [False] * (drawer.ticks - 1) + [True]
@@ -278,7 +302,7 @@ def test_episode_that_diverges_ends_with_that_reason_and_a_new_one_begins(
     tick = runs.step(plan[1])
     assert tick.ended is not None
     assert tick.ended.rows.tolist() == [1]
-    assert tick.ended.code.tolist() == [CODE["diverged"]]
+    assert tick.ended.code.tolist() == [FailureReason.DIVERGED]
     assert tick.done.tolist() == [False, True, False, False]
     for action in plan[2:]:
         after = runs.step(action)
@@ -290,18 +314,18 @@ def test_episode_that_diverges_ends_with_that_reason_and_a_new_one_begins(
 
 
 def test_a_bank_row_can_be_replayed_by_itself(drawer):
-    bank = bank_of_starts(drawer, STARTS, DRAWS, np.random.default_rng(0))
+    bank = precompute_states(drawer, STARTS, DRAWS, np.random.default_rng(0))
     runs = episodes(drawer)
     runs.reset(start=rows_of(bank, np.arange(N)))
-    assert_array_equal(runs.drawn.values, bank.draw.values[:N])
+    assert_array_equal(runs.drawn.values, bank.params.values[:N])
 
 
 def test_without_renewal_an_episode_stays_as_it_ended(drawer):
     runs = Episodes(
         ThreadEngine(drawer, 2),
-        draws=DRAWS,
+        randomization=DRAWS,
         reward=RewardConfig(),
-        starts=None,
+        initial_states=None,
         seed=0,
         renew=False,
     )
@@ -319,7 +343,11 @@ def test_without_renewal_an_episode_stays_as_it_ended(drawer):
 
 def test_a_new_seed_decides_what_comes(drawer):
     runs = Episodes(
-        ThreadEngine(drawer, 2), draws=DRAWS, reward=RewardConfig(), starts=None, seed=0
+        ThreadEngine(drawer, 2),
+        randomization=DRAWS,
+        reward=RewardConfig(),
+        initial_states=None,
+        seed=0,
     )
     seen = []
     for seed in (5, np.random.default_rng(5), np.random.SeedSequence(5), 6):
@@ -332,7 +360,11 @@ def test_a_new_seed_decides_what_comes(drawer):
 
 def test_a_step_before_the_first_reset_is_answered_in_one_line(drawer, error_line):
     runs = Episodes(
-        ThreadEngine(drawer, 1), draws=DRAWS, reward=RewardConfig(), starts=None, seed=0
+        ThreadEngine(drawer, 1),
+        randomization=DRAWS,
+        reward=RewardConfig(),
+        initial_states=None,
+        seed=0,
     )
     assert not runs.begun
     error_line("Episodes.step() before reset()", lambda: runs.step(np.zeros((1, 8))))

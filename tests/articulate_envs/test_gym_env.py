@@ -50,7 +50,7 @@ def run(env, seed, ticks=12):
     for _ in range(ticks):
         observation, reward, *_ = env.step(rng.uniform(-1, 1, 8).astype(np.float32))
         out.append(np.append(observation, reward))
-    return np.concatenate(out), info["draw"]
+    return np.concatenate(out), info["episode_params"]
 
 
 def test_seed_decides_everything_whatever_came_before(drawer, env):
@@ -70,8 +70,8 @@ def test_a_reset_without_a_seed_goes_on_with_the_same_generator(drawer, env):
     _, one = env.reset()
     other = ArticulateEnv(scene=drawer)
     other.reset(seed=1)
-    assert other.reset()[1]["draw"] == one["draw"]
-    assert env.reset(seed=1)[1]["draw"] != one["draw"]
+    assert other.reset()[1]["episode_params"] == one["episode_params"]
+    assert env.reset(seed=1)[1]["episode_params"] != one["episode_params"]
 
 
 def test_end_of_an_episode_is_a_termination_and_says_why(drawer, env):
@@ -84,7 +84,7 @@ def test_end_of_an_episode_is_a_termination_and_says_why(drawer, env):
         assert info["success"] == (info["reason"] == "success")
         assert isinstance(info["opened"], bool)
     assert observation[OBSERVATION.slice("time_left")] == 0
-    assert (info["reason"], info["success"], info["opened"]) == ("not_open", False, False)
+    assert (info["reason"], info["success"], info["opened"]) == ("goal_not_reached", False, False)
     assert abs(info["open_fraction"]) < 0.1  # a push may have moved it
 
 
@@ -99,7 +99,7 @@ def test_success_is_told(drawer, env):
     """A part that begins at its target and is left alone rests there to the end."""
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
-    env.reset(seed=0, options={"q": aside, "opened": 0.9, "draw": still})
+    env.reset(seed=0, options={"q": aside, "opened": 0.9, "episode_params": still})
     for _ in range(drawer.ticks):
         *_, terminated, _, info = env.step(STILL)
     assert terminated
@@ -109,10 +109,17 @@ def test_success_is_told(drawer, env):
 
 def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
     """Its part rests at the target from the first tick on."""
-    env = ArticulateEnv(scene=drawer, starts={"cut": 1.0, "cut_share": 0.9, "bank": 8})
+    env = ArticulateEnv(
+        scene=drawer,
+        initial_states={
+            "truncation_probability": 1.0,
+            "truncation_env_share": 0.9,
+            "n_precomputed": 8,
+        },
+    )
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
-    env.reset(seed=0, options={"q": aside, "opened": 0.9, "draw": still})
+    env.reset(seed=0, options={"q": aside, "opened": 0.9, "episode_params": still})
     ends: list[tuple[bool, bool]] = []
     while not any(any(e) for e in ends):
         ends.append(env.step(STILL)[2:4])
@@ -123,26 +130,26 @@ def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
 
 def test_options_replace_what_was_drawn(drawer, env):
     q = (np.asarray(drawer.place.start_q) + 0.05).tolist()
-    asked = {"draw": {"scale": 0.9, "mass": 1.2}, "q": q, "opened": 0.5, "width": 0.02}
+    asked = {"episode_params": {"scale": 0.9, "mass": 1.2}, "q": q, "opened": 0.5, "width": 0.02}
     _, info = env.reset(seed=3, options={**asked, "closing": 1})
     state = env.episodes.state
-    assert (info["draw"]["scale"], info["draw"]["mass"]) == (0.9, 1.2)
+    assert (info["episode_params"]["scale"], info["episode_params"]["mass"]) == (0.9, 1.2)
     np.testing.assert_allclose(state.q[0], q)
     assert state.opened[0] == pytest.approx(0.5)
-    assert state.hand_width[0] == pytest.approx(0.02)
-    assert state.hand.closing[0] == 1.0
+    assert state.gripper_width[0] == pytest.approx(0.02)
+    assert state.gripper.closing[0] == 1.0
     _, plain = env.reset(seed=3)
-    assert info["draw"]["part_open"] == 0.5
+    assert info["episode_params"]["part_open"] == 0.5
     other = ("scale", "mass", "part_open")
-    kept = {k: v for k, v in plain["draw"].items() if k not in other}
-    assert kept.items() <= info["draw"].items()
-    _, again = env.reset(options={"draw": info["draw"]})
-    assert again["draw"] == info["draw"]
+    kept = {k: v for k, v in plain["episode_params"].items() if k not in other}
+    assert kept.items() <= info["episode_params"].items()
+    _, again = env.reset(options={"episode_params": info["episode_params"]})
+    assert again["episode_params"] == info["episode_params"]
     assert env.episodes.state.opened[0] == pytest.approx(0.5)
 
 
 def test_drawn_offsets_of_the_start_move_the_arm(drawer, env):
-    env.reset(seed=3, options={"draw": {f"start_{i + 1}": 0.0 for i in range(7)}})
+    env.reset(seed=3, options={"episode_params": {f"start_{i + 1}": 0.0 for i in range(7)}})
     np.testing.assert_allclose(env.episodes.state.q[0], drawer.place.start_q)
 
 
@@ -150,12 +157,12 @@ def test_drawn_offsets_of_the_start_move_the_arm(drawer, env):
     ("call", "options"),
     [
         ("draws", {"draws": {}}),
-        ("draw=3", {"draw": 3}),
-        ("draw.scales", {"draw": {"scales": 1.0}}),
-        ("draw.scale=0.93", {"draw": {"scale": 0.93}}),
-        ("draw.mass=-1", {"draw": {"mass": -1.0}}),
-        ("draw.part_open=2", {"draw": {"part_open": 2.0}}),
-        ("draw.delay_ticks=0.5", {"draw": {"delay_ticks": 0.5}}),
+        ("episode_params=3", {"episode_params": 3}),
+        ("episode_params.scales", {"episode_params": {"scales": 1.0}}),
+        ("episode_params.scale=0.93", {"episode_params": {"scale": 0.93}}),
+        ("episode_params.mass=-1", {"episode_params": {"mass": -1.0}}),
+        ("episode_params.part_open=2", {"episode_params": {"part_open": 2.0}}),
+        ("episode_params.delay_steps=0.5", {"episode_params": {"delay_steps": 0.5}}),
         ("opened=1.5", {"opened": 1.5}),
         ("q=six numbers", {"q": [0.0] * 6}),
         ("q=out of reach", {"q": [9.0] * 7}),
@@ -189,7 +196,7 @@ def test_steps_outside_an_episode_are_answered_in_one_line(drawer, env, error_li
         ("no asset", {"asset": None}),
         ("assets", {"assets": "x"}),
         ("task=open_drawers", {"task": "open_drawers"}),
-        ("draw.fricton", {"draw": {"fricton": [1, 1]}}),
+        ("randomization.fricton", {"randomization": {"fricton": [1, 1]}}),
         ("render_mode=rgb", {"render_mode": "rgb"}),
         ("joint=lid", {"joint": "lid"}),
         ("width=0", {"width": 0}),
@@ -202,7 +209,7 @@ def test_arguments_that_are_not_accepted_are_answered_in_one_line(named, call, c
 def test_sizes_that_a_given_scene_has_not_are_refused(drawer, error_line):
     error_line(
         "ArticulateEnv(scene=three sizes, draw.scales=4)",
-        lambda: ArticulateEnv(scene=drawer, draw={"scales": 4}),
+        lambda: ArticulateEnv(scene=drawer, randomization={"scales": 4}),
     )
 
 
@@ -216,7 +223,7 @@ def test_continued_from_a_snapshot_it_gives_the_same_bits(drawer, env):
         one.restore(kept)
         ends.append([one.step(STILL)[0] for _ in range(5)])
     assert_array_equal(ends[0], ends[1])
-    assert env.reset()[1]["draw"] == one.reset()[1]["draw"]
+    assert env.reset()[1]["episode_params"] == one.reset()[1]["episode_params"]
 
 
 def test_spec_can_be_copied_kept_as_text_and_made_again(made):
@@ -240,17 +247,17 @@ def test_closing_twice_is_no_harm(made):
 
 
 def test_starts_along_the_task_are_those_of_training(made):
-    env = made(starts={"share_first": 1.0, "grip_share": 1.0, "bank": 8}).unwrapped
+    env = made(initial_states={"share_first": 1.0, "grip_share": 1.0, "n_precomputed": 8}).unwrapped
     opened = {round(env.reset(seed=k)[1]["open_fraction"], 6) for k in range(4)}
     assert len(opened) > 1
-    assert made(starts={}).unwrapped.config.starts is not None
+    assert made(initial_states={}).unwrapped.config.initial_states is not None
 
 
 def test_without_randomisation_every_episode_is_the_same(named):
     env = ArticulateEnv(**{**named, "randomise": False})
     one, two = (env.reset(seed=k) for k in (1, 2))
     assert_array_equal(one[0], two[0])
-    assert one[1]["draw"].keys() == set(COLUMNS)
+    assert one[1]["episode_params"].keys() == set(COLUMNS)
 
 
 @pytest.mark.render

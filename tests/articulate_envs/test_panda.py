@@ -109,10 +109,10 @@ def test_fingers_hang_where_franka_mounts_them_and_the_tool_is_between_their_pad
     """hand.xacro of franka_description: joint at z = 0.0584 m, tips 0.0538 m beyond it."""
     data = at(loose, HOME)
     mujoco.mj_forward(loose, data)
-    hand, tool = loose.body("right_hand").id, loose.site("tool").id
-    approach = data.xmat[hand].reshape(3, 3)[:, 2]
+    gripper, tool = loose.body("right_hand").id, loose.site("tool").id
+    approach = data.xmat[gripper].reshape(3, 3)[:, 2]
     for name in ("leftfinger", "rightfinger"):
-        way = data.xpos[loose.body(name).id] - data.xpos[hand]
+        way = data.xpos[loose.body(name).id] - data.xpos[gripper]
         assert_allclose(way @ approach, 0.0584, atol=1e-9)
     tips = []
     for name in ("finger1_pad_collision", "finger2_pad_collision"):
@@ -124,7 +124,7 @@ def test_fingers_hang_where_franka_mounts_them_and_the_tool_is_between_their_pad
         first, count = int(loose.mesh_vertadr[mesh]), int(loose.mesh_vertnum[mesh])
         geom = loose.geom(name).id
         points = loose.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T
-        tips.append(((points + data.geom_xpos[geom] - data.xpos[hand]) @ approach).max())
+        tips.append(((points + data.geom_xpos[geom] - data.xpos[gripper]) @ approach).max())
     assert_allclose(tips, 0.0584 + 0.0538, atol=2e-4)
 
 
@@ -147,11 +147,11 @@ def test_closed_fingers_press_with_their_whole_force_whatever_they_hold(loose, w
     data = at(loose, HOME)
     finger = loose.joint("finger_joint1").qposadr[0]
     act = loose.actuator("finger_joint1").id
-    closed, _ = PANDA.hand.finger_m
+    closed, _ = PANDA.gripper.finger_m
     data.qpos[finger : finger + 2] = width / 2, -width / 2
     data.ctrl[act : act + 2] = closed, -closed
     mujoco.mj_forward(loose, data)
-    assert np.abs(data.actuator_force[act : act + 2]) == pytest.approx(PANDA.hand.force_n)
+    assert np.abs(data.actuator_force[act : act + 2]) == pytest.approx(PANDA.gripper.force_n)
 
 
 def test_arm_never_meets_itself(loose):

@@ -16,7 +16,7 @@ from articulate_envs import placement_search as reach_test
 from articulate_envs.placement_search import (
     MIN_JOINT_MARGIN_RAD,
     MIN_MANIPULABILITY,
-    find_place,
+    find_placement,
     handle_in_world,
     handle_way,
     object_pose,
@@ -63,7 +63,7 @@ def test_closed_handle_faces_the_hand_at_the_start(name, request):
 
 
 def test_same_object_is_placed_alike(drawer):
-    again = find_place(
+    again = find_placement(
         drawer.asset, drawer.task, PANDA, dataclasses.replace(RandomizationConfig(), scales=3)
     )
     assert again == drawer.place
@@ -72,7 +72,7 @@ def test_same_object_is_placed_alike(drawer):
 def test_share_of_drawn_poses_that_are_reached_is_told(drawer):
     far = dataclasses.replace(RandomizationConfig(), scales=3, position_m=1.0)
     shares = [
-        find_place(drawer.asset, drawer.task, PANDA, draws).reachable_share
+        find_placement(drawer.asset, drawer.task, PANDA, draws).reachable_share
         for draws in (NO_RANDOMIZATION, far)
     ]
     assert shares[0] == 1.0
@@ -81,7 +81,7 @@ def test_share_of_drawn_poses_that_are_reached_is_told(drawer):
 
 def test_place_lets_a_hand_go_with_the_handle_all_the_way_and_in_time(drawer, monkeypatch):
     args = drawer.asset, drawer.task, PANDA, RandomizationConfig()
-    found = find_place(*args)
+    found = find_placement(*args)
     assert reach_test._followed_share(*args, found) == 1.0
     away = dataclasses.replace(found, pos_w=(found.pos_w[0] + 1.0, *found.pos_w[1:]))
     assert reach_test._followed_share(*args, away) == 0.0
@@ -92,9 +92,11 @@ def test_place_lets_a_hand_go_with_the_handle_all_the_way_and_in_time(drawer, mo
 @pytest.mark.dataset
 def test_door_that_closes_does_not_stand_where_the_elbow_is_caught(data_folder, tmp_path):
     """All poses are reached 5 cm farther off too, and a quarter of the ways is not followed."""
-    asset = load_checked_asset(data_folder / "assets" / "partnet" / "7119" / "mobility.urdf", tmp_path)
+    asset = load_checked_asset(
+        data_folder / "assets" / "partnet" / "7119" / "mobility.urdf", tmp_path
+    )
     args = asset, make_task("close_door", asset, "joint_0"), PANDA, RandomizationConfig()
-    found = find_place(*args)
+    found = find_placement(*args)
     farther = dataclasses.replace(found, pos_w=(0.884, -0.109, 0.678))
     assert (
         reach_test._drawn_share(*args, farther, 0.0)
@@ -114,7 +116,7 @@ def test_object_that_stands_turned_is_turned_back(tmp_path, drawer):
     )
     joints = tuple(dataclasses.replace(j, axis_o=(0.0, 1.0, 0.0)) for j in asset.joints)
     turned = dataclasses.replace(asset, handles=handles, joints=joints)
-    place = find_place(
+    place = find_placement(
         turned, make_task("open_drawer", turned, "drawer_2_slide"), PANDA, RandomizationConfig()
     )
     assert abs(place.yaw_rad) == pytest.approx(np.pi / 2)
@@ -127,7 +129,8 @@ def test_a_drawer_longer_than_the_arm_is_refused_in_one_line(tmp_path, error_lin
     asset = make_cabinet(tmp_path / "cabinet", travel_m=2.0)
     task = make_task("open_drawer", asset, "drawer_2_slide")
     error_line(
-        "find_place(drawer of 2 m)", lambda: find_place(asset, task, PANDA, RandomizationConfig())
+        "find_placement(drawer of 2 m)",
+        lambda: find_placement(asset, task, PANDA, RandomizationConfig()),
     )
 
 

@@ -9,8 +9,8 @@ from articulate.robot.arm import PANDA
 from articulate.robot.kinematics import solve_ik
 from articulate.simulator import mujoco
 from articulate.transforms import pose
-from articulate_envs.config import StartConfig
-from articulate_envs.initial_states import bank_of_starts
+from articulate_envs.config import InitialStatesConfig
+from articulate_envs.initial_states import precompute_states
 from articulate_envs.panda import HAND_BODY
 from articulate_envs.scene import PREFIX, wrench_of
 from articulate_envs.threaded_engine import ThreadEngine
@@ -66,8 +66,8 @@ def test_sensors_report_the_sum_of_mujocos_contact_forces(name, request):
     """Hands closed on handles, pulled about at random: the net wrench of all contacts."""
     scene = request.getfixturevalue(name)
     rng, n = np.random.default_rng(0), 6
-    config = StartConfig(bank=40, grip_share=1.0)
-    bank = bank_of_starts(scene, config, DRAWS, rng)
+    config = InitialStatesConfig(n_precomputed=40, grip_share=1.0)
+    bank = precompute_states(scene, config, DRAWS, rng)
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), rows_of(bank, np.arange(n)))
     largest = 0.0
@@ -135,15 +135,17 @@ def test_arm_that_touches_the_object_is_told_from_a_hand_that_does(drawer):
         data.qpos[:7] = q
         mujoco.mj_forward(model, data)
         expected = summed(model, data)[1]
-        hand = any(in_hand(model, c[0]) and in_object(model, c[1]) for c in contacts(model, data))
+        gripper = any(
+            in_hand(model, c[0]) and in_object(model, c[1]) for c in contacts(model, data)
+        )
         assert reported(drawer, data)[1] == expected
-        seen.add((expected, hand))
+        seen.add((expected, gripper))
     assert seen == {(False, False), (False, True), (True, False), (True, True)}
 
 
 def test_ticks_and_steps_fill_the_episode(drawer):
-    assert drawer.ticks * drawer.follow.tick_s == pytest.approx(drawer.task.episode_s)
-    assert drawer.substeps * drawer.physics.timestep_s == pytest.approx(drawer.follow.tick_s)
+    assert drawer.ticks * drawer.control.step_s == pytest.approx(drawer.task.episode_s)
+    assert drawer.substeps * drawer.physics.timestep_s == pytest.approx(drawer.control.step_s)
 
 
 def test_addresses_name_what_they_point_to(drawer):

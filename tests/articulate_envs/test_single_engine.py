@@ -14,10 +14,10 @@ from tests.scenes import DRAWS, make_scene, rows_of
 from articulate.task.observation import OBSERVATION
 from articulate.task.randomization import COLUMNS
 from articulate.task.task import TASK_RULES
-from articulate_envs.config import StartConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.gym_env import ArticulateEnv
-from articulate_envs.initial_states import bank_of_starts, home_start
-from articulate_envs.interface import drawn_numbers
+from articulate_envs.initial_states import home_start, precompute_states
+from articulate_envs.interface import params_dict
 from articulate_envs.robosuite_env import ArticulatedObject
 from articulate_envs.single_engine import SingleEngine
 from articulate_envs.threaded_engine import ThreadEngine
@@ -50,9 +50,11 @@ def drawer(scene_of):
 def begun(scene, how):
     """A start from home, or with the hand closed on the handle of a part on its way."""
     rng = np.random.default_rng(11)
-    bank = bank_of_starts(scene, StartConfig(bank=4, grip_share=1.0), DRAWS, rng)
+    bank = precompute_states(
+        scene, InitialStatesConfig(n_precomputed=4, grip_share=1.0), DRAWS, rng
+    )
     gripping = rows_of(bank, np.array([0]))
-    return gripping if how == "gripping" else home_start(scene, gripping.draw)
+    return gripping if how == "gripping" else home_start(scene, gripping.params)
 
 
 def plan(seed=3):
@@ -67,11 +69,11 @@ def options_of(start):
     """What to ask a reset for to begin like ``start``."""
     plain = {name: getattr(start, name)[0].tolist() for name in ("q", "opened", "width")}
     closing = float(start.closing[0])
-    return {"draw": drawn_numbers(start.draw), **plain, "closing": closing}
+    return {"episode_params": params_dict(start.params), **plain, "closing": closing}
 
 
 def through_gymnasium(scene, start, draws):
-    env = ArticulateEnv(scene=scene, draw=draws)
+    env = ArticulateEnv(scene=scene, randomization=draws)
     env.reset(seed=7, options=options_of(start))
     for action in plan():
         observation, reward, terminated, truncated, info = env.step(action.astype(np.float32))
@@ -81,7 +83,7 @@ def through_gymnasium(scene, start, draws):
 
 
 def through_robosuite(scene, start, draws):
-    env = ArticulatedObject("Panda", scene=scene, draw=draws)
+    env = ArticulatedObject("Panda", scene=scene, randomization=draws)
     env.rng = np.random.default_rng(7)
     env.set_ep_meta(options_of(start))
     env.reset()
@@ -92,7 +94,7 @@ def through_robosuite(scene, start, draws):
 
 
 def through_batch(scene, start, draws, n=1, threads=1):
-    env = ArticulateVectorEnv(num_envs=n, threads=threads, scene=scene, draw=draws)
+    env = ArticulateVectorEnv(num_envs=n, threads=threads, scene=scene, randomization=draws)
     env.reset(seed=7, options=options_of(start))
     for action in plan():
         before = env.engine.physics_state(n - 1)[1]
@@ -163,7 +165,7 @@ def test_either_engine_continues_from_the_others_snapshot(drawer, first):
     for other in (engine, single, batched):
         other.restore(kept)
         ends.append(stepped(other, plan()[30:60])[-1])
-    for name in ("q", "dq", "target", "opened", "speed", "hand_width", "T_wh"):
+    for name in ("q", "dq", "target", "opened", "speed", "gripper_width", "T_wh"):
         for end in ends[1:]:
             assert_allclose(getattr(end, name), getattr(ends[0], name), rtol=0, atol=1e-9)
     assert_allclose(ends[1].samples, ends[2].samples, rtol=1e-9, atol=1e-7)
@@ -198,6 +200,6 @@ def test_a_state_that_diverges_stands_still_and_says_so(drawer, tmp_path, monkey
 def test_drawn_columns_are_those_that_may_be_asked_for(drawer):
     env = gymnasium.wrappers.PassiveEnvChecker(ArticulateEnv(scene=drawer))
     _, info = env.reset(seed=1)
-    assert list(info["draw"]) == list(COLUMNS)
-    _, again = env.reset(seed=2, options={"draw": info["draw"]})
-    assert again["draw"] == info["draw"]
+    assert list(info["episode_params"]) == list(COLUMNS)
+    _, again = env.reset(seed=2, options={"episode_params": info["episode_params"]})
+    assert again["episode_params"] == info["episode_params"]

@@ -364,7 +364,9 @@ def test_random_draws_leave_nothing_behind_in_the_model(drawer):
     engine, rng = ThreadEngine(drawer, 1), np.random.default_rng(5)
     fresh = model_with(engine)
     for _ in range(5):
-        engine.reset(np.zeros(1, dtype=int), home_start(drawer, sample_episode_params(DRAWS, rng, 1)))
+        engine.reset(
+            np.zeros(1, dtype=int), home_start(drawer, sample_episode_params(DRAWS, rng, 1))
+        )
         engine.step(np.ones((1, 8)))
     again = model_with(engine)
     for name in FIELDS:

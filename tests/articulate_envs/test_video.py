@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from articulate.transforms import pose
-from articulate_envs.video import Film, picture, write_film
+from articulate_envs.video import SceneRenderer, render_png, write_episode_video
 
 SMALL = (160, 120)
 
@@ -22,7 +22,7 @@ def _positions(scene, opened=0.0):
 @pytest.mark.render
 def test_frames_show_the_same_for_the_same_positions_and_another_for_others(drawer):
     qpos = np.stack([_positions(drawer), _positions(drawer), _positions(drawer, 0.8)])
-    with Film(drawer, size=SMALL) as film:
+    with SceneRenderer(drawer, size=SMALL) as film:
         first, again, opened = film.frames(qpos)
     assert first.shape == (120, 160, 3)
     np.testing.assert_array_equal(first, again)
@@ -33,18 +33,18 @@ def test_frames_show_the_same_for_the_same_positions_and_another_for_others(draw
 @pytest.mark.render
 def test_size_and_pose_of_the_episodes_object_are_shown(drawer):
     q, T_wo = _positions(drawer), drawer.place.T_wo()
-    with Film(drawer, size=SMALL) as film:
+    with SceneRenderer(drawer, size=SMALL) as film:
         view = film.choose_view(q[None])
         nominal = film.frame(q)
     for scale, shift in ((1.1, (0.0, 0.0, 0.0)), (1.0, (0.0, 0.05, 0.0))):
-        with Film(drawer, scale=scale, T_wo=pose(shift) @ T_wo, size=SMALL) as film:
+        with SceneRenderer(drawer, scale=scale, T_wo=pose(shift) @ T_wo, size=SMALL) as film:
             assert np.mean(np.any(film.frame(q, view) != nominal, axis=2)) > 0.02
 
 
 @pytest.mark.render
 def test_hand_and_handle_are_in_the_picture_from_a_side_that_the_arm_does_not_hide(door):
     qpos = np.stack([_positions(door, opened) for opened in (0.0, 0.4, 0.8)])
-    with Film(door, size=SMALL) as film:
+    with SceneRenderer(door, size=SMALL) as film:
         view = film.choose_view(qpos)
     assert 30.0 < abs(view.azimuth_deg) < 120.0
     assert 0.5 < view.distance_m < 6.0
@@ -55,7 +55,9 @@ def test_hand_and_handle_are_in_the_picture_from_a_side_that_the_arm_does_not_hi
 def test_a_clip_has_a_frame_for_each_tick_at_their_rate(drawer, tmp_path):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
     qpos = np.stack([_positions(drawer, opened) for opened in np.linspace(0.0, 0.8, 12)])
-    path = write_film(tmp_path / "videos" / "success.mp4", drawer, qpos, tick_s=0.05, size=SMALL)
+    path = write_episode_video(
+        tmp_path / "videos" / "success.mp4", drawer, qpos, step_s=0.05, size=SMALL
+    )
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert frames == 12
     assert seconds == pytest.approx(0.6, abs=0.02)
@@ -66,5 +68,5 @@ def test_a_clip_has_a_frame_for_each_tick_at_their_rate(drawer, tmp_path):
 
 @pytest.mark.render
 def test_a_picture_is_a_png_of_the_asked_size(drawer):
-    image = Image.open(BytesIO(picture(drawer, _positions(drawer), size=SMALL)))
+    image = Image.open(BytesIO(render_png(drawer, _positions(drawer), size=SMALL)))
     assert (image.format, image.size) == ("PNG", SMALL)

@@ -22,13 +22,13 @@ from articulate.task.observation import (
     WIDTH_UNIT_M,
 )
 from articulate.task.task import Task
-from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
 from articulate_train.config import ActionScalingConfig
-from articulate_train.imitation import said
+from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network, Policy
 
 FINE = ActionScalingConfig(
-    share=0.4, closing=0.2, near_m=0.03, far_m=0.10, done=0.2, done_between=(-0.06, 0.02)
+    near_handle=0.4, while_closing=0.2, near_m=0.03, far_m=0.10, at_goal=0.2, goal_range=(-0.06, 0.02)
 )
 OPEN_M = 0.08
 NO_LEAD, NO_BEND = np.zeros(6), np.zeros(7)
@@ -39,13 +39,13 @@ def seen(
 ):
     """One observation (1, size) with the handle ahead of the tool."""
     fields = {f.name: np.zeros((1, f.size)) for f in OBSERVATION.fields}
-    fields["handle_aimed"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
-    fields["hand_command"] = np.array([[wish, wish, 1.0]])
-    fields["hand_width"] = np.array([[width_m / WIDTH_UNIT_M]])
-    fields["hand_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
-    fields["part_beyond"] = np.array([[beyond / BEYOND_UNIT]])
-    fields["target_lead"] = bent[None] / BENT_UNIT_RAD
-    fields["tool_lead"] = lead[None] / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
+    fields["handle_pos_predicted"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
+    fields["gripper_command"] = np.array([[wish, wish, 1.0]])
+    fields["gripper_width"] = np.array([[width_m / WIDTH_UNIT_M]])
+    fields["gripper_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
+    fields["goal_error_fine"] = np.array([[beyond / BEYOND_UNIT]])
+    fields["joint_tracking_error"] = bent[None] / BENT_UNIT_RAD
+    fields["tracking_error"] = lead[None] / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
     return OBSERVATION.pack(fields)
 
 
@@ -54,7 +54,7 @@ def seen(
     [(0.0, 0.4), (0.03, 0.4), (0.065, 0.7), (0.10, 1.0), (0.5, 1.0)],
 )
 def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
-    assert_allclose(shares(FINE, seen(distance_m)), [[share]], atol=1e-12)
+    assert_allclose(action_scales(FINE, seen(distance_m)), [[share]], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -69,12 +69,12 @@ def test_motions_of_an_open_hand_are_finer_near_the_handle(distance_m, share):
     ],
 )
 def test_motions_are_finest_from_telling_the_hand_to_close_until_it_has(width_m, speed_m_s, share):
-    got = shares(FINE, seen(0.01, wish=1.0, width_m=width_m, speed_m_s=speed_m_s))
+    got = action_scales(FINE, seen(0.01, wish=1.0, width_m=width_m, speed_m_s=speed_m_s))
     assert_allclose(got, [[share]], atol=1e-12)
 
 
 def test_fingers_that_open_are_those_of_an_open_hand():
-    got = shares(FINE, seen(0.01, wish=-1.0, width_m=0.04, speed_m_s=0.2))
+    got = action_scales(FINE, seen(0.01, wish=-1.0, width_m=0.04, speed_m_s=0.2))
     assert_allclose(got, [[0.4]], atol=1e-12)
 
 
@@ -83,13 +83,13 @@ def test_fingers_that_open_are_those_of_an_open_hand():
     ("beyond", "share"), [(-0.1, 1.0), (-0.06, 1.0), (-0.02, 0.6), (0.02, 0.2), (0.1, 0.2)]
 )
 def test_motions_are_finer_near_the_parts_target(distance_m, beyond, share):
-    short = shares(FINE, seen(distance_m))
-    assert_allclose(shares(FINE, seen(distance_m, beyond=beyond)), short * share, atol=1e-12)
+    short = action_scales(FINE, seen(distance_m))
+    assert_allclose(action_scales(FINE, seen(distance_m, beyond=beyond)), short * share, atol=1e-12)
 
 
 @pytest.mark.parametrize("wish", [-1.0, 1.0])
 def test_far_from_the_handle_nothing_is_finer(wish):
-    assert_allclose(shares(FINE, seen(0.2, wish=wish)), [[1.0]], atol=1e-12)
+    assert_allclose(action_scales(FINE, seen(0.2, wish=wish)), [[1.0]], atol=1e-12)
 
 
 @given(
@@ -102,18 +102,18 @@ def test_far_from_the_handle_nothing_is_finer(wish):
 )
 def test_shares_lie_between_the_least_and_one(distance_m, wish, width_m, speed_m_s, share, closing):
     row = seen(distance_m, wish=wish, width_m=width_m, speed_m_s=speed_m_s)
-    got = shares(ActionScalingConfig(share=share, closing=closing), row)[0, 0]
+    got = action_scales(ActionScalingConfig(near_handle=share, while_closing=closing), row)[0, 0]
     assert min(share, closing) - 1e-12 <= got <= 1.0
 
 
 AHEAD = np.array([0.0, 0.06, 0.08, 0.1, 0.0, 0.0])
 """The target of the tool is 10 cm and 0.1 rad ahead."""
 LEADS = ActionScalingConfig(
-    release=0.5,
-    lead_m=(0.08, 0.02),
-    lead_rad=(0.3, 0.05),
-    done_between=(-0.2, 0.0),
-    shut_between=(0.0, 0.1),
+    lead_gain=0.5,
+    max_lead_m=(0.08, 0.02),
+    max_lead_rad=(0.3, 0.05),
+    goal_range=(-0.2, 0.0),
+    stop_range=(0.0, 0.1),
 )
 
 
@@ -130,7 +130,7 @@ LEADS = ActionScalingConfig(
     ],
 )
 def test_what_the_target_is_ahead_by_too_much_is_taken_back(beyond, allowed_m):
-    got = taken_back(LEADS, seen(0.3, beyond=beyond, lead=AHEAD))
+    got = lead_compensation(LEADS, seen(0.3, beyond=beyond, lead=AHEAD))
     much = max(0.0, 1.0 - allowed_m / 0.1)
     units = AHEAD / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
     assert_allclose(got, [0.5 * much * units], atol=1e-4)
@@ -141,20 +141,20 @@ def test_the_joint_that_is_farthest_ahead_counts_as_well(beyond, allowed_rad):
     """Of two bounds the one that takes back more."""
     bent = np.array([0.0, 0.1, -0.25, 0.05, 0.0, 0.2, -0.1])
     lead = 0.1 * AHEAD
-    got = taken_back(LEADS, seen(0.3, beyond=beyond, lead=lead, bent=bent))
+    got = lead_compensation(LEADS, seen(0.3, beyond=beyond, lead=lead, bent=bent))
     units = lead / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
     assert_allclose(got, [0.5 * (1.0 - allowed_rad / 0.25) * units], atol=1e-4)
 
 
 def test_nothing_is_taken_back_of_a_lead_that_is_allowed():
-    got = taken_back(LEADS, seen(0.3, beyond=0.0, lead=0.19 * AHEAD))
+    got = lead_compensation(LEADS, seen(0.3, beyond=0.0, lead=0.19 * AHEAD))
     assert_allclose(got, np.zeros((1, 6)), atol=1e-12)
 
 
-def one_network(fine):
+def one_network(action_scaling):
     """A policy with one network that normalises nothing."""
     zeros, ones = torch.zeros(OBSERVATION.size), torch.ones(OBSERVATION.size)
-    return Policy([Network(zeros, ones, (4,))], fine)
+    return Policy([Network(zeros, ones, (4,))], action_scaling)
 
 
 def test_policy_takes_back_on_top_of_what_it_says_within_what_a_tick_may_do():
@@ -163,10 +163,10 @@ def test_policy_takes_back_on_top_of_what_it_says_within_what_a_tick_may_do():
         policy.networks[0].head.weight.zero_()
         policy.networks[0].head.bias.fill_(0.5)
     row = seen(0.5, beyond=0.1, lead=AHEAD)
-    want = 0.5 * LEADS.done - taken_back(LEADS, row)[0]
+    want = 0.5 * LEADS.at_goal - lead_compensation(LEADS, row)[0]
     got = policy.act(row)[0]
     assert_allclose(got[:ELBOW], np.clip(want, -1.0, 1.0), rtol=1e-5)
-    assert_allclose(got[ELBOW], 0.5 * LEADS.done, rtol=1e-6)
+    assert_allclose(got[ELBOW], 0.5 * LEADS.at_goal, rtol=1e-6)
     assert_allclose(policy.act(seen(0.5, beyond=0.1, lead=9 * AHEAD))[0, 2], -1.0)
 
 
@@ -177,9 +177,9 @@ def test_policy_takes_back_on_top_of_what_it_says_within_what_a_tick_may_do():
 )
 def test_what_a_guide_asks_for_comes_of_what_a_policy_would_say(asked, beyond, ahead):
     row = seen(0.5, beyond=beyond, lead=ahead * AHEAD / 0.1)
-    fine = dataclasses.replace(LEADS, done=0.5)
-    left, back = shares(fine, row), taken_back(fine, row)
-    words = said(np.array([asked]), left, back)
+    action_scaling = dataclasses.replace(LEADS, at_goal=0.5)
+    left, back = action_scales(action_scaling, row), lead_compensation(action_scaling, row)
+    words = unscale_action(np.array([asked]), left, back)
     done = words[:, :MOTIONS] * left
     done[:, :ELBOW] -= back
     whole = np.all(np.abs(words[:, :MOTIONS]) < 1.0, axis=0)
@@ -190,7 +190,7 @@ def test_what_a_guide_asks_for_comes_of_what_a_policy_would_say(asked, beyond, a
 def test_arrays_and_tensors_give_the_same():
     rng = np.random.default_rng(0)
     rows = rng.uniform(-1.0, 1.0, (64, OBSERVATION.size)).astype(np.float32)
-    for of in (shares, taken_back):
+    for of in (action_scales, lead_compensation):
         assert_allclose(of(FINE, torch.as_tensor(rows)).numpy(), of(FINE, rows), rtol=1e-5)
 
 
@@ -212,41 +212,41 @@ def test_policy_scales_motions_and_leaves_the_hands_command():
 )
 def test_leads_are_taken_back_where_the_stop_is_near_the_target(target, stop, heard):
     task = Task(name="open_drawer", joint="j", kind="slide", span=0.3, target=target, stop=stop)
-    want = LEADS if heard else dataclasses.replace(LEADS, release=0.0)
-    assert LEADS.of(task, None) == want
+    want = LEADS if heard else dataclasses.replace(LEADS, lead_gain=0.0)
+    assert LEADS.for_task(task, None) == want
 
 
 @pytest.mark.parametrize(("way_m", "begin"), [(0.2, -0.2), (0.5, -0.1), (1.0, -0.05), (None, -0.2)])
 def test_motions_are_finer_over_at_most_so_long_a_way_of_the_handle(way_m, begin):
-    fine = ActionScalingConfig(done_between=(-0.2, 0.0), done_m=0.05)
+    action_scaling = ActionScalingConfig(goal_range=(-0.2, 0.0), goal_range_max_m=0.05)
     task = Task(name="open_door", joint="j", kind="hinge", span=1.5, target=0.8)
-    assert_allclose(fine.of(task, way_m).done_between, (begin, 0.0), rtol=1e-12)
+    assert_allclose(action_scaling.for_task(task, way_m).goal_range, (begin, 0.0), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
     "values",
     [
-        {"share": 0.0},
-        {"share": 1.5},
+        {"near_handle": 0.0},
+        {"near_handle": 1.5},
         {"near_m": 0.2},
         {"near_m": -0.1},
-        {"closing": 0.0},
-        {"closing": 1.01},
-        {"shut_m": (0.08, 0.07)},
-        {"lead_m": (0.02, 0.03)},
-        {"lead_m": (0.08, -0.01)},
-        {"lead_rad": (0.05, 0.06)},
-        {"shut_between": (0.05, 0.03)},
-        {"release": -0.1},
-        {"release": float("nan")},
-        {"rest_m_s": 0.0},
-        {"share": float("nan")},
-        {"done": 0.0},
-        {"done_m": 0.0},
-        {"done_between": (0.0, 0.0)},
-        {"done_between": (-0.3, 0.0)},
+        {"while_closing": 0.0},
+        {"while_closing": 1.01},
+        {"closed_width_m": (0.08, 0.07)},
+        {"max_lead_m": (0.02, 0.03)},
+        {"max_lead_m": (0.08, -0.01)},
+        {"max_lead_rad": (0.05, 0.06)},
+        {"stop_range": (0.05, 0.03)},
+        {"lead_gain": -0.1},
+        {"lead_gain": float("nan")},
+        {"closed_speed_m_s": 0.0},
+        {"near_handle": float("nan")},
+        {"at_goal": 0.0},
+        {"goal_range_max_m": 0.0},
+        {"goal_range": (0.0, 0.0)},
+        {"goal_range": (-0.3, 0.0)},
     ],
 )
 def test_values_out_of_range_are_refused(values):
-    with pytest.raises(ConfigError, match="fine"):
+    with pytest.raises(ConfigError, match="action_scaling"):
         ActionScalingConfig(**values)

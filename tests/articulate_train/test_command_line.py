@@ -19,8 +19,8 @@ OTHER = dataclasses.replace(
     steps=10_000,
     episodes=8,
     evaluation_seed=7,
-    ppo=dataclasses.replace(PLAIN.ppo, net=(32, 16, 8), learning_rate=1e-05),
-    draw=dataclasses.replace(PLAIN.draw, mass=(0.5, 2.0), scales=3),
+    ppo=dataclasses.replace(PLAIN.ppo, net_arch=(32, 16, 8), learning_rate=1e-05),
+    randomization=dataclasses.replace(PLAIN.randomization, mass=(0.5, 2.0), scales=3),
     reward=dataclasses.replace(PLAIN.reward, early=-0.5),
     physics=dataclasses.replace(PLAIN.physics, cone="pyramidal"),
 )

@@ -8,14 +8,14 @@ import pytest
 from tests.articulate_train.test_report import INFO, _report, _seed
 
 from articulate.errors import RunError
-from articulate.task.episode_monitor import CODE
+from articulate.task.episode_monitor import FailureReason
 from articulate_train.compare import compare, comparison_page, read_report, write_comparison
 from articulate_train.report_html import write_report
 
 
 def content_of(name="first", failures=2, config="steps: 2\n", **options):
     info = dataclasses.replace(INFO, name=name, config=config)
-    seeds = [_seed(k, [0] * (40 - failures) + [CODE["force"]] * failures) for k in (0, 1)]
+    seeds = [_seed(k, [0] * (40 - failures) + [FailureReason.FORCE] * failures) for k in (0, 1)]
     return json.loads(json.dumps(_report(info, seeds, **options).content()))
 
 
@@ -23,7 +23,7 @@ def test_rows_say_what_the_reports_say():
     comparison = compare([content_of(failures=2), content_of("second", failures=10)])
     first, second = comparison.rows
     assert (first.name, first.seeds, first.steps) == ("first", 2, INFO.steps)
-    assert (first.success.value, first.success.episodes) == (0.95, 80)
+    assert (first.success.value, first.success.n) == (0.95, 80)
     assert second.success.value == 0.75
     assert first.against_first is None
     assert second.against_first is not None

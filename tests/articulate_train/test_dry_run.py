@@ -22,7 +22,7 @@ def wished(fresh, monkeypatch):
 def test_a_dry_run_tells_scene_reach_time_and_disk(wished, tmp_path):
     found = dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png")
     task, place = choose_joint(wished, runs.prepare_asset(wished, tmp_path))
-    assert (found.joint, found.drawn_share) == (task.joint, place.drawn_share)
+    assert (found.joint, found.reachable_share) == (task.joint, place.reachable_share)
     assert found.overlap_m <= 0.003
     # Two rounds of seeds at the measured rate.
     assert found.minutes == pytest.approx(2 * 6400 / found.steps_per_s / 60.0, rel=0.01, abs=0.01)
@@ -35,7 +35,7 @@ def test_its_picture_shows_the_scene_and_nothing_is_overwritten(wished, tmp_path
     found = dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png")
     content = (tmp_path / "a.png").read_bytes()
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
-    assert found.picture == tmp_path / "a.png"
+    assert found.image == tmp_path / "a.png"
     error_line(
         "dry_run(picture that exists)",
         lambda: dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png"),
@@ -46,9 +46,9 @@ def test_without_a_driver_it_says_why_there_is_no_picture(wished, tmp_path, monk
     def missing(*_, **__):
         raise MissingError("no pictures here")
 
-    monkeypatch.setattr(dry, "picture", missing)
+    monkeypatch.setattr(dry, "render_png", missing)
     found = dry.dry_run(wished, tmp_path / "cache", tmp_path / "a.png")
-    assert found.picture is None
+    assert found.image is None
     assert "picture  no pictures here" in found.text()
     assert not (tmp_path / "a.png").exists()
 

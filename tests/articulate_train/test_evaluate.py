@@ -8,7 +8,7 @@ from tests.runs import write_checkpoint
 from articulate.errors import RunError
 from articulate.task.episode_monitor import REASONS, WIDTH
 from articulate.task.observation import OBSERVATION
-from articulate.task.randomization import COLUMNS, draw
+from articulate.task.randomization import COLUMNS, sample_episode_params
 from articulate_envs.episodes import Ended
 from articulate_envs.privileged_observation import PRIVILEGED
 from articulate_envs.rewards import TERMS
@@ -44,8 +44,8 @@ def test_every_episode_counts_once_from_home_with_what_was_drawn(judged):
 
 def test_more_episodes_than_run_at_once_are_the_same_draws_and_each_is_watched(judged):
     scene, policy = judged.scene(), load_policy(judged.seed_folder(0))
-    draws = judged.config.draw
-    drawn = draw(draws, np.random.default_rng(1), 5, begin=scene.task.begin)
+    draws = judged.config.randomization
+    drawn = sample_episode_params(draws, np.random.default_rng(1), 5, begin=scene.task.begin)
     seen: dict[int, int] = {}
 
     def run(side_by_side):
@@ -130,8 +130,8 @@ def test_timelines_are_of_the_first_success_and_the_first_failure(judged):
 
 
 def test_objects_are_not_drawn_in_sizes_that_the_scene_does_not_have(judged):
-    wide = judged.config.draw.widened(1.5)
-    draws = draw(wide, np.random.default_rng(0), 8, begin=judged.task.begin)
+    wide = judged.config.randomization.widened(1.5)
+    draws = sample_episode_params(wide, np.random.default_rng(0), 8, begin=judged.task.begin)
     policy = load_policy(judged.seed_folder(0))
     with pytest.raises(ValueError, match="sizes are drawn"):
         run_drawn(judged.scene(), policy, wide, draws, np.random.SeedSequence(0), threads=1)

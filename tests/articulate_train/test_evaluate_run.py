@@ -13,9 +13,14 @@ from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate.task.task import Task
 from articulate_envs.rewards import TERMS
 from articulate_train import evaluate_run as judging
-from articulate_train.evaluate_run import commit, judge_run, report_folder, target_text
+from articulate_train.evaluate_run import (
+    commit,
+    describe_target,
+    evaluate_run_folder,
+    report_folder,
+)
 from articulate_train.policy import checkpoint_sha256
-from articulate_train.run import DONE, on_object
+from articulate_train.run import DONE, with_object
 from articulate_train.train_seed import PROGRESS
 
 
@@ -23,8 +28,8 @@ from articulate_train.train_seed import PROGRESS
 def films(monkeypatch):
     """Names of the films that were asked for; nothing is drawn."""
     asked = []
-    monkeypatch.setattr(judging, "write_film", lambda path, *_, **__: asked.append(path.name))
-    monkeypatch.setattr(judging, "picture", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
+    monkeypatch.setattr(judging, "write_episode_video", lambda path, *_, **__: asked.append(path.name))
+    monkeypatch.setattr(judging, "render_png", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
     return asked
 
 
@@ -47,7 +52,7 @@ def trained(tiny):
 
 
 def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, films):
-    done = judge_run(trained, episodes=3)
+    done = evaluate_run_folder(trained, episodes=3)
     content = json.loads(done.json_path.read_text())
     assert content == done.report.content()
     assert done.json_path.parent == done.html_path.parent == trained.folder
@@ -62,15 +67,15 @@ def test_film_of_an_earlier_evaluation_does_not_stay_beside_a_report_without_it(
     (trained.folder / "videos").mkdir()
     for name in ("success.mp4", "failure.mp4"):
         (trained.folder / "videos" / name).write_bytes(b"earlier")
-    judge_run(trained, episodes=2)
+    evaluate_run_folder(trained, episodes=2)
     assert films == ["failure.mp4"]
     assert [p.name for p in (trained.folder / "videos").iterdir()] == ["failure.mp4"]
 
 
 def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(trained, films):
-    own = judge_run(trained, episodes=trained.config.episodes).report.info.command
+    own = evaluate_run_folder(trained, episodes=trained.config.episodes).report.info.command
     assert "evaluate" not in own
-    other = judge_run(trained, episodes=trained.config.episodes + 1).report.info.command
+    other = evaluate_run_folder(trained, episodes=trained.config.episodes + 1).report.info.command
     assert (
         other == f"{own}\nevaluate {trained.folder.name} --episodes {trained.config.episodes + 1}"
     )
@@ -78,41 +83,41 @@ def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(traine
 
 def test_a_training_that_is_not_over_is_told(trained, films):
     said: list[str] = []
-    done = judge_run(trained, episodes=2, say=said.append)
+    done = evaluate_run_folder(trained, episodes=2, show_progress=said.append)
     told = "seed 0 has 0.000192 of 0.000192M ticks"
     assert done.report.info.unfinished == told
     assert f"training is not over ({told}); train --resume --out {trained.folder} goes on" in said
     assert f"Training is not over: {told}." in done.html_path.read_text()
     (trained.seed_folder(0) / DONE).write_text(json.dumps({"steps": 192}))
-    done = judge_run(trained, episodes=2)
+    done = evaluate_run_folder(trained, episodes=2)
     assert done.report.info.unfinished == ""
     assert "not over" not in done.html_path.read_text()
 
 
 def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, films):
-    judge_run(trained, episodes=2)
+    evaluate_run_folder(trained, episodes=2)
     before = (trained.folder / "report.json").read_bytes()
-    done = judge_run(trained, episodes=3, ranges=1.5)
+    done = evaluate_run_folder(trained, episodes=3, ranges=1.5)
     assert (trained.folder / "report.json").read_bytes() == before
     assert done.json_path.parent == trained.folder / "ranges_1.5"
     info = done.report.info
     assert info.command.endswith(f"\nevaluate {trained.folder.name} --episodes 3 --ranges 1.5")
-    wide = trained.config.draw.widened(1.5)
-    assert yaml.safe_load(info.config)["draw"]["push_n"] == list(wide.push_n)
-    assert [seed.success.episodes for seed in done.report.seeds] == [3]
+    wide = trained.config.randomization.widened(1.5)
+    assert yaml.safe_load(info.config)["randomization"]["push_n"] == list(wide.push_n)
+    assert [seed.success.n for seed in done.report.seeds] == [3]
 
 
 def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_path):
     other = embedded_cabinet(tmp_path / "other")
-    on = on_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
+    on = with_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
     assert (on.folder, on.arm) == (trained.folder, trained.arm)
-    done = judge_run(trained, episodes=2, on=on)
+    done = evaluate_run_folder(trained, episodes=2, on=on)
     name = f"on_{on.asset.name}_drawer_1_slide_{on.asset.content_id()[:6]}"
     assert done.json_path.parent == trained.folder / name
     assert not (trained.folder / "report.json").exists()
     info = done.report.info
     assert (info.asset, info.joint) == (on.asset.name, "drawer_1_slide")
-    assert info.target_text == target_text(on.task) != target_text(trained.task)
+    assert info.describe_target == describe_target(on.task) != describe_target(trained.task)
     train, again = info.command.split("\n")
     assert f"--joint {trained.task.joint}" in train
     assert again == (
@@ -122,7 +127,7 @@ def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_pat
 
 def test_objects_of_one_name_and_joints_of_one_object_are_kept_apart(trained, tmp_path):
     other = embedded_cabinet(tmp_path / "other")
-    on = on_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
+    on = with_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
     folders = {report_folder(trained, on=on)}
     folders.add(
         report_folder(trained, on=replace(on, task=replace(on.task, joint="drawer_0_slide")))
@@ -136,7 +141,9 @@ def test_objects_of_one_name_and_joints_of_one_object_are_kept_apart(trained, tm
 
 def test_another_object_without_that_joint_is_refused(trained, tmp_path):
     with pytest.raises(UsageError, match="no joint 'nothing'"):
-        on_object(trained, str(embedded_cabinet(tmp_path / "other")), "nothing", tmp_path / "cache")
+        with_object(
+            trained, str(embedded_cabinet(tmp_path / "other")), "nothing", tmp_path / "cache"
+        )
 
 
 @pytest.mark.parametrize(
@@ -163,14 +170,14 @@ def test_training_took_what_its_calls_took_and_not_the_sum_over_seeds(tiny, file
 
 
 def test_report_says_of_which_checkpoints_it_is(trained, films):
-    done = judge_run(trained, episodes=2)
+    done = evaluate_run_folder(trained, episodes=2)
     (row,) = json.loads(done.json_path.read_text())["seeds"]
     assert row["checkpoint_sha256"] == checkpoint_sha256(trained.seed_folder(0))
     assert len(row["checkpoint_sha256"]) == 64
 
 
 def test_text_tells_success_opened_and_reasons(trained, films):
-    done = judge_run(trained, episodes=3)
+    done = evaluate_run_folder(trained, episodes=3)
     text = done.text().splitlines()
     assert text[0].startswith("success ")
     assert text[0].endswith("of 3 episodes")
@@ -181,22 +188,22 @@ def test_where_nothing_can_be_drawn_the_report_is_made_without(trained, monkeypa
     def missing(*_, **__):
         raise MissingError("no renderer")
 
-    monkeypatch.setattr(judging, "write_film", missing)
-    assert judge_run(trained, episodes=2).html_path.is_file()
+    monkeypatch.setattr(judging, "write_episode_video", missing)
+    assert evaluate_run_folder(trained, episodes=2).html_path.is_file()
     assert "no videos: no renderer" in caplog.text
 
 
 def test_seed_without_a_checkpoint_leaves_no_report(tiny, films):
     with pytest.raises(RunError, match="no checkpoint"):
-        judge_run(tiny, episodes=2)
+        evaluate_run_folder(tiny, episodes=2)
     assert not (tiny.folder / "report.json").exists()
 
 
 def test_target_is_told_in_the_units_of_the_joint():
     slide = Task(name="open_drawer", joint="j", kind="slide", span=-0.3, target=0.8)
-    assert target_text(slide).startswith("0.240 m from closed for the last 0.5 s, slower than")
+    assert describe_target(slide).startswith("0.240 m from closed for the last 0.5 s, slower than")
     hinge = dataclasses.replace(slide, kind="hinge", span=2.0, target=0.5)
-    assert target_text(hinge).startswith("1.000 rad")
+    assert describe_target(hinge).startswith("1.000 rad")
 
 
 def test_code_that_lies_in_the_checkout_of_another_project_has_no_commit(tmp_path, monkeypatch):

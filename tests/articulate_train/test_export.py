@@ -16,14 +16,14 @@ from tests.runs import make_run, write_checkpoint
 from articulate.errors import RunError, UsageError
 from articulate.task.manifest import decode_manifest
 from articulate.task.observation import OBSERVATION
-from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.action_scaling import ELBOW, MOTIONS, lead_compensation, shares
 from articulate_train.commands.export import main
 from articulate_train.config import ActionScalingConfig
 from articulate_train.export import (
-    choose_seed,
     export_policy,
     golden_pairs,
     licence_warnings,
+    select_seed,
     to_onnx,
     write_bundle,
 )
@@ -71,7 +71,9 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
     mean = network.mean.numpy()[None]
     said = torch.clamp(linear, -1, 1).numpy()
     said[:, :MOTIONS] *= shares(ActionScalingConfig(), mean)
-    said[:, :ELBOW] = np.clip(said[:, :ELBOW] - taken_back(ActionScalingConfig(), mean), -1, 1)
+    said[:, :ELBOW] = np.clip(
+        said[:, :ELBOW] - lead_compensation(ActionScalingConfig(), mean), -1, 1
+    )
     assert_allclose(act(model, mean), said, rtol=0, atol=1e-5)
 
 
@@ -110,9 +112,9 @@ def test_a_bundle_names_what_made_it_and_nothing_of_the_machine(run, tmp_path):
     assert manifest.training.seed == 1
     assert manifest.training.seed_rule == "given"
     assert manifest.task == run.task
-    assert manifest.place == run.place
-    assert manifest.draw == run.config.draw
-    assert manifest.control.follow == run.config.follow
+    assert manifest.placement == run.placement
+    assert manifest.randomization == run.config.randomization
+    assert manifest.control == run.config.control
     assert manifest.licences["object"] == "MIT"
     assert manifest.object_sha256 == run.asset.content_id()
     assert "system" not in manifest.producer
@@ -133,10 +135,10 @@ def report(run, **success):
 def test_the_best_seed_of_the_evaluation_is_taken_and_ties_go_to_the_lower(run):
     try:
         report(run, s0=0.9, s1=0.95)
-        assert choose_seed(run, None)[::2] == (1, 0.95)
+        assert select_seed(run, None)[::2] == (1, 0.95)
         report(run, s0=0.9, s1=0.9)
-        assert choose_seed(run, None)[::2] == (0, 0.9)
-        assert choose_seed(run, 1)[::2] == (1, 0.9)
+        assert select_seed(run, None)[::2] == (0, 0.9)
+        assert select_seed(run, 1)[::2] == (1, 0.9)
     finally:
         (run.folder / "report.json").unlink()
 
@@ -148,17 +150,17 @@ def test_success_of_a_checkpoint_that_was_replaced_since_is_not_told(tmp_path):
     report(run, s0=0.9, s1=0.95)
     shutil.rmtree(run.seed_folder(1))
     write_checkpoint(run.seed_folder(1), 7)
-    assert choose_seed(run, 1)[2] is None
-    assert choose_seed(run, 0)[2] == 0.9
-    assert "not evaluated" in choose_seed(run, None)[1]
+    assert select_seed(run, 1)[2] is None
+    assert select_seed(run, 0)[2] == 0.9
+    assert "not evaluated" in select_seed(run, None)[1]
     (run.folder / "report.json").write_text('{"seeds": [{"seed": 0, "success": {"value": 1}}]}')
-    assert choose_seed(run, 0)[2] is None  # a report that does not say of which checkpoint it is
+    assert select_seed(run, 0)[2] is None  # a report that does not say of which checkpoint it is
 
 
 def test_steps_of_a_bundle_are_those_of_its_checkpoint(tiny, tmp_path):
     """Progress tells of more where the training went on after the last checkpoint."""
     write_checkpoint(tiny.seed_folder(0), 0)
-    content = read_checkpoint(tiny.seed_folder(0)) | {"plain": json.dumps({"num_timesteps": 64})}
+    content = read_checkpoint(tiny.seed_folder(0)) | {"metadata": json.dumps({"num_timesteps": 64})}
     torch.save(content, tiny.seed_folder(0) / "checkpoint.pt")
     row = json.dumps({"steps": 96, "success": 0.5}) + "\n"
     (tiny.seed_folder(0) / "progress.jsonl").write_text(row)
@@ -182,7 +184,7 @@ def test_without_an_evaluation_the_end_of_training_decides_and_it_says_so(run):
     path = run.seed_folder(1) / "progress.jsonl"
     try:
         path.write_text(json.dumps({"steps": 10, "success": 0.5}) + "\n")
-        seed, rule, success = choose_seed(run, None)
+        seed, rule, success = select_seed(run, None)
         assert (seed, success) == (1, None)
         assert "not evaluated" in rule
     finally:
@@ -191,12 +193,12 @@ def test_without_an_evaluation_the_end_of_training_decides_and_it_says_so(run):
 
 def test_seeds_that_are_not_there_are_named(run):
     with pytest.raises(RunError, match="seed 7 has no checkpoint; there are: 0, 1"):
-        choose_seed(run, 7)
+        select_seed(run, 7)
 
 
 def test_a_run_without_checkpoints_is_refused(run, tmp_path, error_line):
     bare = dataclasses.replace(run, folder=tmp_path / "run")
-    error_line("choose_seed(untrained)", lambda: choose_seed(bare, None))
+    error_line("choose_seed(untrained)", lambda: select_seed(bare, None))
 
 
 def test_what_is_no_run_is_refused(tmp_path):

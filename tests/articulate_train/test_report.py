@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from articulate.task.episode_monitor import CODE, COLUMN, WIDTH
-from articulate.task.randomization import COLUMNS, draw
+from articulate.task.episode_monitor import COLUMN, WIDTH, FailureReason
+from articulate.task.randomization import COLUMNS, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate_envs.rewards import TERMS
 from articulate_train.report import (
@@ -30,7 +30,7 @@ INFO = RunInfo(
     asset="cabinet",
     task="open_drawer",
     joint="drawer_0_slide",
-    target_text="open by at least 0.224 m and at rest",
+    describe_target="open by at least 0.224 m and at rest",
     target=0.8,
     steps=2_000_000,
     seconds=1733.0,
@@ -48,7 +48,7 @@ def _seed(seed, codes, *, nominal=(0, 0, 0, 0), config=None):
     codes = np.asarray(codes, dtype=np.int64)
     peaks = np.zeros((len(codes), WIDTH))
     peaks[:, COLUMN["force"]] = np.where(
-        codes == CODE["force"], 50.0, np.linspace(10, 20, len(codes))
+        codes == FailureReason.FORCE, 50.0, np.linspace(10, 20, len(codes))
     )
     peaks[:, COLUMN["code"]] = np.where(codes <= 6, codes, 0)
     peaks[:, COLUMN["violation_time"]] = np.where(peaks[:, COLUMN["code"]] > 0, 3.0, 0.0)
@@ -56,9 +56,9 @@ def _seed(seed, codes, *, nominal=(0, 0, 0, 0), config=None):
     return SeedEvaluation(
         seed=seed,
         codes=codes,
-        opened=codes != CODE["not_open"],
+        opened=codes != FailureReason.GOAL_NOT_REACHED,
         peaks=peaks,
-        draws=draw(config or RandomizationConfig(), np.random.default_rng(seed), len(codes)).values,
+        draws=sample_episode_params(config or RandomizationConfig(), np.random.default_rng(seed), len(codes)).values,
         nominal_codes=nominal,
         nominal_opened=np.ones(len(nominal), dtype=bool),
     )
@@ -74,7 +74,7 @@ def _curve(seed):
 
 def _timeline(name, reason):
     t = np.linspace(0.05, 10.0, 200)
-    drawn = draw(RandomizationConfig(), np.random.default_rng(3)).values[0]
+    drawn = sample_episode_params(RandomizationConfig(), np.random.default_rng(3)).values[0]
     return Timeline(
         name=name,
         reason=reason,
@@ -87,7 +87,7 @@ def _timeline(name, reason):
 
 
 def _report(info=INFO, seeds=None, *, curves=True, timelines=True, videos=()):
-    force, closed = CODE["force"], CODE["not_open"]
+    force, closed = FailureReason.FORCE, FailureReason.GOAL_NOT_REACHED
     if seeds is None:
         seeds = [_seed(0, [0] * 30 + [force] * 6 + [closed] * 4), _seed(7, [0] * 38 + [closed] * 2)]
     return make_report(
@@ -106,7 +106,7 @@ def test_success_rate_is_the_mean_over_seeds_of_their_shares():
     assert report.worst_seed_success_rate == 0.5
     assert report.opened_rate == pytest.approx((1.0 + 0.5) / 2)
     assert report.nominal_success_rate == 1.0
-    assert (report.success_pooled.value, report.success_pooled.episodes) == (53 / 104, 104)
+    assert (report.success_pooled.value, report.success_pooled.n) == (53 / 104, 104)
 
 
 def test_the_member_that_acts_alone_is_told(tmp_path):
@@ -120,9 +120,9 @@ def test_the_member_that_acts_alone_is_told(tmp_path):
 
 def test_reasons_are_counted_by_name_and_add_up():
     report = _report()
-    assert report.reasons == {"success": 68, "force": 6, "not_open": 6}
-    assert report.seeds[1].reasons == {"success": 38, "not_open": 2}
-    assert sum(report.reasons.values()) == report.success_iqm.episodes
+    assert report.reasons == {"success": 68, "force": 6, "goal_not_reached": 6}
+    assert report.seeds[1].reasons == {"success": 38, "goal_not_reached": 2}
+    assert sum(report.reasons.values()) == report.success_iqm.n
 
 
 def test_violations_say_when_a_limit_was_broken_and_endings_do_not():
@@ -138,7 +138,7 @@ def test_peaks_stand_beside_what_is_allowed():
 
 
 def test_a_diverged_episode_is_left_out_of_the_peaks_and_counted():
-    seed = _seed(0, [0, 0, 0, CODE["diverged"]])
+    seed = _seed(0, [0, 0, 0, FailureReason.DIVERGED])
     seed.peaks[3] = np.nan
     report = _report(seeds=[seed])
     force = report.peaks[0]
@@ -150,10 +150,10 @@ def test_a_diverged_episode_is_left_out_of_the_peaks_and_counted():
 
 def test_parameters_that_decide_come_first_and_constant_ones_are_left_out():
     seed = _seed(0, [0] * 400, config=dataclasses.replace(RandomizationConfig(), push_n=(0.0, 0.0)))
-    slow = seed.draws[:, COLUMNS.index("hand_latency_s")] > 0.9
-    codes = np.where(slow, CODE["not_open"], 0).astype(np.int64)
+    slow = seed.draws[:, COLUMNS.index("gripper_latency_s")] > 0.9
+    codes = np.where(slow, FailureReason.GOAL_NOT_REACHED, 0).astype(np.int64)
     report = _report(seeds=[dataclasses.replace(seed, codes=codes)])
-    assert report.parameters[0].name == "hand_latency_s"
+    assert report.parameters[0].name == "gripper_latency_s"
     assert report.parameters[0].bins[-1].success.value == 0.0
     assert not any(p.name.startswith("push_") and p.name.endswith("_n") for p in report.parameters)
 
@@ -189,7 +189,7 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
 def test_the_page_tells_what_was_drawn_for_the_episodes_that_it_shows(tmp_path):
     page = report_page(_report(), tmp_path)
     fold = page[page.index("What was drawn for them") :].partition("</details>")[0]
-    friction = draw(RandomizationConfig(), np.random.default_rng(3))["friction"][0]
+    friction = sample_episode_params(RandomizationConfig(), np.random.default_rng(3))["friction"][0]
     assert f'finger friction, factor</td><td class="n">{friction:.3g}</td>' in fold
     assert len(re.findall("<tr>", fold)) == 1 + len(COLUMNS)
 

@@ -22,7 +22,9 @@ DRAWS = dataclasses.replace(RandomizationConfig(), scales=3)
 
 
 def wish(asset, **changes):
-    return TrainConfig(asset=str(asset.folder), draw=DRAWS, ppo=TINY_PPO, steps=64, **changes)
+    return TrainConfig(
+        asset=str(asset.folder), randomization=DRAWS, ppo=TINY_PPO, steps=64, **changes
+    )
 
 
 def without_handles(asset, *links):
@@ -33,7 +35,7 @@ def without_handles(asset, *links):
 def test_joint_that_is_named_is_taken(cabinet):
     task, place = choose_joint(wish(cabinet, joint="drawer_1_slide"), cabinet)
     assert task.joint == "drawer_1_slide"
-    assert place.drawn_share > 0.99
+    assert place.reachable_share > 0.99
 
 
 def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_taken(cabinet):
@@ -90,7 +92,9 @@ def test_no_handle_at_all_is_said(cabinet, error_line):
 
 
 def test_drawn_poses_out_of_reach_are_refused(cabinet, error_line):
-    wide = dataclasses.replace(wish(cabinet), draw=dataclasses.replace(DRAWS, position_m=0.4))
+    wide = dataclasses.replace(
+        wish(cabinet), randomization=dataclasses.replace(DRAWS, position_m=0.4)
+    )
     named = dataclasses.replace(wide, joint=JOINT)
     with pytest.raises(ReachError, match="drawn poses"):
         choose_joint(named, cabinet)
@@ -120,7 +124,7 @@ def test_run_that_is_made_is_the_run_that_is_opened(proven, tmp_path):
     assert made.task.joint == JOINT
     assert made.asset.folder == made.folder / "asset"
     assert made.seed_folder(5) == made.folder / "seed_5"
-    assert made.scene().ticks == round(made.task.episode_s * config.follow.rate_hz)
+    assert made.scene().ticks == round(made.task.episode_s * config.control.rate_hz)
     assert [p.name for p in (tmp_path / "runs").iterdir()] == ["one"]
 
 
@@ -192,7 +196,7 @@ def test_run_of_before_there_were_members_has_one(tiny):
     path = tiny.folder / "config.yaml"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("members")]
     path.write_text("\n".join(lines))
-    assert open_run(tiny.folder).config.members == 1
+    assert open_run(tiny.folder).config.ensemble_size == 1
 
 
 def test_run_that_is_not_whole_is_said(tiny, error_line):
@@ -217,7 +221,7 @@ def test_resuming_may_ask_for_more_steps_and_keeps_them(tiny):
 
 def test_resuming_asks_for_no_fewer_steps_than_are_trained(tiny, error_line):
     ppo = tiny.config.ppo
-    a_round = ppo.n_envs * ppo.n_steps * tiny.config.members
+    a_round = ppo.n_envs * ppo.n_steps * tiny.config.ensemble_size
     trained = 640 + a_round - 1  # updates are not cut
     tiny.seed_folder(0).mkdir()
     (tiny.seed_folder(0) / DONE).write_text(json.dumps({"steps": trained}))
@@ -231,15 +235,15 @@ def test_resuming_asks_for_no_fewer_steps_than_are_trained(tiny, error_line):
 
 
 @pytest.mark.parametrize(
-    ("net", "envs", "states", "seed_mb"),
+    ("net_arch", "envs", "states", "seed_mb"),
     [((128, 128), 64, 10, 9.9), ((512, 512), 64, 10, 87), ((128, 128), 64, 100, 53)],
 )
 def test_disk_that_a_run_takes_is_no_less_than_it_was_measured_to(
     cabinet, net, envs, states, seed_mb
 ):
     """Of a seed with two members."""
-    ppo, select = PpoConfig(net=net, n_envs=envs), CheckpointSelectionConfig(states=states)
-    config = TrainConfig(asset="a", seeds=(0,), ppo=ppo, select=select)
+    ppo, select = PpoConfig(net_arch=net, n_envs=envs), CheckpointSelectionConfig(n_checkpoints=states)
+    config = TrainConfig(asset="a", seeds=(0,), ppo=ppo, checkpoint_selection=select)
     two = dataclasses.replace(config, seeds=(0, 1))
     assert seed_mb < (run_bytes(two, cabinet) - run_bytes(config, cabinet)) / 1e6 < 1.5 * seed_mb
 

@@ -16,7 +16,7 @@ from numpy.testing import assert_array_equal
 from tests.runs import tiny_run
 
 from articulate.errors import DivergedError, UsageError
-from articulate.task.episode_monitor import CODE, WIDTH
+from articulate.task.episode_monitor import WIDTH, FailureReason
 from articulate.task.observation import OBSERVATION
 from articulate_envs.episodes import Ended
 from articulate_envs.privileged_observation import PRIVILEGED
@@ -25,7 +25,7 @@ from articulate_train import train_seed as seeds
 from articulate_train.policy import CHECKPOINT, read_checkpoint
 from articulate_train.run import DONE
 from articulate_train.seed_runner import THREAD_VARIABLES
-from articulate_train.train_seed import DIVERGED, PROGRESS, SeedProcess, summarise
+from articulate_train.train_seed import DIVERGED, PROGRESS, SeedProcess, summarize_episodes
 
 
 @pytest.fixture
@@ -75,8 +75,8 @@ def stop_after(process, updates):
 def same_checkpoints(a, b):
     a, b = read_checkpoint(a), read_checkpoint(b)
     assert a.keys() == b.keys()
-    assert json.loads(a["plain"]) == json.loads(b["plain"])
-    for part in ("policy", "episodes", "normalise", "returns_rms"):
+    assert json.loads(a["metadata"]) == json.loads(b["metadata"])
+    for part in ("policy", "episodes", "normalization", "returns_rms"):
         assert a[part].keys() == b[part].keys()
         for name, value in a[part].items():
             assert_array_equal(np.asarray(value), np.asarray(b[part][name]), err_msg=name)
@@ -103,7 +103,7 @@ def test_seed_that_is_done_says_so_and_keeps_its_checkpoint(whole):
     assert json.loads((whole / DONE).read_text()) == {
         "steps": 192, "chosen": 192, "judged": judged, "members": [], "acts": None
     }  # fmt: skip
-    assert json.loads(read_checkpoint(whole)["plain"])["num_timesteps"] == 192
+    assert json.loads(read_checkpoint(whole)["metadata"])["num_timesteps"] == 192
 
 
 @pytest.mark.parametrize("updates", [1, 3])
@@ -113,7 +113,7 @@ def test_seed_that_is_interrupted_goes_on_with_the_same_bits(tiny, process, whol
     assert not first.train()
     folder = tiny.seed_folder(0)
     assert not (folder / DONE).exists()
-    assert json.loads(read_checkpoint(folder)["plain"])["num_timesteps"] == 32 * updates
+    assert json.loads(read_checkpoint(folder)["metadata"])["num_timesteps"] == 32 * updates
     assert process().train()
     same_checkpoints(folder, whole)
 
@@ -122,7 +122,7 @@ def test_seed_whose_run_was_killed_saves_and_stops(tiny, process, monkeypatch):
     first = process()
     monkeypatch.setattr("os.getppid", lambda: 1)
     assert not first.train()
-    assert json.loads(read_checkpoint(tiny.seed_folder(0))["plain"])["num_timesteps"] == 32
+    assert json.loads(read_checkpoint(tiny.seed_folder(0))["metadata"])["num_timesteps"] == 32
 
 
 def test_seed_whose_run_was_killed_before_it_began_trains_nothing(tiny):
@@ -136,7 +136,7 @@ def test_seed_whose_run_was_killed_while_it_began_stops_after_an_update(tiny):
     orphan = SeedProcess(tiny, 0, threads=1, parent=1 if os.getppid() != 1 else 2)
     assert not orphan.train()
     orphan.close()
-    assert json.loads(read_checkpoint(tiny.seed_folder(0))["plain"])["num_timesteps"] == 32
+    assert json.loads(read_checkpoint(tiny.seed_folder(0))["metadata"])["num_timesteps"] == 32
 
 
 def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits(
@@ -155,7 +155,7 @@ def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits
     with pytest.raises(KeyboardInterrupt):
         first.train()
     folder = tiny.seed_folder(0)
-    assert json.loads(read_checkpoint(folder)["plain"])["num_timesteps"] == 64
+    assert json.loads(read_checkpoint(folder)["metadata"])["num_timesteps"] == 64
     assert process().train()
     same_checkpoints(folder, whole)
 
@@ -187,7 +187,7 @@ def test_episodes_that_progress_has_told_of_are_not_told_again(tiny, process, mo
     assert content["finished"] == {}
     del content["finished"]  # as older checkpoints are
     torch.save(content, tiny.seed_folder(0) / CHECKPOINT)
-    assert process().members.finished() == []
+    assert process().ensemble.finished() == []
 
 
 def test_progress_after_the_checkpoint_and_lines_cut_off_are_dropped(tiny, whole, process):
@@ -217,7 +217,7 @@ def test_progress_is_written_and_tells_each_term(tiny, process, monkeypatch):
 def test_seed_that_diverges_keeps_its_last_states(tiny, process):
     one = process()
     with torch.no_grad():
-        one.members.learners[0].model.policy.action_net.weight[0, 0] = float("nan")
+        one.ensemble.learners[0].model.policy.action_net.weight[0, 0] = float("nan")
     with pytest.raises(DivergedError, match="weights are not finite"):
         one.train()
     folder = tiny.seed_folder(0)
@@ -245,7 +245,7 @@ def test_checkpoint_of_another_version_is_one_line_and_exit_2(tiny, process, cap
     path = tiny.seed_folder(0) / CHECKPOINT
     whole = read_checkpoint(path.parent)
     without = {k: v for k, v in whole.items() if k != "returns"}
-    other = whole | {"net": [8], "policy": {"a": torch.zeros(1)}}
+    other = whole | {"net_arch": [8], "policy": {"a": torch.zeros(1)}}
     for content in (without, other):
         torch.save(content, path)
         assert seeds.main([str(tiny.folder), "0", "1"]) == 2
@@ -286,18 +286,20 @@ def ended(codes, opened, home):
 
 
 def test_shares_are_of_episodes_from_home_and_the_other_starts_stand_beside():
-    shut = CODE["not_open"]
-    row = summarise([ended([0, shut], [1, 0], [1, 1]), ended([0, 0, shut], [1, 1, 1], [0, 0, 1])])
+    shut = FailureReason.GOAL_NOT_REACHED
+    row = summarize_episodes(
+        [ended([0, shut], [1, 0], [1, 1]), ended([0, 0, shut], [1, 1, 1], [0, 0, 1])]
+    )
     assert row["episodes"] == 3
     assert row["success"] == pytest.approx(1 / 3)
     assert row["opened"] == pytest.approx(2 / 3)
     assert row["success_all"] == pytest.approx(3 / 5)
-    assert row["reasons"] == {"success": 1, "not_open": 2}
+    assert row["reasons"] == {"success": 1, "goal_not_reached": 2}
     assert row["terms"][TERMS[2]] == 2.0
 
 
 def test_without_an_episode_from_home_the_shares_are_nought():
-    row = summarise([ended([0], [1], [0])])
+    row = summarize_episodes([ended([0], [1], [0])])
     assert (row["episodes"], row["success"], row["opened"], row["reasons"]) == (0, 0.0, 0.0, {})
 
 

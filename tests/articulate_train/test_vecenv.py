@@ -8,8 +8,8 @@ from tests.scenes import DRAWS
 
 from articulate.task.episode_monitor import REASONS
 from articulate.task.observation import ACTION, OBSERVATION
-from articulate.task.randomization import nominal_draw
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate.task.randomization import nominal_params
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.initial_states import home_start
 from articulate_envs.privileged_observation import PRIVILEGED
@@ -25,9 +25,9 @@ N = 4
 def env(drawer):
     runs = Episodes(
         ThreadEngine(drawer, N),
-        draws=DRAWS,
+        randomization=DRAWS,
         reward=RewardConfig(),
-        starts=StartConfig(bank=16),
+        initial_states=InitialStatesConfig(n_precomputed=16),
         seed=0,
     )
     made = EpisodesVecEnv(runs, ActionScalingConfig())
@@ -78,16 +78,16 @@ def test_end_of_an_episode_is_a_termination_with_its_last_observation_and_reason
 
 def test_episode_cut_at_rest_is_a_truncation_whose_last_observation_can_be_valued(env, drawer):
     runs = env.episodes
-    runs.starts = dataclasses.replace(runs.starts, cut=1.0)
+    runs.initial_states = dataclasses.replace(runs.initial_states, truncation_probability=1.0)
     env.reset()
-    start = home_start(drawer, nominal_draw(N))
+    start = home_start(drawer, nominal_params(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
     for _ in range(drawer.ticks):
         _, _, done, infos = env.step(np.zeros((N, 8), dtype=np.float32))
         if done.any():
             break
     ended = [info for info in infos if info]
-    assert len(ended) == round(runs.starts.cut_share * N) > 0
+    assert len(ended) == round(runs.initial_states.truncation_env_share * N) > 0
     for info in ended:
         assert info["TimeLimit.truncated"] is True
         assert env.observation_space.contains(info["terminal_observation"])
@@ -121,7 +121,7 @@ def test_attributes_and_methods_are_reached_through_it(env):
 def test_motions_are_finer_near_the_handle_and_the_hands_command_is_not(env, monkeypatch):
     env.reset()
     near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open hand
-    near[:, OBSERVATION.slice("part_beyond")] = -4.0  # the part far from its target
+    near[:, OBSERVATION.slice("goal_error_fine")] = -4.0  # the part far from its target
     env.restore(near, {})
     asked, step = [], env.episodes.step
 

@@ -62,7 +62,7 @@ def test_a_cell_is_bold_where_it_reaches_what_is_asked_and_rounded_down_where_no
 
 
 def test_failures_are_in_the_order_of_their_number():
-    told = failures({"success": 990, "moving": 3, "not_open": 7})
+    told = failures({"success": 990, "not_at_rest": 3, "goal_not_reached": 7})
     assert told == "not open 7, moving 3 of 1,000"
     assert failures({"success": 3000}) == "none of 3,000"
 

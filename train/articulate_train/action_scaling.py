@@ -1,17 +1,15 @@
-"""Motions are finer near the handle, and finer still while the hand closes on it.
+"""Action scaling near the handle and compensation of tracking error at the goal.
 
-A policy says eight numbers of [-1, 1] whose unit is what the arm may do in one tick. Far from the
-object that is right; in the last centimetres, where 5 mm decide a grasp and the link may be two
-ticks late, the same number should ask for less. And a hand acts up to a second after it was told:
-who pulls by the clock pulls before the fingers have closed. So what a policy says is scaled by
-where the hand will be when it has done what was said before (``handle_aimed``), by what the
-fingers do, and by whether the part is where it should be, in training and in the network that is
-exported alike: no engine and no robot knows of it.
+An action is eight numbers in [-1, 1]; the unit of a motion is the largest motion of a control step.
+Within centimetres of the handle, where 5 mm decide a grasp, motions are scaled down by the handle's
+predicted position (``handle_pos_predicted``) and the state of the gripper. The gripper lags by up
+to 1 s, so an open-loop delay pulls too early; scaling holds until the fingers have closed. Motions
+are scaled down again where the part is at its goal. Training and the exported network apply the
+same formula, so engines and robots need not.
 
-Where a part is stopped near its target there is something more: what the arm's target is ahead by
-more than needed is taken back (:func:`taken_back`). A drawer that comes at 0.16 m/s has 6 cm of
-that, which alone would run it shut; and motions add up, so that a hand which says a little without
-meaning it, at a drawer that is shut, would press with more each second.
+If the stop of a part is near its target, the excess of the tracking error is compensated as well
+(:func:`lead_compensation`). A drawer that arrives at 0.16 m/s leads by 6 cm, which alone would
+run it shut, and small actions would add up to a force at the stop.
 """
 
 from __future__ import annotations
@@ -31,61 +29,63 @@ from articulate.task.observation import (
 )
 from articulate_train.config import ActionScalingConfig
 
-_HANDLE = OBSERVATION.slice("handle_aimed")
-_BENT, JOINTS = OBSERVATION.slice("target_lead"), 7
-_LEAD = OBSERVATION.slice("tool_lead")
-_BEYOND = OBSERVATION.slice("part_beyond")
-_COMMAND = OBSERVATION.slice("hand_command").start
-_WISH = slice(_COMMAND + 1, _COMMAND + 2)
-_WIDTH, _SPEED = OBSERVATION.slice("hand_width"), OBSERVATION.slice("hand_speed")
-SOON = 0.1
-"""From this share of the way on which a part counts as done on, all that is too much is taken."""
-TINY = 1e-6
-"""Of leads [m and rad], that none is divided by."""
-ELBOW = ACTION.slice("hand").start - 1
-"""Numbers of an action before this one move and turn the tool; this one moves the elbow."""
+_HANDLE = OBSERVATION.slice("handle_pos_predicted")
+_JOINT_ERROR, N_JOINTS = OBSERVATION.slice("joint_tracking_error"), 7
+_TOOL_ERROR = OBSERVATION.slice("tracking_error")
+_GOAL_ERROR = OBSERVATION.slice("goal_error_fine")
+_COMMAND_START = OBSERVATION.slice("gripper_command").start
+_COMMAND = slice(_COMMAND_START + 1, _COMMAND_START + 2)
+_WIDTH, _SPEED = OBSERVATION.slice("gripper_width"), OBSERVATION.slice("gripper_speed")
+FADE_IN = 0.1
+"""Fraction of ``goal_range`` over which the compensation fades in."""
+EPSILON = 1e-6
+"""Added to tracking errors before division [m and rad]."""
+ELBOW = ACTION.size - 2
+"""Index of the elbow motion in an action; the numbers before it move and turn the tool."""
 MOTIONS = ELBOW + 1
-"""So many numbers of an action are motions; the hand's command comes after them."""
+"""Number of motions in an action; the gripper command follows."""
 
 
-def shares(fine: ActionScalingConfig, observation: Any) -> Any:
-    """Shares (N, 1) of the motions that are left at observations (N, size), raw.
+def action_scales(config: ActionScalingConfig, observation: Any) -> Any:
+    """Return the scales (N, 1) of motions, in [0, 1], at raw observations (N, size).
 
-    Written for arrays of numpy and for tensors of torch alike.
+    Works on NumPy arrays and torch tensors.
     """
     handle = observation[:, _HANDLE] * HANDLE_UNIT_M
     distance = (handle * handle).sum(-1, keepdims=True) ** 0.5
-    near = ((fine.far_m - distance) / (fine.far_m - fine.near_m)).clip(0.0, 1.0)
-    told = observation[:, _WISH].clip(0.0, 1.0)
-    begin, end = fine.shut_m
-    shut = ((end - observation[:, _WIDTH] * WIDTH_UNIT_M) / (end - begin)).clip(0.0, 1.0)
+    near = ((config.far_m - distance) / (config.far_m - config.near_m)).clip(0.0, 1.0)
+    closing = observation[:, _COMMAND].clip(0.0, 1.0)
+    begin, end = config.closed_width_m
+    narrow = ((end - observation[:, _WIDTH] * WIDTH_UNIT_M) / (end - begin)).clip(0.0, 1.0)
     change = abs(observation[:, _SPEED]) * SPEED_UNIT_M_S
-    closed = shut * (1.0 - change / fine.rest_m_s).clip(0.0, 1.0)
-    taken = (1.0 - told) * (1.0 - fine.share) + told * (1.0 - closed) * (1.0 - fine.closing)
-    done = _between(observation, fine.done_between)
-    return (1.0 - near * taken) * (1.0 - done * (1.0 - fine.done))
+    closed = narrow * (1.0 - change / config.closed_speed_m_s).clip(0.0, 1.0)
+    cut = (1.0 - closing) * (1.0 - config.near_handle)
+    cut = cut + closing * (1.0 - closed) * (1.0 - config.while_closing)
+    done = _fraction_of(observation, config.goal_range)
+    return (1.0 - near * cut) * (1.0 - done * (1.0 - config.at_goal))
 
 
-def taken_back(fine: ActionScalingConfig, observation: Any) -> Any:
-    """Motions of the tool (N, 6) that are taken off again at observations (N, size), raw."""
-    lead, bent = observation[:, _LEAD], observation[:, _BENT]
-    done, shut = _between(observation, fine.done_between), _between(observation, fine.shut_between)
+def lead_compensation(config: ActionScalingConfig, observation: Any) -> Any:
+    """Return the tool motions (N, 6) subtracted from actions at raw observations (N, size)."""
+    lead, bent = observation[:, _TOOL_ERROR], observation[:, _JOINT_ERROR]
+    done = _fraction_of(observation, config.goal_range)
+    stopped = _fraction_of(observation, config.stop_range)
     moved = (lead[:, :3] * lead[:, :3]).sum(-1, keepdims=True) ** 0.5 * LEAD_UNIT_M
-    turned = reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(JOINTS))) * BENT_UNIT_RAD
-    much: Any = 0.0
-    for ahead, (first, last) in ((moved, fine.lead_m), (turned, fine.lead_rad)):
-        allowed = (first + done * (last - first)) * (1.0 - shut)
-        much = _larger(much, (1.0 - allowed / (ahead + TINY)).clip(0.0, 1.0))
-    return lead * fine.release * much * (done / SOON).clip(0.0, 1.0)
+    turned = reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(N_JOINTS))) * BENT_UNIT_RAD
+    excess: Any = 0.0
+    for error, (first, last) in ((moved, config.max_lead_m), (turned, config.max_lead_rad)):
+        allowed = (first + done * (last - first)) * (1.0 - stopped)
+        excess = _larger(excess, (1.0 - allowed / (error + EPSILON)).clip(0.0, 1.0))
+    return lead * config.lead_gain * excess * (done / FADE_IN).clip(0.0, 1.0)
 
 
 def _larger(a: Any, b: Any) -> Any:
-    """The larger of two numbers, of arrays and of tensors alike."""
+    """Elementwise maximum of arrays or tensors."""
     return (a + b + abs(a - b)) / 2.0
 
 
-def _between(observation: Any, fractions: tuple[float, float]) -> Any:
-    """Where the part is between two fractions beyond its target (N, 1), within 0 and 1."""
+def _fraction_of(observation: Any, fractions: tuple[float, float]) -> Any:
+    """Position of the part between two fractions of its travel (N, 1), clipped to [0, 1]."""
     first, last = fractions
-    beyond = observation[:, _BEYOND] * BEYOND_UNIT
+    beyond = observation[:, _GOAL_ERROR] * BEYOND_UNIT
     return ((beyond - first) / (last - first)).clip(0.0, 1.0)

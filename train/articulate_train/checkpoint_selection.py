@@ -1,10 +1,9 @@
-"""Which state of a training is kept, and who of its members acts: both are judged on episodes.
+"""Selection of the checkpoint and of the active ensemble members, on evaluation episodes.
 
-What is learnt can be lost again while training goes on: a seed that succeeds in 98 of 100 episodes
-in the middle may end at 93. And of a seed's members one may have learnt much less than the others,
-which then do better without it. Judged are episodes from home with the run's own randomisation,
-under seeds that neither training nor evaluation use, so that the evaluation stays what it is:
-figures of one policy that was fixed before.
+Success can fall again during training: a seed with 98 % in the middle may end at 93 %. And one
+ensemble member may have learned much less than the others, which are better without it. Candidates
+are evaluated on episodes from home with the run's randomization. Their random seeds are used by
+neither training nor the final evaluation, whose figures are thus those of a fixed policy.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from articulate_envs.scene import Scene
 from articulate_train.config import CheckpointSelectionConfig
 from articulate_train.evaluate import run_episodes
 from articulate_train.policy import (
-    ACTS,
-    members_of,
+    ACTIVE_MEMBER,
+    ensemble_of,
     policy_of,
     read_checkpoint,
     trained_steps,
@@ -32,176 +31,209 @@ from articulate_train.policy import (
 from articulate_train.ppo import SELECTION
 from articulate_train.run import Run
 
-STATES = "states"
-"""Folder in a seed's folder that holds states of its policy while it is trained."""
+CANDIDATES = "candidates"
+"""Folder in a seed's folder with candidate checkpoints during training."""
+Progress = Callable[[str], None]
+"""Called with one line before each evaluation."""
 
 
 @dataclass
-class Judged:
-    """How one state did so far."""
+class CheckpointScore:
+    """Evaluation of one candidate checkpoint so far."""
 
     steps: int
-    """Ticks of experience it was made after."""
+    """Control steps of experience at the checkpoint."""
     episodes: int = 0
-    """Episodes it was judged on."""
+    """Number of evaluation episodes."""
     successes: int = 0
-    """Those that were successes."""
+    """Number of successes among them."""
 
     @property
     def rate(self) -> float:
-        """Share of successes; 0 before it was judged."""
+        """Success rate; 0 before the first evaluation."""
         return self.successes / max(self.episodes, 1)
 
 
 @dataclass
 class MemberScore:
-    """How a state's members did, together or one of them alone."""
+    """Evaluation of the ensemble or of one of its members."""
 
-    alone: int | None
-    """Number of the member that acts; None where all do."""
+    member: int | None
+    """Index of the member; None for the ensemble."""
     episodes: int = 0
-    """Episodes with the run's own randomisation that it was judged on."""
+    """Number of episodes with the run's randomization."""
     successes: int = 0
-    """Those that were successes."""
-    wider_episodes: int = 0
-    """Episodes with wider ranges that it was judged on."""
-    wider_successes: int = 0
-    """Those that were successes."""
+    """Number of successes among them."""
+    ood_episodes: int = 0
+    """Number of episodes with wider randomization."""
+    ood_successes: int = 0
+    """Number of successes among them."""
 
 
-def keep_state(folder: Path, content: dict[str, Any]) -> None:
-    """Keep a state, as :meth:`.Members.acting` says it, in a seed's folder until the end."""
-    path = folder / STATES / f"{trained_steps(content)}.pt"
+def keep_candidate(folder: Path, content: dict[str, Any]) -> None:
+    """Keep a policy state of :meth:`.Ensemble.policy_state` until the end of the training."""
+    path = folder / CANDIDATES / f"{trained_steps(content)}.pt"
     path.parent.mkdir(exist_ok=True)
     write_state(path, content)
 
 
 def is_due(config: CheckpointSelectionConfig, total: int, before: int, now: int) -> bool:
-    """Whether one of the moments of a training of ``total`` ticks lies in (``before``, ``now``]."""
-    return any(before < moment <= now for moment in config.moments(total))
+    """Return whether a candidate of a training of ``total`` steps is in (``before``, ``now``]."""
+    return any(before < step <= now for step in config.candidate_steps(total))
 
 
-def choose_state(
-    run: Run, seed: int, *, threads: int, goes_on: Callable[[], bool] = lambda: True
-) -> tuple[dict[str, Any], list[Judged]] | None:
-    """The best of the states that a seed's folder keeps, and how all did; None if stopped.
+def select_checkpoint(
+    run: Run,
+    seed: int,
+    *,
+    threads: int,
+    should_continue: Callable[[], bool] = lambda: True,
+    on_progress: Progress = lambda _: None,
+) -> tuple[dict[str, Any], list[CheckpointScore]] | None:
+    """Return the best candidate of a seed and the scores of all; None if stopped.
 
-    All are judged on the same draws. States as good as the last finalist are judged once more, as
-    states that are lost later on are often as good at first; what is then still equal goes to the
-    later one.
+    All candidates are evaluated on the same episodes. Candidates that tie with the last finalist
+    are evaluated once more, since checkpoints that are worse in the end are often as good at
+    first. Of remaining ties the later checkpoint wins.
 
     Args:
         run: The run.
-        seed: Its seed.
+        seed: One of its seeds.
         threads: Threads of the engine.
-        goes_on: Asked before each state is judged.
+        should_continue: Called before each evaluation.
+        on_progress: Called with one line before each evaluation.
     """
-    config, folder = run.config.select, run.seed_folder(seed) / STATES
-    judged = [Judged(steps) for steps in _kept(folder) if steps >= config.since * run.config.steps]
-    if len(judged) == 1:
-        return read_checkpoint(folder, f"{judged[0].steps}.pt"), judged
-    scene, left = run.scene(), judged
+    config, folder = run.config.checkpoint_selection, run.seed_folder(seed) / CANDIDATES
+    first_step = config.start_fraction * run.config.steps
+    scores = [CheckpointScore(steps) for steps in _kept(folder) if steps >= first_step]
+    if len(scores) == 1:
+        return read_checkpoint(folder, f"{scores[0].steps}.pt"), scores
+    scene = run.scene()
 
-    def judge(states: list[Judged], episodes: int, k: int) -> bool:
+    def evaluate(candidates: list[CheckpointScore], episodes: int, k: int) -> bool:
         stream = [run.config.evaluation_seed, seed, SELECTION, k]
-        for state in states if len(states) > 1 else ():
-            if not goes_on():
+        for i, score in enumerate(candidates if len(candidates) > 1 else (), 1):
+            if not should_continue():
                 return False
-            policy = policy_of(read_checkpoint(folder, f"{state.steps}.pt"))
+            on_progress(
+                f"checkpoint selection: {episodes} episodes of candidate {i} of {len(candidates)}"
+            )
+            policy = policy_of(read_checkpoint(folder, f"{score.steps}.pt"))
             ended, _ = run_episodes(
                 scene,
                 policy,
-                run.config.draw,
+                run.config.randomization,
                 np.random.SeedSequence(stream),
                 episodes=episodes,
                 threads=threads,
             )
-            state.episodes += episodes
-            state.successes += int((ended.code == 0).sum())
+            score.episodes += episodes
+            score.successes += int((ended.code == 0).sum())
         return True
 
-    # Draws of the first and the last round are numbered 0 and 1, those of the one for ties 2.
-    if not judge(left, config.episodes, 0):
+    # Random streams: 0 for the first stage, 1 for the final one, 2 for ties.
+    if not evaluate(scores, config.episodes, 0):
         return None
-    left = _not_worse(left, config.finalists)
-    if len(left) > config.finalists and not judge(left, config.episodes, 2):
+    left = _not_worse(scores, config.finalists)
+    if len(left) > config.finalists and not evaluate(left, config.episodes, 2):
         return None
     left = _best(left, config.finalists)
-    if not judge(left, config.more, 1):
+    if not evaluate(left, config.final_episodes, 1):
         return None
-    return read_checkpoint(folder, f"{_best(left, 1)[0].steps}.pt"), judged
+    return read_checkpoint(folder, f"{_best(left, 1)[0].steps}.pt"), scores
 
 
-def choose_acting(
+def select_active_members(
     run: Run,
     seed: int,
     state: dict[str, Any],
     *,
     threads: int,
-    goes_on: Callable[[], bool] = lambda: True,
+    should_continue: Callable[[], bool] = lambda: True,
+    on_progress: Progress = lambda _: None,
 ) -> tuple[dict[str, Any], list[MemberScore]] | None:
-    """The state with who acts, and how all did; None if stopped.
+    """Return the selected policy, its active members set, and their scores; None if stopped.
 
-    All members act, unless one of them alone has more successes than all together on the same
-    draws, and as well if as many draws from wider ranges are counted with them. The mean of several
-    mostly does better than the best of them, and nearly always where more is drawn than they were
-    trained on. The best alone is judged on more draws where it is ahead on the first of them.
+    All members are active unless one of them has more successes than the ensemble on the same
+    episodes, also with as many episodes of wider randomization counted too. The mean of several
+    policies is mostly better than the best of them, above all outside the randomization of the
+    training. A member that is ahead at first is evaluated on more episodes.
 
     Args:
         run: The run.
-        seed: Its seed.
-        state: The state that was chosen, as :func:`choose_state` gives it.
+        seed: One of its seeds.
+        state: The selected checkpoint of :func:`select_checkpoint`.
         threads: Threads of the engine.
-        goes_on: Asked before each judgement.
+        should_continue: Called before each evaluation.
+        on_progress: Called with one line before each evaluation.
     """
-    config = run.config.select
-    state = {k: v for k, v in state.items() if k != ACTS}
-    count = len(members_of(state))
-    if count == 1 or config.alone == 0:
+    config = run.config.checkpoint_selection
+    state = {k: v for k, v in state.items() if k != ACTIVE_MEMBER}
+    count = len(ensemble_of(state))
+    if count == 1 or config.member_episodes == 0:
         return state, []
     scene = run.scene()
 
     def successes(
-        acted: MemberScore, scene: Scene, draws: RandomizationConfig, episodes: int, k: int
+        score: MemberScore, scene: Scene, ranges: RandomizationConfig, episodes: int, k: int
     ) -> int:
-        policy = policy_of(state | {ACTS: acted.alone})
+        who = "the ensemble" if score.member is None else f"member {score.member} of {count}"
+        on_progress(f"ensemble evaluation: {episodes} episodes of {who}")
+        policy = policy_of(state | {ACTIVE_MEMBER: score.member})
         stream = np.random.SeedSequence([run.config.evaluation_seed, seed, SELECTION, k])
-        ended, _ = run_episodes(scene, policy, draws, stream, episodes=episodes, threads=threads)
+        ended, _ = run_episodes(scene, policy, ranges, stream, episodes=episodes, threads=threads)
         return int((ended.code == 0).sum())
 
-    def judge(which: list[MemberScore], k: int) -> bool:
-        for acted in which:
-            if not goes_on():
+    def evaluate(which: list[MemberScore], k: int) -> bool:
+        for score in which:
+            if not should_continue():
                 return False
-            acted.episodes += config.alone
-            acted.successes += successes(acted, scene, run.config.draw, config.alone, k)
+            episodes, ranges = config.member_episodes, run.config.randomization
+            score.episodes += episodes
+            score.successes += successes(score, scene, ranges, episodes, k)
         return True
 
-    # Draws of states are numbered 0 to 2.
-    together, *others = judged = [MemberScore(None), *(MemberScore(k) for k in range(count))]
-    if not judge(judged, 3):
+    # Random streams 0 to 2 belong to checkpoints.
+    together, *others = scores = [MemberScore(None), *(MemberScore(k) for k in range(count))]
+    if not evaluate(scores, 3):
         return None
-    best = max(others, key=lambda acted: acted.successes)
+    best = max(others, key=lambda score: score.successes)
     if best.successes <= together.successes:
-        return state, judged
-    if not judge([together, best], 4):
+        return state, scores
+    if not evaluate([together, best], 4):
         return None
     if best.successes <= together.successes:
-        return state, judged
-    wide = _widened(run, config.wider)
-    sizes = wide.scene()
-    for acted in (together, best):
-        if not goes_on():
+        return state, scores
+    wide = _widened(run, config.ood_scale)
+    wide_scene, ranges = wide.scene(), wide.config.randomization
+    for score in (together, best):
+        if not should_continue():
             return None
-        acted.wider_episodes = 2 * config.alone
-        acted.wider_successes = successes(acted, sizes, wide.config.draw, acted.wider_episodes, 5)
-    ahead = best.successes - together.successes
-    lost = together.wider_successes - best.wider_successes
-    return state | ({ACTS: best.alone} if ahead > lost else {}), judged
+        score.ood_episodes = 2 * config.member_episodes
+        score.ood_successes = successes(score, wide_scene, ranges, score.ood_episodes, 5)
+    gained = best.successes - together.successes
+    lost = together.ood_successes - best.ood_successes
+    return state | ({ACTIVE_MEMBER: best.member} if gained > lost else {}), scores
+
+
+def selection_episodes(config: CheckpointSelectionConfig, ensemble_size: int) -> int:
+    """Return the number of episodes of a seed's selection if no candidate or member is ahead."""
+    count = config.n_checkpoints
+    episodes = 0
+    if count > 1:
+        episodes = count * config.episodes + min(count, config.finalists) * config.final_episodes
+    if ensemble_size > 1:
+        episodes += (1 + ensemble_size) * config.member_episodes
+    return episodes
+
+
+def score_rows(scores: list[CheckpointScore] | list[MemberScore]) -> list[dict[str, int | None]]:
+    """Return the scores as rows of ``done.json``."""
+    return [asdict(score) for score in scores]
 
 
 def _widened(run: Run, factor: float) -> Run:
-    """The run with ranges ``factor`` times as wide, or as they are where they cannot be."""
+    """Return the run with ranges ``factor`` times as wide, or unchanged if they cannot be."""
     try:
         return run.widened(factor)
     except ConfigError:
@@ -209,21 +241,16 @@ def _widened(run: Run, factor: float) -> Run:
 
 
 def _kept(folder: Path) -> list[int]:
-    """Ticks of the states that a folder holds, growing."""
+    """Return the control steps of the candidates in a folder, ascending."""
     return sorted(int(path.stem) for path in folder.glob("*.pt"))
 
 
-def _not_worse(judged: list[Judged], most: int) -> list[Judged]:
-    """What was judged no worse than the last of the ``most`` best."""
-    last = _best(judged, most)[-1].rate
-    return [j for j in judged if j.rate >= last]
+def _not_worse(scores: list[CheckpointScore], most: int) -> list[CheckpointScore]:
+    """Return the candidates that are at least as good as number ``most``."""
+    last = _best(scores, most)[-1].rate
+    return [score for score in scores if score.rate >= last]
 
 
-def _best(judged: list[Judged], most: int) -> list[Judged]:
-    """At most ``most`` of what was judged, the best first; of equals the later."""
-    return sorted(judged, key=lambda j: (j.rate, j.steps), reverse=True)[:most]
-
-
-def told(judged: list[Judged] | list[MemberScore]) -> list[dict[str, int | None]]:
-    """What is written of the states, or of the members, that were judged."""
-    return [asdict(j) for j in judged]
+def _best(scores: list[CheckpointScore], most: int) -> list[CheckpointScore]:
+    """Return at most ``most`` candidates, the best first; of ties the later."""
+    return sorted(scores, key=lambda score: (score.rate, score.steps), reverse=True)[:most]

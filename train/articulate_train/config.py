@@ -1,27 +1,35 @@
-"""Configuration of a training run: what the YAML files and the flags of ``train`` say."""
+"""Configuration of a training run: keys of the YAML files and flags of ``train``.
+
+Nothing here imports numpy, so that ``--help`` is fast.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from articulate.commands.fields import ADVANCED
 from articulate.errors import ConfigError, nearest
 from articulate.robot.config import ControlConfig
-from articulate.task.randomization_config import MOST_WIDER, SEEN_BEYOND, RandomizationConfig
-from articulate_envs.config import RewardConfig, StartConfig
+from articulate.task.randomization_config import (
+    GOAL_ERROR_RANGE,
+    MAX_RANGE_FACTOR,
+    RandomizationConfig,
+)
+from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.physics import PhysicsConfig
 
 if TYPE_CHECKING:
     from articulate.task.task import Task
 
 SEEDS = 2**32
-"""Seeds are below this: numpy's older generators, which Stable-Baselines3 seeds, take no more."""
+"""Upper bound of seeds: numpy's legacy generator, which Stable-Baselines3 seeds, accepts no more."""
 
 
 def check_least(least: int, values: Mapping[str, int]) -> None:
-    """ConfigError for the first of ``values``, by the names of their flags, below ``least``."""
+    """Raise ConfigError for the first of ``values``, by configuration key, below ``least``."""
     for name, value in values.items():
         if value < least:
             raise ConfigError(f"{name} is {value}; it must be at least {least}")
@@ -29,48 +37,47 @@ def check_least(least: int, values: Mapping[str, int]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class PpoConfig:
-    """Proximal policy optimisation, as Stable-Baselines3 names its parameters."""
+    """Proximal policy optimization (PPO), with the parameter names of Stable-Baselines3."""
 
     n_envs: int = 64
-    """Environments stepped side by side."""
+    """Number of parallel environments."""
     n_steps: int = 64
-    """Ticks of each environment between updates."""
+    """Control steps of each environment between updates."""
     batch_size: int = 256
-    """Samples in a minibatch."""
+    """Minibatch size."""
     n_epochs: int = 4
     """Passes over the samples of an update."""
     learning_rate: float = 2e-4
-    """Learning rate at the beginning."""
-    learning_rate_last: float = 1e-5
-    """Learning rate at the end of the seed's ticks, of which a member has its share; it falls by
-    the same factor in the same time, so that it is small for long: noise falls too, and updates as
-    large as before undo then what was learnt."""
+    """Initial learning rate."""
+    learning_rate_final: float = 1e-5
+    """Learning rate at the end of the seed's control steps, exponential decay between. It decays
+    with the noise of actions: large late updates undo what was learned."""
     gamma: float = 0.99
-    """Discount per tick."""
+    """Discount per control step."""
     gae_lambda: float = 0.95
-    """Trace decay of the advantage."""
+    """Trace decay of generalized advantage estimation."""
     clip_range: float = 0.2
-    """Bound on the ratio of new to old policy."""
+    """Clipping range of the ratio of new to old policy."""
     ent_coef: float = 0.0
-    """Weight of the entropy."""
+    """Coefficient of the entropy bonus."""
     vf_coef: float = 0.5
-    """Weight of the value loss."""
+    """Coefficient of the value loss."""
     max_grad_norm: float = 0.5
-    """Gradients are scaled down to this norm."""
+    """Maximum gradient norm."""
     log_std_init: float = -0.8
-    """Logarithm of the first standard deviation of actions."""
-    log_std_last: float = -1.9
-    """Logarithm of the largest standard deviation of actions at the end of the seed's ticks: what
-    is judged is the mean action, and one that was learnt under noise leans on it."""
+    """Initial logarithm of the standard deviation of actions."""
+    log_std_final: float = -1.9
+    """Upper bound of that logarithm at the end of the seed's control steps. Evaluation uses the
+    mean action; annealing the exploration noise closes the gap to it."""
     log_std_between: tuple[float, float] = (0.3, 0.8)
-    """Shares of the training between which that bound falls from the first to the last, linear."""
-    net: tuple[int, ...] = (128, 128)
-    """Widths of the hidden layers of policy and value, ELU between."""
+    """Fractions of the training between which that bound falls linearly from first to final."""
+    net_arch: tuple[int, ...] = (128, 128)
+    """Widths of the hidden layers of policy and value networks (ELU)."""
 
     def __post_init__(self) -> None:
         counts = {f"ppo.{name}": getattr(self, name) for name in ("n_envs", "n_steps", "n_epochs")}
-        check_least(1, counts | {"ppo.net": min(self.net, default=1)})
-        for name in ("learning_rate", "learning_rate_last"):
+        check_least(1, counts | {"ppo.net_arch": min(self.net_arch, default=1)})
+        for name in ("learning_rate", "learning_rate_final"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigError(f"ppo.{name} is {getattr(self, name)}; it must be above 0")
         size = self.n_envs * self.n_steps
@@ -81,269 +88,287 @@ class PpoConfig:
         begin, end = self.log_std_between
         if not 0.0 <= begin < end <= 1.0:
             raise ConfigError(
-                f"ppo.log_std_between is {begin} {end}; it must be two growing shares in [0, 1]"
+                f"ppo.log_std_between is {begin} {end}; it must be two growing fractions in [0, 1]"
             )
 
     def log_std_bound(self, progress: float) -> float:
-        """Largest logarithm of a standard deviation when ``progress`` in [0, 1] is done."""
+        """Return the upper bound of the log standard deviation at ``progress`` in [0, 1]."""
         begin, end = self.log_std_between
         if progress < begin:
             return math.inf
         done = min((progress - begin) / (end - begin), 1.0)
-        return self.log_std_init + done * (self.log_std_last - self.log_std_init)
+        return self.log_std_init + done * (self.log_std_final - self.log_std_init)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImitationConfig:
-    """How training begins: the policy is shown what a hand would do that sees everything as it is.
+    """Imitation phase at the beginning of training.
 
-    For the first ticks, which count as all others do, it learns to say what the guide
-    (:mod:`articulate_envs.scripted_expert`) would say where it is itself (DAgger; Ross, Gordon and Bagnell,
-    2011), from what it sees. What there is to gain beyond that, PPO finds.
+    DAgger (Ross, Gordon and Bagnell, 2011): the policy learns the actions of the privileged
+    scripted expert (:mod:`articulate_envs.scripted_expert`) at the states it visits itself, from
+    its own observations. PPO trains it for the rest of the control steps.
     """
 
     until: float = 0.1
-    """Share of the seed's ticks for which each member is shown; 0 shows nothing."""
-    lead_until: float = 0.6
-    """Share of that in which the guide acts in some environments: in all at first, linearly fewer
-    to here."""
+    """Fraction of the seed's control steps with imitation, for each ensemble member; 0 turns
+    imitation off."""
+    expert_until: float = 0.6
+    """Fraction of the imitation phase in which the expert acts in some environments: in all at
+    first, linearly fewer until here."""
     epochs: int = 8
-    """Passes over what was seen since the last update."""
+    """Passes over the samples of an update."""
     learning_rate: float = 1e-3
-    """Learning rate of them."""
+    """Learning rate of the imitation phase."""
 
     def __post_init__(self) -> None:
-        for name in ("until", "lead_until"):
+        for name in ("until", "expert_until"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:
-                raise ConfigError(f"show.{name} is {value}; it must be in [0, 1]")
-        check_least(1, {"show.epochs": self.epochs})
+                raise ConfigError(f"imitation.{name} is {value}; it must be in [0, 1]")
+        check_least(1, {"imitation.epochs": self.epochs})
 
-    def shows(self, progress: float) -> bool:
-        """Whether the policy is still shown when ``progress`` in [0, 1] of the training is done."""
+    def is_active(self, progress: float) -> bool:
+        """Return whether imitation still runs at ``progress`` in [0, 1] of the training."""
         return progress < self.until
 
-    def leads(self, progress: float) -> float:
-        """Share of the environments in which the guide acts then."""
-        if not self.shows(progress) or self.lead_until == 0.0:
+    def expert_share(self, progress: float) -> float:
+        """Return the fraction of the environments in which the expert acts at ``progress``."""
+        if not self.is_active(progress) or self.expert_until == 0.0:
             return 0.0
-        return max(1.0 - progress / (self.until * self.lead_until), 0.0)
+        return max(1.0 - progress / (self.until * self.expert_until), 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActionScalingConfig:
-    """How much finer a hand that holds nothing moves near the handle."""
+    """Action scaling near the handle and near the goal."""
 
-    share: float = 0.35
-    """Share of a motion that is left there to an open hand; 1 changes nothing."""
-    closing: float = 0.25
-    """Share that is left there from when closing is told until the fingers have closed: that takes
-    up to 2 s, and a hand that stood still meanwhile would hold the handle where it was seen."""
+    near_handle: float = 0.35
+    """Scale of motions at the handle while the gripper is open; 1 turns scaling off."""
+    while_closing: float = 0.25
+    """Scale from the closing command until the fingers have closed. Closing takes up to 2 s; a
+    gripper that stood still meanwhile would grasp where the handle was."""
     near_m: float = 0.03
-    """Distance of the handle up to which all of it counts [m]."""
+    """Distance to the handle within which these scales apply fully [m]."""
     far_m: float = 0.10
-    """Distance from which nothing of it counts [m]."""
-    shut_m: tuple[float, float] = (0.072, 0.078)
-    """Openings between which fingers come to count as closed, if they rest [m]: a hand opens to
-    0.08 m, and holds what is at most 0.07 m thick."""
-    done: float = 0.1
-    """Share of a motion that is left, wherever the hand is, where the part is at its target: a
-    hand that holds on to the end would drift by what a policy says without meaning it, and one
-    that runs a drawer shut at 0.1 m/s presses on with 40 N, by the way that its target is ahead."""
-    done_between: tuple[float, float] = (-0.2, 0.0)
-    """Fractions of the part's way beyond the target between which that begins and is all of it."""
-    done_m: float = 0.05
-    """It begins at most so far before its end, along the handle's way [m]: a fifth of the way of a
-    door is 10 cm, which a hand that turns with it takes four of its ten seconds for."""
-    lead_m: tuple[float, float] = (0.06, 0.01)
-    """How far the target of the tool may be ahead of the tool at the first and at the last of
-    ``done_between`` [m]; what is more is taken back. A part is slow then when it meets its end, and
-    is not pressed on with the sum of what was ever said."""
-    lead_rad: tuple[float, float] = (0.2, 0.03)
-    """The same of the joint whose target is farthest ahead [rad]: where the arm is nearly straight,
-    little of it presses hard."""
-    shut_between: tuple[float, float] = (0.03, 0.05)
-    """Fractions of the part's way beyond the target between which the last of that falls to 0: a
-    part that closes is shut there, and is not pressed on at all."""
-    release: float = 3.0
-    """Motion, as a share of the largest, that a tick takes back for each 5 cm or 0.2 rad of it;
-    nothing in tasks whose stop is far beyond the target."""
-    rest_m_s: float = 0.05
-    """Change of the opening from which fingers do not rest at all [m/s]; closing, they make 0.1."""
+    """Distance from which on they do not apply [m]."""
+    closed_width_m: tuple[float, float] = (0.072, 0.078)
+    """Finger openings between which the gripper counts as closed, if it is at rest [m]. A gripper
+    opens to 0.08 m and holds at most 0.07 m."""
+    closed_speed_m_s: float = 0.05
+    """Speed of the opening from which the gripper is not at rest [m/s]; closing, it has 0.1."""
+    at_goal: float = 0.1
+    """Scale at the goal, independent of the handle. It limits drift while the part is held, and
+    the force on a closed part: 40 N at a closing speed of 0.1 m/s without it."""
+    goal_range: tuple[float, float] = (-0.2, 0.0)
+    """Fractions of the travel relative to the target between which ``at_goal`` fades in."""
+    goal_range_max_m: float = 0.05
+    """Maximum length of that range along the handle's path [m]."""
+    max_lead_m: tuple[float, float] = (0.06, 0.01)
+    """Maximum distance of the tool's target ahead of the tool, at the start and at the end of
+    ``goal_range`` [m]; the excess is compensated. The part is slow when it reaches its stop, and
+    actions do not add up to a force there."""
+    max_lead_rad: tuple[float, float] = (0.2, 0.03)
+    """The same for the joint with the largest tracking error [rad]; a nearly straight arm presses
+    hard with little of it."""
+    stop_range: tuple[float, float] = (0.03, 0.05)
+    """Fractions of the travel beyond the target between which the maximum lead falls to 0."""
+    lead_gain: float = 3.0
+    """Compensating motion of a control step, as a fraction of the largest motion, for 5 cm or
+    0.2 rad of excess; 0 in tasks whose stop is far beyond the target."""
 
     def __post_init__(self) -> None:
-        for name in ("share", "closing", "done"):
+        for name in ("near_handle", "while_closing", "at_goal"):
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
-                raise ConfigError(f"fine.{name} is {value}; it must be above 0 and at most 1")
+                raise ConfigError(
+                    f"action_scaling.{name} is {value}; it must be above 0 and at most 1"
+                )
         if not 0.0 <= self.near_m < self.far_m:
             raise ConfigError(
-                f"fine.near_m is {self.near_m} and fine.far_m {self.far_m}; they must grow from 0"
+                f"action_scaling.near_m is {self.near_m} and action_scaling.far_m {self.far_m}; "
+                "they must grow from 0"
             )
-        for name in ("done_between", "shut_between"):
+        for name in ("goal_range", "stop_range"):
             begin, end = getattr(self, name)
-            if not SEEN_BEYOND[0] <= begin < end <= SEEN_BEYOND[1]:
+            if not GOAL_ERROR_RANGE[0] <= begin < end <= GOAL_ERROR_RANGE[1]:
                 raise ConfigError(
-                    f"fine.{name} is {begin} {end}; it must be two growing fractions in "
-                    f"[{SEEN_BEYOND[0]:g}, {SEEN_BEYOND[1]:g}]"
+                    f"action_scaling.{name} is {begin} {end}; it must be two growing fractions in "
+                    f"[{GOAL_ERROR_RANGE[0]:g}, {GOAL_ERROR_RANGE[1]:g}]"
                 )
-        begin, end = self.shut_m
+        begin, end = self.closed_width_m
         if not 0.0 <= begin < end:
-            raise ConfigError(f"fine.shut_m is {begin} {end}; it must be two growing openings")
-        for name in ("done_m", "rest_m_s"):
+            raise ConfigError(
+                f"action_scaling.closed_width_m is {begin} {end}; it must be two growing openings"
+            )
+        for name in ("goal_range_max_m", "closed_speed_m_s"):
             if not getattr(self, name) > 0.0:
-                raise ConfigError(f"fine.{name} is {getattr(self, name)}; it must be above 0")
+                raise ConfigError(
+                    f"action_scaling.{name} is {getattr(self, name)}; it must be above 0"
+                )
         self._check_leads()
 
     def _check_leads(self) -> None:
-        for name in ("lead_m", "lead_rad"):
+        for name in ("max_lead_m", "max_lead_rad"):
             first, last = getattr(self, name)
             if not math.inf > first >= last >= 0.0:
                 raise ConfigError(
-                    f"fine.{name} is {first} {last}; it must be finite and fall, not below 0"
+                    f"action_scaling.{name} is {first} {last}; it must be finite, not below 0 and "
+                    "fall"
                 )
-        if not 0.0 <= self.release < math.inf:
-            raise ConfigError(f"fine.release is {self.release}; it must be finite and at least 0")
+        if not 0.0 <= self.lead_gain < math.inf:
+            raise ConfigError(
+                f"action_scaling.lead_gain is {self.lead_gain}; it must be finite and at least 0"
+            )
 
-    def of(self, task: Task, way_m: float | None) -> ActionScalingConfig:
-        """What counts for ``task``.
+    def for_task(self, task: Task, path_m: float | None) -> ActionScalingConfig:
+        """Return the configuration of ``task``.
 
-        Leads are taken back where a part meets its stop; one that is farther beyond the target than
-        policies see presses on nothing, and a lid that is held open sags by what is taken back.
+        Leads are compensated where a part reaches its stop only: a part whose stop is farther
+        beyond the target than the policy observes presses on nothing, and a lid that is held open
+        would sag.
 
         Args:
             task: The task.
-            way_m: How far the handle goes from closed to open [m]; None if there is none.
+            path_m: Length of the handle's path from closed to open [m]; None without a handle.
         """
         stop = math.inf if task.stop is None else abs(task.stop - task.target)
-        release = self.release if stop <= SEEN_BEYOND[1] else 0.0
-        begin, end = self.done_between
-        if way_m is not None:
-            begin = max(begin, end - self.done_m / way_m)
-        return replace(self, release=release, done_between=(begin, end))
+        gain = self.lead_gain if stop <= GOAL_ERROR_RANGE[1] else 0.0
+        begin, end = self.goal_range
+        if path_m is not None:
+            begin = max(begin, end - self.goal_range_max_m / path_m)
+        return replace(self, lead_gain=gain, goal_range=(begin, end))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckpointSelectionConfig:
-    """Which state of a training is kept as its policy.
+    """Selection of the checkpoint and of the active ensemble members.
 
-    What a policy has learnt it can lose again while training goes on. States of the second half are
-    judged as an evaluation would, on draws that are neither training's nor the evaluation's, and
-    the best is kept: each first on a few episodes, then the best of them on more.
+    Success can fall again during training. Checkpoints of its second half are evaluated on
+    episodes that neither training nor the evaluation uses: all on a few, the best on more.
     """
 
-    states: int = 10
-    """States that are judged, the last of training among them; 1 takes the last unseen."""
-    since: float = 0.5
-    """Share of the training after which the first of them is; the others follow evenly."""
+    n_checkpoints: int = 10
+    """Number of candidate checkpoints, the last of the training included; 1 takes the last without
+    evaluation."""
+    start_fraction: float = 0.5
+    """Fraction of the training after which candidates are kept, evenly spaced."""
     episodes: int = 100
-    """Drawn episodes that each of them is judged on first."""
+    """Episodes of each candidate in the first stage."""
     finalists: int = 4
-    """So many go on."""
-    more: int = 300
-    """Drawn episodes that these are judged on besides; the better counts over both."""
-    alone: int = 500
-    """Drawn episodes on which each member of the chosen state is judged alone, and all together;
-    where one is ahead, it is judged on as many once more. 0 lets all act."""
-    wider: float = 1.5
-    """One acts alone where it is ahead as well with as many draws counted along for which every
-    range is so many times as wide."""
+    """Candidates of the final stage."""
+    final_episodes: int = 300
+    """Further episodes of each finalist; both stages count."""
+    member_episodes: int = 500
+    """Episodes on which each ensemble member and the ensemble are evaluated; a member that is
+    ahead gets as many again. 0 always uses the ensemble."""
+    ood_scale: float = 1.5
+    """Factor on all randomization ranges of an out-of-distribution evaluation. A single member is
+    used only if it is ahead with these episodes counted too."""
 
     def __post_init__(self) -> None:
-        counts = {f"select.{name}": getattr(self, name) for name in ("states", "episodes")}
-        check_least(1, counts | {"select.finalists": self.finalists, "select.more": self.more})
-        check_least(0, {"select.alone": self.alone})
-        if not 1.0 <= self.wider <= MOST_WIDER:
-            raise ConfigError(f"select.wider is {self.wider}; it must be in [1, {MOST_WIDER:g}]")
-        if not 0.0 < self.since < 1.0:
-            raise ConfigError(f"select.since is {self.since}; it must be in (0, 1)")
+        least_1 = ("n_checkpoints", "episodes", "finalists", "final_episodes")
+        check_least(1, {f"checkpoint_selection.{n}": getattr(self, n) for n in least_1})
+        check_least(0, {"checkpoint_selection.member_episodes": self.member_episodes})
+        if not 1.0 <= self.ood_scale <= MAX_RANGE_FACTOR:
+            raise ConfigError(
+                f"checkpoint_selection.ood_scale is {self.ood_scale}; it must be in "
+                f"[1, {MAX_RANGE_FACTOR:g}]"
+            )
+        if not 0.0 < self.start_fraction < 1.0:
+            raise ConfigError(
+                f"checkpoint_selection.start_fraction is {self.start_fraction}; it must be in "
+                "(0, 1)"
+            )
 
-    def moments(self, steps: int) -> tuple[int, ...]:
-        """Ticks after which states are kept in a training of ``steps``, but for the last."""
-        between = self.states - 1
-        first = self.since * steps
+    def candidate_steps(self, steps: int) -> tuple[int, ...]:
+        """Return the control steps of all candidates of a training of ``steps`` but the last."""
+        between = self.n_checkpoints - 1
+        first = self.start_fraction * steps
         return tuple(round(first + (steps - first) * k / between) for k in range(between))
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """What is trained on what, and how."""
+    """Configuration of a training run."""
 
     asset: str
-    """URDF or MJCF file, a folder that holds one, or an asset folder; a folder of objects or a
-    quoted pattern for many."""
+    """URDF, MJCF or SDF file, a folder that holds one, or an asset folder; a folder of objects or
+    a quoted pattern for several."""
     task: str = "open_drawer"
-    """What is asked; --list-tasks lists the names."""
+    """Task; --list-tasks lists them."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
     closed: Literal["auto", "lower", "upper"] = "auto"
-    """Which limit of the joint is its closed end."""
+    """Joint limit that is the closed position."""
     size: float | None = None
-    """Longest side of the object [m]; by default its own size, or that of its category."""
+    """Longest side of the object [m]; by default its size in the file, or that of its category."""
     category: str | None = None
-    """Category of the object, for its size and material; by default what its folder says."""
+    """Category of the object, for its size and material; by default read from its folder."""
     seeds: tuple[int, ...] = (0, 1, 2)
-    """One training for each."""
+    """Seeds; each is a separate training."""
     steps: int = 2_000_000
-    """Ticks of experience for each seed."""
-    members: int = 2
-    """Policies that a seed trains in turn, each from weights of its own and with its share of the
-    ticks; the mean of their actions acts. Schedules of noise, reward weights and learning rate
-    count the ticks of the seed: of two members, each ends half-way along them."""
+    """Control steps of experience for each seed."""
+    ensemble_size: int = 2
+    """Policies of a seed, trained independently with an equal share of its control steps; their
+    mean action is used. Schedules of noise, reward weights and learning rate count the control
+    steps of the seed: each of two members ends half-way along them."""
     jobs: int = 0
-    """Seeds trained side by side; 0 means one for each processor."""
-    checkpoint_updates: int = 20
+    """Number of seeds trained in parallel; 0 means one for each processor."""
+    checkpoint_updates: Annotated[int, ADVANCED] = 20
     """Updates between checkpoints."""
     episodes: int = 200
-    """Episodes for each seed in the evaluation at the end."""
-    evaluation_seed: int = 1_000_003
-    """Decides the draws of the evaluation; they are none of training's."""
+    """Episodes for each seed in the final evaluation."""
+    evaluation_seed: Annotated[int, ADVANCED] = 1_000_003
+    """Random seed of the evaluation; its episodes are never used in training."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
-    """Algorithm."""
-    show: ImitationConfig = field(default_factory=ImitationConfig)
-    """What training begins with."""
-    fine: ActionScalingConfig = field(default_factory=ActionScalingConfig)
-    """Finer motions near the handle."""
-    select: CheckpointSelectionConfig = field(default_factory=CheckpointSelectionConfig)
-    """Which state of the training is kept."""
-    draw: RandomizationConfig = field(default_factory=RandomizationConfig)
-    """Randomisation."""
+    """PPO."""
+    imitation: ImitationConfig = field(default_factory=ImitationConfig)
+    """Imitation of the scripted expert at the beginning of training."""
+    action_scaling: ActionScalingConfig = field(default_factory=ActionScalingConfig)
+    """Action scaling near the handle and the goal."""
+    checkpoint_selection: CheckpointSelectionConfig = field(
+        default_factory=CheckpointSelectionConfig
+    )
+    """Checkpoint selection."""
+    randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
+    """Domain randomization."""
     reward: RewardConfig = field(default_factory=RewardConfig)
-    """Reward."""
-    starts: StartConfig = field(default_factory=StartConfig)
-    """Starts along the task."""
-    follow: ControlConfig = field(default_factory=ControlConfig)
-    """Plant between the policy's tick and the joints."""
+    """Reward terms."""
+    initial_states: InitialStatesConfig = field(default_factory=InitialStatesConfig)
+    """Initial-state curriculum."""
+    control: ControlConfig = field(default_factory=ControlConfig)
+    """Control stack."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     """Physics."""
 
     @property
     def member_steps(self) -> int:
-        """Ticks of experience of each of a seed's members, rounded up."""
-        return -(-self.steps // self.members)
+        """Control steps of each ensemble member, rounded up."""
+        return -(-self.steps // self.ensemble_size)
 
     def __post_init__(self) -> None:
-        from articulate.task.task import TASK_RULES  # brings numpy, which --help does without
+        from articulate.task.task import TASK_RULES  # imports numpy, which --help does without
 
         if self.task not in TASK_RULES:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
         seeds = self.seeds
         if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0 or max(seeds) >= SEEDS:
-            shown = " ".join(map(str, seeds))
+            given = " ".join(map(str, seeds))
             raise ConfigError(
-                f"seeds are {shown}; they must be distinct, not negative and below {SEEDS}"
+                f"seeds are {given}; they must be distinct, not negative and below {SEEDS}"
             )
         check_least(1, {"episodes": self.episodes, "checkpoint_updates": self.checkpoint_updates})
-        check_least(1, {"members": self.members})
-        if self.members > 1 and self.show.until * self.members >= 1.0:
+        check_least(1, {"ensemble_size": self.ensemble_size})
+        until = self.imitation.until
+        if self.ensemble_size > 1 and until * self.ensemble_size >= 1.0:
             raise ConfigError(
-                f"members is {self.members} and show.until {self.show.until:g}: each would only be "
-                "shown, and learn nothing of its own; give less of one of them"
+                f"ensemble_size is {self.ensemble_size} and imitation.until {until:g}: no control "
+                "steps are left for PPO; reduce one of them"
             )
-        least = self.members * self.ppo.n_envs * self.ppo.n_steps
+        least = self.ensemble_size * self.ppo.n_envs * self.ppo.n_steps
         if self.steps < least:
-            each = f" of each of {self.members} members" if self.members > 1 else ""
+            each = f" of each of {self.ensemble_size} members" if self.ensemble_size > 1 else ""
             raise ConfigError(
-                f"steps is {self.steps}; one update{each} alone takes {least}, give more"
+                f"steps is {self.steps}; it must be at least {least}, one update{each}"
             )
         check_least(0, {"jobs": self.jobs, "evaluation_seed": self.evaluation_seed})

@@ -1,4 +1,4 @@
-"""What a training would be like, found out in seconds: scene, reach, time and disk."""
+"""Dry run of a training: scene, reachability, feasibility, time and disk space, in seconds."""
 
 from __future__ import annotations
 
@@ -14,76 +14,94 @@ from articulate.cache import cache_in_use
 from articulate.errors import MissingError, RunError
 from articulate.files import write_bytes
 from articulate.robot.arm import PANDA
+from articulate.task.observation import ACTION
 from articulate.transforms import Array
+from articulate_envs.config import RewardConfig
+from articulate_envs.episodes import Episodes
+from articulate_envs.feasibility import Feasibility
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.joint_selection import choose_joint
 from articulate_envs.scene import PREFIX, Scene, build_scene
-from articulate_envs.video import picture
+from articulate_envs.threaded_engine import ThreadEngine
+from articulate_envs.video import render_png
+from articulate_train.checkpoint_selection import selection_episodes
 from articulate_train.config import TrainConfig
+from articulate_train.evaluate import MAX_NOMINAL
 from articulate_train.evaluate_run import describe_target
+from articulate_train.feasibility_check import describe_feasibility, feasibility_of
 from articulate_train.ppo import Learner
 from articulate_train.run import prepare_asset, run_bytes
 from articulate_train.seed_runner import processors
 
 MEASURED_S = 3.0
-"""So long training is measured at least, after one update that does not count [s]."""
+"""Duration of the measurement of training speed, after a first update [s]."""
+EVALUATION_STEPS = 20
+"""Control steps of the measurement of evaluation speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DryRun:
-    """What was found out."""
+    """Result of a dry run."""
 
     asset: str
     task: str
     joint: str
     target: str
-    """What counts as done, in words."""
+    """Description of the goal."""
     reachable_share: float
-    """Share of the drawn poses and sizes at which the arm reaches the whole way."""
+    """Fraction of the randomized poses and sizes at which the arm reaches the entire path."""
     overlap_m: float
-    """Overlap of an open hand at the handle with the object [m]; little is room enough."""
+    """Overlap of the open gripper at the handle with the object [m]; small values are enough."""
+    feasibility: Feasibility
+    """Success rate of the scripted expert."""
     seeds: int
     steps: int
-    """Ticks for each seed."""
+    """Control steps of each seed."""
     steps_per_s: float
-    """Ticks of one seed in a second, measured."""
+    """Measured control steps of one seed per second."""
     minutes: float
-    """Estimated time of the training, without conversion and evaluation [min]."""
+    """Estimated time of training, checkpoint selection and evaluation [min]."""
+    selection_minutes: float
+    """Estimated time of checkpoint and ensemble selection in it [min]."""
+    evaluation_minutes: float
+    """Estimated time of the final evaluation in it [min]."""
     disk_bytes: int
-    """What the run folder takes at most [bytes]."""
-    picture: Path | None
-    """The scene at its start; None where nothing can be drawn."""
+    """Upper bound of the run folder [bytes]."""
+    image: Path | None
+    """Image of the initial scene; None if it cannot be rendered."""
     note: str
-    """Why there is no picture."""
+    """Reason for a missing image."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        path = None if self.picture is None else str(self.picture)
-        return {**vars(self), "picture": path}
+        """Return the fields as a JSON object."""
+        path = None if self.image is None else str(self.image)
+        return {**vars(self), "image": path, "feasibility": self.feasibility.to_dict()}
 
     def text(self) -> str:
-        """A few lines for people."""
+        """Return a summary for the terminal."""
         seeds = f"{self.seeds} seed{'s' * (self.seeds != 1)}"
         lines = [
             f"{self.task} of {self.asset}, joint {self.joint}",
-            f"  target   {self.target}",
-            f"  reach    at {self.reachable_share:.0%} of the drawn poses and sizes; an open hand "
-            f"overlaps the object by {1000 * self.overlap_m:.1f} mm",
+            f"  goal     {self.target}",
+            f"  reach    {self.reachable_share:.0%} of the randomized poses and sizes; the open "
+            f"gripper overlaps the object by {1000 * self.overlap_m:.1f} mm",
+            f"  expert   {describe_feasibility(self.feasibility)}",
             f"  time     about {self.minutes:.0f} min for {seeds} of {self.steps / 1e6:g}M steps "
-            f"({self.steps_per_s:.0f} steps/s measured)",
+            f"({self.steps_per_s:.0f} steps/s measured); {self.selection_minutes:.0f} min of it "
+            f"for checkpoint selection, {self.evaluation_minutes:.0f} min for the evaluation",
             f"  disk     up to {self.disk_bytes / 1e6:.0f} MB",
-            f"  picture  {self.picture or self.note}",
+            f"  image    {self.image or self.note}",
         ]
         return "\n".join(lines)
 
 
 def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
-    """Find out what training under ``config`` would be like.
+    """Prepare a training under ``config``, measure its speed and estimate its time.
 
     Args:
-        config: What would be trained.
+        config: Configuration of the training.
         cache: Cache folder.
-        file: Picture to write (PNG).
+        file: Image to write (PNG).
 
     Raises:
         RunError: ``file`` exists.
@@ -93,40 +111,51 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
         raise RunError(f"{file}: exists; choose another --out")
     with cache_in_use(cache):
         asset = prepare_asset(config, cache)
-        task, place = choose_joint(config, asset)
+        task, placement = choose_joint(config, asset)
         scene = build_scene(
             asset,
             task,
             arm=PANDA,
             control=config.control,
             physics=config.physics,
-            place=place,
+            place=placement,
             scales=config.randomization.scale_values,
         )
         overlap_m = check_grasp(scene)
+        feasibility = feasibility_of(scene, config)
         jobs = min(config.jobs or processors(), len(config.seeds))
-        rate = _steps_per_s(scene, config, threads=max(1, processors() // jobs))
-        drawn, note = _drawn(scene, file)
+        threads = max(1, processors() // jobs)
+        rate = _steps_per_s(scene, config, threads=threads)
+        episode_rate = _evaluation_steps_per_s(scene, config, threads=threads) / scene.ticks
+        image, note = _write_image(scene, file)
     rounds = math.ceil(len(config.seeds) / jobs)
+    selected = selection_episodes(config.checkpoint_selection, config.ensemble_size)
+    selection_s = rounds * selected / episode_rate
+    evaluated = config.episodes + min(config.episodes, MAX_NOMINAL)
+    evaluation_s = len(config.seeds) * evaluated / (episode_rate * processors() / threads)
+    training_s = rounds * config.steps / rate
     return DryRun(
         asset=asset.name,
         task=task.name,
         joint=task.joint,
         target=describe_target(task),
-        reachable_share=place.reachable_share,
+        reachable_share=placement.reachable_share,
         overlap_m=overlap_m,
+        feasibility=feasibility,
         seeds=len(config.seeds),
         steps=config.steps,
         steps_per_s=round(rate, 1),
-        minutes=round(rounds * config.steps / rate / 60.0, 2),
+        minutes=round((training_s + selection_s + evaluation_s) / 60.0, 2),
+        selection_minutes=round(selection_s / 60.0, 2),
+        evaluation_minutes=round(evaluation_s / 60.0, 2),
         disk_bytes=run_bytes(config, asset),
-        picture=drawn,
+        image=image,
         note=note,
     )
 
 
 def _steps_per_s(scene: Scene, config: TrainConfig, *, threads: int) -> float:
-    """Ticks in a second while collecting and learning, after one update that does not count."""
+    """Measure the control steps per second of training, after a first update."""
     learner = Learner(scene, config, config.seeds[0], threads=threads)
     begin = steps = 0.0
 
@@ -143,24 +172,44 @@ def _steps_per_s(scene: Scene, config: TrainConfig, *, threads: int) -> float:
         done = learner.model.num_timesteps
     finally:
         learner.close()
-    if done == steps:  # one update is all that is asked for
+    if done == steps:  # the training has one update only
         begin, steps = started, 0.0
     return float((done - steps) / max(time.monotonic() - begin, 1e-9))
 
 
-def _drawn(scene: Scene, file: Path) -> tuple[Path | None, str]:
-    """Write a picture of the scene's start; its path, or why there is none."""
+def _evaluation_steps_per_s(scene: Scene, config: TrainConfig, *, threads: int) -> float:
+    """Measure the control steps per second of episodes without learning."""
+    n = config.ppo.n_envs
+    env = Episodes(
+        ThreadEngine(scene, n, threads=threads),
+        randomization=config.randomization,
+        reward=RewardConfig(),
+        initial_states=None,
+        seed=config.seeds[0],
+    )
     try:
-        write_bytes(file, picture(scene, start_qpos(scene)))
+        env.reset()
+        begin = time.monotonic()
+        for _ in range(EVALUATION_STEPS):
+            env.step(np.zeros((n, ACTION.size)))
+        return n * EVALUATION_STEPS / max(time.monotonic() - begin, 1e-9)
+    finally:
+        env.engine.close()
+
+
+def _write_image(scene: Scene, file: Path) -> tuple[Path | None, str]:
+    """Write an image of the initial scene; return its path, or the reason why there is none."""
+    try:
+        write_bytes(file, render_png(scene, start_qpos(scene)))
     except MissingError as error:
         return None, str(error)
     return file, ""
 
 
 def start_qpos(scene: Scene) -> Array:
-    """Positions (nq,) of the scene's model as an episode begins: the arm home, parts closed.
+    """Return the initial positions (nq,) of the scene's model [m or rad].
 
-    A part that is to be closed is as far open as it may begin.
+    The arm is at home and parts are closed; a part to close is at its largest initial opening.
     """
     model, at = scene.nominal, scene.at
     qpos = np.array(model.qpos0, dtype=np.float64)

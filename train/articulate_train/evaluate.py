@@ -1,4 +1,4 @@
-"""Evaluation: fresh episodes from home, with the draws of the run and without any."""
+"""Evaluation on new episodes from home, with and without randomization."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from articulate.task.episode_monitor import COLUMN, REASONS
-from articulate.task.randomization import COLUMNS, EpisodeParams, draw
+from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.transforms import Array
 from articulate_envs.config import RewardConfig
@@ -22,22 +22,24 @@ from articulate_train.ppo import EVALUATION
 from articulate_train.report import SeedEvaluation, Timeline
 from articulate_train.run import Run
 
-NOMINAL = 200
-"""At most so many episodes are run without randomisation."""
-SIDE_BY_SIDE = 1000
-"""So many episodes are in memory at once, at 1 MB each; more run one lot after another."""
-Watch = Callable[[int, slice, ThreadEngine], None]
-"""Told a tick, the episodes that are at it, and their engine."""
+MAX_NOMINAL = 200
+"""Largest number of episodes without randomization."""
+BATCH_SIZE = 1000
+"""Episodes in memory at once, of 1 MB each; more run in batches."""
+StepCallback = Callable[[int, slice, ThreadEngine], None]
+"""Called with the control step, the slice of episodes of the batch and their engine."""
+Progress = Callable[[float], None]
+"""Called with the completed fraction of an evaluation."""
 
 
 @dataclass(frozen=True)
 class Traces:
-    """What was recorded of E episodes at each of T ticks."""
+    """Recordings of E episodes at T control steps."""
 
     qpos: Array
-    """Positions of the model (T, E, nq)."""
+    """Generalized positions of the model (T, E, nq) [m or rad]."""
     force: Array
-    """Filtered force on the hand (T, E) [N]."""
+    """Filtered force on the gripper (T, E) [N]."""
     speed_share: Array
     """Largest joint speed as a share of its limit (T, E)."""
     opened: Array
@@ -49,61 +51,75 @@ class Rollout:
     """E episodes from home."""
 
     ended: Ended
-    """Their ends, one row per episode."""
-    draws: EpisodeParams
-    """What was drawn for them."""
+    """Outcomes, one row per episode."""
+    params: EpisodeParams
+    """Sampled parameters of the episodes."""
     traces: Traces
-    """What happened."""
+    """Recordings."""
     poses: Array
-    """Where the objects stood, ``T_wo`` (E, 4, 4)."""
+    """Poses ``T_wo`` of the objects (E, 4, 4) [m]."""
 
 
 def evaluate_seed(
-    run: Run, seed: int, *, episodes: int, threads: int
+    run: Run,
+    seed: int,
+    *,
+    episodes: int,
+    threads: int,
+    on_progress: Progress = lambda _: None,
 ) -> tuple[SeedEvaluation, Rollout]:
-    """Evaluate the policy of one seed on ``episodes`` drawn episodes and nominal ones.
+    """Evaluate the policy of one seed on ``episodes`` randomized episodes and on nominal ones.
 
-    Nominal episodes keep only the noise of the start pose, without which they would all be the
-    same; they are so alike that :data:`NOMINAL` are enough.
+    Nominal episodes keep the noise of the start pose, without which they would be equal;
+    :data:`MAX_NOMINAL` of them are enough.
 
     Raises:
         RunError: There is no checkpoint.
     """
-    # Before it is read: a checkpoint that is replaced meanwhile must not pass as the one judged.
-    judged = checkpoint_sha256(run.seed_folder(seed))
+    # Before it is read: a file that is replaced meanwhile must not pass as the evaluated one.
+    evaluated = checkpoint_sha256(run.seed_folder(seed))
     policy = load_policy(run.seed_folder(seed))
     config = run.config
     stream = np.random.SeedSequence([config.evaluation_seed, seed, EVALUATION])
-    drawn = roll_out(run.scene(), policy, config.draw, stream, episodes=episodes, threads=threads)
-    still = replace(NO_RANDOMIZATION, start_rad=config.draw.start_rad)
+    randomized = roll_out(
+        run.scene(),
+        policy,
+        config.randomization,
+        stream,
+        episodes=episodes,
+        threads=threads,
+        on_progress=on_progress,
+    )
+    still = replace(NO_RANDOMIZATION, start_rad=config.randomization.start_rad)
     nominal = roll_out(
-        run.scene((1.0,)), policy, still, stream, episodes=min(episodes, NOMINAL), threads=threads
+        run.scene((1.0,)), policy, still, stream, episodes=min(episodes, MAX_NOMINAL), threads=threads
     )
     result = SeedEvaluation(
         seed=seed,
-        codes=drawn.ended.code,
-        opened=drawn.ended.opened,
-        peaks=drawn.ended.peaks,
-        draws=drawn.draws.values,
+        codes=randomized.ended.code,
+        opened=randomized.ended.opened,
+        peaks=randomized.ended.peaks,
+        params=randomized.params.values,
         nominal_codes=nominal.ended.code,
         nominal_opened=nominal.ended.opened,
-        checkpoint_sha256=judged,
+        checkpoint_sha256=evaluated,
         policy_steps=policy.steps,
-        alone=policy.alone,
+        active_member=policy.active_member,
     )
-    return result, drawn
+    return result, randomized
 
 
 def roll_out(
     scene: Scene,
     policy: Policy,
-    draws: RandomizationConfig,
+    randomization: RandomizationConfig,
     stream: np.random.SeedSequence,
     *,
     episodes: int,
     threads: int,
+    on_progress: Progress = lambda _: None,
 ) -> Rollout:
-    """Run ``episodes`` episodes from home, with the policy's mean action."""
+    """Run and record ``episodes`` episodes from home with the policy's mean action."""
     qpos = np.zeros((scene.ticks, episodes, scene.nominal.nq))
     force, speed, opened = (np.zeros((scene.ticks, episodes)) for _ in range(3))
 
@@ -114,16 +130,17 @@ def roll_out(
         force[t, which] = np.linalg.norm(state.samples[:, :3], axis=1)
         speed[t, which] = np.max(np.abs(state.dq) / scene.arm.dq_max, axis=1)
         opened[t, which] = state.opened
+        on_progress((which.start + (which.stop - which.start) * (t + 1) / len(qpos)) / episodes)
 
-    ended, drawn = run_episodes(
-        scene, policy, draws, stream, episodes=episodes, threads=threads, after_tick=trace
+    ended, params = run_episodes(
+        scene, policy, randomization, stream, episodes=episodes, threads=threads, on_step=trace
     )
-    T_wo = scene.T_wo(drawn)
+    T_wo = scene.T_wo(params)
     for array in (qpos, force, speed, opened):
         array[-1] = array[-2]
     return Rollout(
         ended=ended,
-        draws=drawn,
+        params=params,
         traces=Traces(qpos=qpos, force=force, speed_share=speed, opened=opened),
         poses=T_wo,
     )
@@ -132,82 +149,87 @@ def roll_out(
 def run_episodes(
     scene: Scene,
     policy: Policy,
-    draws: RandomizationConfig,
+    randomization: RandomizationConfig,
     stream: np.random.SeedSequence,
     *,
     episodes: int,
     threads: int,
-    after_tick: Watch = lambda *_: None,
+    on_step: StepCallback = lambda *_: None,
 ) -> tuple[Ended, EpisodeParams]:
-    """Ends of ``episodes`` episodes from home with the policy's mean action, and their draws.
+    """Run ``episodes`` episodes from home with the policy's mean action.
 
     Args:
-        scene: Where.
-        policy: Whose actions.
-        draws: Randomisation.
-        stream: Decides what is drawn; each call with it draws anew.
-        episodes: How many.
+        scene: Compiled scene.
+        policy: Policy.
+        randomization: Ranges of the episode parameters.
+        stream: Random seed; it is advanced, so that a second call samples other episodes.
+        episodes: Number of episodes.
         threads: Threads of the engine.
-        after_tick: Told each tick but the last, which begins episodes anew.
+        on_step: Called after each control step but the last, which resets the episodes.
+
+    Returns:
+        The outcomes and the sampled parameters, one row per episode.
     """
     first, second = stream.spawn(2)
-    drawn = draw(draws, np.random.default_rng(first), episodes, begin=scene.task.begin)
-    ended = run_drawn(scene, policy, draws, drawn, second, threads=threads, after_tick=after_tick)
-    return ended, drawn
+    params = sample_episode_params(randomization, np.random.default_rng(first), episodes, begin=scene.task.begin)
+    ended = run_with_params(scene, policy, randomization, params, second, threads=threads, on_step=on_step)
+    return ended, params
 
 
-def run_drawn(
+def run_with_params(
     scene: Scene,
     policy: Policy,
-    draws: RandomizationConfig,
-    drawn: EpisodeParams,
+    randomization: RandomizationConfig,
+    params: EpisodeParams,
     stream: np.random.SeedSequence,
     *,
     threads: int,
-    after_tick: Watch = lambda *_: None,
-    side_by_side: int = SIDE_BY_SIDE,
+    on_step: StepCallback = lambda *_: None,
+    batch_size: int = BATCH_SIZE,
 ) -> Ended:
-    """Ends of one episode from home for each row of ``drawn``, with the policy's mean action.
+    """Run one episode from home for each row of ``params`` with the policy's mean action.
 
     Args:
-        scene: Where.
-        policy: Whose actions.
-        draws: Randomisation, for the noise of what is observed.
-        drawn: What is drawn, a row an episode.
-        stream: Decides that noise; up to ``side_by_side`` episodes it is theirs alone.
+        scene: Compiled scene.
+        policy: Policy.
+        randomization: Ranges of the observation noise.
+        params: Parameters of the episodes, one row each.
+        stream: Random seed of the observation noise.
         threads: Threads of the engine.
-        after_tick: Told each tick but the last, which begins episodes anew.
-        side_by_side: At most so many run at once.
+        on_step: Called after each control step but the last, which resets the episodes.
+        batch_size: Largest number of episodes that run at once.
 
     Raises:
-        ValueError: The object was drawn in a size that ``scene`` is not compiled for.
+        ValueError: ``scene`` is not compiled for a size in ``params``.
     """
-    if not np.isclose(drawn["scale"][:, None], scene.scales).any(axis=1).all():
-        raise ValueError(f"sizes are drawn of which the scene has none: it has {scene.scales}")
-    count = len(drawn.values)
+    if not np.isclose(params["scale"][:, None], scene.scales).any(axis=1).all():
+        raise ValueError(f"object sizes outside those of the scene: {scene.scales}")
+    count = len(params.values)
     ended: list[Ended] = []
-    for begin in range(0, count, side_by_side):
-        which = slice(begin, min(begin + side_by_side, count))
-        some = EpisodeParams(drawn.values[which])
-        engine = ThreadEngine(scene, len(some.values), threads=threads)
+    for begin in range(0, count, batch_size):
+        which = slice(begin, min(begin + batch_size, count))
+        batch = EpisodeParams(params.values[which])
+        engine = ThreadEngine(scene, len(batch.values), threads=threads)
         noise = stream if begin == 0 else stream.spawn(1)[0]
-        env = Episodes(engine, draws=draws, reward=RewardConfig(), starts=None, seed=noise)
+        env = Episodes(
+            engine, randomization=randomization, reward=RewardConfig(), initial_states=None, seed=noise
+        )
         try:
-            seen = env.reset(start=home_start(scene, some))
+            observation = env.reset(start=home_start(scene, batch))
             for t in range(scene.ticks):
-                tick = env.step(policy.act(seen))
-                seen = tick.observation
-                if tick.ended is not None:
-                    ended.append(replace(tick.ended, rows=tick.ended.rows + begin))
+                step = env.step(policy.act(observation))
+                observation = step.observation
+                if step.ended is not None:
+                    ended.append(replace(step.ended, rows=step.ended.rows + begin))
                 if t + 1 < scene.ticks:
-                    after_tick(t, which, engine)
+                    on_step(t, which, engine)
         finally:
             engine.close()
     return first_ends(ended, count)
 
 
 def first_ends(ended: list[Ended], episodes: int) -> Ended:
-    """The first end of each environment, in their order (a diverged one begins anew)."""
+    """Return the first outcome of each environment, in order (a diverged one restarts)."""
     rows = np.concatenate([e.rows for e in ended])
     _, where = np.unique(rows, return_index=True)
     assert len(where) == episodes
@@ -228,10 +250,10 @@ def first_ends(ended: list[Ended], episodes: int) -> Ended:
     )
 
 
-def timelines(rollout: Rollout, tick_s: float) -> list[tuple[Timeline, int]]:
-    """The first success and the first failure, with their episodes' numbers."""
+def timelines(rollout: Rollout, step_s: float) -> list[tuple[Timeline, int]]:
+    """Return the first success and the first failure, with the indices of their episodes."""
     out = []
-    t = np.arange(1, len(rollout.traces.force) + 1, dtype=np.float64) * tick_s
+    t = np.arange(1, len(rollout.traces.force) + 1, dtype=np.float64) * step_s
     for name, mask in (("success", rollout.ended.code == 0), ("failure", rollout.ended.code != 0)):
         if not mask.any():
             continue
@@ -243,12 +265,12 @@ def timelines(rollout: Rollout, tick_s: float) -> list[tuple[Timeline, int]]:
             force_n=rollout.traces.force[:, k],
             speed_share=rollout.traces.speed_share[:, k],
             opened=rollout.traces.opened[:, k],
-            drawn=dict(zip(COLUMNS, map(float, rollout.draws.values[k]), strict=True)),
+            params=dict(zip(COLUMNS, map(float, rollout.params.values[k]), strict=True)),
         )
         out.append((line, k))
     return out
 
 
 def peak(ended: Ended, field: str) -> Array:
-    """One column of the episodes' peaks (E,)."""
+    """Return one column of the episodes' peaks (E,), in the unit of the field."""
     return np.asarray(ended.peaks[:, COLUMN[field]])

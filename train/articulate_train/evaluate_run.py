@@ -1,4 +1,4 @@
-"""From a trained run to its report: evaluate every seed, film two episodes, write the files."""
+"""Evaluate a run: all seeds, videos of two episodes, and the report files."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import logging
 import re
 import shlex
 import subprocess
+import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,35 +17,38 @@ import numpy as np
 
 from articulate.config import to_yaml
 from articulate.errors import MissingError
+from articulate.files import write_bytes
 from articulate.task.task import Task, done_word
 from articulate_envs.rewards import TERMS
 from articulate_envs.scene import Scene
-from articulate_envs.video import picture, write_film
+from articulate_envs.video import render_png, write_episode_video
 from articulate_train.command_line import train_command
-from articulate_train.evaluate import NOMINAL, Rollout, evaluate_seed, timelines
+from articulate_train.evaluate import MAX_NOMINAL, Rollout, evaluate_seed, timelines
 from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
 from articulate_train.report_html import write_report
 from articulate_train.run import DONE, Run, done_steps, versions
 from articulate_train.seed_runner import processors, read_progress
-from articulate_train.statistics import percent
-from articulate_train.training_time import trained_s
+from articulate.statistics import percent
+from articulate_train.training_time import training_s
 
 log = logging.getLogger(__name__)
+INTERVAL_S = 10.0
+"""Time between progress lines of an evaluation [s]."""
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A report and where it lies."""
+    """Report and its files."""
 
     report: Report
     json_path: Path
     html_path: Path
 
     def text(self) -> str:
-        """A few lines for a terminal."""
+        """Return a summary for the terminal."""
         r = self.report
-        episodes = sum(s.success.episodes for s in r.seeds)
+        episodes = sum(s.success.n for s in r.seeds)
         worst = percent(r.worst_seed_success_rate)
         lines = [
             f"success {percent(r.success_rate)}% (worst seed {worst}%), "
@@ -55,52 +60,59 @@ class Evaluated:
         return "\n".join([*lines, f"report: {self.html_path}"])
 
 
-def judge_run(
+def evaluate_run_folder(
     run: Run,
     *,
     episodes: int,
     ranges: float = 1.0,
     on: Run | None = None,
-    say: Callable[[str], None] = lambda _: None,
+    show_progress: Callable[[str], None] = lambda _: None,
 ) -> Evaluated:
     """Evaluate the policies of all seeds and write ``report.json`` and ``report.html``.
 
-    Args:
-        run: What is evaluated.
-        episodes: Drawn episodes for each seed.
-        ranges: So many times as wide is every range of the randomisation.
-        on: The same run on another object, of :func:`articulate_train.run.on_object`; by default
-            its own.
-        say: Told what is done next.
+    With other ranges or another object than in training, the report is written to a subfolder of
+    the run: :func:`report_folder`.
 
-    Where ranges or object are others than those of training, the report lies in a folder of its own
-    in the run, which :func:`report_folder` names.
+    Args:
+        run: The run.
+        episodes: Randomized episodes for each seed.
+        ranges: Factor on all ranges of the randomization.
+        on: The run on another object, of :func:`articulate_train.run.with_object`.
+        show_progress: Called with one line before each stage and during long ones.
 
     Raises:
         RunError: A seed has no checkpoint.
-        ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
+        ConfigError: ``ranges`` is not above 0, or a range would hold invalid values.
     """
     trained, folder = run, report_folder(run, ranges, on)
     run = (on or run).widened(ranges)
     results, rollouts = [], []
     for seed in run.config.seeds:
-        load_policy(run.seed_folder(seed))  # what is missing is told before the work
-    lacking = _unfinished(trained)
-    if lacking:
-        say(f"training is not over ({lacking}); train --resume --out {run.folder} goes on")
-    for seed in run.config.seeds:
-        say(
-            f"evaluating seed {seed}: {episodes} drawn episodes, "
-            f"{min(episodes, NOMINAL)} without randomisation"
+        load_policy(run.seed_folder(seed))  # report a missing checkpoint before the work
+    unfinished = _unfinished(trained)
+    if unfinished:
+        show_progress(
+            f"training incomplete ({unfinished}); continue with train --resume --out {run.folder}"
         )
-        result, rollout = evaluate_seed(run, seed, episodes=episodes, threads=processors())
+    for seed in run.config.seeds:
+        show_progress(
+            f"evaluating seed {seed}: {episodes} randomized episodes, "
+            f"{min(episodes, MAX_NOMINAL)} without randomization"
+        )
+        result, rollout = evaluate_seed(
+            run,
+            seed,
+            episodes=episodes,
+            threads=processors(),
+            on_progress=_at_intervals(show_progress, f"seed {seed}"),
+        )
         results.append(result)
         rollouts.append(rollout)
-    say("filming an episode of each kind, and writing the report")
-    lines, videos, poster = _pictures(run, rollouts, folder)
-    also = _also(trained, episodes, ranges, on)
+    show_progress("rendering videos and writing the report")
+    lines, videos, poster = _videos(run, rollouts, folder)
+    flags = _evaluate_flags(trained, episodes, ranges, on)
     report = make_report(
-        _info(trained, run, f"\nevaluate {run.folder.name} {also}" if also else ""),
+        _info(trained, run, f"\nevaluate {run.folder.name} {flags}" if flags else ""),
         results,
         [_curve(run, s) for s in run.config.seeds],
         lines,
@@ -111,10 +123,23 @@ def judge_run(
     return Evaluated(report, json_path, html_path)
 
 
-def report_folder(run: Run, ranges: float = 1.0, on: Run | None = None) -> Path:
-    """Where the report of a run lies that is judged with wider ranges, or on another object.
+def _at_intervals(show_progress: Callable[[str], None], name: str) -> Callable[[float], None]:
+    """Return a callback that shows the completed fraction every :data:`INTERVAL_S`."""
+    shown_at = time.monotonic()
 
-    Objects of the same name, and joints of one object, have folders of their own.
+    def on_progress(fraction: float) -> None:
+        nonlocal shown_at
+        if time.monotonic() - shown_at >= INTERVAL_S:
+            shown_at = time.monotonic()
+            show_progress(f"{name}: {fraction:.0%} of the randomized episodes")
+
+    return on_progress
+
+
+def report_folder(run: Run, ranges: float = 1.0, on: Run | None = None) -> Path:
+    """Return the folder of the report for the given ranges and object.
+
+    Objects of the same name, and joints of one object, have separate folders.
     """
     parts = []
     if on is not None:
@@ -124,8 +149,8 @@ def report_folder(run: Run, ranges: float = 1.0, on: Run | None = None) -> Path:
     return run.folder / "_".join(parts) if parts else run.folder
 
 
-def _also(run: Run, episodes: int, ranges: float, on: Run | None) -> str:
-    """Flags of the ``evaluate`` that repeats a report which ``train`` does not make; else empty."""
+def _evaluate_flags(run: Run, episodes: int, ranges: float, on: Run | None) -> str:
+    """Return the flags of ``evaluate`` that repeat the report; empty if ``train`` writes it."""
     flags: list[object] = []
     if on is not None:
         flags += ["--asset", on.config.asset, "--joint", on.task.joint]
@@ -135,58 +160,58 @@ def _also(run: Run, episodes: int, ranges: float, on: Run | None) -> str:
     return "" if usual else shlex.join(map(str, ["--episodes", episodes, *flags]))
 
 
-def target_text(task: Task) -> str:
-    """What counts as done, in words."""
+def describe_target(task: Task) -> str:
+    """Describe the goal of ``task`` in one phrase."""
     unit = "m" if task.kind == "slide" else "rad"
-    way = abs(task.span) * task.target
+    travel = abs(task.span) * task.target
     slow = f"slower than {task.slow} {unit}/s"
     most = "at most " if task.closes else ""
-    return f"{most}{way:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
+    return f"{most}{travel:.3f} {unit} from closed for the last {task.hold_s} s, {slow}"
 
 
-def _info(run: Run, judged: Run, also: str = "") -> RunInfo:
-    """What is told of ``run``, whose policies are judged on the object and draws of ``judged``."""
+def _info(run: Run, evaluated: Run, also: str = "") -> RunInfo:
+    """Describe ``run``, evaluated on the object and ranges of ``evaluated``."""
     rows = [read_progress(run.seed_folder(s)) for s in run.config.seeds]
-    seconds = trained_s(run.folder, [r[-1]["seconds"] for r in rows if r])
+    seconds = training_s(run.folder, [r[-1]["seconds"] for r in rows if r])
     steps = sum(r[-1]["steps"] for r in rows if r)
     config = run.config
     return RunInfo(
         name=run.folder.name,
-        asset=judged.asset.name,
-        task=judged.task.name,
-        joint=judged.task.joint,
-        target_text=target_text(judged.task),
-        target=judged.task.target,
+        asset=evaluated.asset.name,
+        task=evaluated.task.name,
+        joint=evaluated.task.joint,
+        describe_target=describe_target(evaluated.task),
+        target=evaluated.task.target,
         steps=config.steps,
         seconds=seconds,
         steps_per_s=steps / max(seconds, 1e-9),
         command=train_command(config, run.task.joint) + also,
-        config=to_yaml(judged.config),
+        config=to_yaml(evaluated.config),
         versions=versions(),
-        licence=judged.asset.licence,
-        source=judged.asset.source,
+        licence=evaluated.asset.licence,
+        source=evaluated.asset.source,
         commit=commit(),
-        limits=judged.task.limits,
+        limits=evaluated.task.limits,
         unfinished=_unfinished(run),
     )
 
 
 def _unfinished(run: Run) -> str:
-    """How far seeds are whose training is not over; empty if there are none."""
-    told = []
+    """Describe the progress of seeds with incomplete training; empty if there are none."""
+    rows_text = []
     for seed in run.config.seeds:
-        folder, asked = run.seed_folder(seed), run.config.steps
-        if done_steps(folder / DONE) < asked:
+        folder, total = run.seed_folder(seed), run.config.steps
+        if done_steps(folder / DONE) < total:
             rows = read_progress(folder)
             now = rows[-1]["steps"] if rows else 0
-            told.append(f"seed {seed} has {now / 1e6:.3g} of {asked / 1e6:.3g}M ticks")
-    return ", ".join(told)
+            rows_text.append(f"seed {seed} has {now / 1e6:.3g} of {total / 1e6:.3g}M control steps")
+    return ", ".join(rows_text)
 
 
 def commit() -> str:
-    """Commit of the code where it is a checkout, else ``"unknown"``."""
+    """Return the commit of the code if it is a checkout, else ``"unknown"``."""
     try:
-        _git("ls-files", "--error-unmatch", Path(__file__).name)  # not the checkout of another
+        _git("ls-files", "--error-unmatch", Path(__file__).name)  # not the checkout of another project
         return _git("rev-parse", "--short", "HEAD")
     except (OSError, subprocess.SubprocessError):
         return "unknown"
@@ -220,29 +245,29 @@ def _curve(run: Run, seed: int) -> Curve:
     )
 
 
-def _pictures(
+def _videos(
     run: Run, rollouts: list[Rollout], folder: Path
 ) -> tuple[list[Timeline], list[str], bytes | None]:
-    """Timelines and clips of the first success and failure over all seeds, and a picture."""
+    """Return timelines, videos and an image of the first success and failure of all seeds."""
     lines: dict[str, tuple[Timeline, int, Rollout]] = {}
     for rollout in rollouts:
-        for line, k in timelines(rollout, run.config.follow.tick_s):
+        for line, k in timelines(rollout, run.config.control.step_s):
             lines.setdefault(line.name, (line, k, rollout))
     videos: list[str] = []
     poster: bytes | None = None
     scene = run.scene((1.0,))
     try:
         for name, (_, k, rollout) in lines.items():
-            videos.append(_film(folder, scene, rollout, k, name))
+            videos.append(_write_video(folder, scene, rollout, k, name))
         for earlier in (folder / "videos").glob("*.mp4"):
             if earlier.stem not in lines:
-                earlier.unlink()  # of an evaluation that had such an episode, as this has not
+                earlier.unlink()  # of an earlier evaluation
         if lines:
             _, k, rollout = next(iter(lines.values()))
-            poster = picture(
+            poster = render_png(
                 scene,
                 rollout.traces.qpos[-1, k],
-                scale=float(rollout.draws["scale"][k]),
+                scale=float(rollout.params["scale"][k]),
                 T_wo=rollout.poses[k],
             )
     except MissingError as error:
@@ -250,14 +275,17 @@ def _pictures(
     return [line for line, _, _ in lines.values()], videos, poster
 
 
-def _film(folder: Path, scene: Scene, rollout: Rollout, k: int, name: str) -> str:
+def _write_video(folder: Path, scene: Scene, rollout: Rollout, k: int, name: str) -> str:
     path = Path("videos") / f"{name}.mp4"
-    write_film(
-        folder / path,
-        scene,
-        rollout.traces.qpos[:, k],
-        scale=float(rollout.draws["scale"][k]),
-        T_wo=rollout.poses[k],
-        tick_s=scene.follow.tick_s,
-    )
+    # Rendered outside the run, so that a killed process leaves no incomplete video in it.
+    with tempfile.TemporaryDirectory(prefix="articulate-video-") as outside:
+        made = write_episode_video(
+            Path(outside) / path.name,
+            scene,
+            rollout.traces.qpos[:, k],
+            scale=float(rollout.params["scale"][k]),
+            T_wo=rollout.poses[k],
+            step_s=scene.control.step_s,
+        )
+        write_bytes(folder / path, made.read_bytes())
     return path.as_posix()

@@ -23,21 +23,21 @@ import torch
 
 from articulate.errors import RunError, UsageError
 from articulate.files import atomic_write, require_space, sha256
-from articulate.robot.contact import FLOOR_SENSOR, HAND_SENSOR, ROBOT_SENSOR
+from articulate.robot.contact import FLOOR_SENSOR, GRIPPER_SENSOR, ROBOT_SENSOR
 from articulate.task.manifest import (
-    DRAWS_FILE,
+    EPISODES_FILE,
     GOLDEN_FILE,
     MANIFEST_FILE,
     OBJECT_FILE,
     POLICY_FILE,
     SCENE_FILE,
-    Control,
+    ControllerEntry,
+    EpisodesEntry,
     EstimatorEntry,
     FingersEntry,
     Golden,
     Manifest,
     PolicyEntry,
-    RandomizationEntry,
     SceneEntry,
     StartEntry,
     Training,
@@ -46,7 +46,7 @@ from articulate.task.manifest import (
     with_files,
 )
 from articulate.task.observation import ACTION, OBSERVATION
-from articulate.task.randomization import EpisodeParams, at_size, drawn_one_by_one
+from articulate.task.randomization import EpisodeParams, at_size, sample_episode_params_each
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array
 from articulate_envs.export_object import object_files
@@ -56,10 +56,10 @@ from articulate_train.policy import (
     CHECKPOINT,
     Policy,
     checkpoint_sha256,
-    judged_file,
-    of_this_version,
+    policy_file,
     policy_of,
     read_checkpoint,
+    reject_other_versions,
     trained_steps,
 )
 from articulate_train.run import Run, open_run, versions
@@ -113,14 +113,14 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
         UsageError: ``out`` exists or cannot be written.
     """
     run = open_run(folder)
-    chosen, rule, success = choose_seed(run, seed)
+    chosen, rule, success = select_seed(run, seed)
     out = out or Path("bundles") / f"{run.folder.resolve().name}-seed_{chosen}.zip"
     if out.exists():
         raise UsageError(f"{out}: exists; choose another --out")
     require_space(out, BUNDLE_BYTES, "a bundle")
-    path = judged_file(run.seed_folder(chosen))
+    path = policy_file(run.seed_folder(chosen))
     checkpoint = read_checkpoint(path.parent, path.name)
-    with of_this_version(path):
+    with reject_other_versions(path):
         policy, steps = policy_of(checkpoint), trained_steps(checkpoint)
     scene = run.scene((1.0,))
     files = bundle_files(scene, policy, draws_of(run, scene))
@@ -149,7 +149,7 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
     )
 
 
-def choose_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
+def select_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
     """Seed, the rule it was chosen by, and its measured success if there is one.
 
     Raises:
@@ -192,13 +192,13 @@ def draws_of(run: Run, scene: Scene) -> EpisodeParams:
     the run's evaluation.
     """
     entry = draws_entry(run)
-    config = at_size(run.config.draw, scene_scale(scene))
-    return drawn_one_by_one(config, entry.seed, entry.count, begin=run.task.begin)
+    config = at_size(run.config.randomization, scene_scale(scene))
+    return sample_episode_params_each(config, entry.seed, entry.count, begin=run.task.begin)
 
 
-def draws_entry(run: Run) -> RandomizationEntry:
+def draws_entry(run: Run) -> EpisodesEntry:
     """The manifest's entry for :func:`draws_of`."""
-    return RandomizationEntry(seed=run.config.evaluation_seed)
+    return EpisodesEntry(seed=run.config.evaluation_seed)
 
 
 def bundle_files(scene: Scene, policy: Policy, draws: EpisodeParams) -> dict[str, bytes]:
@@ -218,7 +218,7 @@ def bundle_files(scene: Scene, policy: Policy, draws: EpisodeParams) -> dict[str
     return {
         POLICY_FILE: to_onnx(policy),
         GOLDEN_FILE: _npz(observation=pairs[0], action=pairs[1]),
-        DRAWS_FILE: _npz(values=draws.values),
+        EPISODES_FILE: _npz(values=draws.values),
         **files,
     }
 
@@ -298,7 +298,7 @@ def golden_pairs(policy: Policy, rng: np.random.Generator, count: int) -> tuple[
 
 def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> Manifest:
     """The manifest of a run's bundle, its files' sums still missing."""
-    draws, follow, arm = run.config.draw, scene.follow, scene.arm
+    draws, control, arm = run.config.randomization, scene.control, scene.arm
     return Manifest(
         name=f"{run.asset.name}-{run.task.name}",
         created_utc=datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -306,24 +306,25 @@ def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> 
         licences={"object": run.asset.licence, "arm": ARM_LICENCE},
         files={},
         policy=PolicyEntry(opset=opset),
-        control=Control(follow=follow, trained_delay_ticks=draws.delay_ticks),
+        control=control,
+        controller=ControllerEntry(trained_delay_steps=draws.delay_steps),
         observation=OBSERVATION,
         action=ACTION,
         robot=arm,
         limit_table_sha256=limit_table_sha256(arm),
         start=StartEntry(
-            q=run.place.start_q,
+            q=run.placement.start_q,
             tolerance_rad=draws.start_rad,
-            hand_width_m=arm.hand.max_width_m,
+            gripper_width_m=arm.gripper.max_width_m,
         ),
         task=run.task,
-        place=run.place,
+        placement=run.placement,
         object=scene.asset,
         object_sha256=run.asset.content_id(),
         scene=scene_entry(scene),
-        estimator=_estimator(draws, follow.rate_hz),
-        draw=draws,
-        draws=draws_entry(run),
+        estimator=_estimator(draws, control.rate_hz),
+        randomization=draws,
+        episodes=draws_entry(run),
         training=training,
         golden=Golden(),
     )
@@ -342,8 +343,8 @@ def scene_entry(scene: Scene) -> SceneEntry:
         tool_site="tool",
         object_prefix=PREFIX,
         object_root=PREFIX + first,
-        sensors=(HAND_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR),
-        carried=tuple(
+        sensors=(GRIPPER_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR),
+        counterbalanced=tuple(
             model.body(i).name.removeprefix(PREFIX)
             for i in at.moving_bodies
             if model.body_gravcomp[i] > 0.0
@@ -375,7 +376,7 @@ def _estimator(draws: RandomizationConfig, rate_hz: float) -> EstimatorEntry:
     return EstimatorEntry(
         needs=("T_wh", "opened", "speed"),
         rate_hz=rate_hz,
-        max_age_s=draws.estimate_delay_ticks[1] / rate_hz,
+        max_age_s=draws.estimate_delay_steps[1] / rate_hz,
     )
 
 

@@ -1,4 +1,4 @@
-"""PPO of Stable-Baselines3 on our episodes, with checkpoints that hold all of its state."""
+"""Stable-Baselines3 PPO on articulated-object episodes, with complete checkpoints."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from articulate.errors import DivergedError
 from articulate.task.observation import OBSERVATION
 from articulate_envs.episodes import Episodes
 from articulate_envs.scene import Scene
-from articulate_envs.scripted_expert import guide_of
+from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
 from articulate_train.imitation import imitate
@@ -33,30 +33,30 @@ from articulate_train.vecenv import EpisodesVecEnv
 
 
 class Learner:
-    """A member's training: environments, normalisation, algorithm, and all of their state."""
+    """Training of one ensemble member: environments, normalization and PPO."""
 
     def __init__(
         self, scene: Scene, config: TrainConfig, seed: int, *, threads: int, member: int = 0
     ) -> None:
-        """Build everything from ``config``, ``seed`` and ``member``; nothing is stepped yet."""
+        """Build everything from ``config``, ``seed`` and ``member`` without stepping."""
         self.config = config
         stream = np.random.SeedSequence([seed, TRAINING, member])
-        way_m = scene.asset.handle_way(scene.task.joint)
-        self.fine = config.fine.of(scene.task, way_m)
+        path_m = scene.asset.handle_way(scene.task.joint)
+        self.action_scaling = config.action_scaling.for_task(scene.task, path_m)
         ppo = config.ppo
         engine = ThreadEngine(scene, ppo.n_envs, threads=threads)
         self.episodes = Episodes(
             engine,
-            draws=config.draw,
+            randomization=config.randomization,
             reward=config.reward,
-            starts=config.starts,
+            initial_states=config.initial_states,
             seed=stream,
         )
-        self.envs = EpisodesVecEnv(self.episodes, self.fine)
-        self._guide = guide_of(scene)
-        self.normalise = VecNormalize(self.envs, gamma=ppo.gamma)
-        own = seed if member == 0 else int(stream.generate_state(1)[0])
-        self.model = make_ppo(self.normalise, ppo, own)
+        self.envs = EpisodesVecEnv(self.episodes, self.action_scaling)
+        self._expert = make_scripted_expert(scene)
+        self.normalization = VecNormalize(self.envs, gamma=ppo.gamma)
+        model_seed = seed if member == 0 else int(stream.generate_state(1)[0])
+        self.model = make_ppo(self.normalization, ppo, model_seed)
 
     def run(self, on_update: Callable[[Learner], bool]) -> None:
         """Collect and update until the configured steps are done.
@@ -75,79 +75,79 @@ class Learner:
 
     @property
     def is_done(self) -> bool:
-        """Whether it has the ticks that the configuration gives a member."""
+        """True after the control steps that the configuration gives a member."""
         return self.model.num_timesteps >= self.config.member_steps
 
     def begin(self) -> None:
-        """Get ready for updates, at the beginning or after :meth:`restore`."""
+        """Prepare updates, at the beginning or after :meth:`restore`."""
         model = self.model
         left = self.config.member_steps - model.num_timesteps
         _, self._callback = model._setup_learn(left, _Nothing(), reset_num_timesteps=False)
 
     def update(self) -> None:
-        """Collect a roll-out and learn from it.
+        """Collect a rollout and update on it.
 
         Raises:
             DivergedError: A weight is no longer finite.
         """
-        model, total = self.model, self.config.steps  # it gets as far as its share of them
+        model, total = self.model, self.config.steps  # schedules count the seed's steps
         self.episodes.progress = model.num_timesteps / total
-        self._show()
+        self._prepare_imitation()
         with torch.no_grad():
             bound = self.config.ppo.log_std_bound(self.episodes.progress)
             model.policy.log_std.clamp_(max=bound)
         try:
             model.collect_rollouts(
-                self.normalise, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+                self.normalization, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
             )
             model._update_current_progress_remaining(model.num_timesteps, total)
             self._update()
-        except ValueError:  # torch refuses distributions whose mean is not finite
+        except ValueError:  # torch raises it for distributions with a mean that is not finite
             if self.is_finite():
                 raise
         if not self.is_finite():
             raise DivergedError(f"weights are not finite after {model.num_timesteps} steps")
 
-    def _show(self) -> None:
-        """Let the guide show, and act where it still leads, if it does so now."""
-        show, progress = self.config.show, self.episodes.progress
-        shows = show.shows(progress)
-        self.envs.guide = self._guide if shows else None
-        self.envs.led = round(show.leads(progress) * self.config.ppo.n_envs)
-        self.envs.shown.clear()
+    def _prepare_imitation(self) -> None:
+        """Set the expert and its number of environments for the current progress."""
+        imitation, progress = self.config.imitation, self.episodes.progress
+        active = imitation.is_active(progress)
+        self.envs.expert = self._expert if active else None
+        self.envs.n_expert_envs = round(imitation.expert_share(progress) * self.config.ppo.n_envs)
+        self.envs.expert_actions.clear()
 
     def _update(self) -> None:
-        """Learn from the roll-out: from what was shown, if it was, else what PPO does."""
-        if self.envs.guide is None:
+        """Update on the rollout: by imitation in its phase, else by PPO."""
+        if self.envs.expert is None:
             self.model.train()
         else:
-            imitate(self.model, np.stack(self.envs.shown), self.config.show)
+            imitate(self.model, np.stack(self.envs.expert_actions), self.config.imitation)
 
     def is_finite(self) -> bool:
-        """Whether all weights and the normalisation are numbers."""
-        rms: Any = self.normalise.obs_rms  # of one space, not of a dictionary
-        plain = np.isfinite(rms.mean).all() and np.isfinite(rms.var).all()
+        """Return whether all weights and the normalization are finite."""
+        rms: Any = self.normalization.obs_rms  # the space is a Box, not a Dict
+        finite = np.isfinite(rms.mean).all() and np.isfinite(rms.var).all()
         weights = self.model.policy.parameters()
-        return bool(plain) and all(bool(torch.isfinite(p).all()) for p in weights)
+        return bool(finite) and all(bool(torch.isfinite(p).all()) for p in weights)
 
     def update_figures(self) -> dict[str, float]:
-        """What Stable-Baselines3 recorded of the last update, of :data:`UPDATE_FIGURES`.
+        """Return the values of :data:`UPDATE_FIGURES` that Stable-Baselines3 logged last.
 
-        Where all returns are equal their explained variance is no number, and is left out.
+        The explained variance of equal returns is NaN and is left out.
         """
         recorded = self.model.logger.name_to_value
         figures = {name: float(recorded.get(f"train/{name}", "nan")) for name in UPDATE_FIGURES}
         return {name: value for name, value in figures.items() if math.isfinite(value)}
 
-    def content(self) -> dict[str, Any]:
-        """What a checkpoint holds of it: weights, optimiser, environments, generators."""
-        model, norm = self.model, self.normalise
+    def state_dict(self) -> dict[str, Any]:
+        """Return weights, optimizer, environments and generators for a checkpoint."""
+        model, norm = self.model, self.normalization
         snapshot = self.episodes.snapshot()
         generator = snapshot.pop("generator")
         # SB3 shuffles minibatches with numpy's global generator.
         state: Any = np.random.get_state()  # noqa: NPY002
         name, keys, *rest = state
-        return self.acting() | {
+        return self.policy_state() | {
             "optimizer": model.policy.optimizer.state_dict(),
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
@@ -158,7 +158,7 @@ class Learner:
             "last_starts": torch.from_numpy(np.asarray(model._last_episode_starts).copy()),
             "torch_generator": torch.get_rng_state(),
             "numpy_keys": torch.from_numpy(np.asarray(keys, dtype=np.int64)),
-            "plain": json.dumps(
+            "metadata": json.dumps(
                 {
                     "generator": generator,
                     "numpy": [name, *(float(v) if isinstance(v, float) else int(v) for v in rest)],
@@ -169,29 +169,29 @@ class Learner:
             ),
         }
 
-    def acting(self) -> dict[str, Any]:
-        """What a checkpoint holds of the policy alone, for :func:`.policy.policy_of`."""
+    def policy_state(self) -> dict[str, Any]:
+        """Return the part of a checkpoint that :func:`.policy.policy_of` reads."""
         steps = self.model.num_timesteps
         return {
             "policy": {k: v.clone() for k, v in self.model.policy.state_dict().items()},
-            "net": list(self.config.ppo.net),
-            "fine": asdict(self.fine),
-            "normalise": _running(self.normalise.obs_rms),
-            "plain": json.dumps({"num_timesteps": steps}),
+            "net_arch": list(self.config.ppo.net_arch),
+            "action_scaling": asdict(self.action_scaling),
+            "normalization": _running(self.normalization.obs_rms),
+            "metadata": json.dumps({"num_timesteps": steps}),
         }
 
     def restore(self, content: dict[str, Any]) -> None:
-        """Continue from what :meth:`content` gave."""
-        model, norm = self.model, self.normalise
-        seen: Any = norm.obs_rms  # of one space, not of a dictionary
-        plain = json.loads(content["plain"])
+        """Continue from the result of :meth:`state_dict`."""
+        model, norm = self.model, self.normalization
+        obs_rms: Any = norm.obs_rms  # the space is a Box, not a Dict
+        metadata = json.loads(content["metadata"])
         snapshot = {k: v.numpy() for k, v in content["episodes"].items()}
-        self.episodes.restore(snapshot | {"generator": plain["generator"]})
-        finished = content.get("finished", {})  # older checkpoints have it not
+        self.episodes.restore(snapshot | {"generator": metadata["generator"]})
+        finished = content["finished"]
         self.envs.restore(content["last_raw"].numpy(), {k: v.numpy() for k, v in finished.items()})
         model.policy.load_state_dict(content["policy"])
         model.policy.optimizer.load_state_dict(content["optimizer"])
-        for rms, key in ((seen, "normalise"), (norm.ret_rms, "returns_rms")):
+        for rms, key in ((obs_rms, "normalization"), (norm.ret_rms, "returns_rms")):
             rms.mean, rms.var = content[key]["mean"].numpy(), content[key]["var"].numpy()
             rms.count = float(content[key]["count"])
         norm.returns = content["returns"].numpy()
@@ -199,35 +199,35 @@ class Learner:
         model._last_obs = content["last_observation"].numpy()
         model._last_original_obs = norm.old_obs
         model._last_episode_starts = content["last_starts"].numpy()
-        model.num_timesteps = int(plain["num_timesteps"])
-        model._n_updates = int(plain["n_updates"])
+        model.num_timesteps = int(metadata["num_timesteps"])
+        model._n_updates = int(metadata["n_updates"])
         torch.set_rng_state(content["torch_generator"])
-        name, *rest = plain["numpy"]
+        name, *rest = metadata["numpy"]
         np.random.set_state(  # noqa: NPY002
             (name, content["numpy_keys"].numpy().astype(np.uint32), *rest)
         )
-        version, words, gauss = plain["python"]
+        version, words, gauss = metadata["python"]
         random.setstate((version, tuple(words), gauss))
 
     def close(self) -> None:
-        """Give back the engine."""
+        """Release the engine."""
         self.envs.close()
 
 
 def write_checkpoint(folder: Path, content: dict[str, Any]) -> None:
-    """Write a seed's ``checkpoint.pt``, whole or not at all."""
+    """Write a seed's ``checkpoint.pt`` atomically."""
     write_state(folder / CHECKPOINT, content)
 
 
 UPDATE_FIGURES = ("approx_kl", "clip_fraction", "explained_variance", "value_loss")
-"""How far an update moved the policy, and how well the value function does."""
+"""Logged statistics of an update: policy change and quality of the value function."""
 TRAINING, EVALUATION, SELECTION = 0, 1, 2
-"""Last word of seeds: training, evaluation and the choice of a state never share a stream."""
+"""Last entries of seed sequences: training, evaluation and selection never share a stream."""
 
 
 def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
-    """Stable-Baselines3's PPO with our parameters on normalised environments."""
-    last, first = config.learning_rate_last, config.learning_rate
+    """Build Stable-Baselines3 PPO with the parameters of ``config`` on normalized environments."""
+    last, first = config.learning_rate_final, config.learning_rate
 
     def learning_rate(remaining: float) -> float:
         return float(first * (last / first) ** (1.0 - remaining))
@@ -254,12 +254,12 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps
         },
     )
-    model.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder in /tmp
+    model.set_logger(Logger(folder=None, output_formats=[]))  # the default logger makes a folder in /tmp
     return model
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
-    """The policy sees the observation, the value function also what follows it."""
+    """Policy on the observation; value function on the privileged observation too."""
 
     def _build_mlp_extractor(self) -> None:
         net: list[int] | dict[str, list[int]] = self.net_arch

@@ -1,10 +1,10 @@
-"""The page of a report: what people look at and show each other.
+"""Page of an evaluation report.
 
 ::
 
-    report.json     every figure; success_rate at its top level
-    report.html     the same figures, drawn; opens anywhere, offline
-    videos/         clips that the page plays, if there are any
+    report.json     all figures; success_rate at its top level
+    report.html     the same figures as charts and tables; opens offline
+    videos/         videos of the page, if there are any
 """
 
 from __future__ import annotations
@@ -26,44 +26,49 @@ from articulate.task.task import done_word
 from articulate.transforms import Array
 from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
-from articulate_train.statistics import Share, percent
+from articulate.statistics import Share, percent
 
+TRAINING_TEXT = (
+    "A scripted expert with privileged state is imitated (DAgger) for the first 10 to 20 % of the "
+    "steps; PPO trains the policy for the rest. By default a seed is an ensemble of two policies, "
+    "and its checkpoint is selected on separate episodes. The curves are of training episodes from "
+    "home, with exploration noise."
+)
 MAX_POSTER_BYTES = 2_000_000
-"""Largest picture that is put into the page."""
+"""Largest image that is embedded in the page."""
 MAX_EMBEDDED_BYTES = 1_500_000
-"""Largest clip that is put into the page; a larger one is played from beside it."""
+"""Largest video that is embedded; a larger one is linked."""
 FIRST_FRAME = "#t=0.05"
-"""Behind an address of a clip: phones show its beginning, and not an empty box, before it plays."""
+"""Fragment of a video's address: phones show the first frame before playback."""
 GOOD, BAD = 0.9, 0.5
-"""From the first on, a success rate is shown as good; below the second, as bad."""
-SHOWN_PARAMETERS = 6
-"""Parameters that get a chart; all are in the table."""
-SHOWN_TERMS = 8
-"""Terms of the reward that get a line."""
+"""Success rates from the first on are marked as good, below the second as bad."""
+CHART_PARAMETERS = 6
+"""Number of parameters with a chart; the table has all."""
+CHART_TERMS = 8
+"""Number of reward terms in the chart."""
 REASON_TEXT = {
     "success": "success",
-    "touch": "arm touched the object",
+    "forbidden_contact": "arm touched the object",
     "speed": "joint too fast",
     "torque": "joint torque too high",
     "torque_rate": "joint torque rose too fast",
-    "force": "force on the hand too high",
-    "moment": "moment on the hand too high",
-    "not_open": "not open at the end",
-    "moving": "at the target, but not at rest",
+    "force": "force on the gripper too high",
+    "moment": "moment on the gripper too high",
+    "goal_not_reached": "part short of its target at the end",
+    "not_at_rest": "at the target, but not at rest",
     "diverged": "simulation diverged",
-    "not_closed": "not closed at the end",
 }
-"""What a reader is told of :data:`articulate.task.episode_monitor.REASONS`."""
+"""Descriptions of :data:`articulate.task.episode_monitor.REASONS`."""
 PEAK_TEXT = {
     "force": "force, 50 ms filter [N]",
     "force_short": "force, 10 ms filter [N]",
     "force_raw": "force, raw [N]",
-    "moment": "moment on the hand [Nm]",
+    "moment": "moment on the gripper [Nm]",
     "speed_share": "joint speed / its limit",
     "torque_share": "joint torque / its limit",
     "torque_rate": "joint torque rate [Nm/s]",
 }
-"""What a reader is told of the peaks; short, so that numbers beside them fit on a phone."""
+"""Descriptions of the peaks, short enough for a phone."""
 PARAMETER_TEXT = {
     "friction": "finger friction, factor",
     "joint_damping": "joint damping, factor",
@@ -76,38 +81,38 @@ PARAMETER_TEXT = {
     "x_m": "shift forward [m]",
     "y_m": "shift to the left [m]",
     "yaw_rad": "turn of the object [rad]",
-    "delay_ticks": "delay of actions [ticks]",
-    "hand_latency_s": "latency of the hand [s]",
+    "delay_steps": "delay of actions [control steps]",
+    "gripper_latency_s": "latency of the gripper [s]",
     "bias_x_m": "handle error, x [m]",
     "bias_y_m": "handle error, y [m]",
     "bias_z_m": "handle error, z [m]",
     "bias_yaw_rad": "handle error, yaw [rad]",
-    "estimate_delay_ticks": "age of the state [ticks]",
+    "estimate_delay_steps": "age of the state [control steps]",
     "push_x_n": "push, x [N]",
     "push_y_n": "push, y [N]",
     "push_z_n": "push, z [N]",
     "push_time": "time of the push, share",
     "part_open": "open at the beginning, share",
-    "force_bias_x_n": "error of the felt force, x [N]",
-    "force_bias_y_n": "error of the felt force, y [N]",
-    "force_bias_z_n": "error of the felt force, z [N]",
+    "force_bias_x_n": "error of the measured force, x [N]",
+    "force_bias_y_n": "error of the measured force, y [N]",
+    "force_bias_z_n": "error of the measured force, z [N]",
     "distance_m": "shift, distance [m]",
     "start_rad": "start, distance [rad]",
     "bias_m": "handle error, distance [m]",
     "push_n": "push, strength [N]",
-    "force_bias_n": "error of the felt force, strength [N]",
+    "force_bias_n": "error of the measured force, strength [N]",
 } | {f"start_{i}": f"start of joint {i} [rad]" for i in range(1, 8)}
 
 
 def write_report(report: Report, folder: Path, *, poster: bytes | None = None) -> tuple[Path, Path]:
     """Write ``report.json`` and ``report.html`` into ``folder`` and return their paths.
 
-    Small clips are put into the page itself, so that it can be passed on alone.
+    Small videos are embedded, so that the page is a single file.
 
     Args:
-        report: What is written.
-        folder: Where to; the report's videos lie in it.
-        poster: PNG shown at the top.
+        report: The report.
+        folder: Folder to write to; it holds the report's videos.
+        poster: PNG at the top of the page.
     """
     if poster is not None and len(poster) > MAX_POSTER_BYTES:
         poster = None
@@ -121,14 +126,14 @@ def write_report(report: Report, folder: Path, *, poster: bytes | None = None) -
 def report_page(
     report: Report, folder: Path, *, poster: bytes | None = None, embed_videos: bool = False
 ) -> str:
-    """The page as HTML; the arguments are those of :func:`write_report`."""
+    """Render the page as HTML; arguments as for :func:`write_report`."""
     info = report.info
     page = _ReportPage(
         f"{info.asset}: {info.task.replace('_', ' ')}",
-        f"{info.name} · joint {info.joint} · {info.target_text}",
+        f"{info.name} · joint {info.joint} · {info.describe_target}",
     )
     _headline(page, report)
-    _pictures(page, report, folder, poster, embed_videos)
+    _videos(page, report, folder, poster, embed_videos)
     _failures(page, report)
     _episodes(page, report)
     _seeds(page, report)
@@ -140,76 +145,76 @@ def report_page(
 
 
 @dataclass(frozen=True)
-class _Clip:
-    """A clip and what is said of it."""
+class _Video:
+    """Video and its caption."""
 
     source: str
     caption: str
 
 
 class _ReportPage(Page):
-    """A page that can also refer to clips beside it and fold away what few readers want."""
+    """Page with videos and collapsed sections."""
 
-    def clips(self, clips: Sequence[_Clip]) -> None:
-        """Add clips side by side; they play on request."""
+    def videos(self, videos: Sequence[_Video]) -> None:
+        """Add videos side by side."""
         figures = "".join(
             f"<figure><figcaption><b>{_text(c.caption)}</b></figcaption>"
             '<video controls muted loop playsinline preload="metadata" width="480" height="360" '
             f'aria-label="{_text(c.caption)}" src="{_text(c.source)}"></video></figure>'
-            for c in clips
+            for c in videos
         )
         self._add(f'<div class="figures">{figures}</div>')
 
     def fold(self, title: str) -> None:
-        """Begin what is shown on request; :meth:`unfold` ends it."""
+        """Begin a collapsed section; :meth:`unfold` ends it."""
         self._add(f"<details><summary>{_text(title)}</summary>")
 
     def unfold(self) -> None:
-        """End what :meth:`fold` began."""
+        """End the collapsed section."""
         self._add("</details>")
 
 
 def _headline(page: Page, report: Report) -> None:
     iqm, opened = report.success_iqm, report.opened_iqm
     rate, word = report.success_rate, done_word(report.info.task)
-    tone: Literal["plain", "good", "bad"] = "plain"
+    tone: Literal["metadata", "good", "bad"] = "metadata"
     if rate >= GOOD or rate < BAD:
         tone = "good" if rate >= GOOD else "bad"
     tiles = [
         Tile(value=_percent(rate), label=f"success: {word}, within all limits", tone=tone),
-        Tile(value=_percent(report.opened_rate), label=f"{word}, limits aside"),
+        Tile(value=_percent(report.opened_rate), label=f"{word}, ignoring limits"),
         Tile(value=_percent(report.worst_seed_success_rate), label="success of the worst seed"),
     ]
     if report.nominal_success_rate is not None:
         nominal = _percent(report.nominal_success_rate)
-        tiles.append(Tile(value=nominal, label="success without randomisation"))
+        tiles.append(Tile(value=nominal, label="success without randomization"))
     page.tiles(*tiles)
     seeds = len(report.seeds)
     if report.info.unfinished:
-        page.text(f"Training is not over: {report.info.unfinished}.")
+        page.text(f"Training incomplete: {report.info.unfinished}.")
     over = f"Interquartile mean over seeds: success {_interval(iqm)}, {word} {_interval(opened)}. "
     page.text(
-        f"{iqm.episodes} episodes with {seeds} trained {'policy' if seeds == 1 else 'policies'}. "
+        f"{iqm.n} episodes with {seeds} trained {'policy' if seeds == 1 else 'policies'}. "
         f"{over if seeds > 1 else ''}"
-        f"All episodes taken together: success {_interval(report.success_pooled)}."
+        f"All episodes: success {_interval(report.success_pooled)}."
     )
 
 
-def _pictures(
+def _videos(
     page: _ReportPage, report: Report, folder: Path, poster: bytes | None, embed: bool
 ) -> None:
     if poster is not None:
-        page.png(poster, f"{report.info.asset}: the scene of this run.")
-    clips = []
+        page.png(poster, f"{report.info.asset}: scene of this run.")
+    videos = []
     for video in report.videos:
-        clips.append(_Clip(_video_source(folder, video, embed), _clip_caption(report, video)))
-    if clips:
-        page.clips(clips)
+        videos.append(_Video(_video_source(folder, video, embed), _caption(report, video)))
+    if videos:
+        page.videos(videos)
     else:
-        page.text("No clips were made.")
+        page.text("No videos: rendering is not available on this machine.")
 
 
-def _clip_caption(report: Report, video: str) -> str:
+def _caption(report: Report, video: str) -> str:
     stem = PurePosixPath(video).stem
     reasons = {line.name: line.reason for line in report.timelines}
     caption = stem.replace("_", " ").replace("-", " ").capitalize()
@@ -227,14 +232,14 @@ def _video_source(folder: Path, video: str, embed: bool) -> str:
 
 
 def _failures(page: Page, report: Report) -> None:
-    page.section("What failed first")
+    page.section("Failures")
     total = sum(report.reasons.values())
     if report.reasons.get("success", 0) == total:
-        page.text(f"Nothing: all {total} episodes succeeded.")
+        page.text(f"No failures: all {total} episodes succeeded.")
         return
     page.text(
-        "An episode fails by the first limit that it breaks; one that breaks none fails by how "
-        "it ends."
+        "The reason of a failure is the first violated limit. Without a violation it is the state at "
+        "the end of the episode."
     )
     page.charts(_reason_chart(report, total), _seed_chart(report))
 
@@ -248,7 +253,7 @@ def _reason_chart(report: Report, total: int) -> Chart:
     for name in ordered:
         label = f"{REASON_TEXT[name]}: {failed[name]}"
         if name in when:
-            label += f", at {when[name].median_s:.1f} s in the median"
+            label += f", median time {when[name].median_s:.1f} s"
         labels.append(label)
     return Chart(
         title="Failures",
@@ -274,38 +279,38 @@ def _seed_chart(report: Report) -> Chart:
 def _episodes(page: _ReportPage, report: Report) -> None:
     if not report.timelines:
         return
-    page.section("Two episodes" if len(report.timelines) > 1 else "One episode")
+    page.section("Example episodes")
     for line in report.timelines:
         if line.name == "failure":
-            page.text(f"The failure: {REASON_TEXT.get(line.reason, line.reason)}.")
+            page.text(f"Reason of the failure: {REASON_TEXT.get(line.reason, line.reason)}.")
     limits = report.info.limits
     page.charts(
         _timeline_chart(
-            report, "How far it is open", "share of the way", "opened", report.info.target
+            report, "Opening", "fraction of the travel", "opened", report.info.target
         ),
-        _timeline_chart(report, "Force on the hand", "N, 50 ms filter", "force_n", limits.force_n),
+        _timeline_chart(report, "Force on the gripper", "N, 50 ms filter", "force_n", limits.force_n),
         _timeline_chart(
             report,
             "Fastest joint",
-            "share of its limit",
+            "fraction of its limit",
             "speed_share",
             limits.speed_share,
         ),
     )
-    _drawn(page, report.timelines)
+    _params(page, report.timelines)
 
 
-def _drawn(page: _ReportPage, lines: Sequence[Timeline]) -> None:
-    """What was drawn for the episodes that are shown."""
-    told = [line for line in lines if line.drawn]
-    if not told:
+def _params(page: _ReportPage, lines: Sequence[Timeline]) -> None:
+    """Add the sampled parameters of the example episodes."""
+    sampled = [line for line in lines if line.params]
+    if not sampled:
         return
-    page.fold("What was drawn for " + ("it" if len(told) == 1 else "them"))
+    page.fold("Sampled parameters")
     page.table(
-        ["parameter", *(line.name for line in told)],
+        ["parameter", *(line.name for line in sampled)],
         [
-            [PARAMETER_TEXT.get(name, name), *(_rounded(line.drawn[name]) for line in told)]
-            for name in told[0].drawn
+            [PARAMETER_TEXT.get(name, name), *(_rounded(line.params[name]) for line in sampled)]
+            for name in sampled[0].params
         ],
     )
     page.unfold()
@@ -315,32 +320,33 @@ def _timeline_chart(report: Report, title: str, unit: str, name: str, goal: floa
     def values(line: Timeline) -> Array:
         return np.asarray(getattr(line, name), dtype=np.float64)
 
-    what = "the target" if name == "opened" else "what is allowed"
+    what = "target" if name == "opened" else "limit"
     return Chart(
         title=title,
         marks=[Line(name=line.name, x=line.t, y=values(line)) for line in report.timelines],
         x_label="time [s]",
         y_label=unit,
         goal=goal,
-        caption=f"Dashed: {what}, {goal:.3g}.",
+        caption=f"Dashed line: {what}, {goal:.3g}.",
     )
 
 
 def _seeds(page: Page, report: Report) -> None:
-    page.section("Seeds", "Shares with 95 % intervals (Wilson).")
+    page.section("Seeds", "Success rates with 95 % intervals (Wilson).")
     nominal = any(s.nominal_success is not None for s in report.seeds)
     word = done_word(report.info.task)
     known = any(s.policy_steps for s in report.seeds)
-    header = ["seed", "success", word, *(["not randomised"] if nominal else [])]
-    header += ["policy after"] if known else []
+    header = ["seed", "success", word, *(["not randomized"] if nominal else [])]
+    header += ["selected checkpoint"] if known else []
     rows: list[list[str]] = []
     for s in report.seeds:
         row = [str(s.seed), _interval(s.success), _interval(s.opened)]
         if nominal:
             row.append("–" if s.nominal_success is None else _interval(s.nominal_success))
         if known:
-            after = f"{s.policy_steps / 1e6:.2f}M ticks" if s.policy_steps else "–"
-            row.append(after if s.alone is None else f"{after}, member {s.alone} alone")
+            after = f"{s.policy_steps / 1e6:.2f}M steps" if s.policy_steps else "–"
+            one = s.active_member
+            row.append(after if one is None else f"{after}, ensemble member {one} only")
         rows.append(row)
     page.table(header, rows)
     seen = [r for r in REASONS if any(r in s.reasons for s in report.seeds)]
@@ -353,11 +359,11 @@ def _seeds(page: Page, report: Report) -> None:
 def _learning(page: Page, report: Report) -> None:
     if not report.curves:
         return
-    page.section("Learning", "Training episodes from home, with the noise of exploration.")
+    page.section("Training", TRAINING_TEXT)
     if not any(len(c.steps) for c in report.curves):
-        page.text("The training was too short for curves: no episode ended in it.")
+        page.text("The training was too short for learning curves: no episode ended.")
         return
-    done = f"{done_word(report.info.task).capitalize()}, limits aside"
+    done = f"{done_word(report.info.task).capitalize()}, ignoring limits"
     charts = [
         Chart(
             title=title,
@@ -376,12 +382,12 @@ def _learning(page: Page, report: Report) -> None:
 
 
 def _reward_charts(report: Report) -> list[Chart]:
-    """The terms of the reward of the first seed that weigh most; the seeds' moments may differ."""
+    """Chart the largest reward terms of the first seed."""
     first = report.curves[0]
     if not np.isfinite(first.reward_terms).any():
         return []
     weight = np.nanmax(np.abs(np.nan_to_num(first.reward_terms)), axis=0)
-    order = [int(i) for i in np.argsort(-weight) if weight[i] > 0.0][:SHOWN_TERMS]
+    order = [int(i) for i in np.argsort(-weight) if weight[i] > 0.0][:CHART_TERMS]
     return [
         Chart(
             title=f"Reward by term, seed {first.seed}",
@@ -396,27 +402,27 @@ def _parameters(page: _ReportPage, report: Report) -> None:
     if not report.parameters:
         return
     page.section(
-        "What was randomised",
-        "Success in ranges of equally many episodes, with 95 % intervals, for what divides "
-        "success most unevenly. An unevenness of about 1 is chance.",
+        "Success by parameter",
+        "Success rates in ranges with equally many episodes, with 95 % intervals, for the parameters "
+        "with the largest dispersion. A dispersion of about 1 is chance.",
     )
-    telling = [p for p in report.parameters[:SHOWN_PARAMETERS] if p.unevenness > 0.0]
-    if telling:
-        page.charts(*(_parameter_chart(p) for p in telling))
+    charted = [p for p in report.parameters[:CHART_PARAMETERS] if p.dispersion > 0.0]
+    if charted:
+        page.charts(*(_parameter_chart(p) for p in charted))
     rows: list[list[str | float | None]] = []
     for p in report.parameters:
         worst = min(p.bins, key=lambda b: b.success.value)
         rows.append(
             [
                 PARAMETER_TEXT.get(p.name, p.name),
-                round(p.unevenness, 1),
+                round(p.dispersion, 1),
                 round(100.0 * worst.success.value, 1),
                 *(_rounded(v) for v in (worst.begin, worst.end, p.lowest, p.highest)),
             ]
         )
     page.fold(f"All {len(rows)} parameters")
     page.table(
-        ["most uneven first", "unevenness", "worst %", "from", "to", "drawn from", "to"], rows
+        ["parameter", "dispersion", "worst %", "from", "to", "sampled from", "to"], rows
     )
     page.unfold()
 
@@ -434,15 +440,15 @@ def _parameter_chart(parameter: Parameter) -> Chart:
                 high=[100.0 * b.success.high for b in bins],
             )
         ],
-        x_label="drawn value",
+        x_label="sampled value",
         y_label="success %",
         y_range=(min(50.0, 100.0 * min(b.success.low for b in bins)) // 10 * 10, 100.0),
-        caption=f"Unevenness {parameter.unevenness:.1f}.",
+        caption=f"Dispersion {parameter.dispersion:.1f}.",
     )
 
 
 def _peaks(page: Page, report: Report) -> None:
-    page.section("Peaks", "Over all episodes with randomisation.")
+    page.section("Peaks", "Over all randomized episodes.")
     rows: list[list[str | float | None]] = [
         [PEAK_TEXT[p.name], p.limit, *(_rounded(v) for v in (p.median, p.p95, p.largest))]
         for p in report.peaks
@@ -452,7 +458,7 @@ def _peaks(page: Page, report: Report) -> None:
 
 def _repeat(page: _ReportPage, report: Report) -> None:
     info = report.info
-    page.section("To repeat it")
+    page.section("Reproduction")
     page.code(info.command)
     took: dict[str, str | int] = {}
     if info.seconds:
@@ -464,7 +470,7 @@ def _repeat(page: _ReportPage, report: Report) -> None:
             "source": info.source,
             "licence": info.licence,
             "joint": info.joint,
-            "target": info.target_text,
+            "target": info.describe_target,
             "steps per seed": info.steps,
             **took,
             "commit": info.commit,

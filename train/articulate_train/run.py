@@ -1,28 +1,28 @@
-"""Run folders: what was asked, with which object, and what came of it.
+"""Run folders: configuration, object, checkpoints and reports of a training.
 
 ::
 
     run/
-      config.yaml    the whole configuration, before work starts
-      asset/         the object as it was converted
-      scene.json     task, place and arm
-      versions.json  versions at the beginning
-      seed_K.log     what its process said
+      config.yaml    complete configuration, written before training
+      asset/         converted object
+      scene.json     task, object placement and arm
+      versions.json  package versions at the beginning
+      seed_K.log     output of the seed's process
       seed_K/        checkpoint.pt, policy.pt, progress.jsonl, tensorboard/, done.json or
                      diverged.npz
-      sessions.json  seconds of each call of train that worked on it
-      summary.json   what each seed reached, seconds of all calls, versions
+      sessions.json  training time of each call of train [s]
+      summary.json   results of each seed, time of all calls, versions
       report.json, report.html, videos/
-      .lock          held by the call of train that works on it
+      .lock          held by the call of train that works on the run
 """
 
 from __future__ import annotations
 
 import dataclasses
 import errno
-import json
 import os
 import platform
+import shlex
 import shutil
 import sys
 import tempfile
@@ -38,12 +38,13 @@ from articulate.cache import cache_in_use
 from articulate.config import from_mapping, read_yaml, to_yaml
 from articulate.conversion import ConvertConfig
 from articulate.conversion.metric_size import check_category
-from articulate.errors import RunError, field_error
-from articulate.files import copy_writable, require_space, write_json, write_text
+from articulate.errors import ConfigError, RunError, field_error, quote, shorten
+from articulate.files import copy_writable, read_json_object, require_space, write_json, write_text
 from articulate.preparation.prepare import load_checked_asset
-from articulate.robot.arm import PANDA, Arm, Gripper
+from articulate.robot.arm import PANDA, Arm
 from articulate.task.observation import ACTION
-from articulate.task.task import Limits, Task
+from articulate.task.task import Task
+from articulate.untrusted import load_json_object
 from articulate_envs.joint_selection import choose_joint
 from articulate_envs.placement_search import ObjectPlacement
 from articulate_envs.scene import Scene, build_scene
@@ -58,24 +59,24 @@ PACKAGES = (
 
 @dataclass(frozen=True)
 class Run:
-    """A run folder and what it holds."""
+    """Run folder and its content."""
 
     folder: Path
     config: TrainConfig
     asset: Asset
     task: Task
-    place: ObjectPlacement
+    placement: ObjectPlacement
     arm: Arm
 
     def seed_folder(self, seed: int) -> Path:
-        """Folder of one seed."""
+        """Return the folder of one seed."""
         return self.folder / f"seed_{seed}"
 
     def widened(self, ranges: float) -> Run:
-        """The run with every range of its randomisation ``ranges`` times as wide.
+        """Return the run with all randomization ranges ``ranges`` times as wide.
 
         Raises:
-            ConfigError: ``ranges`` is not above 0, or a range would hold what cannot be.
+            ConfigError: ``ranges`` is not above 0, or a range would hold invalid values.
         """
         wide = dataclasses.replace(
             self.config, randomization=self.config.randomization.widened(ranges)
@@ -83,20 +84,20 @@ class Run:
         return dataclasses.replace(self, config=wide)
 
     def scene(self, scales: tuple[float, ...] | None = None) -> Scene:
-        """The run's scene, compiled for ``scales`` (the drawn sizes by default)."""
+        """Compile the scene for ``scales``, by default the sizes of the randomization."""
         return build_scene(
             self.asset,
             self.task,
             arm=self.arm,
             control=self.config.control,
             physics=self.config.physics,
-            place=self.place,
+            place=self.placement,
             scales=self.config.randomization.scale_values if scales is None else scales,
         )
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide results."""
+    """Return the versions of Python and of the packages that influence results."""
     out = {"python": platform.python_version(), "system": platform.platform()}
     for name in PACKAGES:
         try:
@@ -107,22 +108,27 @@ def versions() -> dict[str, str]:
 
 
 def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
-    """The object of ``config``, converted or taken from the cache."""
+    """Convert and check the object of ``config``, or read it from the cache."""
     check_category(config.category)
-    wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
-    return load_checked_asset(Path(config.asset), cache, wish)
+    options = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
+    return load_checked_asset(Path(config.asset), cache, options)
 
 
 def create_run(
-    config: TrainConfig, folder: Path, cache: Path, show_progress: Callable[[str], None] = lambda _: None
+    config: TrainConfig,
+    folder: Path,
+    cache: Path,
+    show_progress: Callable[[str], None] = lambda _: None,
+    check: Callable[[Scene], None] = lambda _: None,
 ) -> Run:
-    """Make the folder of a new run, whole or not at all.
+    """Create the folder of a new run atomically.
 
     Args:
-        config: What is asked for.
-        folder: Where to.
+        config: Configuration.
+        folder: Folder to create.
         cache: Cache folder.
-        say: Told what is done next.
+        show_progress: Called with one line before each stage.
+        check: Called with the compiled scene; nothing is written if it raises.
 
     Raises:
         RunError: The folder exists.
@@ -130,19 +136,20 @@ def create_run(
     """
     _check_free(folder)
     with cache_in_use(cache):
-        asset, task, place = _placed(config, cache, show_progress)
+        asset, task, placement = _place_object(config, cache, show_progress)
         require_space(folder, run_bytes(config, asset), "a run")
-        _write_run(folder, config, asset, task, place)
+        check(Run(folder, config, asset, task, placement, PANDA).scene())
+        _write_run(folder, config, asset, task, placement)
     return open_run(folder)
 
 
-def _placed(
+def _place_object(
     config: TrainConfig, cache: Path, show_progress: Callable[[str], None]
 ) -> tuple[Asset, Task, ObjectPlacement]:
-    """The object of ``config``, what is asked of it, and where it stands."""
-    show_progress(f"{config.asset}: converting and proving it, or taking it from the cache")
+    """Return the checked asset of ``config``, its task and its placement."""
+    show_progress(f"{config.asset}: converting and checking, or reading from the cache")
     asset = prepare_asset(config, cache)
-    show_progress(f"{asset.name}: looking for a place from which the arm reaches what it is to move")
+    show_progress(f"{asset.name}: searching a reachable object placement")
     return (asset, *choose_joint(config, asset))
 
 
@@ -153,15 +160,15 @@ def with_object(
     cache: Path,
     show_progress: Callable[[str], None] = lambda _: None,
 ) -> Run:
-    """``run`` with another object before the same arm, to judge there what was trained here.
+    """Return ``run`` with another object, to evaluate its policies there.
 
     Args:
-        run: Whose policies, configuration and folder are taken.
-        asset: Object, as ``train --asset`` takes it; its size, category and closed ends are found
-            from it alone.
-        joint: Joint of it; None: the one that ``train`` would take.
+        run: The run; its policies, configuration and folder are kept.
+        asset: Object, as for ``train --asset``; its size, category and closed positions are
+            inferred.
+        joint: Joint of the object; None selects it as ``train`` does.
         cache: Cache folder.
-        say: Told what is done next.
+        show_progress: Called with one line before each stage.
 
     Raises:
         UsageError: The object cannot be read or reached, or has no such joint.
@@ -170,27 +177,27 @@ def with_object(
         run.config, asset=asset, joint=joint, size=None, category=None, closed="auto"
     )
     with cache_in_use(cache):
-        other, task, place = _placed(config, cache, show_progress)
-    return dataclasses.replace(run, config=config, asset=other, task=task, place=place)
+        other, task, placement = _place_object(config, cache, show_progress)
+    return dataclasses.replace(run, config=config, asset=other, task=task, placement=placement)
 
 
 def _write_run(
-    folder: Path, config: TrainConfig, asset: Asset, task: Task, place: ObjectPlacement
+    folder: Path, config: TrainConfig, asset: Asset, task: Task, placement: ObjectPlacement
 ) -> None:
     temporary = None
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        # A name of its own: another run may be made beside this one at the same moment.
+        # A unique name: another run may be created beside this one at the same time.
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         temporary.chmod(0o755)
         copy_writable(asset.folder, temporary / "asset")
         write_text(temporary / CONFIG, to_yaml(config))
-        write_scene(temporary, task, place, PANDA)
+        write_scene(temporary, task, placement, PANDA)
         write_json(temporary / "versions.json", versions())
         temporary.replace(folder)
     except OSError as error:
         if error.errno in {errno.ENOTEMPTY, errno.EEXIST}:  # another call was faster
-            raise RunError(f"{folder}: {IN_THE_WAY}") from None
+            raise RunError(f"{folder}: {EXISTS}") from None
         why = error.strerror or "copying failed"
         raise RunError(f"{folder}: cannot be written ({why}); choose another --out") from None
     finally:
@@ -199,96 +206,94 @@ def _write_run(
 
 
 def run_bytes(config: TrainConfig, asset: Asset) -> int:
-    """What a run takes on disk at most, generously [bytes]."""
+    """Return an upper bound of the disk space of a run [bytes]."""
     object_bytes = sum(p.stat().st_size for p in asset.folder.rglob("*") if p.is_file())
     seed_bytes = config.ensemble_size * _member_bytes(config) + config.steps // 10
     return object_bytes + len(config.seeds) * seed_bytes + REPORT_BYTES
 
 
 def _member_bytes(config: TrainConfig) -> int:
-    """A member's part of a checkpoint, twice while it is written, and states of its policy."""
-    sizes = (MOST_SEEN, *config.ppo.net_arch, ACTION.size)
-    weights = 8 * sum((a + 1) * b for a, b in pairwise(sizes))  # actor and critic, of 4 bytes each
-    checkpoint = 3 * weights + config.ppo.n_envs * ENV_BYTES  # beside them Adam's two moments
+    """Return the size of a member's checkpoints, one of them written twice, and candidates."""
+    sizes = (MAX_INPUTS, *config.ppo.net_arch, ACTION.size)
+    weights = 8 * sum((a + 1) * b for a, b in pairwise(sizes))  # actor and critic of 4 bytes
+    checkpoint = 3 * weights + config.ppo.n_envs * ENV_BYTES  # with the two moments of Adam
     return config.checkpoint_selection.n_checkpoints * weights + 2 * checkpoint
 
 
-MOST_SEEN = 130
-"""Numbers that a critic sees, or more."""
+MAX_INPUTS = 130
+"""Upper bound of the inputs of the value function."""
 ENV_BYTES = 10_000
-"""State of an environment in a checkpoint, or more."""
+"""Upper bound of the state of an environment in a checkpoint [bytes]."""
 REPORT_BYTES = 20_000_000
-"""The report with its clips."""
+"""Size of a report with its videos [bytes]."""
 
 
-IN_THE_WAY = "exists; go on with --resume, or choose another --out"
+EXISTS = "exists; continue with --resume, or choose another --out"
 
 
 def _check_free(folder: Path) -> None:
-    """RunError, before any work, where a new run cannot be made at ``folder``."""
+    """Raise RunError if a new run cannot be created at ``folder``."""
     if (folder / CONFIG).exists():
-        raise RunError(f"{folder}: {IN_THE_WAY}")
-    is_empty = folder.is_dir() and next(folder.iterdir(), None) is None  # such a one is replaced
+        raise RunError(f"{folder}: {EXISTS}")
+    is_empty = folder.is_dir() and next(folder.iterdir(), None) is None  # it is replaced
     if folder.exists() and not is_empty:
-        raise RunError(f"{folder}: exists and is no run; choose another --out")
+        raise RunError(f"{folder}: exists and is not a run; choose another --out")
     above = next(p for p in folder.absolute().parents if p.exists())
     if not above.is_dir() or not os.access(above, os.W_OK):
-        what = "may not be written to" if above.is_dir() else "is a file"
-        raise RunError(f"{folder}: cannot be made: {above} {what}; choose another --out")
+        reason = "is not writable" if above.is_dir() else "is a file"
+        raise RunError(f"{folder}: cannot be created: {above} {reason}; choose another --out")
 
 
 def resume_run(folder: Path, config: TrainConfig) -> Run:
-    """The run in ``folder`` to go on with, under ``config`` where it differs in :data:`OPEN`.
+    """Return the run in ``folder`` to continue, with the changes of ``config`` in :data:`OPEN`.
 
     Raises:
-        RunError: It is none, is being trained, or ``config`` differs from what it was begun with.
+        RunError: It is not a run, is being trained, or ``config`` differs in other keys.
     """
     run = open_run(folder)
-    asked, kept = _plain("", config), _plain("", run.config)
-    for name, value in asked.items():
+    new, kept = _by_key("", config), _by_key("", run.config)
+    for name, value in new.items():
         if value != kept[name] and name not in OPEN:
-            flags = ", ".join(f"--{n}" for n in OPEN)
             raise RunError(
-                f"{folder}: --{name} is {value!r}, but the run was begun with {kept[name]!r}; "
-                f"--resume may change {flags} alone: leave it out, or begin a new run"
+                f"{folder}: {name} is {quote(value)}, but the run was begun with "
+                f"{quote(kept[name])}; only --steps, --jobs and --episodes can change with --resume"
             )
-    if asked == kept:
+    if new == kept:
         return run
     ppo = config.ppo
-    beyond = (
-        config.steps + ppo.n_envs * ppo.n_steps * config.ensemble_size
-    )  # a last round is not cut
+    # The last round of updates is complete.
+    most = config.steps + ppo.n_envs * ppo.n_steps * config.ensemble_size
     trained = max((done_steps(path) for path in folder.glob(f"seed_*/{DONE}")), default=0)
-    if trained >= beyond:
+    if trained >= most:
         raise RunError(
             f"{folder}: --steps is {config.steps}, but {trained} are trained already; give more, "
-            "or leave it out"
+            "or omit it"
         )
-    with lock_run(folder):  # seeds that wait their turn in another call read it too
+    with lock_run(folder):  # seeds of another call read it too
         write_text(folder / CONFIG, to_yaml(config))
     return dataclasses.replace(run, config=config)
 
 
 def done_steps(path: Path) -> int:
-    """Ticks after which a seed was done; 0 where it is not, or its file is damaged."""
-    try:
-        return int(json.loads(path.read_text(encoding="utf-8"))["steps"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return 0
+    """Return the control steps of a seed that is done; 0 if it is not or ``path`` is damaged."""
+    steps = read_json_object(path).get("steps")
+    return steps if isinstance(steps, int) else 0
 
 
 OPEN = ("steps", "jobs", "episodes")
-"""What may be asked anew of a run that goes on."""
-CONFIG, SUMMARY, DONE = "config.yaml", "summary.json", "done.json"
+"""Keys that may change when a run is resumed."""
+CONFIG, SCENE, SUMMARY, DONE = "config.yaml", "scene.json", "summary.json", "done.json"
+SCHEMA, SCHEMA_VERSION = "articulate.run", 2
+"""Schema of ``scene.json``, for the complete run folder."""
 
 
-def _plain(prefix: str, config: Any) -> dict[str, Any]:
-    """Fields of nested configurations by their flags."""
+def _by_key(prefix: str, config: Any) -> dict[str, Any]:
+    """Return the values of nested configurations by dotted key."""
     out: dict[str, Any] = {}
     for f in dataclasses.fields(config):
         value = getattr(config, f.name)
-        inner = dataclasses.is_dataclass(value)
-        out |= _plain(f"{prefix}{f.name}.", value) if inner else {prefix + f.name: value}
+        nested = dataclasses.is_dataclass(value)
+        out |= _by_key(f"{prefix}{f.name}.", value) if nested else {prefix + f.name: value}
     return out
 
 
@@ -296,56 +301,69 @@ def open_run(folder: Path) -> Run:
     """Read a run folder.
 
     Raises:
-        RunError: It is none.
+        RunError: It is not a run, is damaged or was made by another version.
     """
-    path = folder / "scene.json"
-    if not path.is_file():
-        what = "no scene.json in it" if folder.exists() else "it does not exist"
+    path = folder / SCENE
+    if not path.exists():
+        reason = f"no {SCENE} in it" if folder.exists() else "it does not exist"
         if (folder / CONFIG).is_file():
             raise RunError(
-                f"{folder}: holds many runs; to go on, repeat the command that began them, without "
-                "--resume"
+                f"{folder}: holds several runs; to continue, repeat the command that began them, "
+                "without --resume"
             )
-        raise RunError(f"{folder}: not a run folder: {what}; give a folder that train made")
+        raise RunError(f"{folder}: not a run folder: {reason}; give a folder that train made")
+    content = load_json_object(path, error=RunError)
+    version = content.get("schema_version", 1)
+    if content.get("schema", SCHEMA) != SCHEMA or version != SCHEMA_VERSION:
+        raise RunError(
+            f"{path}: schema version {quote(version)}, not {SCHEMA_VERSION}; this version cannot "
+            f"read it: train again with train --asset ASSET{_task_flags(content)} --out NEW_RUN"
+        )
     try:
-        scene = json.loads(path.read_text(encoding="utf-8"))
-        task, place, arm = _task(scene["task"]), _place(scene["place"]), _arm(scene["arm"])
-    except (KeyError, TypeError) as error:
+        task = from_mapping(Task, content["task"], str(path))
+        placement = from_mapping(ObjectPlacement, content["placement"], str(path))
+        arm = from_mapping(Arm, content["arm"], str(path))
+    except KeyError as error:
         raise RunError(f"{path}: {field_error(error)}; train again") from None
-    except (OSError, ValueError, AttributeError) as error:
-        raise RunError(f"{path}: cannot be read ({error}); train again") from None
+    except ConfigError as error:
+        raise RunError(f"{error}; train again") from None
     return Run(
         folder=folder,
-        config=_kept_config(folder / CONFIG),
+        config=from_mapping(TrainConfig, read_yaml(folder / CONFIG), str(folder / CONFIG)),
         asset=load_asset(folder / "asset"),
         task=task,
-        place=place,
+        placement=placement,
         arm=arm,
     )
 
 
-def _kept_config(path: Path) -> TrainConfig:
-    """What a run was begun with; one of before there were members has one."""
-    return from_mapping(TrainConfig, {"members": 1} | read_yaml(path), str(path))
+def _task_flags(content: dict[str, Any]) -> str:
+    """Return the flags of ``train`` for the task of a run of another version, if readable."""
+    task = content.get("task")
+    names = (task.get("name"), task.get("joint")) if isinstance(task, dict) else (None, None)
+    pairs = zip(("--task", "--joint"), names, strict=True)
+    return "".join(f" {flag} {shlex.quote(shorten(n))}" for flag, n in pairs if isinstance(n, str))
 
 
-def write_scene(folder: Path, task: Task, place: ObjectPlacement, arm: Arm) -> None:
-    """Write ``scene.json``: what is asked, where the object stands, limits and gains of the arm."""
+def write_scene(folder: Path, task: Task, placement: ObjectPlacement, arm: Arm) -> None:
+    """Write ``scene.json``: task, object placement, limits and gains of the arm."""
     scene = {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
         "task": dataclasses.asdict(task),
-        "place": place.as_dict(),
+        "placement": placement.as_dict(),
         "arm": dataclasses.asdict(arm),
     }
-    write_json(folder / "scene.json", scene)
+    write_json(folder / SCENE, scene)
 
 
 def load_scene(folder: Path) -> Scene:
-    """The scene of the run in ``folder``."""
+    """Compile the scene of the run in ``folder``."""
     return open_run(folder).scene()
 
 
 def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Path:
-    """Write ``summary.json``: what each seed reached in ``seconds`` of training."""
+    """Write ``summary.json``: results of each seed after ``seconds`` of training."""
     path = run.folder / SUMMARY
     content = {
         "asset": run.asset.name,
@@ -360,18 +378,3 @@ def write_summary(run: Run, results: list[dict[str, Any]], seconds: float) -> Pa
     }
     write_json(path, content)
     return path
-
-
-def _task(content: dict[str, Any]) -> Task:
-    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return Task(**{**plain, "limits": Limits(**content["limits"])})
-
-
-def _arm(content: dict[str, Any]) -> Arm:
-    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return Arm(**{**plain, "hand": Gripper(**content["hand"])})
-
-
-def _place(content: dict[str, Any]) -> ObjectPlacement:
-    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return ObjectPlacement(**plain)

@@ -1,4 +1,4 @@
-"""One episode of a run's policy, to be watched."""
+"""Roll out one episode of a run's policy for playback."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from articulate.render.playback import EpisodePlayback
 from articulate.task.episode_monitor import REASONS
 from articulate.task.randomization_config import NO_RANDOMIZATION
-from articulate_envs.video import drawn_model, write_film
+from articulate_envs.video import visual_model, write_episode_video
 from articulate_train.evaluate import roll_out
 from articulate_train.export import select_seed
 from articulate_train.policy import load_policy
@@ -19,41 +19,41 @@ from articulate_train.run import open_run
 
 
 def watch_run(path: Path, *, seed: int | None, episode: int, randomise: bool) -> EpisodePlayback:
-    """Let a policy of the run at ``path`` act for one episode from home.
+    """Run one episode from home with a policy of the run at ``path``.
 
     Args:
         path: Folder of the run.
-        seed: Whose policy; None takes the best.
-        episode: Decides the draw, which is none of training's.
-        randomise: Draw as in training; else the start of the arm alone.
+        seed: Seed of the policy; None selects the best.
+        episode: Index of the episode; its parameters are not used in training.
+        randomise: Sample parameters as in training; otherwise the start pose of the arm only.
 
     Raises:
-        RunError: It is no run, or the seed was not trained.
+        RunError: It is not a run, or the seed was not trained.
     """
     run = open_run(path)
-    chosen, _, _ = select_seed(run, seed)
-    policy = load_policy(run.seed_folder(chosen))
-    draws = run.config.randomization
-    draws = draws if randomise else replace(NO_RANDOMIZATION, start_rad=draws.start_rad)
-    scene = run.scene(draws.scale_values)
-    stream = np.random.SeedSequence([run.config.evaluation_seed, chosen, EVALUATION, episode])
-    acted = roll_out(scene, policy, draws, stream, episodes=1, threads=1)
-    scale, T_wo = float(acted.draws["scale"][0]), acted.poses[0]
-    qpos, step_s = acted.traces.qpos[:, 0], run.config.control.step_s
+    selected, _, _ = select_seed(run, seed)
+    policy = load_policy(run.seed_folder(selected))
+    ranges = run.config.randomization
+    ranges = ranges if randomise else replace(NO_RANDOMIZATION, start_rad=ranges.start_rad)
+    scene = run.scene(ranges.scale_values)
+    stream = np.random.SeedSequence([run.config.evaluation_seed, selected, EVALUATION, episode])
+    rollout = roll_out(scene, policy, ranges, stream, episodes=1, threads=1)
+    scale, T_wo = float(rollout.params["scale"][0]), rollout.poses[0]
+    qpos, step_s = rollout.traces.qpos[:, 0], run.config.control.step_s
 
     def write_clip(file: Path) -> Path:
-        return write_film(file, scene, qpos, scale=scale, T_wo=T_wo, step_s=step_s)
+        return write_episode_video(file, scene, qpos, scale=scale, T_wo=T_wo, step_s=step_s)
 
     return EpisodePlayback(
-        title=f"{run.task.name} of {run.asset.name} ({run.task.joint}), seed {chosen}",
-        reason=REASONS[int(acted.ended.code[0])],
-        model=drawn_model(scene, scale=scale, T_wo=T_wo),
+        title=f"{run.task.name} of {run.asset.name} ({run.task.joint}), seed {selected}",
+        reason=REASONS[int(rollout.ended.code[0])],
+        model=visual_model(scene, scale=scale, T_wo=T_wo),
         qpos=qpos,
         step_s=step_s,
         curves={
-            "opened": acted.traces.opened[:, 0],
-            "force_n": acted.traces.force[:, 0],
-            "speed_share": acted.traces.speed_share[:, 0],
+            "opened": rollout.traces.opened[:, 0],
+            "force_n": rollout.traces.force[:, 0],
+            "speed_share": rollout.traces.speed_share[:, 0],
         },
         write_video=write_clip,
     )

@@ -5,7 +5,7 @@ All tables are in joint order 1 to 7. Sources:
 * joint positions, velocities, accelerations, jerks, torques: Franka Control Interface
   documentation, "Robot limits for Panda"; equal to ``rate_limiting.h`` and
   ``joint_limits.yaml`` of libfranka 0.9.2 and franka_ros.
-* hand: ``franka_description`` (``hand.xacro``) for stroke, speed and mass.
+* hand: ``franka_description`` (``gripper.xacro``) for stroke, speed and mass.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PAD_M = 0.008
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hand:
+class Gripper:
     """A two-finger hand that takes its time (Franka Hand)."""
 
     max_width_m: float = 0.08
@@ -89,7 +89,7 @@ class Arm:
     """Dry friction left after the arm's own compensation, used in simulation [Nm]."""
     home: Seven
     """Start pose with the hand pointing forward [rad]."""
-    hand: Hand
+    gripper: Gripper
     """The hand on its flange."""
 
     def bounds(self, margin_rad: float = 0.0) -> tuple[Array, Array]:
@@ -127,7 +127,7 @@ PANDA = Arm(
     armature=(0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
     friction=(0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.1),
     home=(0.0, -0.75, 0.0, -2.35, 0.0, 3.17, 0.7853981633974483),
-    hand=Hand(),
+    gripper=Gripper(),
 )
 """Franka Emika Panda with the Franka Hand."""
 

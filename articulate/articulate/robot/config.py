@@ -27,24 +27,24 @@ class ControlConfig:
     """Largest distance of a target from its measured joint [rad]."""
     margin_rad: float = 0.05
     """Distance that targets keep from the joint limits [rad]."""
-    guard_n: float = 15.0
+    force_limit_n: float = 15.0
     """Force on an open hand from which on its targets are taken back instead of moved [N]."""
-    guard_held_n: float = 30.0
+    force_limit_holding_n: float = 30.0
     """The same of a hand that closes: as much as an object may ask of who opens it [N]."""
 
     def __post_init__(self) -> None:
         for name in (
             "rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad",
-            "guard_n", "guard_held_n",
+            "force_limit_n", "force_limit_holding_n",
         ):  # fmt: skip
             if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigError(f"follow.{name} is {getattr(self, name)}; it must be above 0")
+                raise ConfigError(f"control.{name} is {getattr(self, name)}; it must be above 0")
         if not 0.0 <= self.margin_rad < math.inf:
             raise ConfigError(
-                f"follow.margin_rad is {self.margin_rad}; it must be finite and at least 0"
+                f"control.margin_rad is {self.margin_rad}; it must be finite and at least 0"
             )
 
     @property
-    def tick_s(self) -> float:
+    def step_s(self) -> float:
         """Length of a tick [s]."""
         return 1.0 / self.rate_hz

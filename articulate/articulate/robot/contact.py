@@ -6,7 +6,7 @@ import numpy as np
 
 from articulate.transforms import Array, Mask
 
-HAND_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR = "hand_object", "hand_floor", "robot_object"
+GRIPPER_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR = "gripper_object", "gripper_floor", "robot_object"
 """Contact sensors: net wrench of object and floor on the hand; contacts of all of the robot."""
 
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from articulate.errors import ConfigError
-from articulate.robot.arm import Arm, Hand
+from articulate.robot.arm import Arm, Gripper
 from articulate.robot.config import ControlConfig
 from articulate.robot.kinematics import resolve_motion, self_motion, tool_jacobian_t
 from articulate.transforms import Array, Mask
@@ -46,7 +46,7 @@ def response(omega_rad_s: float, t: Array) -> Array:
     return np.stack([x, v, acc, jerk], axis=-1)
 
 
-def discrete(omega_rad_s: float, dt: float) -> tuple[Array, Array]:
+def discretize_filter(omega_rad_s: float, dt: float) -> tuple[Array, Array]:
     """Exact step of the follower: ``state' = A state + B target``.
 
     The state is (position, velocity, acceleration). ``A`` is the matrix exponential of the
@@ -66,7 +66,7 @@ def discrete(omega_rad_s: float, dt: float) -> tuple[Array, Array]:
     return A, np.array([1.0, 0.0, 0.0]) - A[:, 0]
 
 
-def follow(state: Array, target: Array, A: Array, B: Array) -> Array:
+def filter_step(state: Array, target: Array, A: Array, B: Array) -> Array:
     """The follower's state (N, 7, 3) one step later, towards targets (N, 7) [rad]."""
     x, v, a = (state[..., k, None] for k in range(3))
     return np.asarray(A[:, 0] * x + A[:, 1] * v + A[:, 2] * a + B * target[..., None])
@@ -90,13 +90,13 @@ def worst_case(config: ControlConfig, *, phases: int = 500, ticks: int = 60) -> 
     worst sequence gives every term the same sign, so that the bound is the sum of absolute values,
     taken at the worst phase within the tick, just before and after each change.
     """
-    phase = np.linspace(0.0, config.tick_s, phases)[:, None]
-    t = phase + config.tick_s * np.arange(ticks)
+    phase = np.linspace(0.0, config.step_s, phases)[:, None]
+    t = phase + config.step_s * np.arange(ticks)
     terms = np.abs(response(config.omega_rad_s, t)[..., 1:])
     return np.asarray(config.step_rad * terms.sum(axis=1).max(axis=0))
 
 
-def check_follow(config: ControlConfig, arm: Arm, episode_s: float = 10.0) -> None:
+def check_control(config: ControlConfig, arm: Arm, episode_s: float = 10.0) -> None:
     """Refuse a follower that some sequence of targets could take beyond the arm's limits.
 
     Args:
@@ -116,8 +116,8 @@ def check_follow(config: ControlConfig, arm: Arm, episode_s: float = 10.0) -> No
         joint = int(np.argmax(np.round(worst / allowed, 9)))
         if not worst[joint] <= allowed[joint]:
             raise ConfigError(
-                f"follow: targets could ask for {worst[joint]:.4g} {unit} of joint {joint + 1} and "
-                f"the arm allows {allowed[joint]:.4g}; lower follow.step_rad or follow.omega_rad_s"
+                f"control: targets could ask for {worst[joint]:.4g} {unit} of joint {joint + 1} and "
+                f"the arm allows {allowed[joint]:.4g}; lower control.step_rad or control.omega_rad_s"
             )
 
 
@@ -161,7 +161,7 @@ def presses(force: Array, wish: Array, width: Array, config: ControlConfig) -> M
         config: The two bounds.
     """
     closes = (wish > 0.0) & (width < OPEN_M)
-    most = np.where(closes, config.guard_held_n, config.guard_n)
+    most = np.where(closes, config.force_limit_holding_n, config.force_limit_n)
     return np.asarray(~(np.sum(force * force, axis=1) <= most * most))
 
 
@@ -192,7 +192,7 @@ def next_target(
     return target + np.clip(wish - target, -most, most)
 
 
-def follow_start(q: Array) -> Array:
+def filter_start(q: Array) -> Array:
     """State (N, 7, 3) of a follower at rest at ``q`` (N, 7) [rad]."""
     state = np.zeros((*q.shape, 3))
     state[..., 0] = q
@@ -240,7 +240,7 @@ def finger_command(command: Array, width: Array, closing: Array | float) -> Arra
 
 
 def hand_tick(
-    state: GripperState, command: Array, latency_s: Array, hand: Hand, tick_s: float
+    state: GripperState, command: Array, latency_s: Array, gripper: Gripper, step_s: float
 ) -> GripperState:
     """The hand one tick later.
 
@@ -255,18 +255,18 @@ def hand_tick(
         hand: Threshold, smoothing, dwell.
         tick_s: Length of a tick [s].
     """
-    keep = hand.smoothing ** (tick_s / 0.05)
+    keep = gripper.smoothing ** (step_s / 0.05)
     smooth = keep * state.smooth + (1.0 - keep) * np.clip(command, -1.0, 1.0)
     asked = np.where(
-        smooth > hand.on_threshold, 1.0, np.where(smooth < -hand.on_threshold, -1.0, state.wish)
+        smooth > gripper.on_threshold, 1.0, np.where(smooth < -gripper.on_threshold, -1.0, state.wish)
     )
-    send = (asked != state.wish) & (state.since_s >= hand.dwell_s - ROUNDING_S)
-    wait = np.where(send, latency_s, np.maximum(state.wait_s - tick_s, 0.0))
+    send = (asked != state.wish) & (state.since_s >= gripper.dwell_s - ROUNDING_S)
+    wait = np.where(send, latency_s, np.maximum(state.wait_s - step_s, 0.0))
     wish = np.where(send, asked, state.wish)
     return GripperState(
         smooth=smooth,
         wish=wish,
-        since_s=np.where(send, 0.0, state.since_s + tick_s),
+        since_s=np.where(send, 0.0, state.since_s + step_s),
         wait_s=wait,
         closing=np.where(wait <= ROUNDING_S, wish, state.closing),
     )

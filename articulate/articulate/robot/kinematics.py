@@ -76,7 +76,7 @@ def flange_to_tool(arm: Arm) -> Array:
     """Pose ``T_7t`` (4, 4) of the tool frame in the frame of joint 7."""
     c, s = np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return pose((0.0, 0.0, FLANGE_Z_M + arm.hand.tcp_z_m), turn)
+    return pose((0.0, 0.0, FLANGE_Z_M + arm.gripper.tcp_z_m), turn)
 
 
 def _tool(arm: Arm, frame: tuple[Array, Array, Array, Array]) -> Array:
@@ -85,7 +85,7 @@ def _tool(arm: Arm, frame: tuple[Array, Array, Array, Array]) -> Array:
     c, s = np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)
     out = np.zeros((*x.shape[1:], 4, 4))
     out[..., 3, 3] = 1.0
-    _write(out, c * x + s * y, c * y - s * x, z, pos + (FLANGE_Z_M + arm.hand.tcp_z_m) * z)
+    _write(out, c * x + s * y, c * y - s * x, z, pos + (FLANGE_Z_M + arm.gripper.tcp_z_m) * z)
     return out
 
 

@@ -8,6 +8,7 @@ leading axis of N episodes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
@@ -15,21 +16,27 @@ from articulate.robot.arm import Arm
 from articulate.task.task import Limits, Task, at_target, beyond_target
 from articulate.transforms import Array, Ints, Mask
 
-REASONS = (
-    "success",
-    "touch",
-    "speed",
-    "torque",
-    "torque_rate",
-    "force",
-    "moment",
-    "not_open",
-    "moving",
-    "diverged",
-    "not_closed",
-)
-"""How an episode ends, by code. Codes 1 to 6 are violations of the limits."""
-CODE = {name: i for i, name in enumerate(REASONS)}
+
+class FailureReason(IntEnum):
+    """Reason code with which an episode ends; ``SUCCESS`` is 0, codes 1 to 6 are violated limits."""
+
+    SUCCESS = 0
+    FORBIDDEN_CONTACT = 1
+    SPEED = 2
+    TORQUE = 3
+    TORQUE_RATE = 4
+    FORCE = 5
+    MOMENT = 6
+    GOAL_NOT_REACHED = 7
+    NOT_AT_REST = 8
+    DIVERGED = 9
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+
+REASONS = tuple(str(reason) for reason in FailureReason)
+"""Names of the reason codes in files and reports, in order of their codes."""
 
 FIELDS = (
     "fx", "fy", "fz", "mx", "my", "mz",
@@ -66,7 +73,7 @@ class EpisodeMonitor:
         return np.asarray(self.samples[:, COLUMN[field]])
 
 
-def judgement_start(n: int) -> EpisodeMonitor:
+def new_monitor(n: int) -> EpisodeMonitor:
     """Judgement of N episodes that have not begun."""
     none = np.zeros(n, dtype=bool)
     return EpisodeMonitor(np.zeros((n, WIDTH)), np.zeros(n), none, none.copy())
@@ -146,7 +153,7 @@ def judge_tick(
     *,
     opened: Array,
     speed: Array,
-    tick_s: float,
+    step_s: float,
 ) -> EpisodeMonitor:
     """The judgement after one more tick.
 
@@ -162,23 +169,22 @@ def judge_tick(
     rests = at_target(task, opened, speed)
     return EpisodeMonitor(
         samples=samples,
-        rest_s=np.where(rests, judgement.rest_s + tick_s, 0.0),
+        rest_s=np.where(rests, judgement.rest_s + step_s, 0.0),
         opened=beyond_target(task, opened),
         diverged=judgement.diverged | ~finite,
     )
 
 
-def opened_at_end(judgement: EpisodeMonitor, task: Task) -> Mask:
+def goal_held(judgement: EpisodeMonitor, task: Task) -> Mask:
     """Whether the part rested at or beyond the target for the whole hold time (N,)."""
     return np.asarray((judgement.rest_s >= task.hold_s - 1e-9) & ~judgement.diverged)
 
 
-def verdict(judgement: EpisodeMonitor, task: Task) -> Ints:
+def failure_reason(judgement: EpisodeMonitor, task: Task) -> Ints:
     """Code of :data:`REASONS` for N episodes that have ended (N,) of int."""
-    held = opened_at_end(judgement, task)
-    short = CODE["not_closed" if task.closes else "not_open"]
-    code = np.where(held, CODE["success"], short)
-    code = np.where(~held & judgement.opened, CODE["moving"], code)
+    held = goal_held(judgement, task)
+    code = np.where(held, FailureReason.SUCCESS, FailureReason.GOAL_NOT_REACHED)
+    code = np.where(~held & judgement.opened, FailureReason.NOT_AT_REST, code)
     violation = judgement.peak("code")
     code = np.where(violation > 0.0, np.nan_to_num(violation).astype(int), code)
-    return np.where(judgement.diverged, CODE["diverged"], code).astype(np.int64)
+    return np.where(judgement.diverged, FailureReason.DIVERGED, code).astype(np.int64)

@@ -21,8 +21,8 @@ COLUMNS = (
     "friction", "joint_damping", "joint_friction", "armature", "mass", "stiffness", "damping",
     "scale", "x_m", "y_m", "yaw_rad",
     "start_1", "start_2", "start_3", "start_4", "start_5", "start_6", "start_7",
-    "delay_ticks", "hand_latency_s", "bias_x_m", "bias_y_m", "bias_z_m", "bias_yaw_rad",
-    "estimate_delay_ticks", "push_x_n", "push_y_n", "push_z_n", "push_time", "part_open",
+    "delay_steps", "gripper_latency_s", "bias_x_m", "bias_y_m", "bias_z_m", "bias_yaw_rad",
+    "estimate_delay_steps", "push_x_n", "push_y_n", "push_z_n", "push_time", "part_open",
     "force_bias_x_n", "force_bias_y_n", "force_bias_z_n",
 )  # fmt: skip
 """Names of a draw's numbers; ``part_open`` is the fraction open at which the part begins."""
@@ -46,7 +46,7 @@ class EpisodeParams:
         return np.asarray(self.values[:, COLUMNS.index(name)])
 
 
-def draw(
+def sample_episode_params(
     config: RandomizationConfig, rng: np.random.Generator, n: int = 1, *, begin: Range = (0.0, 0.0)
 ) -> EpisodeParams:
     """Draw the parameters of N episodes from ``rng``.
@@ -79,11 +79,11 @@ def draw(
         config.position_m * rng.uniform(-1.0, 1.0, n),
         config.yaw_rad * rng.uniform(-1.0, 1.0, n),
         *(config.start_rad * rng.uniform(-1.0, 1.0, (7, n))),
-        rng.integers(config.delay_ticks[0], config.delay_ticks[1] + 1, n).astype(float),
-        rng.uniform(*config.hand_latency_s, n),
+        rng.integers(config.delay_steps[0], config.delay_steps[1] + 1, n).astype(float),
+        rng.uniform(*config.gripper_latency_s, n),
         *(config.estimate_bias_m * rng.normal(size=(3, n))),
         config.estimate_yaw_rad * rng.normal(size=n),
-        rng.integers(config.estimate_delay_ticks[0], config.estimate_delay_ticks[1] + 1, n).astype(
+        rng.integers(config.estimate_delay_steps[0], config.estimate_delay_steps[1] + 1, n).astype(
             float
         ),
         *push.T,
@@ -99,7 +99,7 @@ def at_size(config: RandomizationConfig, scale: float) -> RandomizationConfig:
     return replace(config, scale=(scale, scale), scales=1)
 
 
-def drawn_one_by_one(
+def sample_episode_params_each(
     config: RandomizationConfig, seed: int, n: int, *, begin: Range = (0.0, 0.0), first: int = 0
 ) -> EpisodeParams:
     """Draw N episodes, each from a generator of its own: row k is the same for every N.
@@ -108,17 +108,17 @@ def drawn_one_by_one(
         config: Ranges.
         seed: Decides all that is drawn.
         n: How many episodes.
-        begin: As in :func:`draw`.
+        begin: As in :func:`sample_episode_params`.
         first: Number of the first episode.
     """
     rows = [
-        draw(config, np.random.default_rng(np.random.SeedSequence([seed, k])), begin=begin).values
+        sample_episode_params(config, np.random.default_rng(np.random.SeedSequence([seed, k])), begin=begin).values
         for k in range(first, first + n)
     ]
     return EpisodeParams(np.concatenate(rows))
 
 
-def nominal_draw(n: int = 1, *, begin: Range = (0.0, 0.0)) -> EpisodeParams:
+def nominal_params(n: int = 1, *, begin: Range = (0.0, 0.0)) -> EpisodeParams:
     """N episodes in which nothing is randomised; parts begin in the middle of ``begin``."""
     middle = sum(begin) / 2.0
-    return draw(NO_RANDOMIZATION, np.random.default_rng(0), n, begin=(middle, middle))
+    return sample_episode_params(NO_RANDOMIZATION, np.random.default_rng(0), n, begin=(middle, middle))

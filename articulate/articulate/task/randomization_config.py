@@ -15,11 +15,11 @@ FACTORS = (
 """Ranges that multiply a nominal value."""
 LOG_UNIFORM = ("joint_damping", "joint_friction", "armature")
 """Those that are drawn evenly over the logarithm."""
-MAX_DELAY_TICKS = 5
+MAX_DELAY_STEPS = 5
 """Longest delay that engines and estimators keep [ticks]."""
-MOST_WIDER = 100.0
+MAX_RANGE_FACTOR = 100.0
 """Ranges may be so many times as wide at most."""
-SEEN_BEYOND: Range = (-0.2, 0.1)
+GOAL_ERROR_RANGE: Range = (-0.2, 0.1)
 """Fractions of a part's way beyond its task's target between which policies see it finely."""
 
 
@@ -51,9 +51,9 @@ class RandomizationConfig:
     """The object is turned by up to ± this about the vertical through its handle [rad]."""
     start_rad: float = 0.1
     """Each joint begins within ± this of its start [rad]."""
-    delay_ticks: tuple[int, int] = (0, 2)
+    delay_steps: tuple[int, int] = (0, 2)
     """Delay of the motions, whole ticks, both ends included."""
-    hand_latency_s: Range = (0.1, 1.2)
+    gripper_latency_s: Range = (0.1, 1.2)
     """From a command of the hand to its motion [s]."""
     estimate_bias_m: float = 0.004
     """Standard deviation of the handle's constant position error, each axis [m]."""
@@ -63,7 +63,7 @@ class RandomizationConfig:
     """Standard deviation of the handle's constant yaw error [rad]."""
     part_noise: float = 0.0167
     """Standard deviation of the measured opening, anew each tick, as a share of 0.3 m or 1 rad."""
-    estimate_delay_ticks: tuple[int, int] = (0, 2)
+    estimate_delay_steps: tuple[int, int] = (0, 2)
     """Age of the object's state, whole ticks, both ends included."""
     push_n: Range = (0.0, 5.0)
     """Force of a push on the moving part, once in an episode, any direction [N]."""
@@ -74,16 +74,16 @@ class RandomizationConfig:
 
     def __post_init__(self) -> None:
         if self.scales < 1:
-            raise ConfigError(f"draw.scales is {self.scales}; it must be at least 1")
+            raise ConfigError(f"randomization.scales is {self.scales}; it must be at least 1")
         for f in fields(self):
             value = getattr(self, f.name)
             if isinstance(value, tuple) and value[0] > value[1]:
-                raise ConfigError(f"draw.{f.name} is {value}; the smaller number comes first")
+                raise ConfigError(f"randomization.{f.name} is {value}; the smaller number comes first")
             if f.name in FACTORS and not value[0] > 0.0:
-                raise ConfigError(f"draw.{f.name} is {value}; factors must be above 0")
-            if f.name.endswith("delay_ticks") and not 0 <= value[0] <= value[1] <= MAX_DELAY_TICKS:
+                raise ConfigError(f"randomization.{f.name} is {value}; factors must be above 0")
+            if f.name.endswith("delay_steps") and not 0 <= value[0] <= value[1] <= MAX_DELAY_STEPS:
                 raise ConfigError(
-                    f"draw.{f.name} is {value}; it must lie within 0 to {MAX_DELAY_TICKS} ticks"
+                    f"randomization.{f.name} is {value}; it must lie within 0 to {MAX_DELAY_STEPS} ticks"
                 )
 
     def widened(self, factor: float) -> RandomizationConfig:
@@ -96,10 +96,10 @@ class RandomizationConfig:
         Raises:
             ConfigError: A range would hold what cannot be, such as a negative friction.
         """
-        if not 0.0 < factor <= MOST_WIDER:
+        if not 0.0 < factor <= MAX_RANGE_FACTOR:
             raise ConfigError(
                 f"ranges are to be {factor:g} times as wide; it must be above 0 and at most "
-                f"{MOST_WIDER:g}"
+                f"{MAX_RANGE_FACTOR:g}"
             )
         if factor == 1.0:
             return self
@@ -110,7 +110,7 @@ class RandomizationConfig:
                 wide[f.name] = tuple(bound**factor for bound in value)
             elif f.name in FACTORS:
                 wide[f.name] = tuple(1.0 + factor * (bound - 1.0) for bound in value)
-            elif f.name.endswith("delay_ticks"):
+            elif f.name.endswith("delay_steps"):
                 wide[f.name] = (value[0], value[0] + int(factor * (value[1] - value[0]) + 0.5))
             elif isinstance(value, tuple) and value[0] == 0.0:
                 wide[f.name] = (0.0, factor * value[1])
@@ -147,13 +147,13 @@ NO_RANDOMIZATION = RandomizationConfig(
     position_m=0.0,
     yaw_rad=0.0,
     start_rad=0.0,
-    delay_ticks=(0, 0),
-    hand_latency_s=(0.3, 0.3),
+    delay_steps=(0, 0),
+    gripper_latency_s=(0.3, 0.3),
     estimate_bias_m=0.0,
     estimate_noise_m=0.0,
     estimate_yaw_rad=0.0,
     part_noise=0.0,
-    estimate_delay_ticks=(0, 0),
+    estimate_delay_steps=(0, 0),
     push_n=(0.0, 0.0),
     force_bias_n=0.0,
     force_noise_n=0.0,

@@ -6,10 +6,10 @@ import numpy as np
 
 from articulate.task.observation import Estimate
 from articulate.task.randomization import EpisodeParams
-from articulate.task.randomization_config import MAX_DELAY_TICKS, RandomizationConfig
+from articulate.task.randomization_config import MAX_DELAY_STEPS, RandomizationConfig
 from articulate.transforms import Array, Ints
 
-MAX_AGE = MAX_DELAY_TICKS + 1
+MAX_AGE = MAX_DELAY_STEPS + 1
 """How many states are kept."""
 PART_LENGTH = 0.3
 """What ``part_noise`` is a share of: 0.3 m of a slide, 1 rad of a hinge, over the span."""
@@ -43,7 +43,7 @@ class NoisyEstimator:
     def estimate(self, drawn: EpisodeParams, rng: np.random.Generator) -> Estimate:
         """What is known at this tick under the draws (N rows); noise comes from ``rng``."""
         n = len(drawn.values)
-        age = drawn["estimate_delay_ticks"].astype(np.int64)
+        age = drawn["estimate_delay_steps"].astype(np.int64)
         rows = np.arange(n)
         T_wh = self.poses[age, rows].copy()
         _turn(T_wh, drawn["bias_yaw_rad"])

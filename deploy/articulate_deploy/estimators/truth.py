@@ -9,7 +9,7 @@ from articulate.task.randomization import EpisodeParams
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.state_estimation import NoisyEstimator
 from articulate.task.task import Task
-from articulate_deploy.robots.robot import StandIn
+from articulate_deploy.robots.robot import SimulatedRobot
 
 
 class TruthEstimator:
@@ -17,7 +17,7 @@ class TruthEstimator:
 
     def __init__(
         self,
-        robot: StandIn,
+        robot: SimulatedRobot,
         config: RandomizationConfig,
         task: Task,
         drawn: EpisodeParams,

@@ -8,7 +8,7 @@ from typing import Any
 from articulate.errors import ConfigError, MissingError, nearest
 from articulate.suppress_output import suppress_output
 from articulate_deploy.bundle import Bundle
-from articulate_deploy.robots.robot import StandIn
+from articulate_deploy.robots.robot import SimulatedRobot
 
 ROBOTS = {
     "mujoco": "articulate_deploy.robots.mujoco:MujocoRobot",
@@ -22,7 +22,7 @@ COMING = {
 """Names that will be known, and what to say until then."""
 
 
-def robot_named(name: str, bundle: Bundle) -> StandIn:
+def robot_named(name: str, bundle: Bundle) -> SimulatedRobot:
     """The robot called ``name``, not yet connected.
 
     Raises:
@@ -44,5 +44,5 @@ def robot_named(name: str, bundle: Bundle) -> StandIn:
             f"--robot {name} needs {error.name}, which is not installed; run: "
             'pip install "articulate-robots[deploy-sim]"'
         ) from None
-    robot: StandIn = make(bundle)
+    robot: SimulatedRobot = make(bundle)
     return robot

@@ -19,7 +19,7 @@ from articulate.task.manifest import Manifest
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample
-from articulate_deploy.robots.simulated import SimulatedRobot
+from articulate_deploy.robots.simulated import BaseSimulatedRobot
 
 MAX_ITERATIONS = 1000
 """Most iterations of a solver in a physics step; ours have up to 50."""
@@ -47,8 +47,8 @@ class Addresses:
     sensors: tuple[int, int, int]
 
 
-class MujocoRobot(SimulatedRobot):
-    """The arm of a bundle in MuJoCo; see :class:`articulate_deploy.robots.robot.StandIn`."""
+class MujocoRobot(BaseSimulatedRobot):
+    """The arm of a bundle in MuJoCo; see :class:`articulate_deploy.robots.robot.SimulatedRobot`."""
 
     name = "mujoco"
 
@@ -77,7 +77,7 @@ class MujocoRobot(SimulatedRobot):
     def _shut(self) -> None:
         self._nominal = None
 
-    def _begin(self, q: Array, hand_width_m: float, part: float) -> None:
+    def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
         assert self._nominal is not None
         manifest, at = self._manifest, self._at
         self._model = self._drawn_model(self._nominal)
@@ -89,7 +89,7 @@ class MujocoRobot(SimulatedRobot):
             self._data.qpos[adr] = joint.closed
         self._data.qpos[at.part_q] = part
         self._data.qpos[at.arm_q] = q
-        self._data.qpos[at.finger_q] = np.array([0.5, -0.5]) * hand_width_m
+        self._data.qpos[at.finger_q] = np.array([0.5, -0.5]) * gripper_width_m
 
     def _drawn_model(self, nominal: mujoco.MjModel) -> mujoco.MjModel:
         """A copy of the scene with the drawn numbers in it, as the batched engine writes them."""
@@ -181,7 +181,7 @@ def _addresses(model: mujoco.MjModel, manifest: Manifest) -> Addresses:
     def ids(values: list[int]) -> Ints:
         return np.array(values, dtype=np.int64)
 
-    hand, floor, robot = (int(model.sensor(name).adr[0]) for name in scene.sensors)
+    gripper, floor, robot = (int(model.sensor(name).adr[0]) for name in scene.sensors)
     return Addresses(
         arm_q=ids([int(j.qposadr[0]) for j in joints]),
         arm_v=ids([int(j.dofadr[0]) for j in joints]),
@@ -196,5 +196,5 @@ def _addresses(model: mujoco.MjModel, manifest: Manifest) -> Addresses:
         moving=ids(moving),
         object_v=ids([i for i in range(model.nv) if int(model.dof_bodyid[i]) in moving]),
         tool=int(model.site(scene.tool_site).id),
-        sensors=(hand, floor, robot),
+        sensors=(gripper, floor, robot),
     )

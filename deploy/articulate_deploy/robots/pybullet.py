@@ -25,7 +25,7 @@ from articulate.suppress_output import suppress_output
 from articulate.transforms import Array, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample
-from articulate_deploy.robots.simulated import SimulatedRobot
+from articulate_deploy.robots.simulated import BaseSimulatedRobot
 
 STEP_S = 0.001
 """Longest physics step [s]: that of the arm's own controller."""
@@ -62,8 +62,8 @@ class _Bodies:
     floor: int
 
 
-class PybulletRobot(SimulatedRobot):
-    """The arm of a bundle in PyBullet; see :class:`articulate_deploy.robots.robot.StandIn`."""
+class PybulletRobot(BaseSimulatedRobot):
+    """The arm of a bundle in PyBullet; see :class:`articulate_deploy.robots.robot.SimulatedRobot`."""
 
     name = "pybullet"
 
@@ -105,7 +105,7 @@ class PybulletRobot(SimulatedRobot):
     def _call(self, name: str, *args: Any, **kwargs: Any) -> Any:
         return getattr(pybullet, name)(*args, **kwargs, physicsClientId=self._world)
 
-    def _begin(self, q: Array, hand_width_m: float, part: float) -> None:
+    def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
         """Make the world anew, so that an episode depends on nothing that was before it."""
         self._call("resetSimulation")
         self._call("setGravity", 0.0, 0.0, -GRAVITY_M_S2)
@@ -119,7 +119,7 @@ class PybulletRobot(SimulatedRobot):
         self._bodies = self._load()
         self._set_arm()
         self._set_object()
-        self._rest(q, hand_width_m, part)
+        self._rest(q, gripper_width_m, part)
         robot, drawn = self._manifest.robot, self._drawn
         self._stiffness = np.asarray(robot.stiffness) * float(drawn["stiffness"][0])
         self._damping = np.asarray(robot.damping) * float(drawn["damping"][0])
@@ -152,7 +152,7 @@ class PybulletRobot(SimulatedRobot):
                 f"{self._bundle.where}: its object cannot be used in PyBullet ({error})"
             ) from None
         shape = self._call("createCollisionShape", pybullet.GEOM_PLANE)
-        floor_z = min(0.0, manifest.place.pos_w[2])
+        floor_z = min(0.0, manifest.placement.pos_w[2])
         floor = self._call("createMultiBody", 0.0, shape, basePosition=[0.0, 0.0, floor_z])
         links = {name: number for number, name in self._links(arm)}
         arm_joints = {info[1].decode(): int(info[0]) for info in self._infos(arm)}
@@ -240,7 +240,7 @@ class PybulletRobot(SimulatedRobot):
                 jointDamping=info[6] * d["joint_damping"],
             )  # fmt: skip
             self._dry_friction(item, number, info[7] * d["joint_friction"])
-        carried = set(self._manifest.scene.carried)
+        carried = set(self._manifest.scene.counterbalanced)
         self._carried = [number for number, name in self._links(item) if name in carried]
 
     def _dry_friction(self, body: int, joint: int, force: float) -> None:
@@ -250,9 +250,11 @@ class PybulletRobot(SimulatedRobot):
             targetVelocity=0.0, force=force,
         )  # fmt: skip
 
-    def _rest(self, q: Array, hand_width_m: float, part: float) -> None:
+    def _rest(self, q: Array, gripper_width_m: float, part: float) -> None:
         bodies, manifest = self._bodies, self._manifest
-        for number, value in zip(bodies.arm_joints, [*q, *[hand_width_m / 2.0] * 2], strict=True):
+        for number, value in zip(
+            bodies.arm_joints, [*q, *[gripper_width_m / 2.0] * 2], strict=True
+        ):
             self._call("resetJointState", bodies.arm, number, float(value), 0.0)
         for joint in manifest.object.joints:
             value = part if joint.name == manifest.task.joint else joint.closed

@@ -23,12 +23,12 @@ SPEED_KEYS = tuple(f"joint_{i}.vel" for i in range(1, 8))
 FORCE_KEYS = ("force.x", "force.y", "force.z")
 """Net force of the surroundings on hand and fingers as the arm feels it, world axes [N], filtered
 over the ``filter_s`` of the task's limits as the judgement filters it."""
-HAND_KEY = "gripper.pos"
+GRIPPER_KEY = "gripper.pos"
 """Opening between the fingers [m]."""
 OBSERVATION_FEATURES: dict[str, type] = dict.fromkeys(
-    (*JOINT_KEYS, *SPEED_KEYS, HAND_KEY, *FORCE_KEYS), float
+    (*JOINT_KEYS, *SPEED_KEYS, GRIPPER_KEY, *FORCE_KEYS), float
 )
-ACTION_FEATURES: dict[str, type] = dict.fromkeys((*JOINT_KEYS, HAND_KEY), float)
+ACTION_FEATURES: dict[str, type] = dict.fromkeys((*JOINT_KEYS, GRIPPER_KEY), float)
 
 
 class NotConnectedError(ArticulateError, ConnectionError):
@@ -90,7 +90,7 @@ class Robot(Protocol):
     def disconnect(self) -> None:
         """Close the connection."""
 
-    def reset_to(self, q: Array, hand_width_m: float) -> None:
+    def reset_to(self, q: Array, gripper_width_m: float) -> None:
         """Bring the arm to rest at ``q`` (7,) [rad] and the hand to an opening [m]."""
 
     def stop(self) -> None:
@@ -114,7 +114,7 @@ class Robot(Protocol):
         self.disconnect()
 
 
-class StandIn(Robot, Protocol):
+class SimulatedRobot(Robot, Protocol):
     """A robot in simulation: it can be told what was drawn, and knows the object's state.
 
     Time passes by one tick with each :meth:`Robot.send_action`.
@@ -124,7 +124,7 @@ class StandIn(Robot, Protocol):
     def notes(self) -> tuple[str, ...]:
         """What of a draw it takes otherwise than the simulator of training, or not at all."""
 
-    def set_draw(
+    def set_episode_params(
         self,
         drawn: EpisodeParams,
         *,
@@ -148,6 +148,9 @@ def joints_of(values: dict[str, float], keys: tuple[str, ...] = JOINT_KEYS) -> A
     return np.array([values[key] for key in keys], dtype=np.float64)
 
 
-def action_of(target: Array, hand_width_m: float) -> dict[str, float]:
+def action_of(target: Array, gripper_width_m: float) -> dict[str, float]:
     """Targets (7,) [rad] and an opening [m] under their keys."""
-    return {**dict(zip(JOINT_KEYS, target.tolist(), strict=True)), HAND_KEY: float(hand_width_m)}
+    return {
+        **dict(zip(JOINT_KEYS, target.tolist(), strict=True)),
+        GRIPPER_KEY: float(gripper_width_m),
+    }

@@ -12,37 +12,43 @@ from collections.abc import Sequence
 import numpy as np
 
 from articulate.errors import ConfigError, nearest
-from articulate.robot.control import ROUNDING_S, discrete, finger_command, follow, follow_start
+from articulate.robot.control import (
+    ROUNDING_S,
+    discretize_filter,
+    filter_start,
+    filter_step,
+    finger_command,
+)
 from articulate.task.object_placement import handle_in_world, object_pose
 from articulate.task.observation import Estimate
-from articulate.task.randomization import PUSH_S, EpisodeParams, nominal_draw
+from articulate.task.randomization import PUSH_S, EpisodeParams, nominal_params
 from articulate.task.state_estimation import felt
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import (
     ACTION_FEATURES,
     FORCE_KEYS,
-    HAND_KEY,
+    GRIPPER_KEY,
     JOINT_KEYS,
     OBSERVATION_FEATURES,
     SPEED_KEYS,
     NotConnectedError,
     Sample,
-    StandIn,
+    SimulatedRobot,
     action_of,
     joints_of,
 )
 from articulate_deploy.safety import safe_target
 
 
-class SimulatedRobot(StandIn, ABC):
+class BaseSimulatedRobot(SimulatedRobot, ABC):
     """The arm of a bundle in an engine."""
 
     def __init__(self, bundle: Bundle) -> None:
         """Keep ``bundle``; the scene is made by :meth:`connect`."""
         self._bundle = bundle
         self._manifest = bundle.manifest
-        self._drawn = nominal_draw(begin=bundle.manifest.task.begin)
+        self._drawn = nominal_params(begin=bundle.manifest.task.begin)
         self._force_noise_n, self._noise = 0.0, np.random.default_rng(0)
         self._is_open = False
         self._stopped = True
@@ -86,12 +92,12 @@ class SimulatedRobot(StandIn, ABC):
         """Forget the scene."""
 
     @abstractmethod
-    def _begin(self, q: Array, hand_width_m: float, part: float) -> None:
+    def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
         """Begin anew under ``self._drawn``, the object at ``self._T_wo``, all at rest.
 
         Args:
             q: Angles of the arm (7,) [rad].
-            hand_width_m: Opening of the hand [m].
+            gripper_width_m: Opening of the hand [m].
             part: Position of the task's joint [m or rad]; all others are closed.
         """
 
@@ -117,7 +123,7 @@ class SimulatedRobot(StandIn, ABC):
         self._is_open = True
         start = self._manifest.start
         try:
-            self.reset_to(np.asarray(start.q), start.hand_width_m)
+            self.reset_to(np.asarray(start.q), start.gripper_width_m)
         except BaseException:
             self.disconnect()
             raise
@@ -133,14 +139,14 @@ class SimulatedRobot(StandIn, ABC):
         self._is_open = False
         self._shut()
 
-    def set_draw(
+    def set_episode_params(
         self,
         drawn: EpisodeParams,
         *,
         force_noise_n: float = 0.0,
         noise: np.random.Generator | None = None,
     ) -> None:
-        """What the next episodes are like; see :meth:`StandIn.set_draw`.
+        """What the next episodes are like; see :meth:`SimulatedRobot.set_episode_params`.
 
         Raises:
             ConfigError: It asks for another size of the object.
@@ -155,7 +161,7 @@ class SimulatedRobot(StandIn, ABC):
         self._force_noise_n = 0.0 if noise is None else force_noise_n
         self._noise = np.random.default_rng(0) if noise is None else noise
 
-    def reset_to(self, q: Array, hand_width_m: float) -> None:
+    def reset_to(self, q: Array, gripper_width_m: float) -> None:
         """Begin anew under the last draw, the arm at rest at ``q``.
 
         Every part is closed but the task's, which is where it was drawn.
@@ -165,11 +171,11 @@ class SimulatedRobot(StandIn, ABC):
         self._T_wo = self._object_pose()
         joint = manifest.object.joint(manifest.task.joint)
         part = joint.closed + float(self._drawn["part_open"][0]) * joint.span
-        self._begin(np.asarray(q, dtype=np.float64), hand_width_m, part)
-        self._A, self._B = discrete(manifest.control.follow.omega_rad_s, self.step_s)
-        self._follower = follow_start(np.asarray(q)[None])
+        self._begin(np.asarray(q, dtype=np.float64), gripper_width_m, part)
+        self._A, self._B = discretize_filter(manifest.control.omega_rad_s, self.step_s)
+        self._follower = filter_start(np.asarray(q)[None])
         self._target = np.asarray(q, dtype=np.float64).copy()
-        self._finger = hand_width_m / 2.0
+        self._finger = gripper_width_m / 2.0
         self._wish = self._closing = -1.0
         self._wait_s = 0.0
         self._tick = 0
@@ -189,7 +195,7 @@ class SimulatedRobot(StandIn, ABC):
         return {
             **dict(zip(JOINT_KEYS, q.tolist(), strict=True)),
             **dict(zip(SPEED_KEYS, dq.tolist(), strict=True)),
-            HAND_KEY: width,
+            GRIPPER_KEY: width,
             **dict(zip(FORCE_KEYS, force.tolist(), strict=True)),
         }
 
@@ -207,21 +213,21 @@ class SimulatedRobot(StandIn, ABC):
             raise ConfigError(
                 f"action: {key} is missing or not known{nearest(key, ACTION_FEATURES)}"
             )
-        config, robot = self._manifest.control.follow, self._manifest.robot
+        config, robot = self._manifest.control, self._manifest.robot
         self._target = safe_target(joints_of(action), self._target, config, robot)
-        wide = robot.hand.max_width_m
-        width = wide if not action[HAND_KEY] < wide / 2.0 else 0.0
+        wide = robot.gripper.max_width_m
+        width = wide if not action[GRIPPER_KEY] < wide / 2.0 else 0.0
         self._tell_hand(1.0 if width == 0.0 else -1.0)
         held = np.array([self._read()[2]])
         self._finger = float(finger_command(np.array([self._finger]), held, self._closing)[0])
         self._push(self._push_now())
-        finger_step = robot.hand.finger_speed_m_s * self.step_s
+        finger_step = robot.gripper.finger_speed_m_s * self.step_s
         together = round(self._manifest.scene.timestep_s / self.step_s)
         steps: list[Sample] = []
-        for _ in range(round(config.tick_s / self.step_s)):
-            self._follower = follow(self._follower, self._target[None], self._A, self._B)
+        for _ in range(round(config.step_s / self.step_s)):
+            self._follower = filter_step(self._follower, self._target[None], self._A, self._B)
             move = -self._closing * finger_step
-            self._finger = float(np.clip(self._finger + move, *robot.hand.finger_m))
+            self._finger = float(np.clip(self._finger + move, *robot.gripper.finger_m))
             steps.append(self._step(self._follower[0, :, 0], self._finger))
             if len(steps) == together:
                 self._feel(joined(steps))
@@ -247,7 +253,7 @@ class SimulatedRobot(StandIn, ABC):
             T_wo=self._T_wo,
             scale=np.ones(1),
             opened=opened,
-            flip=manifest.place.flip,
+            flip=manifest.placement.flip,
         )
         return Estimate(T_wh=T_wh, opened=opened, speed=np.array([speed * np.sign(joint.span)]))
 
@@ -260,7 +266,7 @@ class SimulatedRobot(StandIn, ABC):
         return object_pose(
             manifest.object,
             manifest.task.joint,
-            manifest.place,
+            manifest.placement,
             scale=np.ones(1),
             shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
             yaw=drawn["yaw_rad"],
@@ -275,16 +281,16 @@ class SimulatedRobot(StandIn, ABC):
     def _tell_hand(self, wish: float) -> None:
         """A new command acts after the drawn latency."""
         if wish != self._wish:
-            self._wait_s = float(self._drawn["hand_latency_s"][0])
+            self._wait_s = float(self._drawn["gripper_latency_s"][0])
         else:
-            self._wait_s = max(self._wait_s - self._manifest.control.follow.tick_s, 0.0)
+            self._wait_s = max(self._wait_s - self._manifest.control.step_s, 0.0)
         self._wish = wish
         if self._wait_s <= ROUNDING_S:
             self._closing = wish
 
     def _push_now(self) -> Array:
         """The drawn push (3,) [N] if this is its time."""
-        t = self._tick * self._manifest.control.follow.tick_s
+        t = self._tick * self._manifest.control.step_s
         begin = float(self._drawn["push_time"][0]) * self._manifest.task.episode_s
         on = begin <= t < begin + PUSH_S
         return np.asarray(self._drawn["push"][0] if on else np.zeros(3))

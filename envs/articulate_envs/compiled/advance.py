@@ -2,7 +2,7 @@
 
 ``advance`` steps a slice of environments through one tick. It calls ``mj_step`` of MuJoCo's own
 library through its address and reads MuJoCo's arrays in place, so that several Python threads
-run it side by side. It repeats :func:`articulate.robot.control.follow` and
+run it side by side. It repeats :func:`articulate.robot.control` and
 :func:`articulate.task.episode_monitor.judge_sample` number by number; tests hold them together.
 """
 
@@ -266,11 +266,11 @@ def _step(i, desk, model, mj_step, desks, where, constants, buffers):  # type: i
 def _follow(i, ctrl, where, constants, buffers):  # type: ignore[no-untyped-def]
     A, B = constants.A, constants.B
     for k in range(7):
-        x, v, a = buffers.follow[i, k, 0], buffers.follow[i, k, 1], buffers.follow[i, k, 2]
+        x, v, a = buffers.filter[i, k, 0], buffers.filter[i, k, 1], buffers.filter[i, k, 2]
         u = buffers.target[i, k]
         for r in range(3):
-            buffers.follow[i, k, r] = A[r, 0] * x + A[r, 1] * v + A[r, 2] * a + B[r] * u
-        ctrl[where.arm_ctrl + k] = buffers.follow[i, k, 0]
+            buffers.filter[i, k, r] = A[r, 0] * x + A[r, 1] * v + A[r, 2] * a + B[r] * u
+        ctrl[where.arm_ctrl + k] = buffers.filter[i, k, 0]
     step = -constants.finger_step if buffers.closing[i] > 0.0 else constants.finger_step
     wide = min(max(buffers.finger[i] + step, constants.finger_closed), constants.finger_open)
     buffers.finger[i] = wide

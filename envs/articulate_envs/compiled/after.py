@@ -44,7 +44,7 @@ def after(  # type: ignore[no-untyped-def]
     """
     w, way = rules.weights, rules.way
     write_terms(w, way, rules.along_m, rules.thick_m, progress, before, now, action, terms)
-    write_judgement(now.samples, rules.asked, now.opened, now.speed, rules.scales.tick_s,
+    write_judgement(now.samples, rules.asked, now.opened, now.speed, rules.scales.step_s,
                     judged_before, judged)  # fmt: skip
     for i in range(len(terms)):
         if judged.diverged[i]:

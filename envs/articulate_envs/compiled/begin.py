@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from numba import njit
 
-from articulate.robot.arm import Hand
+from articulate.robot.arm import Gripper
 from articulate.robot.config import ControlConfig
 from articulate.robot.control import OPEN_M, ROUNDING_S
 from articulate.task.randomization import COLUMNS, PUSH_S
 from articulate.transforms import Array
 
-_LATENCY = COLUMNS.index("hand_latency_s")
+_LATENCY = COLUMNS.index("gripper_latency_s")
 _FORCE = COLUMNS.index("force_bias_x_n")
 _PUSH, _WHEN = COLUMNS.index("push_x_n"), COLUMNS.index("push_time")
 
@@ -26,14 +26,14 @@ _PUSH, _WHEN = COLUMNS.index("push_x_n"), COLUMNS.index("push_time")
 class Times(NamedTuple):
     """Numbers that do not change within a run."""
 
-    tick_s: float
+    step_s: float
     episode_s: float
     keep: float
     """Share of the hand's smoothed command that a tick leaves."""
     on_threshold: float
     dwell_s: float
-    guard_n: float
-    guard_held_n: float
+    force_limit_n: float
+    force_limit_holding_n: float
 
 
 class Hands(NamedTuple):
@@ -46,16 +46,16 @@ class Hands(NamedTuple):
     closing: Array
 
 
-def times_of(hand: Hand, follow: ControlConfig, episode_s: float) -> Times:
+def times_of(gripper: Gripper, control: ControlConfig, episode_s: float) -> Times:
     """The hand's, the plant's and the episode's numbers."""
     return Times(
-        tick_s=follow.tick_s,
+        step_s=control.step_s,
         episode_s=episode_s,
-        keep=hand.smoothing ** (follow.tick_s / 0.05),
-        on_threshold=hand.on_threshold,
-        dwell_s=hand.dwell_s,
-        guard_n=follow.guard_n,
-        guard_held_n=follow.guard_held_n,
+        keep=gripper.smoothing ** (control.step_s / 0.05),
+        on_threshold=gripper.on_threshold,
+        dwell_s=gripper.dwell_s,
+        force_limit_n=control.force_limit_n,
+        force_limit_holding_n=control.force_limit_holding_n,
     )
 
 
@@ -84,7 +84,7 @@ def begin(  # type: ignore[no-untyped-def]
         buffers.closing[i] = hands.closing[i]
         if not hands.closing[i] > 0.0:
             buffers.finger[i] = max(buffers.finger[i], buffers.rest[i, 0] / 2.0)
-        now, push_s = tick[i] * times.tick_s, drawn[i, _WHEN] * times.episode_s
+        now, push_s = tick[i] * times.step_s, drawn[i, _WHEN] * times.episode_s
         on = push_s <= now < push_s + PUSH_S
         for k in range(3):
             buffers.push[i, k] = drawn[i, _PUSH + k] if on else 0.0
@@ -95,7 +95,7 @@ def _presses(samples, drawn, wish, width, times):  # type: ignore[no-untyped-def
     force = 0.0
     for k in range(3):
         force += (samples[k] + drawn[_FORCE + k]) ** 2
-    most = times.guard_held_n if wish > 0.0 and width < OPEN_M else times.guard_n
+    most = times.force_limit_holding_n if wish > 0.0 and width < OPEN_M else times.force_limit_n
     return not force <= most * most
 
 
@@ -108,8 +108,8 @@ def _hand(i, command, latency_s, hands, times):  # type: ignore[no-untyped-def]
         asked = 1.0
     elif smooth < -times.on_threshold:
         asked = -1.0
-    wait = max(hands.wait_s[i] - times.tick_s, 0.0)
-    since = hands.since_s[i] + times.tick_s
+    wait = max(hands.wait_s[i] - times.step_s, 0.0)
+    since = hands.since_s[i] + times.step_s
     if asked != hands.wish[i] and hands.since_s[i] >= times.dwell_s - ROUNDING_S:
         wait, since = latency_s, 0.0
         hands.wish[i] = asked

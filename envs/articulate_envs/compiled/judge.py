@@ -25,7 +25,7 @@ def asked_of(task: Task) -> Asked:
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
 def write_judgement(  # type: ignore[no-untyped-def]
-    samples, asked, opened, speed, tick_s, before, judged
+    samples, asked, opened, speed, step_s, before, judged
 ):
     """Write what N episodes have shown after a tick, from what they had shown ``before`` it.
 
@@ -34,7 +34,7 @@ def write_judgement(  # type: ignore[no-untyped-def]
     for i in range(len(samples)):
         judged.opened[i] = is_there(asked, opened[i])
         rested = rests(asked, opened[i], speed[i])
-        judged.rest_s[i] = before.rest_s[i] + tick_s if rested else 0.0
+        judged.rest_s[i] = before.rest_s[i] + step_s if rested else 0.0
         finite = np.isfinite(opened[i]) and np.isfinite(speed[i])
         for k in range(samples.shape[1]):
             finite = finite and np.isfinite(samples[i, k])

@@ -57,7 +57,7 @@ def chain_of(arm: Arm, config: ControlConfig) -> Chain:
         d=np.array([d for _, d, _ in DH]),
         quarters=np.array(QUARTERS, dtype=np.int64),
         turn=np.array([np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)]),
-        tool_m=FLANGE_Z_M + arm.hand.tcp_z_m,
+        tool_m=FLANGE_Z_M + arm.gripper.tcp_z_m,
         unit=np.repeat([config.move_m, config.turn_rad], 3),
         elbow_rad=config.step_rad,
         steps=joint_steps(config, arm),

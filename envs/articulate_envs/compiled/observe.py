@@ -30,7 +30,7 @@ from articulate.task.randomization import COLUMNS
 from articulate.transforms import Array, Ints
 
 _BIAS, _YAW = COLUMNS.index("bias_x_m"), COLUMNS.index("bias_yaw_rad")
-_AGE = COLUMNS.index("estimate_delay_ticks")
+_AGE = COLUMNS.index("estimate_delay_steps")
 _FORCE = COLUMNS.index("force_bias_x_n")
 NOISES = 7
 """Random numbers of a tick: for the handle's place, the opening, the force."""
@@ -85,7 +85,7 @@ class Seen(NamedTuple):
     """The judgement's (N, WIDTH), which begin with the filtered force in world axes."""
     T_wt: Array
     T_wt_target: Array
-    motions_due: Array
+    pending_actions: Array
     last_action: Array
     """What the policy said last (N, 8)."""
     tick: Ints
@@ -103,7 +103,7 @@ class Past(NamedTuple):
 class Scales(NamedTuple):
     """Numbers that do not change within a run."""
 
-    tick_s: float
+    step_s: float
     ticks: int
     """Length of an episode."""
     move_m: float
@@ -220,7 +220,7 @@ def observations(seen, past, drawn, noise, scales):  # type: ignore[no-untyped-d
         rest[1] = -short / BEYOND_UNIT
         rest[2] = 10.0 * past.speed[age, i]
         rest[3] = seen.width[i] / WIDTH_UNIT_M
-        rest[4] = (seen.width[i] - seen.width_before[i]) / scales.tick_s / SPEED_UNIT_M_S
+        rest[4] = (seen.width[i] - seen.width_before[i]) / scales.step_s / SPEED_UNIT_M_S
         for j in range(5):
             out[i, k + j] = rest[j]
         _write_force(seen, i, drawn[i], noise[i], scales.noise_n, out[i], k + 5)
@@ -233,7 +233,7 @@ def observations(seen, past, drawn, noise, scales):  # type: ignore[no-untyped-d
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _write_arm(seen, i, out):  # type: ignore[no-untyped-def]
-    """``joint_pos`` to ``tool_lead``; where to go on."""
+    """``joint_pos`` to ``tracking_error``; where to go on."""
     for j in range(7):
         out[j] = seen.q[i, j]
         out[7 + j] = seen.dq[i, j]
@@ -262,7 +262,7 @@ def _write_handle_seen(seen, i, T_wh, move_m, out, k):  # type: ignore[no-untype
             aimed += led[j, r] * (T_wh[j, 3] - led[j, 3])
             z += T[j, r] * T_wh[j, 2]
             x += T[j, r] * T_wh[j, 0]
-        aimed -= move_m * seen.motions_due[i, r]
+        aimed -= move_m * seen.pending_actions[i, r]
         out[k + r] = place / HANDLE_UNIT_M
         out[k + 3 + r] = place / NEAR_UNIT_M
         out[k + 6 + r] = aimed / HANDLE_UNIT_M
@@ -274,7 +274,7 @@ def _write_handle_seen(seen, i, T_wh, move_m, out, k):  # type: ignore[no-untype
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _write_force(seen, i, drawn, noise, noise_n, out, k):  # type: ignore[no-untyped-def]
-    """``hand_force``."""
+    """``measured_force``."""
     T = seen.T_wt[i]
     for r in range(3):
         out[k + r] = 0.0
@@ -285,12 +285,12 @@ def _write_force(seen, i, drawn, noise, noise_n, out, k):  # type: ignore[no-unt
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _write_told(seen, i, time_left, out, k):  # type: ignore[no-untyped-def]
-    """``hand_command`` to ``time_left``."""
+    """``gripper_command`` to ``time_left``."""
     out[k] = seen.smooth[i]
     out[k + 1] = seen.wish[i]
     out[k + 2] = min(seen.since_s[i], SINCE_S) / SINCE_S
     for j in range(7):
-        out[k + 3 + j] = seen.motions_due[i, j]
+        out[k + 3 + j] = seen.pending_actions[i, j]
     for j in range(8):
         out[k + 10 + j] = seen.last_action[i, j]
     out[k + 18] = time_left

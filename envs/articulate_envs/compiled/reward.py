@@ -49,7 +49,7 @@ class Way(NamedTuple):
     goal: float
     """Fraction up to which the way is paid for: the target, and a margin beyond it."""
     room: float
-    """Fractions beyond the goal on which ``over`` is lost; 0 where there is no stop."""
+    """Fractions beyond the goal on which ``overshoot`` is lost; 0 where there is no stop."""
     slow: float
     """Speed below which the part counts as resting [m/s or rad/s]."""
     length_m: float
@@ -76,9 +76,9 @@ def view_of(state: State) -> View:
         state.T_wh,
         state.opened,
         state.speed,
-        state.hand_width,
-        state.hand.smooth,
-        state.hand.closing,
+        state.gripper_width,
+        state.gripper.smooth,
+        state.gripper.closing,
         state.samples,
     )
 
@@ -101,7 +101,7 @@ def way_of(config: RewardConfig, task: Task) -> Way:
         goal = min(goal, (task.target + task.stop) / 2.0)
     sign, room = (-1.0 if task.closes else 1.0), 0.0
     if task.stop is not None:
-        room = max(sign * (task.stop - goal), config.over_room)
+        room = max(sign * (task.stop - goal), config.overshoot_room)
     length_m = 1.0 if task.kind == "slide" else 0.2
     return Way(task.closes, first, task.target, goal, room, task.slow, length_m)
 
@@ -150,7 +150,7 @@ def _paid(w, way, opened):  # type: ignore[no-untyped-def]
     share = min(max((opened - way.first) / (way.goal - way.first), 0.0), 1.0)
     if way.room == 0.0:
         return share
-    return share - w.over * min(max(sign * (opened - way.goal) / way.room, 0.0), 1.0)
+    return share - w.overshoot * min(max(sign * (opened - way.goal) / way.room, 0.0), 1.0)
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
@@ -171,21 +171,21 @@ def _not_empty(width, thick_m):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", boundscheck=False, forceinline=True)
 def _aside(w, offset, T_wt, T_wh, width, thick_m, progress):  # type: ignore[no-untyped-def]
-    """By how much a tool has left the way that leads to a handle [m]; see ``aside``."""
+    """By how much a tool has left the way that leads to a handle [m]; see ``lateral_offset``."""
     across = ahead = 0.0
     for r in range(3):
         along_r = T_wh[r, 0] * offset[0] + T_wh[r, 1] * offset[1] + T_wh[r, 2] * offset[2]
         across -= T_wt[r, 1] * along_r
         ahead -= T_wt[r, 2] * along_r
     room = max(width - thick_m, 0.0) / 2.0
-    allowed = w.aside_share * room + max(ahead - w.aside_from_m, 0.0)
-    beside = min(max(abs(across) - allowed, 0.0), w.aside_most_m)
+    allowed = w.lateral_free_share * room + max(ahead - w.lateral_free_from_m, 0.0)
+    beside = min(max(abs(across) - allowed, 0.0), w.lateral_offset_max_m)
     not_empty, touched = _not_empty(width, thick_m), width <= thick_m + TOUCH_M
     if not_empty and ahead <= PAD_M and abs(across) <= thick_m / 2.0:
         beside *= 0.0 if touched else max(2.0 * progress - 1.0, 0.0)
     if not_empty and touched and thick_m > 0.0:  # held
         return beside
-    return beside + max(-ahead - w.beyond_m, 0.0)
+    return beside + max(-ahead - w.overreach_m, 0.0)
 
 
 @njit(cache=True, error_model="numpy", boundscheck=False)
@@ -223,7 +223,7 @@ def _write_row(  # type: ignore[no-untyped-def]
         away = 1.0 - np.exp(-((distance / (AWAY * grip_m)) ** 2))
     row = after.samples[i]
     spoiled = row[_CODE] > 0.0
-    left = 1.0 + progress * (w.spoiled - 1.0) if spoiled else 1.0
+    left = 1.0 + progress * (w.violated_share - 1.0) if spoiled else 1.0
     force = np.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
     motion = 0.0
     for k in range(7):
@@ -233,8 +233,10 @@ def _write_row(  # type: ignore[no-untyped-def]
     to[1] = w.reach * 0.5 * (near + at)
     to[2] = w.align * near * np.exp(-((turned / w.align_rad) ** 2))
     to[3] = 0.0 if empty else w.grip * np.exp(-((distance / grip_m) ** 2)) * told
-    to[4] = (w.early + progress * (w.early_last - w.early)) * away * told
-    to[5] = w.aside * progress * _aside(w, offset, T_wt, T_wh, width, thick_m, progress)
+    to[4] = (
+        (w.premature_close + progress * (w.premature_close_last - w.premature_close)) * away * told
+    )
+    to[5] = w.lateral_offset * progress * _aside(w, offset, T_wt, T_wh, width, thick_m, progress)
     to[6] = w.open * left * paid
     to[7] = w.progress * left * change
     to[8] = 0.0

@@ -6,11 +6,11 @@ from articulate.robot.contact import contact_wrench
 STARTS = (0, 10, 20)
 
 
-def row(*, force=(0, 0, 0), torque=(0, 0, 0), pos=(0, 0, 0), at=0, hand=0, robot=0):
+def row(*, force=(0, 0, 0), torque=(0, 0, 0), pos=(0, 0, 0), at=0, gripper=0, robot=0):
     """One row of sensor data with one contact in the block that begins at ``at``."""
     out = np.zeros(21)
     out[at + 1 : at + 10] = [*force, *torque, *pos]
-    out[0] += hand
+    out[0] += gripper
     out[20] = robot
     return out
 
@@ -37,6 +37,6 @@ def test_object_and_floor_add_up():
 
 
 def test_the_arm_touches_where_it_has_more_contacts_than_the_hand():
-    sensors = np.stack([row(), row(hand=2, robot=2), row(hand=2, robot=3), row(robot=1)])
+    sensors = np.stack([row(), row(gripper=2, robot=2), row(gripper=2, robot=3), row(robot=1)])
     _, touch = contact_wrench(sensors, STARTS, np.zeros((4, 3)))
     assert_array_equal(touch, [False, False, True, True])

@@ -8,15 +8,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from articulate.robot.arm import PANDA, Hand
+from articulate.robot.arm import PANDA, Gripper
 from articulate.robot.config import ControlConfig
 from articulate.robot.control import (
     OPEN_M,
-    check_follow,
-    discrete,
+    check_control,
+    discretize_filter,
+    filter_start,
+    filter_step,
     finger_command,
-    follow,
-    follow_start,
     hand_start,
     hand_tick,
     joint_step,
@@ -31,8 +31,8 @@ from articulate.task.observation import ACTION
 from articulate.task.task import Limits
 
 CONFIG = ControlConfig()
-HAND = Hand()
-TICK_S = CONFIG.tick_s
+HAND = Gripper()
+TICK_S = CONFIG.step_s
 FINE_S = 1e-4
 
 
@@ -44,17 +44,17 @@ def test_discrete_step_is_the_matrix_exponential(omega, dt):
     augmented[:3, :3] = companion
     augmented[2, 3] = omega**3
     exact = scipy.linalg.expm(augmented * dt)
-    A, B = discrete(omega, dt)
+    A, B = discretize_filter(omega, dt)
     scale = np.array([1.0, omega, omega**2])
     assert_allclose(A * scale / scale[:, None], exact[:3, :3] * scale / scale[:, None], atol=1e-12)
     assert_allclose(B / scale, exact[:3, 3] / scale, atol=1e-12)
 
 
 def test_step_response_is_what_the_discrete_follower_does():
-    A, B = discrete(CONFIG.omega_rad_s, 0.01)
-    state = follow_start(np.zeros((1, 7)))
+    A, B = discretize_filter(CONFIG.omega_rad_s, 0.01)
+    state = filter_start(np.zeros((1, 7)))
     for k in range(1, 50):
-        state = follow(state, np.ones((1, 7)), A, B)
+        state = filter_step(state, np.ones((1, 7)), A, B)
         expected = response(CONFIG.omega_rad_s, np.array(0.01 * k))[:3]
         assert_allclose(state[0, 3], expected, atol=1e-11 * CONFIG.omega_rad_s**2)
 
@@ -69,27 +69,30 @@ def test_response_is_the_derivative_chain_of_itself():
 def test_five_steps_of_1_ms_are_one_of_5_ms_for_any_targets(seed):
     """The robot's controller and the simulator see the same set points."""
     rng = np.random.default_rng(seed)
-    fine, coarse = discrete(CONFIG.omega_rad_s, 1e-3), discrete(CONFIG.omega_rad_s, 5e-3)
-    a = b = follow_start(rng.uniform(-2, 2, (2, 7)))
+    fine, coarse = (
+        discretize_filter(CONFIG.omega_rad_s, 1e-3),
+        discretize_filter(CONFIG.omega_rad_s, 5e-3),
+    )
+    a = b = filter_start(rng.uniform(-2, 2, (2, 7)))
     for _ in range(10):
         target = rng.uniform(-2, 2, (2, 7))
         for _ in range(5):
-            a = follow(a, target, *fine)
-        b = follow(b, target, *coarse)
+            a = filter_step(a, target, *fine)
+        b = filter_step(b, target, *coarse)
         scale = np.array([1.0, CONFIG.omega_rad_s, CONFIG.omega_rad_s**2])
         assert_allclose(a / scale, b / scale, rtol=0, atol=1e-12)
 
 
 def test_follower_at_rest_on_its_target_stays_there():
     q = np.linspace(-1, 1, 7)[None]
-    state = follow(follow_start(q), q, *discrete(CONFIG.omega_rad_s, 5e-3))
-    assert_allclose(state, follow_start(q), atol=1e-14 * CONFIG.omega_rad_s**2)
+    state = filter_step(filter_start(q), q, *discretize_filter(CONFIG.omega_rad_s, 5e-3))
+    assert_allclose(state, filter_start(q), atol=1e-14 * CONFIG.omega_rad_s**2)
 
 
 def peaks(config, deltas):
     """Largest speed, acceleration, jerk (3,) at every 0.1 ms under ``deltas`` (ticks, M)."""
-    w, count = config.omega_rad_s, round(config.tick_s / FINE_S)
-    A, B = discrete(w, FINE_S)
+    w, count = config.omega_rad_s, round(config.step_s / FINE_S)
+    A, B = discretize_filter(w, FINE_S)
     powers, inputs = [np.eye(3)], [np.zeros(3)]
     for _ in range(count):
         powers.append(A @ powers[-1])
@@ -112,8 +115,8 @@ def test_no_sequence_of_targets_exceeds_the_worst_case_and_one_comes_near(config
     bang = np.sign(rng.normal(size=(ticks, 50)))
     held = np.sign(rng.normal(size=(ticks // 5, 50))).repeat(5, axis=0)
     # The worst sequence for a phase gives every past change the sign of its response there.
-    phase = np.linspace(0, config.tick_s, 26)
-    t = config.tick_s * np.arange(ticks)[::-1, None, None] + phase[:, None]
+    phase = np.linspace(0, config.step_s, 26)
+    t = config.step_s * np.arange(ticks)[::-1, None, None] + phase[:, None]
     worst = np.sign(response(config.omega_rad_s, t[..., 0])[..., 1:]).reshape(ticks, -1)
     seen = [peaks(config, deltas) for deltas in (noise, bang, held, worst)]
     assert np.all(np.max(seen, axis=0) <= bound * (1 + 1e-4))
@@ -171,13 +174,13 @@ def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead
 @pytest.mark.parametrize(
     ("force_n", "wish", "width_m", "much"),
     [
-        (CONFIG.guard_n - 0.1, -1.0, 0.08, False),
-        (CONFIG.guard_n + 0.1, -1.0, 0.08, True),
-        (CONFIG.guard_n + 0.1, 1.0, OPEN_M + 1e-3, True),  # told to close, and has not begun
-        (CONFIG.guard_n + 0.1, -1.0, 0.02, True),  # told to let go
-        (CONFIG.guard_n + 0.1, 1.0, 0.02, False),
-        (CONFIG.guard_held_n - 0.1, 1.0, 0.02, False),
-        (CONFIG.guard_held_n + 0.1, 1.0, 0.02, True),
+        (CONFIG.force_limit_n - 0.1, -1.0, 0.08, False),
+        (CONFIG.force_limit_n + 0.1, -1.0, 0.08, True),
+        (CONFIG.force_limit_n + 0.1, 1.0, OPEN_M + 1e-3, True),  # told to close, and has not begun
+        (CONFIG.force_limit_n + 0.1, -1.0, 0.02, True),  # told to let go
+        (CONFIG.force_limit_n + 0.1, 1.0, 0.02, False),
+        (CONFIG.force_limit_holding_n - 0.1, 1.0, 0.02, False),
+        (CONFIG.force_limit_holding_n + 0.1, 1.0, 0.02, True),
         (np.nan, 1.0, 0.02, True),  # an arm that cannot tell
     ],
 )
@@ -232,11 +235,11 @@ def test_same_motion_asked_near_a_singular_pose_stays_small(motion, seed):
     assert np.all(np.abs(step) <= joint_steps(CONFIG, PANDA) + 1e-12)
 
 
-def run_hand(commands, *, latency_s=0.0, hand=HAND, tick_s=TICK_S):
+def run_hand(commands, *, latency_s=0.0, gripper=HAND, step_s=TICK_S):
     """States of one hand after each of ``commands``."""
     state, out = hand_start(1), []
     for command in commands:
-        state = hand_tick(state, np.array([command]), np.array([latency_s]), hand, tick_s)
+        state = hand_tick(state, np.array([command]), np.array([latency_s]), gripper, step_s)
         out.append(state)
     return out
 
@@ -267,7 +270,7 @@ def column(states, name):
 
 def test_hand_is_told_to_close_when_the_smoothed_command_passes_the_threshold():
     """Under a constant 1 the smoothed command is 1 - s^k after k ticks of 50 ms."""
-    states = run_hand(np.ones(60), tick_s=0.05)
+    states = run_hand(np.ones(60), step_s=0.05)
     smooth = column(states, "smooth")
     assert_allclose(smooth, 1 - HAND.smoothing ** np.arange(1, 61))
     assert_allclose(column(states, "wish"), np.where(smooth > HAND.on_threshold, 1.0, -1.0))
@@ -275,8 +278,8 @@ def test_hand_is_told_to_close_when_the_smoothed_command_passes_the_threshold():
 
 @given(ratio=st.sampled_from([2, 5, 10]))
 def test_smoothing_depends_on_time_not_on_ticks(ratio):
-    coarse = run_hand(np.ones(10), tick_s=0.05)
-    fine = run_hand(np.ones(10 * ratio), tick_s=0.05 / ratio)
+    coarse = run_hand(np.ones(10), step_s=0.05)
+    fine = run_hand(np.ones(10 * ratio), step_s=0.05 / ratio)
     assert_allclose(fine[-1].smooth, coarse[-1].smooth, rtol=1e-12)
 
 
@@ -320,24 +323,24 @@ def test_noise_of_exploration_does_not_toggle_a_hand_that_is_meant(sign):
 
 def test_rates_and_steps_must_be_above_zero(error_line):
     for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad"):
-        error_line(f"FollowConfig({name}=0)", lambda name=name: ControlConfig(**{name: 0}))
+        error_line(f"ControlConfig({name}=0)", lambda name=name: ControlConfig(**{name: 0}))
 
 
 @pytest.mark.parametrize(
     "asked", [{"margin_rad": -0.1}, {"margin_rad": np.inf}, {"step_rad": np.inf}], ids=repr
 )
 def test_margins_are_not_negative_and_nothing_is_endless(asked, error_line):
-    error_line(f"FollowConfig(**{asked})", lambda: ControlConfig(**asked))
+    error_line(f"ControlConfig(**{asked})", lambda: ControlConfig(**asked))
 
 
 def test_a_follower_that_could_break_a_limit_of_the_arm_is_refused(error_line):
     """The default is within all of them; a step or a bandwidth half as large again is not."""
-    check_follow(CONFIG, PANDA)
+    check_control(CONFIG, PANDA)
     error_line(
-        "check_follow(FollowConfig(step_rad=0.1), PANDA)",
-        lambda: check_follow(ControlConfig(step_rad=0.1), PANDA),
+        "check_control(ControlConfig(step_rad=0.1), PANDA)",
+        lambda: check_control(ControlConfig(step_rad=0.1), PANDA),
     )
     error_line(
-        "check_follow(FollowConfig(omega_rad_s=60.0), PANDA)",
-        lambda: check_follow(ControlConfig(omega_rad_s=60.0), PANDA),
+        "check_control(ControlConfig(omega_rad_s=60.0), PANDA)",
+        lambda: check_control(ControlConfig(omega_rad_s=60.0), PANDA),
     )

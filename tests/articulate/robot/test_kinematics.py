@@ -29,7 +29,7 @@ def angles(seed, n=1):
 def test_tool_of_the_stretched_arm_stands_where_the_lengths_say():
     """All joints at 0: links stand upright, the hand points down from joint 7 beside the column."""
     T = tool_pose(PANDA, np.zeros(7))
-    down = 0.107 + PANDA.hand.tcp_z_m
+    down = 0.107 + PANDA.gripper.tcp_z_m
     assert_allclose(T[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - down], atol=1e-12)
     assert_allclose(T[:3, 2], [0.0, 0.0, -1.0], atol=1e-12)
 

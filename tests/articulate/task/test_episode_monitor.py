@@ -8,17 +8,17 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.robot.arm import PANDA
 from articulate.task.episode_monitor import (
-    CODE,
     COLUMN,
     FIELDS,
     REASONS,
     WIDTH,
     EpisodeMonitor,
+    FailureReason,
+    failure_reason,
+    goal_held,
     judge_sample,
     judge_tick,
-    judgement_start,
-    opened_at_end,
-    verdict,
+    new_monitor,
 )
 from articulate.task.task import Limits, Task
 
@@ -35,7 +35,7 @@ def sample(samples, *, n=1, limits=LIMITS, dt=DT, **values):
         "torque": np.zeros((n, 7)),
         "torque_before": np.zeros((n, 7)),
         "wrench": np.zeros((n, 6)),
-        "touch": np.zeros(n, dtype=bool),
+        "forbidden_contact": np.zeros(n, dtype=bool),
     }
     return judge_sample(samples, **{**zero, **values}, dt=dt, arm=PANDA, limits=limits)
 
@@ -79,7 +79,7 @@ def test_peaks_stay_when_the_force_has_gone():
 
 TAU, DQ = np.asarray(PANDA.tau_max), np.asarray(PANDA.dq_max)
 VIOLATIONS = {
-    "touch": {"touch": np.array([True])},
+    "forbidden_contact": {"forbidden_contact": np.array([True])},
     "speed": {"dq": joint(4, LIMITS.speed_share * DQ[4] * 1.001)},
     "torque": {"torque": joint(5, -1.001 * TAU[5]), "torque_before": joint(5, -1.001 * TAU[5])},
     "torque_rate": {"torque": joint(0, 1.001 * PANDA.dtau_max * DT)},
@@ -95,7 +95,7 @@ def test_each_limit_alone_is_broken_with_its_own_reason(reason):
     assert rows[0, COLUMN["violation_time"]] == pytest.approx(2 * DT)
 
 
-@pytest.mark.parametrize("reason", [r for r in VIOLATIONS if r != "touch"])
+@pytest.mark.parametrize("reason", [r for r in VIOLATIONS if r != "forbidden_contact"])
 def test_just_within_each_limit_nothing_is_broken(reason):
     within = {k: v * 0.998 for k, v in VIOLATIONS[reason].items()}
     rows = sample(started(), **within)
@@ -130,7 +130,7 @@ def test_first_violation_is_the_reason_that_stays(order):
 
 def test_of_limits_broken_in_one_sample_the_first_of_the_list_counts():
     both = {**VIOLATIONS["speed"], **VIOLATIONS["force"]}
-    assert sample(started(), **both)[0, COLUMN["code"]] == CODE["speed"]
+    assert sample(started(), **both)[0, COLUMN["code"]] == FailureReason.SPEED
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -146,7 +146,7 @@ def test_episodes_of_a_batch_are_judged_as_if_alone(seed):
             "torque": torque,
             "torque_before": before,
             "wrench": rng.normal(0, 100, (n, 6)),
-            "touch": rng.random(n) < 0.1,
+            "forbidden_contact": rng.random(n) < 0.1,
         }
         batch = sample(batch, n=n, **values)
         for i in range(n):
@@ -165,13 +165,13 @@ def test_rows_given_are_left_as_they_were():
 def run(opened, speed=None, *, samples=None, task=TASK):
     """Verdict after ticks at which the part was ``opened`` and moved with ``speed``."""
     speed = np.zeros(len(opened)) if speed is None else speed
-    judgement = judgement_start(1)
+    judgement = new_monitor(1)
     rows = judgement.samples if samples is None else samples
     for o, v in zip(opened, speed, strict=True):
         judgement = judge_tick(
-            judgement, rows, task, opened=np.array([o]), speed=np.array([v]), tick_s=TICK_S
+            judgement, rows, task, opened=np.array([o]), speed=np.array([v]), step_s=TICK_S
         )
-    return judgement, REASONS[int(verdict(judgement, task)[0])]
+    return judgement, REASONS[int(failure_reason(judgement, task)[0])]
 
 
 HOLD = round(TASK.hold_s / TICK_S)
@@ -180,44 +180,44 @@ HOLD = round(TASK.hold_s / TICK_S)
 def test_part_that_rests_beyond_the_target_for_the_whole_hold_time_is_success():
     judgement, reason = run([0.0] * 20 + [TASK.target] * HOLD)
     assert reason == "success"
-    assert opened_at_end(judgement, TASK)[0]
+    assert goal_held(judgement, TASK)[0]
 
 
 def test_one_tick_less_is_not_yet_a_success():
-    assert run([0.0] * 20 + [1.0] * (HOLD - 1))[1] == "moving"
+    assert run([0.0] * 20 + [1.0] * (HOLD - 1))[1] == "not_at_rest"
 
 
 def test_a_break_in_the_hold_begins_it_anew():
-    assert run([1.0] * HOLD + [0.7] + [1.0] * (HOLD - 1))[1] == "moving"
+    assert run([1.0] * HOLD + [0.7] + [1.0] * (HOLD - 1))[1] == "not_at_rest"
     assert run([1.0] * HOLD + [0.7] + [1.0] * HOLD)[1] == "success"
 
 
 def test_part_that_stopped_short_is_not_open():
-    assert run([TASK.target - 1e-6] * 100)[1] == "not_open"
+    assert run([TASK.target - 1e-6] * 100)[1] == "goal_not_reached"
 
 
 def test_part_that_was_open_and_fell_back_is_not_open():
-    assert run([1.0] * 50 + [0.5])[1] == "not_open"
+    assert run([1.0] * 50 + [0.5])[1] == "goal_not_reached"
 
 
 def test_part_that_still_moves_at_the_end_is_moving():
     speed = [0.0] * 20 + [TASK.slow * 1.01]
-    assert run([1.0] * 21, speed)[1] == "moving"
-    assert run([1.0] * 21, -np.array(speed))[1] == "moving"
+    assert run([1.0] * 21, speed)[1] == "not_at_rest"
+    assert run([1.0] * 21, -np.array(speed))[1] == "not_at_rest"
 
 
 def test_violation_outweighs_success():
     rows = sample(started(), **VIOLATIONS["force"])
     judgement, reason = run([1.0] * 20, samples=rows)
     assert reason == "force"
-    assert opened_at_end(judgement, TASK)[0]
+    assert goal_held(judgement, TASK)[0]
 
 
 @pytest.mark.parametrize("where", ["samples", "opened", "speed"])
 def test_one_value_that_is_not_finite_is_diverged_for_ever(where):
-    bad = judgement_start(1).samples
+    bad = new_monitor(1).samples
     bad[0, 9] = np.nan
-    judgement = judgement_start(1)
+    judgement = new_monitor(1)
     for k in range(20):
         broken = k == 3
         judgement = judge_tick(
@@ -226,16 +226,16 @@ def test_one_value_that_is_not_finite_is_diverged_for_ever(where):
             TASK,
             opened=np.array([np.nan if broken and where == "opened" else 1.0]),
             speed=np.array([np.inf if broken and where == "speed" else 0.0]),
-            tick_s=TICK_S,
+            step_s=TICK_S,
         )
-    assert REASONS[int(verdict(judgement, TASK)[0])] == "diverged"
-    assert not opened_at_end(judgement, TASK)[0]
+    assert REASONS[int(failure_reason(judgement, TASK)[0])] == "diverged"
+    assert not goal_held(judgement, TASK)[0]
 
 
 def test_diverged_outweighs_a_violation():
     rows = sample(started(), **VIOLATIONS["force"])
     judgement = EpisodeMonitor(rows, np.ones(1), np.ones(1, dtype=bool), np.ones(1, dtype=bool))
-    assert verdict(judgement, TASK)[0] == CODE["diverged"]
+    assert failure_reason(judgement, TASK)[0] == FailureReason.DIVERGED
 
 
 def test_hold_time_of_the_task_counts():
@@ -246,5 +246,5 @@ def test_hold_time_of_the_task_counts():
 def test_every_field_has_its_column():
     assert [COLUMN[name] for name in FIELDS] == list(range(WIDTH))
     rows = np.arange(float(WIDTH))[None]
-    judgement = dataclasses.replace(judgement_start(1), samples=rows)
+    judgement = dataclasses.replace(new_monitor(1), samples=rows)
     assert judgement.peak("torque_rate")[0] == FIELDS.index("torque_rate")

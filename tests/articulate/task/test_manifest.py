@@ -10,13 +10,13 @@ from articulate.errors import BundleError
 from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
 from articulate.task.manifest import (
-    Control,
+    ControllerEntry,
+    EpisodesEntry,
     EstimatorEntry,
     FingersEntry,
     Golden,
     Manifest,
     PolicyEntry,
-    RandomizationEntry,
     SceneEntry,
     StartEntry,
     Training,
@@ -43,7 +43,7 @@ def manifest(tmp_path_factory):
         start_q=PANDA.home,
         joint_margin_rad=0.2,
         manipulability=0.1,
-        drawn_share=1.0,
+        reachable_share=1.0,
     )
     return Manifest(
         name="cabinet",
@@ -52,14 +52,15 @@ def manifest(tmp_path_factory):
         licences={"object": "MIT"},
         files={"policy.onnx": "00"},
         policy=PolicyEntry(opset=18),
-        control=Control(follow=ControlConfig(), trained_delay_ticks=(0, 2)),
+        control=ControlConfig(),
+        controller=ControllerEntry(trained_delay_steps=(0, 2)),
         observation=OBSERVATION,
         action=ACTION,
         robot=PANDA,
         limit_table_sha256=limit_table_sha256(PANDA),
-        start=StartEntry(q=PANDA.home, tolerance_rad=0.1, hand_width_m=0.08),
+        start=StartEntry(q=PANDA.home, tolerance_rad=0.1, gripper_width_m=0.08),
         task=make_task("open_drawer", asset, JOINT),
-        place=place,
+        placement=place,
         object=asset,
         object_sha256=asset.content_id(),
         scene=SceneEntry(
@@ -72,7 +73,7 @@ def manifest(tmp_path_factory):
             object_prefix="object/",
             object_root="object/carcass",
             sensors=("x", "y", "z"),
-            carried=(),
+            counterbalanced=(),
             fingers=FingersEntry(
                 stiffness_n_m=2000.0,
                 damping_n_s_m=40.0,
@@ -84,8 +85,8 @@ def manifest(tmp_path_factory):
             ),
         ),
         estimator=EstimatorEntry(needs=("T_wh",), rate_hz=20.0, max_age_s=0.1),
-        draw=RandomizationConfig(),
-        draws=RandomizationEntry(seed=1),
+        randomization=RandomizationConfig(),
+        episodes=EpisodesEntry(seed=1),
         training=Training(
             run="r", seed=0, seed_rule="given", steps=1, config_sha256="", success=None
         ),
@@ -146,10 +147,10 @@ def test_it_is_read_back_whatever_its_order_of_keys(manifest):
     ("what", "edit"),
     [
         ("unknown key", put("roboot", 1)),
-        ("unknown nested key", put("control.follow.omega", 9.0)),
-        ("missing nested key", take("robot.hand.dwell_s")),
+        ("unknown nested key", put("control.omega", 9.0)),
+        ("missing nested key", take("robot.gripper.dwell_s")),
         ("missing key of a field", take("observation.0.low")),
-        ("changed number", put("control.follow.step_rad", 0.5)),
+        ("changed number", put("control.step_rad", 0.5)),
         ("number of another kind", put("task.target", "far")),
         ("folder of the object", put("object.folder", "/etc")),
         ("other version", put("schema_version", 99)),

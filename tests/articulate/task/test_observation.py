@@ -18,13 +18,13 @@ def observe(*, T_wh=None, q=HOME, **values):
     given = {
         "dq": np.zeros((1, 7)),
         "target": q,
-        "hand_width": np.array([0.08]),
-        "hand_speed": np.zeros(1),
-        "hand_force": np.zeros((1, 3)),
+        "gripper_width": np.array([0.08]),
+        "gripper_speed": np.zeros(1),
+        "measured_force": np.zeros((1, 3)),
         "hand": hand_start(1),
         "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
         "last_action": np.zeros((1, 8)),
-        "motions_due": np.zeros((1, 7)),
+        "pending_actions": np.zeros((1, 7)),
         "move_m": 0.008,
         "time_left": np.ones(1),
         "goal": 0.8,
@@ -51,7 +51,7 @@ def test_handle_ten_centimetres_before_the_hand_is_half_a_unit_along_z():
 @pytest.mark.parametrize(("ahead_m", "seen"), [(0.01, 0.5), (-0.03, -1.5), (0.1, 1.5)])
 def test_near_field_is_fine_and_ends_three_centimetres_from_the_handle(ahead_m, seen):
     T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.0, 0.0, ahead_m]))
-    assert_allclose(field(observe(T_wh=T_wh), "handle_near"), [0, 0, seen], atol=1e-12)
+    assert_allclose(field(observe(T_wh=T_wh), "handle_pos_fine"), [0, 0, seen], atol=1e-12)
 
 
 def test_handle_is_aimed_at_from_the_target_and_less_what_is_due():
@@ -60,18 +60,22 @@ def test_handle_is_aimed_at_from_the_target_and_less_what_is_due():
     twist = np.array([[0, 0, 0.01, 0, 0, 0]])
     target = HOME + resolve_motion(tool_jacobian_t(PANDA, HOME), twist)
     due = np.array([[0.0, 0.0, 2.0, 0.5, 0.0, 0.0, 1.0]])
-    seen = observe(T_wh=T_wh, target=target, motions_due=due)
-    assert_allclose(field(seen, "handle_aimed"), [0, 0, 0.074 / 0.2], atol=5e-3)
+    seen = observe(T_wh=T_wh, target=target, pending_actions=due)
+    assert_allclose(field(seen, "handle_pos_predicted"), [0, 0, 0.074 / 0.2], atol=5e-3)
     assert_allclose(field(seen, "handle_pos"), [0, 0, 0.5], atol=1e-12)
-    seen = observe(T_wh=tool_pose(PANDA, HOME) @ pose(np.array([0.01, 0.0, 0.0])), motions_due=due)
-    assert_allclose(field(seen, "handle_aimed_near"), [0.5, 0, -0.8], atol=1e-12)
+    seen = observe(
+        T_wh=tool_pose(PANDA, HOME) @ pose(np.array([0.01, 0.0, 0.0])), pending_actions=due
+    )
+    assert_allclose(field(seen, "handle_pos_predicted_fine"), [0.5, 0, -0.8], atol=1e-12)
 
 
 def test_handle_aimed_at_from_a_target_that_is_reached_is_where_it_is():
     T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.02, -0.01, 0.3]))
     seen = observe(T_wh=T_wh)
-    assert_allclose(field(seen, "handle_aimed"), field(seen, "handle_pos"), atol=1e-12)
-    assert_allclose(field(seen, "handle_aimed_near"), field(seen, "handle_near"), atol=1e-12)
+    assert_allclose(field(seen, "handle_pos_predicted"), field(seen, "handle_pos"), atol=1e-12)
+    assert_allclose(
+        field(seen, "handle_pos_predicted_fine"), field(seen, "handle_pos_fine"), atol=1e-12
+    )
 
 
 @given(angle=st.floats(-1, 1), seed=st.integers(0, 1000))
@@ -90,7 +94,7 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
     """A target 1 mm along the tool's z and turned by 0.004 rad about its x."""
     twist = np.array([[0, 0, 0.001, 0.004, 0, 0]])
     target = HOME + resolve_motion(tool_jacobian_t(PANDA, HOME), twist)
-    seen = field(observe(target=target), "tool_lead")
+    seen = field(observe(target=target), "tracking_error")
     assert_allclose(seen, [0, 0, 0.02, 0.02, 0, 0], atol=6e-4)
 
 
@@ -98,11 +102,11 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
     ("name", "values", "expected"),
     [
         ("joint_vel", {"dq": np.full((1, 7), 0.3)}, 0.3),
-        ("target_lead", {"target": HOME + 0.05}, 0.5),
-        ("hand_width", {"hand_width": np.array([0.04])}, 0.8),
-        ("hand_speed", {"hand_speed": np.array([-0.1])}, -1.0),
+        ("joint_tracking_error", {"target": HOME + 0.05}, 0.5),
+        ("gripper_width", {"gripper_width": np.array([0.04])}, 0.8),
+        ("gripper_speed", {"gripper_speed": np.array([-0.1])}, -1.0),
         ("last_action", {"last_action": np.full((1, 8), -0.2)}, -0.2),
-        ("motions_due", {"motions_due": np.full((1, 7), 1.5)}, 1.5),
+        ("pending_actions", {"pending_actions": np.full((1, 7), 1.5)}, 1.5),
         ("time_left", {"time_left": np.array([0.25])}, 0.25),
         (
             "part_open",
@@ -110,19 +114,23 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
             0.4,
         ),
         (
-            "part_beyond",
+            "goal_error_fine",
             {"estimate": Estimate(np.eye(4)[None], np.array([0.79]), np.zeros(1))},
             -0.2,
         ),
-        ("part_beyond", {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))}, -4.0),
         (
-            "part_beyond",
+            "goal_error_fine",
+            {"estimate": Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))},
+            -4.0,
+        ),
+        (
+            "goal_error_fine",
             {"estimate": Estimate(np.eye(4)[None], np.array([0.85]), np.zeros(1))},
             1.0,
         ),
         *(
             (
-                "part_beyond",
+                "goal_error_fine",
                 {
                     "estimate": Estimate(np.eye(4)[None], np.array([opened]), np.zeros(1)),
                     "goal": 0.05,
@@ -146,19 +154,19 @@ def test_each_field_has_the_unit_that_its_layout_says(name, values, expected):
 def test_force_is_felt_in_the_axes_of_the_tool():
     """At home the tool points ahead along x: what pushes the hand back pushes against its z."""
     T_wt = tool_pose(PANDA, HOME)[0]
-    back = field(observe(hand_force=np.array([[-20.0, 0.0, 0.0]])), "hand_force")
+    back = field(observe(measured_force=np.array([[-20.0, 0.0, 0.0]])), "measured_force")
     assert_allclose(back, [0, 0, -2], atol=5e-3)
-    along_y = observe(hand_force=5.0 * T_wt[:3, 1][None])
-    assert_allclose(field(along_y, "hand_force"), [0, 0.5, 0], atol=1e-12)
+    along_y = observe(measured_force=5.0 * T_wt[:3, 1][None])
+    assert_allclose(field(along_y, "measured_force"), [0, 0.5, 0], atol=1e-12)
 
 
 def test_hand_command_shows_the_time_since_it_was_sent():
-    hand = hand_start(1)
-    hand.since_s[:] = SINCE_S / 4
-    hand.smooth[:], hand.wish[:] = 0.3, 1.0
-    assert_allclose(field(observe(hand=hand), "hand_command"), [0.3, 1.0, 0.25])
-    hand.since_s[:] = 100.0
-    assert field(observe(hand=hand), "hand_command")[2] == 1.0
+    gripper = hand_start(1)
+    gripper.since_s[:] = SINCE_S / 4
+    gripper.smooth[:], gripper.wish[:] = 0.3, 1.0
+    assert_allclose(field(observe(gripper=gripper), "gripper_command"), [0.3, 1.0, 0.25])
+    gripper.since_s[:] = 100.0
+    assert field(observe(gripper=gripper), "gripper_command")[2] == 1.0
 
 
 def test_values_out_of_bounds_are_clipped():

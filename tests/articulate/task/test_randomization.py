@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.errors import ConfigError
-from articulate.task.randomization import BLOCKS, COLUMNS, draw, nominal_draw
+from articulate.task.randomization import BLOCKS, COLUMNS, nominal_params, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 
 CONFIG = RandomizationConfig()
-MANY = draw(CONFIG, np.random.default_rng(0), 4000)
+MANY = sample_episode_params(CONFIG, np.random.default_rng(0), 4000)
 
 
 @pytest.mark.parametrize(
@@ -25,9 +25,9 @@ MANY = draw(CONFIG, np.random.default_rng(0), 4000)
         "stiffness",
         "damping",
         "scale",
-        "hand_latency_s",
-        "delay_ticks",
-        "estimate_delay_ticks",
+        "gripper_latency_s",
+        "delay_steps",
+        "estimate_delay_steps",
     ],
 )
 def test_factors_fill_their_range_and_stay_within_it(name):
@@ -67,7 +67,7 @@ def test_sizes_are_those_that_are_prepared():
 
 def test_what_stands_open_is_pushed_when_a_hand_can_have_come_to_it():
     shut, ajar = (
-        draw(CONFIG, np.random.default_rng(0), 2000, begin=begin)["push_time"]
+        sample_episode_params(CONFIG, np.random.default_rng(0), 2000, begin=begin)["push_time"]
         for begin in ((0.0, 0.0), (0.4, 0.8))
     )
     assert shut.min() < 0.01
@@ -100,15 +100,15 @@ def test_blocks_are_the_columns_of_their_name(name):
 
 
 def test_same_seed_draws_the_same_bits():
-    again = draw(CONFIG, np.random.default_rng(0), 4000)
+    again = sample_episode_params(CONFIG, np.random.default_rng(0), 4000)
     assert_array_equal(again.values, MANY.values)
 
 
 def test_nominal_draw_changes_nothing():
-    row = nominal_draw(3)
+    row = nominal_params(3)
     for name in ("friction", "joint_damping", "armature", "mass", "stiffness", "scale"):
         assert_array_equal(row[name], 1.0)
-    for name in ("x_m", "yaw_rad", "start", "bias", "push", "delay_ticks", "force_bias"):
+    for name in ("x_m", "yaw_rad", "start", "bias", "push", "delay_steps", "force_bias"):
         assert_array_equal(row[name], 0.0)
 
 
@@ -123,10 +123,10 @@ def test_range_the_wrong_way_round_is_refused(error_line):
 
 def test_factors_of_zero_and_delays_that_nobody_keeps_are_refused(error_line):
     error_line("DrawConfig(armature=(0, 1))", lambda: RandomizationConfig(armature=(0.0, 1.0)))
-    error_line("DrawConfig(delay_ticks=(0, 9))", lambda: RandomizationConfig(delay_ticks=(0, 9)))
+    error_line("DrawConfig(delay_steps=(0, 9))", lambda: RandomizationConfig(delay_steps=(0, 9)))
     error_line(
-        "DrawConfig(estimate_delay_ticks=(-1, 2))",
-        lambda: RandomizationConfig(estimate_delay_ticks=(-1, 2)),
+        "DrawConfig(estimate_delay_steps=(-1, 2))",
+        lambda: RandomizationConfig(estimate_delay_steps=(-1, 2)),
     )
 
 
@@ -136,8 +136,8 @@ def test_ranges_are_widened_about_their_nominal_values():
     assert_allclose(wide.joint_damping, (0.33**1.5, 3.0**1.5))
     assert_allclose(wide.scale, (0.85, 1.15))
     assert np.diff(wide.scale_values)[0] == pytest.approx(np.diff(CONFIG.scale_values)[0])
-    assert wide.delay_ticks == (0, 3)
-    assert_allclose(wide.hand_latency_s, (0.0, 0.65 + 1.5 * 0.55))
+    assert wide.delay_steps == (0, 3)
+    assert_allclose(wide.gripper_latency_s, (0.0, 0.65 + 1.5 * 0.55))
     assert_allclose(wide.push_n, (0.0, 7.5))
     assert wide.position_m == pytest.approx(1.5 * CONFIG.position_m)
     assert wide.part_noise == pytest.approx(1.5 * CONFIG.part_noise)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_draw
+from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate.task.state_estimation import NoisyEstimator, felt
 from articulate.transforms import axis_angle_to_matrix, pose
@@ -14,7 +14,7 @@ N = 3
 
 def drawn(**values):
     """Nominal draws but for ``values``."""
-    rows = nominal_draw(N).values
+    rows = nominal_params(N).values
     for name, value in values.items():
         rows[:, COLUMNS.index(name)] = value
     return EpisodeParams(rows)
@@ -42,21 +42,21 @@ def test_without_noise_and_age_the_truth_is_given():
 
 
 def test_each_object_is_seen_as_it_was_its_own_age_ago():
-    seen = fed(5).estimate(drawn(estimate_delay_ticks=[0, 1, 2]), np.random.default_rng(0))
+    seen = fed(5).estimate(drawn(estimate_delay_steps=[0, 1, 2]), np.random.default_rng(0))
     assert_allclose(seen.T_wh[:, 0, 3], [5, 4, 3])
     assert_allclose(seen.opened, [0.5, 0.4, 0.3])
     assert_allclose(seen.speed, [0.05, 0.04, 0.03])
 
 
 def test_before_the_first_tick_the_past_is_the_start():
-    seen = fed(1).estimate(drawn(estimate_delay_ticks=2), np.random.default_rng(0))
+    seen = fed(1).estimate(drawn(estimate_delay_steps=2), np.random.default_rng(0))
     assert_allclose(seen.opened, 0.0)
 
 
 def test_a_new_episode_forgets_the_past_of_its_row_alone():
     estimator = fed(5)
     estimator.reset(np.array([1]), pose(np.full((1, 3), -1.0)), np.array([-1.0]))
-    seen = estimator.estimate(drawn(estimate_delay_ticks=2), np.random.default_rng(0))
+    seen = estimator.estimate(drawn(estimate_delay_steps=2), np.random.default_rng(0))
     assert_allclose(seen.opened, [0.3, -1.0, 0.3])
 
 
@@ -85,7 +85,7 @@ def test_snapshot_restored_into_another_gives_the_same_bits():
     other.restore(estimator.snapshot())
     for e in (estimator, other):
         e.push(*tick(6))
-    values = drawn(estimate_delay_ticks=[0, 1, 2])
+    values = drawn(estimate_delay_steps=[0, 1, 2])
     a, b = (e.estimate(values, np.random.default_rng(1)) for e in (estimator, other))
     assert_array_equal(a.T_wh, b.T_wh)
     assert_array_equal(a.opened, b.opened)

@@ -12,7 +12,7 @@ from articulate_envs.buffered_engine import KEPT_ACTIONS, _buffers
 from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
 
 FOLLOW = ControlConfig()
-N, TICK_S, EPISODE_S = 50, FOLLOW.tick_s, 10.0
+N, TICK_S, EPISODE_S = 50, FOLLOW.step_s, 10.0
 
 
 class Begun:
@@ -26,12 +26,12 @@ class Begun:
         self.motion, self.due = np.zeros((2, N, 7))
         self.yields = np.zeros(N, dtype=bool)
         self.drawn = np.zeros((N, len(COLUMNS)))
-        self.drawn[:, COLUMNS.index("hand_latency_s")] = rng.uniform(0.0, 0.6, N)
+        self.drawn[:, COLUMNS.index("gripper_latency_s")] = rng.uniform(0.0, 0.6, N)
         self.drawn[:, COLUMNS.index("push_x_n") :][:, :3] = rng.normal(size=(N, 3))
         self.drawn[:, COLUMNS.index("push_time")] = rng.uniform(0.0, 0.9, N)
         self.tick = np.zeros(N, dtype=np.int64)
         self.buffers = _buffers(N)
-        self.times = times_of(PANDA.hand, FOLLOW, EPISODE_S)
+        self.times = times_of(PANDA.gripper, FOLLOW, EPISODE_S)
 
     def step(self, action):
         said = (self.actions, self.delay, self.motion, self.yields, self.due)
@@ -49,11 +49,11 @@ def said(rng, ticks=200):
 def test_hands_do_what_the_python_function_says():
     rng = np.random.default_rng(0)
     begun, want = Begun(rng), hand_start(N)
-    latency = begun.drawn[:, COLUMNS.index("hand_latency_s")]
+    latency = begun.drawn[:, COLUMNS.index("gripper_latency_s")]
     moved = set()
     for action in said(rng):
         begun.step(action)
-        want = hand_tick(want, action[:, 7], latency, PANDA.hand, TICK_S)
+        want = hand_tick(want, action[:, 7], latency, PANDA.gripper, TICK_S)
         for name in Hands._fields:
             got = getattr(begun.hands, name)
             assert_allclose(got, getattr(want, name), rtol=0, atol=1e-13, err_msg=name)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from articulate.task.episode_monitor import WIDTH, judge_tick, judgement_start
+from articulate.task.episode_monitor import WIDTH, judge_tick, new_monitor
 from articulate.task.task import Task
 from articulate_envs.compiled.after import Judged
 from articulate_envs.compiled.judge import asked_of, write_judgement
@@ -17,7 +17,7 @@ CLOSE = Task(name="close_joint", joint="j", kind="hinge", span=-2.0, target=0.05
 @pytest.mark.parametrize("task", [OPEN, CLOSE], ids=["open", "close"])
 def test_ticks_are_judged_as_the_python_function_judges_them(task):
     rng = np.random.default_rng(0)
-    theirs = judgement_start(N)
+    theirs = new_monitor(N)
     ours = Judged(theirs.rest_s, theirs.opened, theirs.diverged)
     rested = 0
     for tick in range(30):
@@ -28,7 +28,7 @@ def test_ticks_are_judged_as_the_python_function_judges_them(task):
         speed = rng.uniform(-1.3, 1.3, N) * task.slow
         if tick == 16:
             opened[9], speed[11] = np.nan, -np.inf
-        theirs = judge_tick(theirs, samples, task, opened=opened, speed=speed, tick_s=TICK_S)
+        theirs = judge_tick(theirs, samples, task, opened=opened, speed=speed, step_s=TICK_S)
         before, flags = ours, np.empty((2, N), dtype=bool)
         ours = Judged(np.empty(N), flags[0], flags[1])
         write_judgement(samples, asked_of(task), opened, speed, TICK_S, before, ours)
