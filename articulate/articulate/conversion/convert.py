@@ -16,18 +16,18 @@ import numpy as np
 from articulate.assets.asset import Asset, Joint, Link, load_asset, save_asset
 from articulate.conversion.contact_exclusions import excludes_of
 from articulate.conversion.handles import handles_of
-from articulate.conversion.joints import Travel, travel_of
+from articulate.conversion.joints import Travel, box_volume_of, travel_of
 from articulate.conversion.metric_size import category_of, is_normalised, scale_of
 from articulate.conversion.mimic import followed, with_followers
 from articulate.conversion.provenance import ORIGIN_FILE, origin_of
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
 from articulate.files import is_asset, replace_directory, write_text
-from articulate.formats.collada_up_axis import loaded
 from articulate.formats.config import ConvertConfig
 from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import Part, build_parts, poses_at
 from articulate.formats.load_meshes import PartGeometry, bounds
+from articulate.formats.orient_collada import loaded
 from articulate.formats.read_mjcf import read_mjcf
 from articulate.formats.read_mjcf_files import is_mjcf
 from articulate.formats.read_urdf import read_urdf
@@ -39,12 +39,12 @@ from articulate.geometry.presets import given_dynamics, joint_preset, weight
 from articulate.geometry.rays import NOTHING
 from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
-from articulate.transforms import Array, inverse, matrix_to_quat
+from articulate.transforms import Array, inverse, matrix_to_quat, pose
 
-VERSION = "28"
+VERSION = "29"
 """Enters every cache key; change it with anything that changes what is written."""
-SIZE_M = (0.005, 300.0)
-"""Shortest and longest object [m] that is taken for one in metres."""
+Y_UP = pose(np.zeros(3), [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Turns a file with y up to z up (4, 4)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +152,12 @@ def _travels(
 ) -> dict[str, Travel]:
     """How far each part goes, by part."""
     moving = [(part, part.joint) for part in parts if part.joint is not None]
-    own = {j.name: travel_of(j, geometry[part.name], config, repairs) for part, j in moving}
+    own = {
+        joint.name: travel_of(
+            joint, geometry[part.name], config, repairs, box_volume_of(parts, geometry, part)
+        )
+        for part, joint in moving
+    }
     leads, _ = followed(joint for _, joint in moving)
     found = with_followers(own, leads, repairs)
     return {part.name: found[joint.name] for part, joint in moving}
@@ -213,7 +218,8 @@ def placement_of(reading: Reading, config: ConvertConfig) -> Placement:
         if part.joint is not None
     }
     poses = poses_at(reading.parts, closed)
-    boxes = [bounds(reading.geometry[p.name], poses[p.name]) for p in reading.parts]
+    T_up = Y_UP if config.up == "y" else np.eye(4)
+    boxes = [bounds(reading.geometry[p.name], T_up @ poses[p.name]) for p in reading.parts]
     found = [box for box in boxes if box is not None]
     low = np.min([box[0] for box in found], axis=0)
     high = np.max([box[1] for box in found], axis=0)
@@ -221,13 +227,7 @@ def placement_of(reading: Reading, config: ConvertConfig) -> Placement:
     if longest <= 0.0:
         raise AssetError(f"{reading.source.path}: all geometry lies in one point")
     scale, rule = scale_of(reading.source.path, config, longest)
-    low_m, high_m = SIZE_M
-    if not low_m <= scale * longest <= high_m:
-        raise AssetError(
-            f"{reading.source.path}: the closed object is {scale * longest:.3g} m long; {low_m:g} "
-            f"to {high_m:g} m are accepted: is it in metres? else give its longest side (size_m)"
-        )
-    T_os = np.eye(4)
+    T_os = T_up.copy()
     T_os[:3, 3] = -scale * np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     return Placement(scale=scale, rule=rule, T_os=T_os)
 

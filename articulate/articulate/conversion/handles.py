@@ -13,7 +13,7 @@ from articulate.conversion.write_asset import Body
 from articulate.formats.load_meshes import joined
 from articulate.formats.repairs import Repairs
 from articulate.geometry.collision import is_handle
-from articulate.geometry.handle import Grasp, best_grasp
+from articulate.geometry.grasp import best_grasp, outermost_point
 from articulate.transforms import Array, angle_between, inverse, normalised
 
 SNAP_RAD = 0.6
@@ -99,14 +99,17 @@ def _handle(
     opening, far_from = _opening(joint, own, poses)
     grasp = best_grasp(surface, owner, opening=opening, far_from=far_from)
     if grasp is None:
-        grasp = _doubtful(own, opening)
-        repairs.add(f"joint {joint.name}: nowhere fit for a hand; its outermost point is named")
+        grasp = outermost_point(own, opening)
+        repairs.add(f"joint {joint.name}: no graspable handle; its outermost point is used")
     elif (owner == 2).any() and not grasp.named:
-        repairs.add(f"joint {joint.name}: the piece called handle cannot be held; another place is")
+        repairs.add(
+            f"joint {joint.name}: the piece named as a handle cannot be grasped; another place is "
+            "used"
+        )
     R_lo = T_ol[:3, :3].T
-    source: Literal["name", "geometry", "edge"] = (
-        "name" if grasp.named else "edge" if grasp.kind == "edge" else "geometry"
-    )
+    source: Literal["name", "geometry", "edge"] = "name" if grasp.named else "geometry"
+    if not grasp.named and grasp.kind in ("edge", "none"):
+        source = "edge"
     return Handle(
         name=f"handle_{joint.name}",
         link=joint.link,
@@ -139,22 +142,6 @@ def _opening(joint: Joint, points: Array, poses: dict[str, Array]) -> tuple[Arra
     k = int(np.argmin(angles))
     direction = axes[k] if angles[k] < SNAP_RAD else tangent
     return direction, np.stack([pivot, axis])
-
-
-def _doubtful(points: Array, opening: Array) -> Grasp:
-    """The outermost point along the opening direction, as an edge."""
-    height = points @ opening
-    top = points[height >= height.max() - 0.005].mean(axis=0)
-    other = np.array([0.0, 0.0, 1.0]) if abs(opening[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    along = normalised(np.cross(opening, other))
-    return Grasp(
-        pos_o=top,
-        normal_o=opening,
-        along_o=along,
-        extent=(0.02, 0.02, 0.02),
-        kind="edge",
-        named=False,
-    )
 
 
 def _clean(v: Array) -> Array:

@@ -1,10 +1,10 @@
-"""Metric size: as the file says, by a table of categories, or as asked for."""
+"""Metric size of an object: from its file, by its category, or as requested."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from articulate.errors import ConfigError, nearest
+from articulate.errors import AssetError, ConfigError, nearest
 from articulate.files import read_json_object
 from articulate.formats.config import ConvertConfig
 
@@ -58,23 +58,35 @@ LONGEST_SIDE_M: dict[str, float] = {
 }
 """Longest side [m] of the closed object by PartNet-Mobility category, with the reason."""
 OTHER_M = 0.5
-"""Longest side [m] of a normalised object of another category: something for a table top."""
+"""Longest side [m] of a normalised object of another category: a table-top object."""
+UNITS_M = {"mm": 0.001, "cm": 0.01, "inch": 0.0254}
+"""Units that files use instead of metres [m]."""
+LEAST_M = 0.005
+"""Shortest object [m] that is read as metric."""
+MOST_M = 8.0
+"""Longest object [m] that is read as metric: a car is 4 m long, a wall of cabinets 6 m."""
+LIKELY_M = (0.1, 3.0)
+"""Longest side [m] that objects of unknown category have in the unit of the file."""
+LIKELY_FACTOR = 3.0
+"""Largest factor between the size of an object and that of its category."""
+DOUBTFUL_FACTOR = 12.0
+"""Factor to the size of the category above which a file is not metric; an inch is 39 per metre."""
 
 
 def is_normalised(urdf: Path) -> bool:
-    """Whether the object comes from a set that scales everything to one size.
+    """Return whether the object comes from a data set that scales all objects to one size.
 
-    PartNet-Mobility's objects are called ``mobility.urdf``; where one was renamed, its
-    ``meta.json`` still says the category.
+    PartNet-Mobility's objects are called ``mobility.urdf``; ``meta.json`` beside a renamed one
+    has their category.
     """
     category = read_json_object(urdf.parent / "meta.json").get("model_cat")
     return urdf.name == "mobility.urdf" or (isinstance(category, str) and bool(category))
 
 
 def category_of(urdf: Path, config: ConvertConfig) -> str:
-    """PartNet-Mobility's name of the category, or ``"unknown"``.
+    """Return PartNet-Mobility's name of the category, or ``"unknown"``.
 
-    It stands in PartNet-Mobility's ``meta.json``, or in a ``source.json`` beside the file.
+    It is read from PartNet-Mobility's ``meta.json`` or from a ``source.json`` beside the file.
     """
     if config.category:
         return config.category
@@ -86,30 +98,69 @@ def category_of(urdf: Path, config: ConvertConfig) -> str:
 
 
 def check_category(name: str | None) -> None:
-    """Refuse a category of which no table tells anything.
+    """Reject a category that no table lists.
 
     Raises:
-        ConfigError: ``name`` is none of PartNet-Mobility's.
+        ConfigError: ``name`` is not a category of PartNet-Mobility.
     """
     if name not in {None, "unknown", *LONGEST_SIDE_M}:
         raise ConfigError(
-            f"category {name!r} is none of PartNet-Mobility's; leave it out for other objects"
-            f"{nearest(str(name), LONGEST_SIDE_M)}"
+            f"category {name!r} is not a category of PartNet-Mobility; leave it out for other "
+            f"objects{nearest(str(name), LONGEST_SIDE_M)}"
         )
 
 
 def scale_of(urdf: Path, config: ConvertConfig, longest: float) -> tuple[float, str]:
-    """Factor from units of the source to metres, and the sentence that says why.
+    """Return the factor from source units to metres and the rule that chose it.
 
     Args:
         urdf: File that was read.
-        config: What was asked for.
-        longest: Longest side of the closed object in units of the source.
+        config: Options of the conversion; ``size_m`` and ``category`` are used.
+        longest: Longest side of the closed object in source units.
+
+    Raises:
+        AssetError: The unit of the file cannot be guessed, or the object is too small.
     """
     if config.size_m is not None:
-        return config.size_m / longest, f"longest side {config.size_m:g} m as asked for"
+        return config.size_m / longest, f"longest side {config.size_m:g} m as requested"
     category = category_of(urdf, config)
     if is_normalised(urdf):
         size = LONGEST_SIDE_M.get(category, OTHER_M)
         return size / longest, f"normalised source; longest side of a {category} is {size:g} m"
+    typical = LONGEST_SIDE_M.get(category)
+    unit = _likely_unit(longest, typical)
+    if unit is not None:
+        size = UNITS_M[unit] * longest
+        what = "an object of unknown category" if typical is None else f"a {category}"
+        return UNITS_M[unit], (
+            f"numbers are {unit}: {what} of {longest:.3g} m is unlikely, {size:.3g} m is not "
+            "(else give --size)"
+        )
+    if not LEAST_M <= longest <= MOST_M:
+        guesses = ", ".join(f"{scale * longest:.3g} m in {u}" for u, scale in UNITS_M.items())
+        raise AssetError(
+            f"{urdf}: the closed object is {longest:.3g} m long if its numbers are metres "
+            f"({guesses}); {LEAST_M:g} to {MOST_M:g} m are accepted: give its longest side in "
+            "metres with --size"
+        )
     return 1.0, f"metric as it is (longest side {longest:.3g} m)"
+
+
+def _likely_unit(longest: float, typical: float | None) -> str | None:
+    """Return the unit of a file that is not metric, None if it is or if several are likely.
+
+    Args:
+        longest: Longest side in source units.
+        typical: Longest side of the category [m], if that is known.
+    """
+    if typical is None:
+        low, high, metric = *LIKELY_M, MOST_M
+    else:
+        low, high = typical / LIKELY_FACTOR, typical * LIKELY_FACTOR
+        metric = DOUBTFUL_FACTOR * typical
+    if longest <= metric:
+        return None
+    likely = [unit for unit, scale in UNITS_M.items() if low <= scale * longest <= high]
+    if likely == ["cm", "inch"]:  # files in cm are far more common
+        return "cm"
+    return likely[0] if len(likely) == 1 else None

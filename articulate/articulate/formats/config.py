@@ -1,4 +1,4 @@
-"""What a conversion may be told."""
+"""Options of a conversion."""
 
 from __future__ import annotations
 
@@ -8,17 +8,22 @@ from typing import Literal
 
 from articulate.errors import ConfigError
 
+ClosedChoice = Literal["auto", "lower", "upper", "zero"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertConfig:
-    """How an object is read and what is made of it."""
+    """Options of reading and converting an object."""
 
     size_m: float | None = None
-    """Longest side of the closed object [m]; None: the rule of its category, or as it is."""
+    """Longest side of the closed object [m]; None: by its category, or as in the file."""
+    up: Literal["z", "y"] = "z"
+    """Axis of the file that points up."""
     category: str | None = None
     """Category that decides presets; None: read from the source where it says so."""
-    closed: Literal["auto", "lower", "upper"] = "auto"
-    """Which limit is the closed position; auto: the one nearer to 0."""
+    closed: ClosedChoice = "auto"
+    """Closed position: a limit, or 0 inside the range; auto: the limit nearer to 0, and where 0
+    lies inside the range the position at which the part is most compact."""
     mesh_dirs: tuple[Path, ...] = ()
     """Further folders in which meshes are looked for."""
     collada_up: Literal["auto", "file", "y"] = "auto"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from articulate.geometry.handle import (
+from articulate.geometry.grasp import (
     BITE_M,
     CLEAR_M,
     DEEP_M,
