@@ -21,7 +21,7 @@ import trimesh
 from articulate.conversion.metric_size import category_of, is_normalised
 from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError
-from articulate.formats.collada_up_axis import loader_of
+from articulate.formats.orient_collada import loader_of
 from articulate.formats.config import ConvertConfig
 from articulate.formats.load_meshes import GREY, Piece
 from articulate.formats.part_names import plain_label, semantic_names
@@ -34,8 +34,13 @@ from articulate.reconstruct.link_meshes import (
     link_poses,
     merge_pieces,
 )
-from articulate.reconstruct.program.program_parts import PartMesh as ProgramPart
-from articulate.reconstruct.program.program_parts import Parts, check_name, mesh_files, parts_of
+from articulate.reconstruct.program.program_parts import (
+    PartGeometry,
+    Parts,
+    check_name,
+    mesh_files,
+    parts_of,
+)
 from articulate.reconstruct.vertex_colours import groups_of
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, pose
@@ -267,7 +272,7 @@ def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> 
 
 
 def _parts(pieces: Mapping[str, tuple[Piece, ...]]) -> Parts:
-    return Parts({n: ProgramPart(n, partial(tuple, found)) for n, found in pieces.items()})
+    return Parts({n: PartGeometry(n, partial(tuple, found)) for n, found in pieces.items()})
 
 
 def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:

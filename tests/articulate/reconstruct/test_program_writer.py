@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.reconstruct.actors.protocol import PredictedJoint
-from articulate.reconstruct.program.result import Built
+from articulate.reconstruct.program.result import ProgramObject
 from articulate.reconstruct.program.run import run_program
 from articulate.reconstruct.program_writer import program_of, tree_of
 from articulate.render.parts import plain_part
@@ -34,7 +34,7 @@ def joint(part, parent, kind="revolute", **more):
 def built(joints):
     root, held = tree_of(joints, meshes())
     found = run_program(program_of(root, held, actor="me", question="a\nquestion"), parts())
-    assert isinstance(found, Built), found
+    assert isinstance(found, ProgramObject), found
     return found
 
 
@@ -127,4 +127,4 @@ def arrays():
 def test_a_question_that_reads_like_an_encoding_is_no_declaration_of_one(name):
     root, held = tree_of([joint("door", "body")], meshes())
     source = program_of(root, held, actor="me", question=f"the clip {name}")
-    assert isinstance(run_program(source, parts()), Built)
+    assert isinstance(run_program(source, parts()), ProgramObject)

@@ -94,7 +94,7 @@ class Builder:
         """What the function ``name`` gives for ``arguments``, ready for JSON.
 
         Raises:
-            ValueRefused: It is not accepted; the sentence is for the program's author.
+            InvalidValueError: It is not accepted; the sentence is for the program's author.
         """
         self.calls += 1
         if self.calls > MOST_CALLS:

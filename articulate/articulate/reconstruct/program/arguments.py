@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from articulate.reconstruct.program.language import MAX_NUMBER, MAX_TEXT
-from articulate.reconstruct.program.values import ValueRefused
+from articulate.reconstruct.program.values import InvalidValueError
 from articulate.transforms import Array
 
 # Every argument comes as JSON from another process: it may be anything.
 
 
-def told(value: Any) -> str:
+def format_value(value: Any) -> str:
     """``value`` in a message, shortened; what is nested is named only, for it may be deep."""
     if isinstance(value, (list, dict)):
         return f"a {type(value).__name__} of {len(value)}"
@@ -23,14 +23,14 @@ def told(value: Any) -> str:
 def named(value: Any) -> str:
     """A new name: short, and all of it seen."""
     if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT or not value.isprintable():
-        raise ValueRefused(f"a name has 1 to {MAX_TEXT} characters that can be seen")
+        raise InvalidValueError(f"a name has 1 to {MAX_TEXT} characters that can be seen")
     return value
 
 
 def number(value: Any, what: str) -> float:
     """A finite number; ``what`` names it in messages."""
     if type(value) not in {int, float} or not abs(value) <= MAX_NUMBER:
-        raise ValueRefused(f"{what} is {told(value)}; a number was expected")
+        raise InvalidValueError(f"{what} is {format_value(value)}; a number was expected")
     return float(value)
 
 
@@ -40,14 +40,14 @@ def least_zero(value: Any, what: str) -> float | None:
         return None
     found = number(value, what)
     if found < 0.0:
-        raise ValueRefused(f"{what} is {found:g}; it must be 0 or more")
+        raise InvalidValueError(f"{what} is {found:g}; it must be 0 or more")
     return found
 
 
 def vector(value: Any, what: str) -> Array:
     """Three numbers (3,)."""
     if not isinstance(value, list) or len(value) != 3:
-        raise ValueRefused(f"{what} is {told(value)}; three numbers were expected")
+        raise InvalidValueError(f"{what} is {format_value(value)}; three numbers were expected")
     return np.array([number(part, what) for part in value])
 
 
@@ -56,7 +56,7 @@ def unit(value: Any) -> Array:
     axis = vector(value, "axis")
     length = float(np.linalg.norm(axis))
     if length < 1e-9:
-        raise ValueRefused("the axis is zero; give its direction")
+        raise InvalidValueError("the axis is zero; give its direction")
     return np.asarray(axis / length)
 
 
@@ -66,5 +66,5 @@ def limits(lower: Any, upper: Any) -> tuple[float | None, float | None]:
         return None, None
     low, high = number(lower, "lower"), number(upper, "upper")
     if low > high:
-        raise ValueRefused(f"lower is {low:g} and upper {high:g}; swap them")
+        raise InvalidValueError(f"lower is {low:g} and upper {high:g}; swap them")
     return low, high

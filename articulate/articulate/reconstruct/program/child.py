@@ -19,19 +19,19 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).resolve().parents[3]))
 
-from articulate.reconstruct.program.guard import check  # needs the path above
+from articulate.reconstruct.program.allow_list import check  # needs the path above
 from articulate.reconstruct.program.interpret import interpret
-from articulate.reconstruct.program.language import Violation
-from articulate.reconstruct.program.lockdown import lock_down
-from articulate.reconstruct.program.parse import Refused
-from articulate.reconstruct.program.values import ValueRefused
+from articulate.reconstruct.program.language import RuleViolation
+from articulate.reconstruct.program.parse import RuleError
+from articulate.reconstruct.program.process_limits import restrict_process
+from articulate.reconstruct.program.values import InvalidValueError
 
 READ_BYTES = 65_536
 MOST_BYTES = 4_000_000
 """Longest line that is read."""
 
 
-class Line:
+class ParentChannel:
     """One JSON document a line, to and from the parent."""
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Line:
         self.say({"call": name, "arguments": arguments, "line": at[0], "column": at[1]})
         answer = self.hear()
         if "error" in answer:
-            raise ValueRefused(str(answer["error"]))
+            raise InvalidValueError(str(answer["error"]))
         return answer["value"]
 
 
@@ -67,22 +67,22 @@ def main() -> None:
     """Serve one program."""
     settings = json.loads(sys.argv[1])
     sys.path.clear()
-    line = Line()
-    line.say({"layers": lock_down(**settings)})
+    line = ParentChannel()
+    line.say({"layers": restrict_process(**settings)})
     found = _outcome(str(line.hear()["source"]), line)
     line.say({"done": True} if found is None else {"violation": vars(found)})
 
 
-def _outcome(source: str, line: Line) -> Violation | None:
+def _outcome(source: str, line: ParentChannel) -> RuleViolation | None:
     try:
         tree = check(source)
-        if isinstance(tree, Violation):
+        if isinstance(tree, RuleViolation):
             return tree
         interpret(tree, line.ask)
-    except Refused as refused:
+    except RuleError as refused:
         return refused.violation
     except MemoryError:
-        return Violation(0, 0, "the program needs more memory than it may have", "limit")
+        return RuleViolation(0, 0, "the program needs more memory than it may have", "limit")
     return None
 
 

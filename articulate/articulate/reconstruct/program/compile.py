@@ -19,7 +19,7 @@ from articulate.reconstruct.program.elements import elements_of, words_of, write
 from articulate.reconstruct.program.mass import inertial_of, scaled
 from articulate.reconstruct.program.materials import EFFORT, MATERIALS, VELOCITY
 from articulate.reconstruct.program.program_parts import Parts
-from articulate.reconstruct.program.result import Built, BuiltJoint
+from articulate.reconstruct.program.result import ObjectJoint, ProgramObject
 from articulate.transforms import Array, inverse, matrix_to_rpy, pose, quat_to_matrix
 
 MoveKind = Literal["slide", "hinge", "fixed"]
@@ -34,11 +34,11 @@ class LinkPlan:
     """Pose in the world, every joint at 0 (4, 4)."""
     T_lp: Array
     """Pose of the part's own frame in the link (4, 4)."""
-    joint: BuiltJoint | None
+    joint: ObjectJoint | None
     """What joins it to its parent; None for the root."""
 
 
-def link_plans(built: Built) -> dict[str, LinkPlan]:
+def link_plans(built: ProgramObject) -> dict[str, LinkPlan]:
     """Links by name, parents first.
 
     The frame of a link lies on its joint's pivot and is turned as the part's own frame; where
@@ -61,7 +61,7 @@ def link_plans(built: Built) -> dict[str, LinkPlan]:
     return plans
 
 
-def _parents_first(built: Built) -> list[str]:
+def _parents_first(built: ProgramObject) -> list[str]:
     children: dict[str, list[str]] = {}
     for joint in built.joints:
         children.setdefault(joint.parent, []).append(joint.child)
@@ -73,8 +73,8 @@ def _parents_first(built: Built) -> list[str]:
     return order
 
 
-def write_built(
-    built: Built, parts: Parts, out: Path, *, source: str = "", name: str = "object"
+def write_object(
+    built: ProgramObject, parts: Parts, out: Path, *, source: str = "", name: str = "object"
 ) -> Path:
     """Write ``<name>.urdf`` with its meshes, the data and the program into ``out``.
 
@@ -159,7 +159,7 @@ def _origin(T: Array) -> str:
     return f'<origin xyz="{numbers(T[:3, 3])}" rpy="{numbers(matrix_to_rpy(T[:3, :3]))}"/>'
 
 
-def _joint(link: LinkPlan, joint: BuiltJoint, parent: LinkPlan, mass_kg: float) -> list[str]:
+def _joint(link: LinkPlan, joint: ObjectJoint, parent: LinkPlan, mass_kg: float) -> list[str]:
     lines = [
         f'  <joint name={quoteattr(joint.name)} type="{joint.kind}">',
         f"    {_origin(inverse(parent.T_wl) @ link.T_wl)}",
@@ -188,7 +188,7 @@ def _joint(link: LinkPlan, joint: BuiltJoint, parent: LinkPlan, mass_kg: float) 
     return [*lines, "  </joint>"]
 
 
-def _move_kind(joint: BuiltJoint | None) -> MoveKind:
+def _move_kind(joint: ObjectJoint | None) -> MoveKind:
     if joint is None or joint.kind == "fixed":
         return "fixed"
     return "slide" if joint.kind == "prismatic" else "hinge"
@@ -206,7 +206,9 @@ def _groups(plans: Mapping[str, LinkPlan]) -> dict[str, list[str]]:
     return groups
 
 
-def _masses(built: Built, parts: Parts, plans: Mapping[str, LinkPlan]) -> dict[str, Inertial]:
+def _masses(
+    built: ProgramObject, parts: Parts, plans: Mapping[str, LinkPlan]
+) -> dict[str, Inertial]:
     """Mass properties by link: those of each rigid group together within the usual range."""
     materials = {part.name: MATERIALS[part.material] for part in built.parts}
     found = {}

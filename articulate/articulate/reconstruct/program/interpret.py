@@ -17,23 +17,23 @@ from articulate.reconstruct.program.language import (
     MAX_ITEMS,
     MAX_STEPS,
     Function,
-    Violation,
+    RuleViolation,
 )
-from articulate.reconstruct.program.parse import Refused
+from articulate.reconstruct.program.parse import RuleError
 from articulate.reconstruct.program.values import (
     ARITHMETIC,
     COMPARISONS,
     HELPED,
-    Box,
+    AxisBox,
+    InvalidValueError,
     Value,
-    ValueRefused,
     Vector,
     attribute,
     bounded,
+    format_value,
     item,
     items,
     negated,
-    told,
     vector,
 )
 
@@ -59,14 +59,14 @@ def interpret(tree: ast.Module, ask: Ask) -> None:
         ask: Answers the functions of the language.
 
     Raises:
-        Refused: A value breaks a rule, with its line and column.
+        RuleError: A value breaks a rule, with its line and column.
     """
     interpreter = _Interpreter(ask)
     try:
         interpreter.body(tree.body, interpreter.globals)
     except RecursionError:
         what = "functions call functions too deeply; simplify"
-        raise Refused(Violation(0, 0, what, "value")) from None
+        raise RuleError(RuleViolation(0, 0, what, "value")) from None
 
 
 class _Interpreter:
@@ -76,9 +76,9 @@ class _Interpreter:
         self.globals: dict[str, Value] = {}
         self.steps = self.made = 0
 
-    def at(self, node: ast.AST, message: str) -> Refused:
+    def at(self, node: ast.AST, message: str) -> RuleError:
         line, column = getattr(node, "lineno", 0), getattr(node, "col_offset", -1)
-        return Refused(Violation(line, column + 1, message, "value"))
+        return RuleError(RuleViolation(line, column + 1, message, "value"))
 
     def step(self, node: ast.AST) -> None:
         self.steps += 1
@@ -165,7 +165,7 @@ class _Interpreter:
         """``function(*values)``, its refusal told with the place of ``node``."""
         try:
             return self.kept(node, function(*values))
-        except ValueRefused as refused:
+        except InvalidValueError as refused:
             raise self.at(node, str(refused)) from None
         except OverflowError:
             raise self.at(node, "the result is too large") from None
@@ -218,7 +218,9 @@ class _Interpreter:
             inner = part.value if isinstance(part, ast.FormattedValue) else part
             value = self.value(inner, local)
             if type(value) not in {str, int, float}:
-                raise self.at(node, f"a text or number was expected in braces, not {told(value)}")
+                raise self.at(
+                    node, f"a text or number was expected in braces, not {format_value(value)}"
+                )
             parts.append(str(value))
         return self.refusing(node, "".join, parts)
 
@@ -275,7 +277,7 @@ class _Interpreter:
             arguments = {key: plain(value) for key, value in given.items()}
             answer = self.ask(name, arguments, (node.lineno, node.col_offset + 1))
             return self.kept(node, understood(answer, function))
-        except ValueRefused as refused:
+        except InvalidValueError as refused:
             raise self.at(node, str(refused)) from None
 
     def called(
@@ -300,11 +302,11 @@ def plain(value: Value) -> Any:
     """``value`` as JSON knows it."""
     if isinstance(value, Vector):
         return list(value.all)
-    if isinstance(value, Box):
-        raise ValueRefused("a box is no argument; give its .low, .high, .centre or .size")
+    if isinstance(value, AxisBox):
+        raise InvalidValueError("a box is no argument; give its .low, .high, .centre or .size")
     if isinstance(value, (list, tuple)):
         if len(value) > MAX_ITEMS:
-            raise ValueRefused("too many items")
+            raise InvalidValueError("too many items")
         return [number_or_text(each) for each in value]
     return number_or_text(value)
 
@@ -313,14 +315,14 @@ def number_or_text(value: Value) -> Any:
     """``value`` if it is no list."""
     if value is None or type(value) in {bool, int, float, str}:
         return value
-    raise ValueRefused(f"{told(value)} is no argument here")
+    raise InvalidValueError(f"{format_value(value)} is no argument here")
 
 
 def understood(answer: Any, function: Function) -> Value:
     """The parent's answer as a value of the language."""
     if function.returns == "box":
         low, high = answer
-        return Box(vector(low), vector(high))
+        return AxisBox(vector(low), vector(high))
     if function.returns == "points":
         return [vector(point) for point in answer]
     if function.returns == "names":

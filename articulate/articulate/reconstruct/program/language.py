@@ -160,7 +160,7 @@ RESERVED = frozenset({*FUNCTIONS, *HELPERS, *CONSTANTS})
 
 
 @dataclass(frozen=True)
-class Violation:
+class RuleViolation:
     """Where a program breaks a rule, and what to do about it."""
 
     line: int

@@ -11,14 +11,14 @@ import trimesh
 from articulate.formats.load_meshes import Piece
 from articulate.geometry.inertia import LEAST, Inertial, is_physical, steiner
 from articulate.reconstruct.program.contact_distance import hull_of
-from articulate.reconstruct.program.materials import Material
+from articulate.reconstruct.program.materials import PartMaterial
 from articulate.transforms import Array, apply
 
 LEAST_SIDE_M = 1e-4
 """Sides of the box that stands for a flat piece are at least so long [m]."""
 
 
-def inertial_of(pieces: Sequence[Piece], material: Material, T_lp: Array) -> Inertial | None:
+def inertial_of(pieces: Sequence[Piece], material: PartMaterial, T_lp: Array) -> Inertial | None:
     """Mass properties in the frame of a link, or None where there is no geometry.
 
     A piece weighs as much as walls of the material's thickness along its surface, at most as much
@@ -52,7 +52,7 @@ def scaled(inertial: Inertial, factor: float) -> Inertial:
     )
 
 
-def _body(mesh: trimesh.Trimesh, material: Material, T_lp: Array) -> Inertial:
+def _body(mesh: trimesh.Trimesh, material: PartMaterial, T_lp: Array) -> Inertial:
     points = apply(T_lp, np.asarray(mesh.vertices))
     hull = hull_of(points)
     solid = trimesh.Trimesh(hull.points, hull.faces, process=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class PartMaterial:
     """What a part is made of."""
 
     density: float
@@ -15,14 +15,14 @@ class Material:
     """Thickness of its walls where the mesh is a mere surface or the part is hollow [m]."""
 
 
-MATERIALS: dict[str, Material] = {
-    "wood": Material(density=650.0, wall_m=0.016),  # particle board of cabinets
-    "metal": Material(density=7800.0, wall_m=0.001),  # sheet of appliances
-    "plastic": Material(density=1050.0, wall_m=0.003),  # ABS
-    "glass": Material(density=2500.0, wall_m=0.005),
-    "ceramic": Material(density=2300.0, wall_m=0.010),
-    "fabric": Material(density=300.0, wall_m=0.010),
-    "rubber": Material(density=1100.0, wall_m=0.005),
+MATERIALS: dict[str, PartMaterial] = {
+    "wood": PartMaterial(density=650.0, wall_m=0.016),  # particle board of cabinets
+    "metal": PartMaterial(density=7800.0, wall_m=0.001),  # sheet of appliances
+    "plastic": PartMaterial(density=1050.0, wall_m=0.003),  # ABS
+    "glass": PartMaterial(density=2500.0, wall_m=0.005),
+    "ceramic": PartMaterial(density=2300.0, wall_m=0.010),
+    "fabric": PartMaterial(density=300.0, wall_m=0.010),
+    "rubber": PartMaterial(density=1100.0, wall_m=0.005),
 }
 """Densities and walls as sold; damping and friction of joints are those of ``convert.presets``."""
 DEFAULT = "wood"

@@ -12,7 +12,7 @@ import tokenize
 import warnings
 from collections.abc import Iterator
 
-from articulate.reconstruct.program.language import MAX_DEPTH, MAX_SOURCE, Violation
+from articulate.reconstruct.program.language import MAX_DEPTH, MAX_SOURCE, RuleViolation
 
 MAX_RUN = 12
 """Most unary operators or openers in a row."""
@@ -26,32 +26,36 @@ INVISIBLE = re.compile(
 """Characters that show nothing or turn the direction of writing."""
 
 
-class Refused(Exception):  # noqa: N818  # a verdict
+class RuleError(Exception):  # a verdict
     """A rule is broken; carries the violation."""
 
-    def __init__(self, violation: Violation) -> None:
+    def __init__(self, violation: RuleViolation) -> None:
         super().__init__(violation.message)
         self.violation = violation
 
 
-def refuse(line: int, column: int, message: str, kind: str = "guard") -> Refused:
+def rule_error(line: int, column: int, message: str, kind: str = "guard") -> RuleError:
     """The exception for a rule that is broken at a place, both from 1."""
-    return Refused(Violation(line, column, message, kind))
+    return RuleError(RuleViolation(line, column, message, kind))
 
 
 def _check_text(source: str) -> None:
     """Rules that hold before the parser may see the text."""
     if len(source) > MAX_SOURCE:
-        raise refuse(0, 0, f"the program has {len(source)} characters; {MAX_SOURCE} are accepted")
+        raise rule_error(
+            0, 0, f"the program has {len(source)} characters; {MAX_SOURCE} are accepted"
+        )
     lines = source.split("\n")
     for number, line in enumerate(lines, 1):
         found = INVISIBLE.search(line.removesuffix("\r"))
         if found:
             code = f"U+{ord(found[0]):04X}"
             what = f"the character {code} cannot be seen and is refused; remove it"
-            raise refuse(number, found.start() + 1, what)
+            raise rule_error(number, found.start() + 1, what)
         if number <= 2 and COOKIE.match(line):
-            raise refuse(number, 1, "a declaration of the encoding is refused; remove the comment")
+            raise rule_error(
+                number, 1, "a declaration of the encoding is refused; remove the comment"
+            )
     _check_tokens(source)
 
 
@@ -62,9 +66,11 @@ def _check_tokens(source: str) -> None:
         line, column = token.start[0], token.start[1] + 1
         if token.type not in {tokenize.STRING, tokenize.COMMENT} and not token.string.isascii():
             what = f"{token.string[:20]!r} is not ASCII; only texts and comments may be otherwise"
-            raise refuse(line, column, what)
+            raise rule_error(line, column, what)
         if counts.too_deep(token):
-            raise refuse(line, column, "nested too deeply or too long; break it into statements")
+            raise rule_error(
+                line, column, "nested too deeply or too long; break it into statements"
+            )
 
 
 class _Counts:
@@ -97,14 +103,14 @@ def _tokens(source: str) -> Iterator[tokenize.TokenInfo]:
         return
     except SyntaxError as error:
         line, column = error.lineno or 0, error.offset or 0
-        raise refuse(line, max(column, 1), f"not Python: {error.msg}", "syntax") from None
+        raise rule_error(line, max(column, 1), f"not Python: {error.msg}", "syntax") from None
 
 
 def parsed(source: str) -> ast.Module:
     """The tree of a text that the parser can take.
 
     Raises:
-        Refused: It is too long, too deep, not to be read by people, or no Python.
+        RuleError: It is too long, too deep, not to be read by people, or no Python.
     """
     _check_text(source)
     try:
@@ -113,11 +119,11 @@ def parsed(source: str) -> ast.Module:
             tree = ast.parse(source)
     except SyntaxError as error:
         what = f"not Python: {(error.msg or '').splitlines()[0][:200]}"
-        raise refuse(error.lineno or 1, max(error.offset or 1, 1), what, "syntax") from None
+        raise rule_error(error.lineno or 1, max(error.offset or 1, 1), what, "syntax") from None
     except (RecursionError, MemoryError):
-        raise refuse(0, 0, "the program is nested too deeply; simplify it", "syntax") from None
+        raise rule_error(0, 0, "the program is nested too deeply; simplify it", "syntax") from None
     except ValueError as error:
-        raise refuse(0, 0, f"not Python: {error}", "syntax") from None
+        raise rule_error(0, 0, f"not Python: {error}", "syntax") from None
     if not source.isascii():
         _count_letters(tree, source)
     return tree

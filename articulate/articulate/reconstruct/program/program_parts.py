@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from articulate.errors import AssetError, nearest
-from articulate.formats.collada_up_axis import loader_of
+from articulate.formats.orient_collada import loader_of
 from articulate.formats.config import ConvertConfig
 from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import Part as Body
@@ -31,7 +31,7 @@ MOST_LETTERS = 100
 LEAST_AREA = 1e-12
 
 
-class PartMesh:
+class PartGeometry:
     """The geometry of one part in its own frame."""
 
     def __init__(self, name: str, load: Callable[[], tuple[Piece, ...]]) -> None:
@@ -67,17 +67,17 @@ class PartMesh:
         return tuple(hull_of(whole.vertices.view(np.ndarray)[corners]) for corners in loose)
 
 
-class Parts(Mapping[str, PartMesh]):
+class Parts(Mapping[str, PartGeometry]):
     """Parts by name, in order."""
 
-    def __init__(self, parts: Mapping[str, PartMesh]) -> None:
+    def __init__(self, parts: Mapping[str, PartGeometry]) -> None:
         if not parts:
             raise AssetError("no parts were given; a program needs at least one mesh")
         if len(parts) > MOST_PARTS:
             raise AssetError(f"{len(parts)} parts were given; at most {MOST_PARTS} are accepted")
         self._parts = dict(parts)
 
-    def __getitem__(self, name: str) -> PartMesh:
+    def __getitem__(self, name: str) -> PartGeometry:
         return self._parts[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -111,17 +111,17 @@ def check_name(name: str) -> None:
         AssetError: It is empty, too long, or not all of it can be seen.
     """
     if not (0 < len(name) <= MOST_LETTERS and name.isprintable()):
-        told = name if len(name) <= MOST_LETTERS else f"{name[:40]}…"
+        format_value = name if len(name) <= MOST_LETTERS else f"{name[:40]}…"
         raise AssetError(
-            f"part {told!r}: a name has 1 to {MOST_LETTERS} characters that can be seen"
+            f"part {format_value!r}: a name has 1 to {MOST_LETTERS} characters that can be seen"
         )
 
 
-def _part(name: str, mesh: Path | trimesh.Trimesh) -> PartMesh:
+def _part(name: str, mesh: Path | trimesh.Trimesh) -> PartGeometry:
     check_name(name)
     if isinstance(mesh, Path):
-        return PartMesh(name, lambda: _read(name, mesh))
-    return PartMesh(
+        return PartGeometry(name, lambda: _read(name, mesh))
+    return PartGeometry(
         name, lambda: (Piece(name=name, mesh=_plain(name, mesh), rgba=GREY, link=name),)
     )
 
@@ -176,7 +176,7 @@ def _from_urdf(path: Path) -> Parts:
     source = expand(read_urdf(path))
     loader = loader_of(source, ConvertConfig())
     return Parts(
-        {name: PartMesh(name, partial(_of_link, source, loader, name)) for name in source.links}
+        {name: PartGeometry(name, partial(_of_link, source, loader, name)) for name in source.links}
     )
 
 

@@ -9,19 +9,21 @@ from typing import Any
 import trimesh
 
 from articulate.reconstruct.program.api import Builder
-from articulate.reconstruct.program.compile import write_built
+from articulate.reconstruct.program.compile import write_object
 from articulate.reconstruct.program.language import MAX_SOURCE
 from articulate.reconstruct.program.program_parts import Parts, parts_of
-from articulate.reconstruct.program.result import Built, ProgramError
-from articulate.reconstruct.program.sandbox import ChildEnded, Limits, Sandbox
-from articulate.reconstruct.program.values import ValueRefused
+from articulate.reconstruct.program.result import ProgramError, ProgramObject
+from articulate.reconstruct.program.sandbox import ChildEnded, Sandbox, SandboxLimits
+from articulate.reconstruct.program.values import InvalidValueError
 
 CHILD = Path(__file__).with_name("child.py")
 PartSet = Parts | Path | Mapping[str, Path | trimesh.Trimesh]
 """Parts, a folder of meshes, a URDF, or meshes by name."""
 
 
-def run_program(source: str, parts: PartSet, limits: Limits | None = None) -> Built | ProgramError:
+def run_program(
+    source: str, parts: PartSet, limits: SandboxLimits | None = None
+) -> ProgramObject | ProgramError:
     """What a program describes, run in a locked-up process.
 
     Args:
@@ -32,7 +34,7 @@ def run_program(source: str, parts: PartSet, limits: Limits | None = None) -> Bu
     Raises:
         AssetError: The parts cannot be read.
     """
-    limits = limits or Limits()
+    limits = limits or SandboxLimits()
     given = parts if isinstance(parts, Parts) else parts_of(parts)
     if len(source) > MAX_SOURCE:
         what = f"the program has {len(source)} characters; {MAX_SOURCE} are accepted"
@@ -55,7 +57,12 @@ def run_program(source: str, parts: PartSet, limits: Limits | None = None) -> Bu
 
 
 def compile_program(
-    source: str, parts: PartSet, out: Path, limits: Limits | None = None, *, name: str = "object"
+    source: str,
+    parts: PartSet,
+    out: Path,
+    limits: SandboxLimits | None = None,
+    *,
+    name: str = "object",
 ) -> Path | ProgramError:
     """Run a program and write what it describes into the folder ``out``.
 
@@ -77,7 +84,7 @@ def compile_program(
     found = run_program(source, given, limits)
     if isinstance(found, ProgramError):
         return found
-    return write_built(found, given, out, source=source, name=name)
+    return write_object(found, given, out, source=source, name=name)
 
 
 def _layers(message: dict[str, Any]) -> tuple[str, ...]:
@@ -88,13 +95,13 @@ def _layers(message: dict[str, Any]) -> tuple[str, ...]:
 def _answer(builder: Builder, message: dict[str, Any]) -> dict[str, Any]:
     try:
         return {"value": builder.answer(message.get("call"), message.get("arguments"))}
-    except ValueRefused as refused:
+    except InvalidValueError as refused:
         return {"error": str(refused)}
 
 
 def _outcome(
     message: dict[str, Any], builder: Builder, layers: tuple[str, ...]
-) -> Built | ProgramError:
+) -> ProgramObject | ProgramError:
     if message.get("done") is True:
         return builder.built(layers)
     found = message.get("violation")

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from articulate.reconstruct.program.lockdown import LAYERS
+from articulate.reconstruct.program.process_limits import LAYERS
 
 READ_BYTES = 65_536
 MAX_LINE = 1_000_000
@@ -33,7 +33,7 @@ ENDS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class SandboxLimits:
     """What a run of a program may take."""
 
     seconds: float = 30.0
@@ -58,7 +58,7 @@ class Sandbox:
         limits: What it may take.
     """
 
-    def __init__(self, script: Path, limits: Limits) -> None:
+    def __init__(self, script: Path, limits: SandboxLimits) -> None:
         self.limits = limits
         self._rest = b""
         self._taken = 0

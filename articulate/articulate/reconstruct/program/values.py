@@ -24,7 +24,7 @@ from articulate.reconstruct.program.language import (
 Value = Any
 
 
-class ValueRefused(Exception):  # noqa: N818  # a verdict
+class InvalidValueError(Exception):  # a verdict
     """An operation that its operands do not allow; the sentence is for the program's author."""
 
 
@@ -43,7 +43,7 @@ class Vector:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class AxisBox:
     """A box along the axes."""
 
     low: Vector
@@ -64,23 +64,23 @@ def attribute(value: Value, name: str) -> Value:
     """What stands behind a dot."""
     if isinstance(value, Vector) and name in VECTOR_FIELDS:
         return dict(zip(VECTOR_FIELDS, value.all, strict=True))[name]
-    if isinstance(value, Box) and name in BOX_FIELDS:
+    if isinstance(value, AxisBox) and name in BOX_FIELDS:
         sides = {"low": value.low, "high": value.high, "size": value.size}
         return sides.get(name, value.centre)
-    raise ValueRefused(f"{told(value)} has no .{name}")
+    raise InvalidValueError(f"{format_value(value)} has no .{name}")
 
 
 def item(value: Value, index: Value) -> Value:
     """What stands at an index or key."""
     if isinstance(value, dict):
         if not isinstance(index, (str, int)) or index not in value:
-            raise ValueRefused(f"the dict has no key {told(index)}")
+            raise InvalidValueError(f"the dict has no key {format_value(index)}")
         return value[index]
     items = value.all if isinstance(value, Vector) else value
     if not isinstance(items, (list, tuple)):
-        raise ValueRefused(f"{told(value)} has no items")
+        raise InvalidValueError(f"{format_value(value)} has no items")
     if type(index) is not int or not -len(items) <= index < len(items):
-        raise ValueRefused(f"index {told(index)} is outside of the {len(items)} items")
+        raise InvalidValueError(f"index {format_value(index)} is outside of the {len(items)} items")
     return items[index]
 
 
@@ -90,13 +90,13 @@ def items(value: Value) -> list[Value]:
         return list(value.all)
     if isinstance(value, (list, tuple, dict)):
         return list(value)
-    raise ValueRefused(f"{told(value)} cannot be gone through; give a list or range()")
+    raise InvalidValueError(f"{format_value(value)} cannot be gone through; give a list or range()")
 
 
 def number(value: Value) -> float:
     """``value`` if it is a number."""
     if type(value) not in {int, float}:
-        raise ValueRefused(f"a number was expected, {told(value)} was given")
+        raise InvalidValueError(f"a number was expected, {format_value(value)} was given")
     found: float = value
     return found
 
@@ -107,10 +107,12 @@ def vector(value: Value) -> Vector:
         return value
     if isinstance(value, (list, tuple)) and len(value) == 3:
         return Vector(*(number(v) for v in value))
-    raise ValueRefused(f"a vector of three numbers was expected, {told(value)} was given")
+    raise InvalidValueError(
+        f"a vector of three numbers was expected, {format_value(value)} was given"
+    )
 
 
-def told(value: Value) -> str:
+def format_value(value: Value) -> str:
     """``value`` in a message."""
     if isinstance(value, Vector):
         return f"vec({value.x:g}, {value.y:g}, {value.z:g})"
@@ -118,22 +120,22 @@ def told(value: Value) -> str:
         return repr(value[:40])
     if isinstance(value, (list, tuple, dict)):
         return f"a {type(value).__name__} of {len(value)}"
-    return "a box" if isinstance(value, Box) else repr(value)
+    return "a box" if isinstance(value, AxisBox) else repr(value)
 
 
 def bounded(value: Value) -> Value:
     """``value`` if it keeps the bounds of the language."""
     if type(value) in {int, float}:
         if not abs(value) <= MAX_NUMBER:  # nor if it is no number
-            raise ValueRefused(f"the result is beyond {MAX_NUMBER:g} or no number")
+            raise InvalidValueError(f"the result is beyond {MAX_NUMBER:g} or no number")
     elif isinstance(value, Vector):
         for part in value.all:
             bounded(part)
     elif isinstance(value, str):
         if len(value) > MAX_TEXT:
-            raise ValueRefused(f"texts have at most {MAX_TEXT} characters")
+            raise InvalidValueError(f"texts have at most {MAX_TEXT} characters")
     elif isinstance(value, (list, tuple, dict)) and len(value) > MAX_ITEMS:
-        raise ValueRefused(f"lists have at most {MAX_ITEMS} items")
+        raise InvalidValueError(f"lists have at most {MAX_ITEMS} items")
     return value
 
 
@@ -145,7 +147,7 @@ def _add(a: Value, b: Value) -> Value:
     for kind in (str, list, tuple):
         if isinstance(a, kind) and isinstance(b, kind):
             if len(a) + len(b) > max(MAX_ITEMS, MAX_TEXT):  # before it is made
-                raise ValueRefused(f"lists have at most {MAX_ITEMS} items")
+                raise InvalidValueError(f"lists have at most {MAX_ITEMS} items")
             return a + b  # type: ignore[operator]  # both are of one kind that adds
     return _linear(operator.add, a, b)
 
@@ -167,7 +169,7 @@ def _times(a: Value, b: Value) -> Value:
 def _divided(operation: Callable[[float, float], float], a: Value, b: Value) -> Value:
     divisor = number(b)
     if divisor == 0:
-        raise ValueRefused("division by zero")
+        raise InvalidValueError("division by zero")
     if isinstance(a, Vector):
         return Vector(*(operation(part, divisor) for part in a.all))
     return operation(number(a), divisor)
@@ -176,15 +178,15 @@ def _divided(operation: Callable[[float, float], float], a: Value, b: Value) -> 
 def _power(a: Value, b: Value) -> Value:
     base, exponent = number(a), number(b)
     if base < 0 and exponent != int(exponent):
-        raise ValueRefused("a root of a negative number")
+        raise InvalidValueError("a root of a negative number")
     if base == 0 and exponent < 0:
-        raise ValueRefused("division by zero")
+        raise InvalidValueError("division by zero")
     return base**exponent
 
 
 def _equal(a: Value, b: Value) -> bool:
     if isinstance(a, (list, tuple, dict)) and isinstance(b, (list, tuple, dict)):
-        raise ValueRefused(
+        raise InvalidValueError(
             "lists are not compared; compare their items"
         )  # shared ones take for ever
     return bool(a == b)
@@ -197,7 +199,7 @@ def _ordered(operation: Callable[[float, float], bool]) -> Callable[[Value, Valu
 def _within(a: Value, b: Value) -> bool:
     if isinstance(b, str):
         if not isinstance(a, str):
-            raise ValueRefused(f"a text was expected before `in`, {told(a)} was given")
+            raise InvalidValueError(f"a text was expected before `in`, {format_value(a)} was given")
         return a in b
     return any(_equal(a, each) for each in items(b))
 
@@ -238,7 +240,7 @@ def _norm(value: Value) -> float:
 def _unit(value: Value) -> Vector:
     length = _norm(value)
     if length == 0.0:
-        raise ValueRefused("unit() of a zero vector")
+        raise InvalidValueError("unit() of a zero vector")
     return Vector(*(part / length for part in vector(value).all))
 
 
@@ -255,7 +257,7 @@ def _extreme(choose: Callable[..., float]) -> Callable[..., float]:
     def found(*values: Value) -> float:
         given = items(values[0]) if len(values) == 1 else list(values)
         if not given:
-            raise ValueRefused("an empty list has no extreme")
+            raise InvalidValueError("an empty list has no extreme")
         return choose(*(number(v) for v in given), number(given[0]))
 
     return found
@@ -263,12 +265,12 @@ def _extreme(choose: Callable[..., float]) -> Callable[..., float]:
 
 def _range(*ends: Value) -> list[int]:
     if any(type(end) is not int for end in ends):
-        raise ValueRefused("range() takes whole numbers")
+        raise InvalidValueError("range() takes whole numbers")
     if len(ends) == 3 and ends[2] == 0:
-        raise ValueRefused("range() cannot step by 0")
+        raise InvalidValueError("range() cannot step by 0")
     rounds = range(*ends)
     if len(rounds) > MAX_ITEMS:
-        raise ValueRefused(f"a loop takes at most {MAX_ITEMS} rounds")
+        raise InvalidValueError(f"a loop takes at most {MAX_ITEMS} rounds")
     return list(rounds)
 
 
@@ -281,15 +283,15 @@ def _real(function: Callable[..., float]) -> Callable[..., float]:
         try:
             return function(*(number(v) for v in values))
         except (ValueError, OverflowError):
-            given = ", ".join(told(v) for v in values)
-            raise ValueRefused(f"{function.__name__}() is not defined for {given}") from None
+            given = ", ".join(format_value(v) for v in values)
+            raise InvalidValueError(f"{function.__name__}() is not defined for {given}") from None
 
     return applied
 
 
 def _rounded(value: Value, digits: Value = 0) -> float:
     if type(digits) is not int or not 0 <= digits <= 12:
-        raise ValueRefused("round() takes 0 to 12 digits")
+        raise InvalidValueError("round() takes 0 to 12 digits")
     return round(number(value), digits) if digits else round(number(value))
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tests.articulate.reconstruct.program.hostile import Attack
 
-from articulate.reconstruct.program.sandbox import ChildEnded, Limits, Sandbox
+from articulate.reconstruct.program.sandbox import ChildEnded, Sandbox, SandboxLimits
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[3] / "articulate"
@@ -52,7 +52,7 @@ def attacked(attack: Attack, folder: Path, layers: tuple[str, ...]) -> Outcome:
             server.setblocking(False)
         source = attack.source.replace("FOLDER", str(folder))
         source = source.replace("PORT", str(tcp.getsockname()[1]))
-        limits = Limits(seconds=6.0, cpu_s=1, memory_bytes=400_000_000, layers=layers)
+        limits = SandboxLimits(seconds=6.0, cpu_s=1, memory_bytes=400_000_000, layers=layers)
         found, end, pid = _run(Path(file.name), source, limits)
         harm = [*_changed(folder), *_left(pid, file.name)]
         harm += [name for name, server in (("tcp", tcp), ("unix", unix)) if _was_called(server)]
@@ -73,7 +73,7 @@ def _script(attack: Attack):
     return script
 
 
-def _run(script: Path, source: str, limits: Limits) -> tuple[tuple[str, ...], str, int]:
+def _run(script: Path, source: str, limits: SandboxLimits) -> tuple[tuple[str, ...], str, int]:
     layers: tuple[str, ...] = ()
     with Sandbox(script, limits) as child:
         try:

@@ -15,15 +15,15 @@ MODULES = [""]
 settings = json.loads(sys.argv[1])
 sys.path.append(ROOT)
 
-from articulate.reconstruct.program.lockdown import lock_down  # noqa: E402  # needs the path above
-from articulate.reconstruct.program.values import Box, Vector  # noqa: E402
+from articulate.reconstruct.program.process_limits import restrict_process  # noqa: E402  # needs the path above
+from articulate.reconstruct.program.values import AxisBox, Vector  # noqa: E402
 
 for name in MODULES:
     __import__(name)
 
 
 def box(part):
-    return Box(Vector(0, 0, 0), Vector(1, 1, 1))
+    return AxisBox(Vector(0, 0, 0), Vector(1, 1, 1))
 
 
 def parts():
@@ -42,7 +42,7 @@ def say(content):
     os.write(1, json.dumps(content).encode() + b"\n")
 
 
-say({"layers": lock_down(**settings)})
+say({"layers": restrict_process(**settings)})
 rest = b""
 while not rest.endswith(b"\n"):
     rest += os.read(0, 65536)

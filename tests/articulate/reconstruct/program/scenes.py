@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import trimesh
 
-from articulate.reconstruct.program.result import Built, ProgramError
+from articulate.reconstruct.program.result import ProgramError, ProgramObject
 from articulate.reconstruct.program.run import compile_program, run_program
 
 
@@ -35,10 +35,10 @@ def parts():
     }
 
 
-def built(source, given, limits=None) -> Built:
+def built(source, given, limits=None) -> ProgramObject:
     """What a program that runs gives."""
     found = run_program(source, given, limits)
-    assert isinstance(found, Built), found
+    assert isinstance(found, ProgramObject), found
     return found
 
 

@@ -12,7 +12,7 @@ from articulate.reconstruct.program.api import MOST_CALLS, Builder
 from articulate.reconstruct.program.compile import link_plans
 from articulate.reconstruct.program.language import FUNCTIONS
 from articulate.reconstruct.program.program_parts import parts_of
-from articulate.reconstruct.program.values import ValueRefused
+from articulate.reconstruct.program.values import InvalidValueError
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_arguments_are_refused_with_a_sentence(builder, case):
     given, words = WRONG[case]
-    with pytest.raises(ValueRefused, match=r".") as caught:
+    with pytest.raises(InvalidValueError, match=r".") as caught:
         call(builder, *given)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -188,7 +188,7 @@ def test_wrong_arguments_are_refused_with_a_sentence(builder, case):
 def test_a_joined_part_is_not_moved_any_more(builder):
     call(builder, "fixed", "door", "body")
     for part in ("door", "body"):
-        with pytest.raises(ValueRefused, match="place it before joining"):
+        with pytest.raises(InvalidValueError, match="place it before joining"):
             call(builder, "move", part, (1, 0, 0))
 
 
@@ -200,10 +200,10 @@ def test_joints_make_a_tree_with_names_of_their_own(builder):
         (("fixed", "handle", "body", "hinge"), "called 'hinge' already"),
         (("root", "door"), "no root"),
     ):
-        with pytest.raises(ValueRefused, match=words):
+        with pytest.raises(InvalidValueError, match=words):
             call(builder, *wanted)
     call(builder, "root", "body")
-    with pytest.raises(ValueRefused, match="it has no joint"):
+    with pytest.raises(InvalidValueError, match="it has no joint"):
         call(builder, "fixed", "body", "handle")
 
 
@@ -213,7 +213,7 @@ def test_joints_do_not_follow_in_circles(builder):
     call(builder, "mimic", "door", "handle", -2, 0.5)
     call(builder, "mimic", "handle", "drawer")
     for follower, leader in (("drawer", "door"), ("door", "door")):
-        with pytest.raises(ValueRefused, match="in a circle"):
+        with pytest.raises(InvalidValueError, match="in a circle"):
             call(builder, "mimic", follower, leader)
     assert builder.joints["door"].mimic == ("handle", -2.0, 0.5)
 
@@ -236,14 +236,14 @@ for _ in range(5000):
     ],
 )  # fmt: skip
 def test_forged_calls_are_refused(builder, name, arguments):
-    with pytest.raises(ValueRefused):
+    with pytest.raises(InvalidValueError):
         builder.answer(name, arguments)
 
 
 def test_calls_are_counted(builder):
     for _ in range(MOST_CALLS):
         builder.answer("parts", {})
-    with pytest.raises(ValueRefused, match="shorten the program"):
+    with pytest.raises(InvalidValueError, match="shorten the program"):
         builder.answer("parts", {})
 
 
@@ -269,7 +269,7 @@ def test_no_arguments_make_the_parent_raise_anything_but_a_refusal(parts, names,
         arguments = {key: data.draw(anything) for key in FUNCTIONS[name].names}
         try:
             answer = builder.answer(name, arguments)
-        except ValueRefused as refused:
+        except InvalidValueError as refused:
             answer = str(refused)
         json.dumps(answer, allow_nan=False)
     built = builder.built(())

@@ -5,7 +5,8 @@ import pytest
 import trimesh
 
 from articulate.formats.load_meshes import Piece
-from articulate.formats.mesh_file import named_by, read_mesh
+from articulate.formats.mesh_file import read_mesh
+from articulate.formats.textures import named_files
 from articulate.formats.repairs import Repairs
 from articulate.reconstruct.program.elements import elements_of, words_of, write_element
 
@@ -44,7 +45,7 @@ def test_an_element_goes_by_the_words_that_its_pieces_share(names, words):
 def test_one_mesh_of_several_colours_is_read_as_it_was(tmp_path):
     pieces = [piece("a"), piece("b", BLUE, at=(1.0, 0.0, 0.0))]
     write_element(pieces, tmp_path, "p000")
-    assert named_by(tmp_path / "p000.obj") == [tmp_path / "p000.mtl"]
+    assert named_files(tmp_path / "p000.obj") == [tmp_path / "p000.mtl"]
     groups = {colour: mesh for _, mesh, colour in read_mesh(tmp_path / "p000.obj", Repairs())}
     assert set(groups) == {RED, BLUE}
     for one in pieces:

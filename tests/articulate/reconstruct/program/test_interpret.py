@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from articulate.reconstruct.program.guard import check
+from articulate.reconstruct.program.allow_list import check
 from articulate.reconstruct.program.interpret import interpret
-from articulate.reconstruct.program.parse import Refused
-from articulate.reconstruct.program.values import ValueRefused
+from articulate.reconstruct.program.parse import RuleError
+from articulate.reconstruct.program.values import InvalidValueError
 
 
 def run(source, answer=lambda name, arguments: None):
@@ -38,12 +38,12 @@ def outcome(source):
     """What ``move`` gets, or why it never does."""
     try:
         return run(source)[0][1]["by"], None
-    except Refused as refused:
+    except RuleError as refused:
         return None, refused.violation.message
 
 
 def rejection(source):
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(RuleError) as caught:
         run(source)
     return caught.value.violation
 
@@ -214,9 +214,9 @@ def test_values_that_grow_or_do_not_fit_are_refused_with_their_place(name):
 
 def test_what_the_parent_refuses_is_told_at_the_call():
     def answer(name, arguments):
-        raise ValueRefused("part 'a' is not known")
+        raise InvalidValueError("part 'a' is not known")
 
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(RuleError) as caught:
         run("x = 1\ny = box('a')", answer)
     assert vars(caught.value.violation) == vars(
         SimpleNamespace(line=2, column=5, message="part 'a' is not known", kind="value")
@@ -267,7 +267,7 @@ def test_a_program_that_passes_the_guard_ends_or_is_refused_and_nothing_else(one
             interpret(
                 tree, lambda name, arguments, at: stub(name, json.loads(json.dumps(arguments)))
             )
-        except Refused as refused:
+        except RuleError as refused:
             message = refused.violation.message
         else:
             message = "done"

@@ -8,10 +8,10 @@ from tests.articulate.reconstruct.program import scenes
 from tests.articulate.reconstruct.program.hostile import attacks
 
 from articulate.reconstruct.program import api, interpret, language
-from articulate.reconstruct.program.guard import check
+from articulate.reconstruct.program.allow_list import check
 from articulate.reconstruct.program.materials import DEFAULT, MATERIALS
 from articulate.reconstruct.program.reference import reference
-from articulate.reconstruct.program.sandbox import Limits
+from articulate.reconstruct.program.sandbox import SandboxLimits
 
 ROOT = Path(__file__).resolve().parents[4]
 PAGE = (ROOT / "docs" / "program.md").read_text(encoding="utf-8")
@@ -25,12 +25,12 @@ def rows(head):
 
 
 def test_the_table_of_functions_is_that_of_the_language():
-    told = [(row[0].strip("`"), row[1]) for row in rows("function")]
+    format_value = [(row[0].strip("`"), row[1]) for row in rows("function")]
     known = [
         (function.line(name), function.about[0].lower() + function.about[1:].rstrip("."))
         for name, function in language.FUNCTIONS.items()
     ]
-    assert told == known
+    assert format_value == known
 
 
 def test_the_table_of_placements_is_that_of_the_language():
@@ -43,19 +43,19 @@ def test_every_helper_and_attribute_is_named():
 
 
 def test_the_table_of_materials_is_that_of_the_code():
-    told = {
+    format_value = {
         re.findall(r"`(\w+)`", name)[0]: [float(rho), float(mm)]
         for name, rho, mm in rows("material")
     }
-    assert list(told) == list(MATERIALS)
+    assert list(format_value) == list(MATERIALS)
     for name, material in MATERIALS.items():
-        assert told[name] == pytest.approx([material.density, 1e3 * material.wall_m])
+        assert format_value[name] == pytest.approx([material.density, 1e3 * material.wall_m])
     assert f"`{DEFAULT}` (default)" in PAGE
 
 
 def test_the_bounds_are_those_of_the_code():
-    told = [re.findall(r"[\d.,e]+", row[1].replace(",", "")) for row in rows("bound")]
-    limits = Limits()
+    format_value = [re.findall(r"[\d.,e]+", row[1].replace(",", "")) for row in rows("bound")]
+    limits = SandboxLimits()
     known = [
         [language.MAX_SOURCE], [language.MAX_DEPTH],
         [language.MAX_LOOPS, language.MAX_ITEMS, language.MAX_ROUNDS], [language.MAX_STEPS],
@@ -63,7 +63,7 @@ def test_the_bounds_are_those_of_the_code():
         [language.MAX_NUMBER, language.MAX_POWER], [api.MOST_CALLS, api.MOST_SNAPS],
         [limits.seconds, limits.cpu_s, limits.memory_bytes / 1e6],
     ]  # fmt: skip
-    assert [[float(value) for value in row] for row in told] == known
+    assert [[float(value) for value in row] for row in format_value] == known
 
 
 def test_the_number_of_attacks_is_told():
@@ -94,4 +94,4 @@ def test_what_the_page_says_there_is_not_is_refused():
     for source in ("import os", "class A:\n    pass", "while True:\n    pass", "f = lambda: 1",
                    "try:\n    pass\nfinally:\n    pass", "x = [1].append(2)", "x: int = 1",
                    "x = [1, 2][0:1]", "if (y := 1):\n    pass"):  # fmt: skip
-        assert isinstance(check(source), language.Violation)
+        assert isinstance(check(source), language.RuleViolation)

@@ -12,9 +12,9 @@ from articulate.errors import AssetError
 from articulate.reconstruct.program import api, run
 from articulate.reconstruct.program.contact_distance import sweep
 from articulate.reconstruct.program.program_parts import parts_of
-from articulate.reconstruct.program.result import Built, ProgramError
+from articulate.reconstruct.program.result import ProgramError, ProgramObject
 from articulate.reconstruct.program.run import run_program
-from articulate.reconstruct.program.sandbox import Limits
+from articulate.reconstruct.program.sandbox import SandboxLimits
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_the_clock_stops_what_the_parent_computes(parts, monkeypatch):
 
     monkeypatch.setattr(api, "sweep", slow)
     source = 'place_relative_to("drawer", "body", "above")\n'
-    found = run_program(source, parts, Limits(seconds=1.0))
+    found = run_program(source, parts, SandboxLimits(seconds=1.0))
     assert isinstance(found, ProgramError)
     assert (found.line, found.kind, done) == (1, "limit", [])
 
@@ -88,7 +88,7 @@ def test_a_program_that_is_too_long_is_refused_before_a_process_starts(parts):
 
 
 def test_the_clock_stops_a_program(parts):
-    error = scenes.refused("x = 1", parts, Limits(seconds=0.001))
+    error = scenes.refused("x = 1", parts, SandboxLimits(seconds=0.001))
     assert (error.kind, "more than 0.001 s" in error.message) == ("limit", True)
 
 
@@ -123,9 +123,9 @@ def test_a_child_that_was_taken_over_can_only_talk(parts, tmp_path, monkeypatch,
     body, words = FORGED[case]
     script.write_text(f"{HEAD}{body}\n")
     monkeypatch.setattr(run, "CHILD", script)
-    found = run_program("x = 1", parts, Limits(seconds=2.0 if case == "silence" else 20.0))
+    found = run_program("x = 1", parts, SandboxLimits(seconds=2.0 if case == "silence" else 20.0))
     if words is None:
-        assert isinstance(found, Built)
+        assert isinstance(found, ProgramObject)
         assert {part.name for part in found.parts} == set(parts)
     else:
         assert isinstance(found, ProgramError)
@@ -138,7 +138,7 @@ def test_a_child_that_does_not_listen_is_given_up(parts, tmp_path, monkeypatch):
     script = tmp_path / "child.py"
     script.write_text("import os, time\nos.write(1, b'{\"layers\": []}\\n')\ntime.sleep(60)\n")
     monkeypatch.setattr(run, "CHILD", script)
-    error = scenes.refused("#" * 150_000, parts, Limits(seconds=2.0))
+    error = scenes.refused("#" * 150_000, parts, SandboxLimits(seconds=2.0))
     assert (error.kind, "more than 2 s" in error.message) == ("limit", True)
 
 

@@ -1,4 +1,4 @@
-"""The actors of the command line: a proposer and a critic in a loop."""
+"""Actors of the command line: a proposer and a critic in a loop."""
 
 from __future__ import annotations
 
@@ -10,33 +10,41 @@ from articulate.reconstruct.actors.protocol import Critic, Evidence, Prediction,
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic
 
-TURNS = 5
-"""Most proposals: one for each of the four failures that a critic may name, and one more."""
+MAX_PROPOSALS = 5
+"""One for each of the four failures that a critic may name, and one more."""
 
 
 def vlm_actor() -> Loop:
-    """A model writes programs, and a model judges them."""
-    return Loop(proposer=JointActor(way="program"), critic=JointCritic(), max_iterations=TURNS)
+    """Create the actor in which a model writes programs and assesses them."""
+    return Loop(
+        proposer=JointActor(strategy="program"),
+        critic=JointCritic(),
+        max_iterations=MAX_PROPOSALS,
+    )
 
 
 def hybrid_actor() -> Loop:
-    """A model says what is semantic, geometry computes every number, and judges clips."""
-    return Loop(proposer=JointActor(way="choice"), critic=HybridCritic(), max_iterations=TURNS)
+    """Create the actor in which a model chooses joint candidates and geometry computes numbers."""
+    return Loop(
+        proposer=JointActor(strategy="choice"),
+        critic=HybridCritic(),
+        max_iterations=MAX_PROPOSALS,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class HybridCritic:
-    """Geometry judges what can be measured in a clip; a model judges the rest."""
+    """Critic that measures videos with a known camera and uses a model for all other evidence."""
 
-    measured: Critic = field(default_factory=VideoCritic)
-    seen: Critic = field(default_factory=JointCritic)
+    geometric: Critic = field(default_factory=VideoCritic)
+    visual: Critic = field(default_factory=JointCritic)
     name: str = "hybrid"
 
     def assess(self, evidence: Evidence, prediction: Prediction) -> Verdict:
-        """What is wrong with the prediction, if anything is."""
-        return self.chosen(evidence).assess(evidence, prediction)
+        """Assess a prediction with the critic that fits the evidence."""
+        return self.critic_for(evidence).assess(evidence, prediction)
 
-    def chosen(self, evidence: Evidence) -> Critic:
-        """Who judges such evidence."""
+    def critic_for(self, evidence: Evidence) -> Critic:
+        """Return the critic for such evidence."""
         can_measure = evidence.video is not None and evidence.camera is not None and evidence.placed
-        return self.measured if can_measure else self.seen
+        return self.geometric if can_measure else self.visual

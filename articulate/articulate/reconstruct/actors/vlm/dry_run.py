@@ -1,7 +1,7 @@
-"""Dry run: the prompts that would be sent, on one page, and nothing is sent.
+"""Dry run: write the requests that an actor would send to one page, without sending them.
 
-What is asked first hangs on nothing. What is asked later hangs on answers: there a stand-in takes
-the answer's place, and the page says so.
+Later requests depend on earlier answers. The page fills in a placeholder for such an answer and
+marks it.
 """
 
 from __future__ import annotations
@@ -19,120 +19,126 @@ from articulate.reconstruct.actors.loop import Loop
 from articulate.reconstruct.actors.protocol import Actor, Critic, Evidence, Prediction
 from articulate.reconstruct.actors.semantic.part_relations import named_scene
 from articulate.reconstruct.actors.vlm.actor import HybridCritic
-from articulate.reconstruct.actors.vlm.answers import Mover
-from articulate.reconstruct.actors.vlm.hybrid import movers_request, picks_request
+from articulate.reconstruct.actors.vlm.answers import MovingPart
+from articulate.reconstruct.actors.vlm.hybrid import choices_request, movers_request
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor, program_request
-from articulate.reconstruct.actors.vlm.joint_candidates import offers_of, usual_joint, with_carriers
+from articulate.reconstruct.actors.vlm.joint_candidates import (
+    joint_candidates,
+    typical_joint,
+    with_carriers,
+)
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic, critic_request
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor, link_request
-from articulate.reconstruct.actors.vlm.model import Model, Picture, Request
+from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Request
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dry:
-    """A question that would be put to a model."""
+class DryRunRequest:
+    """A request that would be sent."""
 
     request: Request
-    stand_in: str = ""
-    """What stands for an answer that is not there; empty if the question hangs on none."""
+    placeholder: str = ""
+    """Description of the assumed answer to an earlier request; empty if there is none."""
 
 
-def write_dry_run(actor: Actor, evidence: Evidence, path: Path, told: str) -> int:
-    """Write the page; return how many questions are on it.
+def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str) -> int:
+    """Write the page and return the number of requests on it.
 
     Args:
-        actor: Who would ask.
-        evidence: What it would be given.
-        path: HTML file, written whole or not at all.
-        told: What was given, in a few words.
+        actor: Actor that would send the requests.
+        evidence: Evidence for the actor.
+        path: HTML file, written atomically.
+        description: Short description of the input.
 
     Raises:
-        ConfigError: The actor asks no model.
+        ConfigError: The actor uses no model.
     """
-    model, found = questions(actor, evidence)
-    pictures = [p for dry in found for p in _pictures(dry.request)]
+    model, found = dry_run_requests(actor, evidence)
+    images = [image for dry in found for image in _images(dry.request)]
     page = Page(
-        f"What {model.name} would be asked",
-        f"About {told}. Nothing was sent. A question is put again, with what was wrong, where an "
-        "answer does not fit, a program breaks a rule, or a critic is not content.",
+        f"Requests to {model.name}",
+        f"Input: {description}. Nothing was sent. A request is sent again, with the error, if an "
+        "answer is invalid, a program breaks a rule, or the critic rates the prediction too low.",
     )
     page.tiles(
-        Tile(value=len(found), label="questions"),
-        Tile(value=len(pictures), label="pictures"),
-        Tile(value=round(sum(len(p.png) for p in pictures) / 1e6, 2), label="MB of pictures"),
+        Tile(value=len(found), label="requests"),
+        Tile(value=len(images), label="images"),
+        Tile(value=round(sum(len(i.png) for i in images) / 1e6, 2), label="MB of images"),
     )
     for dry in found:
-        _shown(page, dry)
+        _add_request(page, dry)
     page.footer("--dry-run", {})
     page.save(path)
     return len(found)
 
 
-def questions(actor: Actor, evidence: Evidence) -> tuple[Model, list[Dry]]:
-    """Who would be asked, and what.
+def dry_run_requests(actor: Actor, evidence: Evidence) -> tuple[Model, list[DryRunRequest]]:
+    """Return the model of an actor and the requests that it would receive.
 
     Raises:
-        ConfigError: The actor asks no model.
+        ConfigError: The actor uses no model.
     """
     if isinstance(actor, LinkActor):
-        return actor.model, [Dry(request=link_request(evidence))]
+        return actor.model, [DryRunRequest(request=link_request(evidence))]
     if not (isinstance(actor, Loop) and isinstance(actor.proposer, JointActor)):
         raise ConfigError(
-            f"--dry-run: {actor.name} asks no model, so that nothing would be sent; "
+            f"--dry-run: {actor.name} uses no model and would send nothing; "
             "give --actor vlm or --actor hybrid"
         )
     proposer = actor.proposer
     if not evidence.placed:
-        return proposer.model, [Dry(request=link_request(evidence))]
-    mover = _stand_in(evidence)
+        return proposer.model, [DryRunRequest(request=link_request(evidence))]
+    mover = _assumed_mover(evidence)
     scene = with_carriers(named_scene(evidence), [mover])
-    offers = offers_of([mover], scene)
-    if proposer.way == "program":
-        found = [Dry(request=program_request(evidence, ()))]
+    candidates = joint_candidates([mover], scene)
+    if proposer.strategy == "program":
+        found = [DryRunRequest(request=program_request(evidence, ()))]
     else:
-        told = f"{mover.part}, {mover.kind}, as if it were the answer to the first question"
+        assumed = f"{mover.part}, {mover.kind}, as the answer to the first request"
         found = [
-            Dry(request=movers_request(evidence, ())),
-            Dry(request=picks_request(evidence, offers, ()), stand_in=told),
+            DryRunRequest(request=movers_request(evidence, ())),
+            DryRunRequest(request=choices_request(evidence, candidates, ()), placeholder=assumed),
         ]
-    if _asks(actor.critic, evidence):
-        joint = usual_joint(offers[0], "positive", scene)
+    if _uses_model(actor.critic, evidence):
+        joint = typical_joint(candidates[0], "positive", scene)
         request = critic_request(evidence, Prediction(joints=(joint,)))
-        told = f"a {joint.kind} joint of {joint.part}, as if it were the answer"
-        found.append(Dry(request=request, stand_in=told))
+        assumed = f"a {joint.kind} joint of {joint.part}, as the prediction"
+        found.append(DryRunRequest(request=request, placeholder=assumed))
     return proposer.model, found
 
 
-def _asks(critic: Critic | None, evidence: Evidence) -> bool:
-    """Whether a critic asks a model about such evidence."""
+def _uses_model(critic: Critic | None, evidence: Evidence) -> bool:
+    """Return whether a critic uses a model for such evidence."""
     if isinstance(critic, HybridCritic):
-        return _asks(critic.chosen(evidence), evidence)
+        return _uses_model(critic.critic_for(evidence), evidence)
     return isinstance(critic, JointCritic)
 
 
-def _stand_in(evidence: Evidence) -> Mover:
-    """The second largest part, as if it were seen to turn."""
+def _assumed_mover(evidence: Evidence) -> MovingPart:
+    """Return the second largest part as a part that turns."""
     by_size = sorted(evidence.parts, key=lambda p: -float(np.prod(np.ptp(p.bounds, axis=0))))
-    return Mover(part=by_size[min(1, len(by_size) - 1)].name, kind="revolute", why="stand-in")
+    return MovingPart(
+        part=by_size[min(1, len(by_size) - 1)].name, kind="revolute", why="placeholder"
+    )
 
 
-def _shown(page: Page, dry: Dry) -> None:
+def _add_request(page: Page, dry: DryRunRequest) -> None:
     request = dry.request
-    page.section(f"Question: {request.title}")
-    if dry.stand_in:
-        page.text(f"With a stand-in: {dry.stand_in}. The real question will differ in it.")
-    page.text("What holds for the whole conversation:")
+    page.section(f"Request: {request.title}")
+    if dry.placeholder:
+        page.text(f"It assumes {dry.placeholder}. The real request will differ here.")
+    page.text("System prompt:")
     page.code(request.system)
-    page.text("The question:")
+    page.text("Messages:")
     for turn in request.turns:
-        for piece in turn.pieces:
-            if isinstance(piece, Picture):
-                page.png(piece.png, piece.caption)
+        for item in turn.content:
+            if isinstance(item, CaptionedImage):
+                page.png(item.png, item.caption)
             else:
-                page.code(piece)
-    page.text("The JSON schema of the answer:")
+                page.code(item)
+    page.text("JSON schema of the answer:")
     page.code(json.dumps(request.schema, indent=1))
 
 
-def _pictures(request: Request) -> Sequence[Picture]:
-    return [p for turn in request.turns for p in turn.pieces if isinstance(p, Picture)]
+def _images(request: Request) -> Sequence[CaptionedImage]:
+    return [c for turn in request.turns for c in turn.content if isinstance(c, CaptionedImage)]

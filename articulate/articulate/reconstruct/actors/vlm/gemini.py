@@ -1,4 +1,4 @@
-"""Gemini: Google's models through ``google-genai``."""
+"""Google's Gemini models through ``google-genai``."""
 
 from __future__ import annotations
 
@@ -10,39 +10,48 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from articulate.errors import MissingError, UsageError
-from articulate.reconstruct.actors.vlm.model import Picture, Reply, Request, Turn
+from articulate.errors import MissingError, UsageError, shorten
+from articulate.reconstruct.actors.vlm.model import CaptionedImage, Reply, Request, Turn
+from articulate.reconstruct.actors.vlm.network import (
+    ProxySetting,
+    check_connection,
+    check_network_settings,
+    proxy_of,
+)
 
 DEFAULT_MODEL = "gemini-3.8-flash"
 """Google's default of September 2026 (ai.google.dev, models); 2.5 is shut down 2026-12-01."""
 MODEL_VARIABLE = "ARTICULATE_MODEL"
 """Environment variable that names another model."""
 KEY_VARIABLES = ("GOOGLE_API_KEY", "GEMINI_API_KEY")
-"""Where the key is looked for, in this order, as Google's own client does."""
+"""Environment variables of the key, in the order in which Google's client reads them."""
 URL_VARIABLE = "GOOGLE_GEMINI_BASE_URL"
-"""Another server that speaks the same language."""
-AGAIN = (408, 429, 500, 502, 503, 504)
-"""Answers of a server after which it is asked again."""
-SHAPELESS = (TypeError, AttributeError, KeyError, IndexError)
-"""What the client stumbles over where JSON is not of the shape of an answer."""
+"""Environment variable of the URL of another server with the same API."""
+DEFAULT_URL = "https://generativelanguage.googleapis.com"
+RETRY_CODES = (408, 429, 500, 502, 503, 504)
+"""HTTP status codes after which a request is sent again."""
+MALFORMED = (TypeError, AttributeError, KeyError, IndexError)
+"""Exceptions of the client where the JSON of a reply does not have the expected structure."""
 HIDDEN = "(key)"
+MAX_REASON = 200
+"""Most characters of a server's reason in an error line."""
 ESCAPED = re.compile(r"""\\(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2})|(["/\\]))""")
-"""A character as JSON and programs may write it."""
+"""An escaped character in JSON or in a program."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gemini:
-    """One of Google's models.
+    """A Gemini model.
 
-    The key is read from the environment when the model is asked, and is in nothing that comes out:
-    where a server sends it back, :data:`HIDDEN` stands for it.
+    The key is read from the environment for each request. It appears in no output: where a server
+    sends it back, it is replaced by :data:`HIDDEN`.
     """
 
     model: str = field(default_factory=lambda: os.environ.get(MODEL_VARIABLE) or DEFAULT_MODEL)
     attempts: int = 5
-    """Times that a busy or broken server is asked, the first included."""
+    """Most requests to a server that is busy or fails, the first included."""
     first_wait_s: float = 1.0
-    """Before the second time; each further wait is twice as long."""
+    """Wait before the second request [s]; each further wait is twice as long."""
     longest_wait_s: float = 30.0
     timeout_s: float = 300.0
 
@@ -53,19 +62,23 @@ class Gemini:
 
     @property
     def source(self) -> str:
-        """The model, and the server where it is not Google's."""
+        """Name of the model, with the server unless it is Google's."""
         url = os.environ.get(URL_VARIABLE)
         return f"{self.model} at {url}" if url else self.model
 
-    def ask(self, request: Request) -> Reply:
-        """Its answer.
+    def generate(self, request: Request) -> Reply:
+        """Send a request and return the reply.
 
         Raises:
-            MissingError: There is no key, or ``google-genai`` is not installed.
-            UsageError: The server cannot be reached, refuses, or gives no answer.
+            MissingError: There is no key, or a package is not installed.
+            UsageError: The server cannot be reached, rejects the request, or sends no answer.
         """
         key = api_key()
         genai = _package()
+        check_network_settings()
+        proxy = proxy_of(os.environ.get(URL_VARIABLE) or DEFAULT_URL)
+        if proxy is not None:
+            check_connection(proxy)
         contents = [_content(turn) for turn in request.turns]
         start = time.monotonic()
         try:
@@ -82,14 +95,20 @@ class Gemini:
                     },
                 )
         except genai.errors.APIError as error:
-            raise UsageError(self._refused(error, key)) from None
-        except _unreached() as error:
-            what = _plain(_heard(error), key)
-            raise UsageError(
-                f"{self.name}: cannot be reached ({what}); look at the network and "
-                f"{URL_VARIABLE}, or leave --actor out: the usual actors need none"
-            ) from None
+            raise UsageError(self._rejection(error, key)) from None
+        except _network_errors() as error:
+            reason = _plain(_describe_error(error), key)
+            raise UsageError(self._unreachable(reason, proxy)) from None
         return self._reply(found, key, time.monotonic() - start)
+
+    def _unreachable(self, reason: str, proxy: ProxySetting | None) -> str:
+        where = "the network" if proxy is None else f"the proxy of {proxy.variable}"
+        if "CERTIFICATE_VERIFY_FAILED" in reason:
+            where += ", SSL_CERT_FILE"
+        return (
+            f"{self.name}: cannot be reached ({reason}); check {where} and {URL_VARIABLE}, or "
+            "omit --actor: the default actors need no network"
+        )
 
     def _http_options(self) -> dict[str, Any]:
         return {
@@ -100,15 +119,17 @@ class Gemini:
                 "max_delay": self.longest_wait_s,
                 "exp_base": 2.0,
                 "jitter": 0.5 * self.first_wait_s,
-                "http_status_codes": list(AGAIN),
+                "http_status_codes": list(RETRY_CODES),
             },
         }
 
     def _reply(self, found: Any, key: str, seconds: float) -> Reply:
-        text = _said(found)
+        text = _answer_text(found)
         if not text:
             why = _plain(_reason(found), key)
-            raise UsageError(f"{self.name}: gave no answer ({why}); ask again, or another model")
+            raise UsageError(
+                f"{self.name}: sent no answer ({why}); try again or choose another model"
+            )
         usage = found.usage_metadata
         return Reply(
             text=_without_key(text, key),
@@ -118,83 +139,81 @@ class Gemini:
             tokens_out=(usage and usage.candidates_token_count) or 0,
         )
 
-    def _refused(self, error: Any, key: str) -> str:
+    def _rejection(self, error: Any, key: str) -> str:
         what = _plain(str(error.message or error.status or "no reason given"), key)
-        if error.code in AGAIN:
+        if error.code in RETRY_CODES:
             return (
-                f"{self.name}: answers {error.code} each of {self.attempts} times ({what}); wait, "
-                "then run this again: answers that came are kept"
+                f"{self.name}: status {error.code} on each of {self.attempts} attempts ({what}); "
+                "run the command again later: earlier answers are cached"
             )
         if error.code in {401, 403} or "API key" in what:
             return (
-                f"{self.name}: refuses the key of {key_variable()} ({error.code}: {what}); "
-                "set one that is valid"
+                f"{self.name}: rejects the key of {key_variable()} ({error.code}: {what}); "
+                "set a valid key"
             )
         if error.code == 404:
-            return (
-                f"{self.name}: there is no such model ({what}); name another with {MODEL_VARIABLE}"
-            )
-        return f"{self.name}: refuses what it was asked ({error.code}: {what})"
+            return f"{self.name}: unknown model ({what}); set {MODEL_VARIABLE} to another one"
+        return f"{self.name}: rejects the request ({error.code}: {what})"
 
 
 def key_variable() -> str:
-    """The variable that holds the key; empty if none does."""
+    """Return the environment variable that holds the key; empty if there is none."""
     return next((name for name in KEY_VARIABLES if os.environ.get(name, "").strip()), "")
 
 
 def api_key() -> str:
-    """The key, from the environment alone.
+    """Read the key from the environment.
 
     Raises:
-        MissingError: There is none, or something else stands there.
+        MissingError: There is no key, or the value cannot be a key.
     """
     name = key_variable()
     if not name:
         raise MissingError(
-            f"no key for a model: set {' or '.join(KEY_VARIABLES)}, look at what would be sent "
-            "with --dry-run, or leave --actor out: the usual actors ask no model"
+            f"no API key: set {' or '.join(KEY_VARIABLES)}, look at the requests with --dry-run, "
+            "or omit --actor: the default actors use no model"
         )
     key = os.environ[name].strip()
     if not (key.isascii() and key.isprintable()):
         raise MissingError(
-            f"{name} holds characters that are in no key; copy the key again, without line breaks"
+            f"{name} holds characters that no key contains; copy the key again, without line breaks"
         )
     return key
 
 
 def _package() -> Any:
     try:
-        return importlib.import_module("google.genai")  # heavy, and wanted for this alone
+        return importlib.import_module("google.genai")  # heavy, and needed only here
     except ModuleNotFoundError:
         raise MissingError(
-            "asking Gemini needs google-genai, which is not installed; "
+            "Gemini needs google-genai, which is not installed; "
             'run: pip install "articulate-robots[vlm]"'
         ) from None
 
 
-def _unreached() -> tuple[type[Exception], ...]:
-    """What the client raises where there is no server, or none that speaks as it should."""
+def _network_errors() -> tuple[type[Exception], ...]:
+    """Return the exceptions of the client for an unreachable server or a malformed reply."""
     httpx = importlib.import_module("httpx")  # comes with the client
-    # A body that is not JSON reaches us as the decoder's ValueError, one that is nested too deeply
+    # A body that is not JSON arrives as the decoder's ValueError, one that is nested too deeply
     # as its RecursionError.
-    return (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError, RecursionError, *SHAPELESS)
+    return (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError, RecursionError, *MALFORMED)
 
 
-def _heard(error: Exception) -> str:
-    """What is wrong with what answered, or with the way there."""
+def _describe_error(error: Exception) -> str:
+    """Describe a network error or a malformed reply."""
     if isinstance(error, RecursionError):
-        return "what answers there is nested too deeply"
+        return "the reply is nested too deeply"
     if isinstance(error, ValueError):
-        return "what answers there is no JSON"
-    if isinstance(error, SHAPELESS):
-        return "what answers there is no answer of Gemini"
+        return "the reply is not JSON"
+    if isinstance(error, MALFORMED):
+        return "the reply is not one of Gemini"
     return str(error) or type(error).__name__
 
 
 def _content(turn: Turn) -> dict[str, Any]:
     parts: list[dict[str, Any]] = []
-    for piece in turn.pieces:
-        if isinstance(piece, Picture):
+    for piece in turn.content:
+        if isinstance(piece, CaptionedImage):
             parts.append({"text": f"{piece.caption}:"})
             parts.append({"inline_data": {"data": piece.png, "mime_type": "image/png"}})
         else:
@@ -202,8 +221,8 @@ def _content(turn: Turn) -> dict[str, Any]:
     return {"role": turn.role, "parts": parts}
 
 
-def _said(found: Any) -> str:
-    """All words of the first candidate that are not thoughts."""
+def _answer_text(found: Any) -> str:
+    """Return the text of the first candidate that has any, without thoughts."""
     for candidate in found.candidates or ():
         parts = (candidate.content and candidate.content.parts) or ()
         text = "".join(part.text for part in parts if part.text and not part.thought)
@@ -220,38 +239,38 @@ def _reason(found: Any) -> str:
 
 
 def _plain(text: str, key: str) -> str:
-    """One line of at most 300 letters without the key."""
-    return " ".join(_hidden(text, key).split())[:300]
+    """Return one line of at most ``MAX_REASON`` characters without the key."""
+    return shorten(" ".join(_hide(text, key).split()), MAX_REASON)
 
 
 def _without_key(text: str, key: str) -> str:
-    """An answer without the key, however its JSON writes the letters of the key."""
-    plain = _hidden(text, key)
+    """Remove the key from an answer, also where JSON escapes characters of it."""
+    plain = _hide(text, key)
     try:
         content = json.loads(text)
-        clean = _without(content, key)
+        clean = _hide_in(content, key)
         return text if clean == content and plain == text else json.dumps(clean)
     except (ValueError, RecursionError):  # it is not JSON, or nested too deeply
         return plain
 
 
-def _without(value: Any, key: str) -> Any:
-    """A value of JSON without the key in its words."""
+def _hide_in(value: Any, key: str) -> Any:
+    """Replace the key in all texts of a JSON value."""
     if isinstance(value, str):
-        return _hidden(value, key)
+        return _hide(value, key)
     if isinstance(value, list):
-        return [_without(one, key) for one in value]
+        return [_hide_in(one, key) for one in value]
     if isinstance(value, dict):
-        return {_hidden(name, key): _without(one, key) for name, one in value.items()}
+        return {_hide(name, key): _hide_in(one, key) for name, one in value.items()}
     return value
 
 
-def _hidden(text: str, key: str) -> str:
-    """The text without the key, be it written plainly or with escapes."""
+def _hide(text: str, key: str) -> str:
+    """Replace the key in a text, written plainly or with escapes."""
     text = text.replace(key, HIDDEN)
-    plain = ESCAPED.sub(_letter, text)
+    plain = ESCAPED.sub(_unescape, text)
     return plain.replace(key, HIDDEN) if key in plain else text
 
 
-def _letter(found: re.Match[str]) -> str:
+def _unescape(found: re.Match[str]) -> str:
     return found[3] or chr(int(found[1] or found[2], 16))

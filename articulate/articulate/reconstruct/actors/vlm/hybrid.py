@@ -1,8 +1,9 @@
-"""Hybrid: a model says what is semantic, geometry computes every number.
+"""Joints of which a model chooses part, kind and candidate, and geometry computes all numbers.
 
-The model is asked which parts move and of what kind their joints are, then which of the candidates
-it is that geometry offers for these parts, and which way they open. From a clip geometry then finds
-axis, pivot and limits near the chosen candidate; without one the candidate itself is the joint.
+The model names the moving parts and the kinds of their joints. It then chooses among the joint
+candidates that geometry offers for these parts, and the direction in which they open. With a video,
+geometry fits axis, pivot and limits near the chosen candidate; without one the candidate itself is
+the joint.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from itertools import groupby
 
 import numpy as np
 
+from articulate.errors import quote
 from articulate.reconstruct.actors.geometric.candidates import Motion
 from articulate.reconstruct.actors.geometric.fit import Wish, find_motion
 from articulate.reconstruct.actors.geometric.video import joints_of, scene_from
@@ -23,168 +25,176 @@ from articulate.reconstruct.actors.protocol import (
     Prediction,
 )
 from articulate.reconstruct.actors.semantic.part_relations import Named, named_scene
-from articulate.reconstruct.actors.vlm.answers import Mover, Movers, Picks
+from articulate.reconstruct.actors.vlm.answers import Choices, MovingPart, MovingParts
 from articulate.reconstruct.actors.vlm.joint_candidates import (
-    Offer,
-    offers_of,
-    offers_picture,
-    offers_told,
-    usual_joint,
+    JointCandidate,
+    candidates_image,
+    describe_candidates,
+    joint_candidates,
+    typical_joint,
     with_carriers,
 )
 from articulate.reconstruct.actors.vlm.model import Request, Turn
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
-from articulate.reconstruct.actors.vlm.prompt_text import attempts_told, pieces_of
+from articulate.reconstruct.actors.vlm.prompt_text import describe_attempts, evidence_content
 from articulate.reconstruct.actors.vlm.prompts import prompt
 from articulate.reconstruct.actors.vlm.schema import schema_of
 
 WHICH = {
-    "video": "Name the part that moves in the clip; several only if they move on their own.",
+    "video": "Name the part that moves in the video; several only if they move independently.",
     "image": "Name all parts that can move, whether they are open or closed.",
     "text": "Name all parts that can move.",
 }
 NEAR_SHARE = 0.15
-"""In a clip the axis is sought as far from the chosen one as this share of the part's size."""
-MOST_PICTURES = 4
-"""Parts whose candidates are drawn."""
+"""Largest distance of a fitted axis from the chosen one, as a share of the part's size."""
+MAX_IMAGES = 4
+"""Most parts whose candidates are rendered."""
 
 
-def chosen_joints(
-    interview: ModelSession, evidence: Evidence, attempts: Sequence[ActorAttempt]
+def choose_joints(
+    session: ModelSession, evidence: Evidence, attempts: Sequence[ActorAttempt]
 ) -> Prediction:
-    """The joints that a model chooses.
+    """Return the joints that a model chooses.
 
     Raises:
-        Unfit: The model gives no answer that can be used.
-        UsageError: The model cannot be asked.
+        AnswerError: No answer of the model is valid.
+        UsageError: The request cannot be sent.
     """
-    movers = interview.ask(movers_request(evidence, attempts), Movers, _only_parts(evidence)).movers
+    request = movers_request(evidence, attempts)
+    movers = session.generate(request, MovingParts, _check_parts(evidence)).movers
     if not movers:
-        return Prediction(joints=(), rejection=f"{interview.model.name} sees no part that moves")
+        return Prediction(joints=(), rejection=f"{session.model.name} names no moving part")
     scene = with_carriers(named_scene(evidence), movers)
-    offers = offers_of(movers, scene)
-    request = picks_request(evidence, offers, attempts)
-    picks = interview.ask(request, Picks, _only_offers(movers, offers)).picks
-    chosen = [(offers[pick.candidate - 1], pick.opens) for pick in picks]
+    candidates = joint_candidates(movers, scene)
+    request = choices_request(evidence, candidates, attempts)
+    choices = session.generate(request, Choices, _check_choices(movers, candidates)).choices
+    chosen = [(candidates[choice.candidate - 1], choice.opens) for choice in choices]
     if evidence.video is not None and evidence.camera is not None:
-        return _measured([offer for offer, _ in chosen], evidence, scene)
-    joints = [usual_joint(offer, opens, scene) for offer, opens in chosen]
-    return Prediction(joints=(*joints, *_riders(joints, scene)))
+        return _fit_joints([candidate for candidate, _ in chosen], evidence, scene)
+    joints = [typical_joint(candidate, opens, scene) for candidate, opens in chosen]
+    return Prediction(joints=(*joints, *_carried(joints, scene)))
 
 
 def movers_request(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Request:
-    """Which part moves: what was given, beside the parts in colours of their own."""
+    """Create the request for the moving parts."""
     return Request(
-        title="which parts move",
+        title="moving parts",
         system=prompt("frame").filled(),
         turns=(
             Turn(
                 "user",
                 (
                     prompt("movers").filled(which=WHICH[evidence.modality]),
-                    *pieces_of(evidence),
-                    *attempts_told(attempts),
+                    *evidence_content(evidence),
+                    *describe_attempts(attempts),
                 ),
             ),
         ),
-        schema=schema_of(Movers),
+        schema=schema_of(MovingParts),
     )
 
 
-def picks_request(
-    evidence: Evidence, offers: Sequence[Offer], attempts: Sequence[ActorAttempt]
+def choices_request(
+    evidence: Evidence, candidates: Sequence[JointCandidate], attempts: Sequence[ActorAttempt]
 ) -> Request:
-    """Which of the candidates it is."""
-    groups = [list(group) for _, group in groupby(offers, key=lambda offer: offer.part)]
-    drawn = [offers_picture(evidence, group) for group in groups[:MOST_PICTURES]]
+    """Create the request to choose among the candidates."""
+    groups = [list(group) for _, group in groupby(candidates, key=lambda candidate: candidate.part)]
+    images = [candidates_image(evidence, group) for group in groups[:MAX_IMAGES]]
     return Request(
-        title="which of the joints that the shapes allow",
+        title="choice among joint candidates",
         system=prompt("frame").filled(),
         turns=(
             Turn(
                 "user",
                 (
-                    prompt("picks").filled(candidates=offers_told(offers)),
-                    *pieces_of(evidence),
-                    *drawn,
-                    *attempts_told(attempts),
+                    prompt("choices").filled(candidates=describe_candidates(candidates)),
+                    *evidence_content(evidence),
+                    *images,
+                    *describe_attempts(attempts),
                 ),
             ),
         ),
-        schema=schema_of(Picks),
+        schema=schema_of(Choices),
     )
 
 
-def _only_parts(evidence: Evidence) -> Callable[[Movers], str]:
+def _check_parts(evidence: Evidence) -> Callable[[MovingParts], str]:
     names = [part.name for part in evidence.parts]
 
-    def check(answer: Movers) -> str:
-        said = [mover.part for mover in answer.movers]
-        for name in said:
+    def check(answer: MovingParts) -> str:
+        named = [mover.part for mover in answer.movers]
+        for name in named:
             if name not in names:
-                return f"there is no part {name!r}; the parts are {', '.join(names)}"
-            if said.count(name) > 1:
+                return f"there is no part {quote(name)}; the parts are {', '.join(names)}"
+            if named.count(name) > 1:
                 return f"{name} is named twice; name each part once"
-        return "at least one part stands still" if len(said) == len(names) else ""
+        return "at least one part is fixed" if len(named) == len(names) else ""
 
     return check
 
 
-def _only_offers(movers: Sequence[Mover], offers: Sequence[Offer]) -> Callable[[Picks], str]:
+def _check_choices(
+    movers: Sequence[MovingPart], candidates: Sequence[JointCandidate]
+) -> Callable[[Choices], str]:
     wanted = sorted(mover.part for mover in movers)
 
-    def check(answer: Picks) -> str:
-        if sorted(pick.part for pick in answer.picks) != wanted:
+    def check(answer: Choices) -> str:
+        if sorted(choice.part for choice in answer.choices) != wanted:
             return f"choose one candidate for each of {', '.join(wanted)}"
-        for pick in answer.picks:
-            known = [offer.number for offer in offers if offer.part == pick.part]
-            if pick.candidate not in known:
-                told = f"{known[0]} to {known[-1]}"
-                return f"candidate {pick.candidate} is none of {pick.part}; these are {told}"
+        for choice in answer.choices:
+            known = [c.number for c in candidates if c.part == choice.part]
+            if choice.candidate not in known:
+                return (
+                    f"candidate {choice.candidate} is not one of {choice.part}; "
+                    f"known: {known[0]} to {known[-1]}"
+                )
         return ""
 
     return check
 
 
-def _measured(chosen: Sequence[Offer], evidence: Evidence, scene: Named) -> Prediction:
-    """The joints near the chosen ones that explain the clip best."""
-    clip = scene_from(evidence)
-    names = [part.name for part in clip.parts]
+def _fit_joints(chosen: Sequence[JointCandidate], evidence: Evidence, scene: Named) -> Prediction:
+    """Fit joints near the chosen candidates to the video."""
+    video = scene_from(evidence)
+    names = [part.name for part in video.parts]
     joints: list[PredictedJoint] = []
-    for offer in chosen:
+    for candidate in chosen:
         near = Motion(
-            "slide" if offer.kind == "prismatic" else "turn",
-            offer.axis_o,
-            offer.pivot_o,
-            f"candidate {offer.number}",
+            "slide" if candidate.kind == "prismatic" else "turn",
+            candidate.axis_o,
+            candidate.pivot_o,
+            f"candidate {candidate.number}",
         )
-        size = float(np.linalg.norm(scene.shapes[offer.part].size))
+        size = float(np.linalg.norm(scene.shapes[candidate.part].size))
         wish = Wish(
-            kind=near.kind, part=names.index(offer.part), near=near, near_m=NEAR_SHARE * size
+            kind=near.kind, part=names.index(candidate.part), near=near, near_m=NEAR_SHARE * size
         )
-        fit = find_motion(clip, wish) if clip.change.any() else None
+        fit = find_motion(video, wish) if video.change.any() else None
         if fit is None:
             return Prediction(
                 joints=(),
-                rejection=f"no {offer.kind} joint of {offer.part} explains what changes in the clip",
+                rejection=f"no {candidate.kind} joint of {candidate.part} explains the changes in the video",
             )
-        lead, *fixed = joints_of(fit, clip, 1.0)
-        taken = {joint.part for joint in joints}
-        joints += [_of_kind(lead, offer, fit.q), *(j for j in fixed if j.part not in taken)]
+        lead, *fixed = joints_of(fit, video, 1.0)
+        known_parts = {joint.part for joint in joints}
+        joints += [
+            _of_kind(lead, candidate, fit.q),
+            *(j for j in fixed if j.part not in known_parts),
+        ]
     return Prediction(joints=tuple({joint.part: joint for joint in joints}.values()))
 
 
-def _of_kind(joint: PredictedJoint, offer: Offer, q: np.ndarray) -> PredictedJoint:
-    """The joint, of the kind that the model says."""
-    if offer.kind == "continuous":
+def _of_kind(joint: PredictedJoint, candidate: JointCandidate, q: np.ndarray) -> PredictedJoint:
+    """Return the joint with the kind of the candidate."""
+    if candidate.kind == "continuous":
         return replace(joint, kind="continuous", lower=None, upper=None)
     if joint.kind == "continuous":
         return replace(joint, kind="revolute", lower=float(q.min()), upper=float(q.max()))
     return joint
 
 
-def _riders(joints: Sequence[PredictedJoint], scene: Named) -> list[PredictedJoint]:
-    """Fixed joints of what hangs on parts that move."""
+def _carried(joints: Sequence[PredictedJoint], scene: Named) -> list[PredictedJoint]:
+    """Return fixed joints of the parts that moving parts carry."""
     moving = {joint.part for joint in joints}
     return [
         PredictedJoint(part=name, parent=on, kind="fixed")

@@ -1,4 +1,4 @@
-"""JointActor: a model that finds joints, by writing a program or by choosing among candidates."""
+"""Actor that finds joints with a model, by a program or by a choice among candidates."""
 
 from __future__ import annotations
 
@@ -11,77 +11,85 @@ from articulate.cache import cache_folder
 from articulate.reconstruct.actors.protocol import ActorAttempt, Evidence, Prediction
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.gemini import Gemini
-from articulate.reconstruct.actors.vlm.hybrid import chosen_joints
-from articulate.reconstruct.actors.vlm.link_actor import places_of
+from articulate.reconstruct.actors.vlm.hybrid import choose_joints
+from articulate.reconstruct.actors.vlm.link_actor import find_placements
 from articulate.reconstruct.actors.vlm.model import Model, Request, Turn
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
-from articulate.reconstruct.actors.vlm.programs import joints_in, written, wrong_joints
-from articulate.reconstruct.actors.vlm.prompt_text import attempts_told, pieces_of, placed
+from articulate.reconstruct.actors.vlm.programs import (
+    joints_error,
+    program_joints,
+    runnable_program,
+)
+from articulate.reconstruct.actors.vlm.prompt_text import (
+    describe_attempts,
+    evidence_content,
+    with_placements,
+)
 from articulate.reconstruct.actors.vlm.prompts import prompt
-from articulate.reconstruct.actors.vlm.schema import Unfit, schema_of
+from articulate.reconstruct.actors.vlm.schema import AnswerError, schema_of
 from articulate.reconstruct.program.reference import reference
 
-Way = Literal["program", "choice"]
+Strategy = Literal["program", "choice"]
 WHICH = {
-    "video": "Only the part that moves in the clip is asked for, with all that goes along with it.",
-    "image": "All parts that can move are asked for, whether they are open or closed.",
-    "text": "All parts that can move are asked for.",
+    "video": "Describe only the part that moves in the video, with all parts that move along.",
+    "image": "Describe all parts that can move, whether they are open or closed.",
+    "text": "Describe all parts that can move.",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointActor:
-    """Finds joints, and before that places of parts where these are asked for."""
+    """Finds joints, after the placements of parts where these are unknown."""
 
-    way: Way = "program"
-    """``program``: the model writes a program; ``choice``: it says what is semantic, and geometry
-    computes every number."""
+    strategy: Strategy = "program"
+    """``program``: the model writes a program; ``choice``: it names moving parts and chooses joint
+    candidates, and geometry computes every number."""
     model: Model = field(default_factory=Gemini)
     cache: Path | None = field(default_factory=cache_folder)
-    """Where answers are kept; None: nowhere."""
+    """Folder for answers; None: no cache."""
 
     @property
     def name(self) -> str:
         """Name in reports."""
-        return "vlm" if self.way == "program" else "hybrid"
+        return "vlm" if self.strategy == "program" else "hybrid"
 
     def propose(self, evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Prediction:
-        """The joints that the model says there are, given every earlier attempt.
+        """Predict joints, given all earlier attempts.
 
         Raises:
-            UsageError: The model cannot be asked.
+            UsageError: The request cannot be sent.
         """
-        interview = ModelSession(model=self.model, cache=self.cache)
+        session = ModelSession(model=self.model, cache=self.cache)
         try:
-            found = self._found(interview, evidence, attempts)
-        except Unfit as unfit:
-            found = Prediction(joints=(), rejection=str(unfit))
-        steps = (*interview.steps, *found.trace)
-        return replace(found, trace=steps, calls=interview.calls)
+            found = self._predict(session, evidence, attempts)
+        except AnswerError as invalid:
+            found = Prediction(joints=(), rejection=str(invalid))
+        steps = (*session.steps, *found.trace)
+        return replace(found, trace=steps, calls=session.calls)
 
-    def _found(
-        self, interview: ModelSession, evidence: Evidence, attempts: Sequence[ActorAttempt]
+    def _predict(
+        self, session: ModelSession, evidence: Evidence, attempts: Sequence[ActorAttempt]
     ) -> Prediction:
-        places = {} if evidence.placed else places_of(interview, evidence)
-        whole = evidence if evidence.placed else placed(evidence, places)
-        if self.way == "choice":
-            found = chosen_joints(interview, whole, attempts)
+        placements = {} if evidence.placed else find_placements(session, evidence)
+        placed = evidence if evidence.placed else with_placements(evidence, placements)
+        if self.strategy == "choice":
+            found = choose_joints(session, placed, attempts)
         else:
-            request = program_request(whole, attempts)
-            source, built = written(interview, request, whole.parts, wrong_joints)
-            # A program over placed parts says nothing of parts that were given out of their places.
-            kept = source if evidence.placed else ""
-            found = Prediction(joints=joints_in(built), program=kept)
-        return replace(found, placements=places)
+            request = program_request(placed, attempts)
+            source, built = runnable_program(session, request, placed.parts, joints_error)
+            # A program for placed parts does not apply to parts that were given unplaced.
+            program = source if evidence.placed else ""
+            found = Prediction(joints=program_joints(built), program=program)
+        return replace(found, placements=placements)
 
 
 def program_request(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Request:
-    """What is asked of a model that writes the program."""
+    """Create the request for a program with all joints."""
     task = prompt("joint_program").filled(which=WHICH[evidence.modality], reference=reference())
-    pieces = (*pieces_of(evidence), *attempts_told(attempts))
+    content = (*evidence_content(evidence), *describe_attempts(attempts))
     return Request(
         title="a program with all joints",
         system=f"{prompt('frame').filled()}\n\n{task}",
-        turns=(Turn("user", pieces),),
+        turns=(Turn("user", content),),
         schema=schema_of(ProgramAnswer),
     )

@@ -1,4 +1,4 @@
-"""Offers: the joints that the shape of a part allows, numbered and put in words."""
+"""Joint candidates from the shape of a part, numbered and described for a model."""
 
 from __future__ import annotations
 
@@ -15,81 +15,81 @@ from articulate.reconstruct.actors.semantic.actor import QUARTER_RAD, SHARES
 from articulate.reconstruct.actors.semantic.hinge import TASTES, directions, lines_of
 from articulate.reconstruct.actors.semantic.part_relations import Named, Shape
 from articulate.reconstruct.actors.semantic.rotary_parts import held_at
-from articulate.reconstruct.actors.vlm.answers import Mover, TurningKind, Way
+from articulate.reconstruct.actors.vlm.answers import Direction, MovingKind, MovingPart
 from articulate.reconstruct.actors.vlm.images import camera_of
-from articulate.reconstruct.actors.vlm.model import Picture
-from articulate.reconstruct.actors.vlm.prompt_text import direction_told, three
+from articulate.reconstruct.actors.vlm.model import CaptionedImage
+from articulate.reconstruct.actors.vlm.prompt_text import describe_direction, format_vector
 from articulate.render.image import png
 from articulate.render.scene import PartScene, segmentation_image
 from articulate.transforms import Array, normalised
 
 SAME_LINE = 0.06
-"""Lines nearer to each other than this share of the part's size are one."""
+"""Axes closer than this share of the part's size are the same candidate."""
 SLIDE_SHARE = 0.6
-"""A slide goes by this share of its part's depth, unless its name says another."""
+"""Travel of a slide as a share of its part's depth, unless its role has another."""
 MIDDLE = 0.02
-"""A line that passes nearer to the part's middle than this share of its size goes through it."""
+"""An axis closer to the part's centre than this share of its size passes through it."""
 LINE_PX = 2
 SPOTS = (*tuple(product((0.0, 1.0), (0.0, 1.0))), (0.5, 0.5))
-"""Where a line may pass through a part's box, as shares of its sides: edges, and the middle."""
+"""Positions of axes in a part's box, as shares of its sides: edges and the centre."""
 
 
 @dataclass(frozen=True, eq=False)
-class Offer:
-    """One joint that a part may have."""
+class JointCandidate:
+    """A joint that the shape of a part allows."""
 
     number: int
     part: str
-    kind: TurningKind
+    kind: MovingKind
     axis_o: Array
     """Unit vector (3,)."""
     pivot_o: Array
     """A point on the axis (3,) [m]."""
-    told: str
-    """The same, in words."""
+    description: str
+    """Axis, pivot and positive direction as text."""
 
 
-def offers_of(movers: Iterable[Mover], scene: Named) -> list[Offer]:
-    """Candidates for all parts that move, numbered from 1 on."""
-    found: list[Offer] = []
+def joint_candidates(movers: Iterable[MovingPart], scene: Named) -> list[JointCandidate]:
+    """Return the candidates of all parts that move, numbered from 1."""
+    found: list[JointCandidate] = []
     for mover in movers:
         shape = scene.shapes[mover.part]
         for axis, pivot in _lines(shape, scene, mover.kind):
-            told = _told(shape, mover.kind, axis, pivot)
-            found.append(Offer(len(found) + 1, mover.part, mover.kind, axis, pivot, told))
+            text = _describe(shape, mover.kind, axis, pivot)
+            found.append(JointCandidate(len(found) + 1, mover.part, mover.kind, axis, pivot, text))
     return found
 
 
-def offers_told(offers: Iterable[Offer]) -> str:
-    """All candidates, one line each."""
+def describe_candidates(candidates: Iterable[JointCandidate]) -> str:
+    """List all candidates, one line each."""
     lines: list[str] = []
     part = ""
-    for offer in offers:
-        if offer.part != part:
-            part = offer.part
-            lines.append(f"For {part}, {offer.kind}:")
-        lines.append(f"  {offer.number}: {offer.told}")
+    for candidate in candidates:
+        if candidate.part != part:
+            part = candidate.part
+            lines.append(f"For {part}, {candidate.kind}:")
+        lines.append(f"  {candidate.number}: {candidate.description}")
     return "\n".join(lines)
 
 
-def usual_joint(offer: Offer, way: Way, scene: Named) -> PredictedJoint:
-    """The joint of an offer with the range that such parts mostly have."""
-    shape = scene.shapes[offer.part]
+def typical_joint(candidate: JointCandidate, direction: Direction, scene: Named) -> PredictedJoint:
+    """Return the joint of a candidate with the typical range of such parts."""
+    shape = scene.shapes[candidate.part]
     lower: float | None = None
     upper: float | None = None
-    if offer.kind != "continuous":
+    if candidate.kind != "continuous":
         reach = QUARTER_RAD
-        if offer.kind == "prismatic":
-            depth = float(np.ptp(shape.points @ offer.axis_o))
+        if candidate.kind == "prismatic":
+            depth = float(np.ptp(shape.points @ candidate.axis_o))
             reach = SHARES.get(shape.role, SLIDE_SHARE) * depth
         ranges = {"positive": (0.0, 1.0), "negative": (-1.0, 0.0), "both": (-0.5, 0.5)}
-        lower, upper = (reach * end for end in ranges[way])
-    x, y, z = (float(v) for v in offer.axis_o)
-    px, py, pz = (float(v) for v in offer.pivot_o)
+        lower, upper = (reach * end for end in ranges[direction])
+    x, y, z = (float(v) for v in candidate.axis_o)
+    px, py, pz = (float(v) for v in candidate.pivot_o)
     return PredictedJoint(
-        part=offer.part,
-        parent=scene.hangs[offer.part],
-        kind=offer.kind,
+        part=candidate.part,
+        parent=scene.hangs[candidate.part],
+        kind=candidate.kind,
         axis_o=(x, y, z),
         pivot_o=(px, py, pz),
         lower=lower,
@@ -97,8 +97,8 @@ def usual_joint(offer: Offer, way: Way, scene: Named) -> PredictedJoint:
     )
 
 
-def with_carriers(scene: Named, movers: Iterable[Mover]) -> Named:
-    """The scene in which other parts may hang on those that move, whatever they are called."""
+def with_carriers(scene: Named, movers: Iterable[MovingPart]) -> Named:
+    """Return the scene in which moving parts can carry other parts, whatever their names."""
     role_of = {m.part: "drawer" if m.kind == "prismatic" else "door" for m in movers}
     shapes = {
         name: Shape(shape.mesh, shape.label, role_of[name])  # type: ignore[arg-type]  # two roles
@@ -107,35 +107,39 @@ def with_carriers(scene: Named, movers: Iterable[Mover]) -> Named:
         for name, shape in scene.shapes.items()
     }
     body = scene.body
-    if body.name in role_of:  # what moves is no body
+    if body.name in role_of:  # a moving part cannot be the body
         still = [s for s in shapes.values() if s.name not in role_of]
         body = max(still, key=lambda s: float(np.prod(s.size + 1e-6)), default=body)
     return replace(scene, shapes=shapes, body=shapes[body.name])
 
 
-def offers_picture(evidence: Evidence, offers: list[Offer]) -> Picture:
-    """The parts in their colours, with the candidates of one part drawn as numbered lines."""
+def candidates_image(evidence: Evidence, candidates: list[JointCandidate]) -> CaptionedImage:
+    """Render the parts in their colours with the candidates of one part as numbered arrows."""
     camera = camera_of(evidence)
     seen = PartScene(evidence.parts).rasterize(camera)
-    drawn = np.ascontiguousarray(segmentation_image(seen, len(evidence.parts)) // 2 + 127)
-    points = evidence.part(offers[0].part).vertices
-    for offer in offers:
-        span = (points - offer.pivot_o) @ offer.axis_o
-        ends = offer.pivot_o + np.outer([span.min(), span.max()], offer.axis_o)
+    image = np.ascontiguousarray(segmentation_image(seen, len(evidence.parts)) // 2 + 127)
+    points = evidence.part(candidates[0].part).vertices
+    for candidate in candidates:
+        span = (points - candidate.pivot_o) @ candidate.axis_o
+        ends = candidate.pivot_o + np.outer([span.min(), span.max()], candidate.axis_o)
         uv, depth = camera.project(ends)
         if not (depth > 0.0).all():
             continue
         start, end = ((int(u), int(v)) for u, v in np.rint(uv))
-        share = 0.15 + 0.7 * (0.382 * offer.number % 1.0)  # numbers on crossing lines lie apart
+        share = 0.15 + 0.7 * (
+            0.382 * candidate.number % 1.0
+        )  # separates the numbers of crossing axes
         u, v = (int(x) for x in np.rint(uv[0] + share * (uv[1] - uv[0])))
-        cv2.arrowedLine(drawn, start, end, (0, 0, 0), LINE_PX, cv2.LINE_AA, 0, 0.04)
+        cv2.arrowedLine(image, start, end, (0, 0, 0), LINE_PX, cv2.LINE_AA, 0, 0.04)
         font = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(drawn, str(offer.number), (u, v), font, 0.6, (200, 0, 0), 2, cv2.LINE_AA)
-    return Picture(f"the candidates of {offers[0].part}, numbered on their arrows", png(drawn))
+        cv2.putText(image, str(candidate.number), (u, v), font, 0.6, (200, 0, 0), 2, cv2.LINE_AA)
+    return CaptionedImage(
+        f"the candidates of {candidates[0].part}, numbered on their arrows", png(image)
+    )
 
 
-def _lines(shape: Shape, scene: Named, kind: TurningKind) -> Iterator[tuple[Array, Array]]:
-    """Axis and a point on it, the likeliest first, so that positive positions lead outwards."""
+def _lines(shape: Shape, scene: Named, kind: MovingKind) -> Iterator[tuple[Array, Array]]:
+    """Yield axis and pivot, the likeliest first; positive positions move outwards."""
     if kind == "prismatic":
         for axis in directions(shape):
             yield _outwards(axis, shape, scene), shape.centre
@@ -148,7 +152,7 @@ def _lines(shape: Shape, scene: Named, kind: TurningKind) -> Iterator[tuple[Arra
             yield axis, pivot
 
 
-def _turns(shape: Shape, scene: Named, kind: TurningKind) -> Iterator[tuple[Array, Array]]:
+def _turns(shape: Shape, scene: Named, kind: MovingKind) -> Iterator[tuple[Array, Array]]:
     if kind == "continuous":
         for axis in directions(shape):
             yield axis, shape.centre
@@ -170,28 +174,29 @@ def _turns(shape: Shape, scene: Named, kind: TurningKind) -> Iterator[tuple[Arra
 
 
 def _off(axis: Array, pivot: Array, other: Array, spot: Array) -> float:
-    """Distance of two lines where they are nearly parallel; else infinite [m]."""
+    """Return the distance of two nearly parallel lines, infinite for others [m]."""
     if abs(float(axis @ other)) < np.cos(np.radians(12.0)):
         return float("inf")
     return float(np.linalg.norm(np.cross(spot - pivot, axis)))
 
 
 def _outwards(axis: Array, shape: Shape, scene: Named) -> Array:
-    """The axis, turned so that it leads away from the middle of the object, to the front, up."""
+    """Return the axis with the sign that leads away from the object's centre, to front and up."""
     out = normalised(shape.centre - scene.middle + 1e-9) + np.array([0.5, 0.0, 0.5])
     return axis if float(axis @ out) >= 0.0 else -axis
 
 
-def _told(shape: Shape, kind: TurningKind, axis: Array, pivot: Array) -> str:
+def _describe(shape: Shape, kind: MovingKind, axis: Array, pivot: Array) -> str:
     if kind == "prismatic":
-        return f"along {three(axis)}; positive leads {direction_told(axis)}"
+        return f"along {format_vector(axis)}; positive moves {describe_direction(axis)}"
     arm = shape.centre - pivot
     arm = arm - float(arm @ axis) * axis
     size = float(np.linalg.norm(shape.size))
     if float(np.linalg.norm(arm)) < MIDDLE * size:
-        return f"about {three(axis)} through its middle; positive by the right-hand rule"
-    way = direction_told(np.cross(axis, arm))
-    where = direction_told(-arm)
+        return f"about {format_vector(axis)} through its centre; positive by the right-hand rule"
+    direction = describe_direction(np.cross(axis, arm))
+    side = describe_direction(-arm)
     return (
-        f"about {three(axis)} at its {where} side, {three(pivot)}; positive leads its middle {way}"
+        f"about {format_vector(axis)} at its {side} side, {format_vector(pivot)}; "
+        f"positive moves its centre {direction}"
     )

@@ -1,4 +1,4 @@
-"""LinkActor: a model that puts parts where they belong."""
+"""Actor that places parts with a program of a model."""
 
 from __future__ import annotations
 
@@ -11,89 +11,89 @@ from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.gemini import Gemini
 from articulate.reconstruct.actors.vlm.model import Model, Request, Turn
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
-from articulate.reconstruct.actors.vlm.programs import places_in, written
-from articulate.reconstruct.actors.vlm.prompt_text import pieces_of, three
+from articulate.reconstruct.actors.vlm.programs import placements_in, runnable_program
+from articulate.reconstruct.actors.vlm.prompt_text import evidence_content, format_vector
 from articulate.reconstruct.actors.vlm.prompts import prompt
-from articulate.reconstruct.actors.vlm.schema import Unfit, schema_of
+from articulate.reconstruct.actors.vlm.schema import AnswerError, schema_of
 from articulate.reconstruct.program.reference import reference
-from articulate.reconstruct.program.result import Built
+from articulate.reconstruct.program.result import ProgramObject
 from articulate.render.camera import Camera
 from articulate.transforms import Array, pose
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkActor:
-    """Places parts; says nothing of joints."""
+    """Predicts placements of parts, without joints."""
 
     model: Model = field(default_factory=Gemini)
     cache: Path | None = field(default_factory=cache_folder)
-    """Where answers are kept; None: nowhere."""
+    """Folder for answers; None: no cache."""
     name: str = "vlm-link"
 
     def predict(self, evidence: Evidence) -> Prediction:
-        """Where each part belongs.
+        """Predict the placement of each part.
 
         Raises:
-            UsageError: The model cannot be asked.
+            UsageError: The request cannot be sent.
         """
-        interview = ModelSession(model=self.model, cache=self.cache)
-        places: dict[str, Array] = {}
+        session = ModelSession(model=self.model, cache=self.cache)
+        placements: dict[str, Array] = {}
         rejection = ""
         try:
-            places = places_of(interview, evidence)
-        except Unfit as unfit:
-            rejection = str(unfit)
+            placements = find_placements(session, evidence)
+        except AnswerError as invalid:
+            rejection = str(invalid)
         return Prediction(
             joints=(),
-            placements=places,
-            trace=tuple(interview.steps),
-            calls=interview.calls,
+            placements=placements,
+            trace=tuple(session.steps),
+            calls=session.calls,
             rejection=rejection,
         )
 
 
-def places_of(interview: ModelSession, evidence: Evidence) -> dict[str, Array]:
-    """Where each part belongs, ``T_op`` (4, 4) by name; as given if the parts are in their places.
+def find_placements(session: ModelSession, evidence: Evidence) -> dict[str, Array]:
+    """Return the pose ``T_op`` (4, 4) of each part by name; identities if parts are placed.
 
     Raises:
-        Unfit: The model gives no answer that can be used.
-        UsageError: The model cannot be asked.
+        AnswerError: No answer of the model is valid.
+        UsageError: The request cannot be sent.
     """
     if evidence.placed:
         return {part.name: pose((0.0, 0.0, 0.0)) for part in evidence.parts}
-    _, built = written(interview, link_request(evidence), evidence.parts, _wrong)
-    return places_in(built)
+    _, built = runnable_program(session, link_request(evidence), evidence.parts, _placement_error)
+    return placements_in(built)
 
 
 def link_request(evidence: Evidence) -> Request:
-    """What a model is asked about parts that have been taken apart."""
-    look = "Nothing shows where parts are: go by what they are and how large they are."
+    """Create the request to place parts that were taken apart."""
+    hint = "No image shows the placements: use the names and sizes of the parts."
     if evidence.image is not None:
-        look = "The picture shows where the parts are"
+        hint = "The image shows the placements of the parts"
         if evidence.camera is not None:
-            look += f"; {_camera_told(evidence.camera)}"
-        look += "."
-    task = prompt("link_program").filled(look=look, reference=reference())
+            hint += f"; {_describe_camera(evidence.camera)}"
+        hint += "."
+    task = prompt("link_program").filled(hint=hint, reference=reference())
     return Request(
-        title="where parts belong",
+        title="placements of the parts",
         system=f"{prompt('frame').filled()}\n\n{task}",
-        turns=(Turn("user", pieces_of(evidence)),),
+        turns=(Turn("user", evidence_content(evidence)),),
         schema=schema_of(ProgramAnswer),
     )
 
 
-def _camera_told(camera: Camera) -> str:
+def _describe_camera(camera: Camera) -> str:
     ahead = camera.T_wc[:3, 2]
     return (
-        f"its camera stands at {three(camera.eye_w)}, looks along {three(ahead)}, and has a focal "
-        f"length of {camera.fy_px / camera.height_px:.3f} heights of the picture"
+        f"its camera is at {format_vector(camera.eye_w)}, looks along {format_vector(ahead)}, and "
+        f"has a focal length of {camera.fy_px / camera.height_px:.3f} image heights"
     )
 
 
-def _wrong(built: Built) -> str:
-    """What is wrong with a placement; empty if nothing is."""
+def _placement_error(built: ProgramObject) -> str:
+    """Return the error of a placement; empty if it is valid."""
     if any(joint.kind != "fixed" for joint in built.joints):
-        return "it makes a joint; only say where parts are"
+        return "it makes a joint; only place the parts"
     if len({part.pos_w for part in built.parts}) == 1 and len(built.parts) > 1:
-        return "all parts lie in the same place; put each where it belongs"
+        return "all parts are at the same position; put each where it belongs"
     return ""

@@ -1,4 +1,4 @@
-"""Model: whatever answers a request of words and pictures with words."""
+"""Requests to a model and its replies."""
 
 from __future__ import annotations
 
@@ -9,58 +9,58 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 KEY_VERSION = 1
-"""Of what :meth:`Request.key` hashes; answers kept under another are asked for again."""
+"""Version of the content that :meth:`Request.key` hashes; other versions miss the cache."""
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A picture that a model is shown."""
+class CaptionedImage:
+    """An image of a request."""
 
     caption: str
-    """Stands before it, as words."""
+    """Text before the image."""
     png: bytes
 
 
-Piece = str | Picture
+Content = str | CaptionedImage
 
 
 @dataclass(frozen=True)
 class Turn:
-    """What one side says."""
+    """One message of a conversation."""
 
     role: Literal["user", "model"]
-    pieces: tuple[Piece, ...]
+    content: tuple[Content, ...]
 
     @property
     def text(self) -> str:
-        """All words, with captions where pictures are."""
-        return "\n".join(p if isinstance(p, str) else f"[{p.caption}]" for p in self.pieces)
+        """The text of the message, with captions for images."""
+        return "\n".join(p if isinstance(p, str) else f"[{p.caption}]" for p in self.content)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """One question with all that was said before it."""
+    """A request with all earlier messages of its conversation."""
 
     title: str
-    """What it is about, for people; models are not told."""
+    """Subject, for reports; it is not sent."""
     system: str
-    """What holds for the whole conversation."""
+    """Instructions for the entire conversation."""
     turns: tuple[Turn, ...]
-    """Alternately user and model; the last is the user's."""
+    """Messages of user and model in turn; the last is the user's."""
     schema: Mapping[str, Any]
     """JSON schema of the answer."""
 
-    def after(self, answer: str, complaint: str) -> Request:
-        """The question put again, after an answer that does not do."""
-        more = (Turn("model", (answer,)), Turn("user", (complaint,)))
+    def after(self, answer: str, error: str) -> Request:
+        """Return the request that follows an invalid answer."""
+        more = (Turn("model", (answer,)), Turn("user", (error,)))
         return Request(
             title=self.title, system=self.system, turns=(*self.turns, *more), schema=self.schema
         )
 
     def key(self, source: str) -> str:
-        """Hash of all that decides an answer: who gives it, words, pictures, schema."""
+        """Hash everything that determines an answer: the model, texts, images and the schema."""
         turns = [
-            [t.role, [p if isinstance(p, str) else [p.caption, _sha(p.png)] for p in t.pieces]]
+            [t.role, [p if isinstance(p, str) else [p.caption, _sha(p.png)] for p in t.content]]
             for t in self.turns
         ]
         content = [KEY_VERSION, source, self.system, turns, self.schema]
@@ -69,20 +69,20 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True)
 class Reply:
-    """What a model said."""
+    """Reply of a model."""
 
     text: str
     model: str
-    """The model that answered, as it calls itself."""
+    """Name of the model in the reply."""
     seconds: float = 0.0
     tokens_in: int = 0
     tokens_out: int = 0
-    kept: bool = False
-    """Whether it was said in an earlier run and kept."""
+    cached: bool = False
+    """True for a reply from the cache."""
 
 
 class Model(Protocol):
-    """Answers requests."""
+    """A model that answers requests."""
 
     @property
     def name(self) -> str:
@@ -91,14 +91,14 @@ class Model(Protocol):
 
     @property
     def source(self) -> str:
-        """What decides its answers besides the request: the model, and who runs it."""
+        """Model and server; with the request they determine an answer."""
         ...
 
-    def ask(self, request: Request) -> Reply:
-        """Its answer.
+    def generate(self, request: Request) -> Reply:
+        """Send a request and return the reply.
 
         Raises:
-            UsageError: It cannot be asked, or does not answer.
+            UsageError: The request cannot be sent, or there is no answer.
         """
         ...
 

@@ -1,7 +1,7 @@
-"""Interview: typed questions to a model, and a record of all that was said.
+"""Typed requests to a model, with a cache of answers and a trace of the conversation.
 
-Answers that fit are kept on disk by a hash of model, words, pictures and schema, so that the same
-question is asked once. An answer that does not fit is sent back once, with what is wrong.
+Valid answers are cached by a hash of model, texts, images and schema. After an invalid answer the
+request is sent once more, with the error.
 """
 
 from __future__ import annotations
@@ -15,60 +15,62 @@ from typing import TypeVar
 from articulate.cache import touch
 from articulate.files import write_json
 from articulate.reconstruct.actors.protocol import TraceStep
-from articulate.reconstruct.actors.vlm.model import Model, Picture, Reply, Request
-from articulate.reconstruct.actors.vlm.schema import Unfit, decoded
+from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Reply, Request
+from articulate.reconstruct.actors.vlm.schema import AnswerError, decode_answer
 
 T = TypeVar("T")
 ANSWERS = "answers"
 """Folder of the cache."""
-ASKS = 2
-"""Times that a question is asked until an answer fits."""
+MAX_ATTEMPTS = 2
+"""Most requests until an answer is valid."""
 
 
 @dataclass(kw_only=True)
 class ModelSession:
-    """Asks one model."""
+    """Sends requests to one model."""
 
     model: Model
     cache: Path | None
-    """Where answers are kept; None: nowhere."""
+    """Folder for answers; None: no cache."""
     steps: list[TraceStep] = field(default_factory=list)
-    """Every question with its answer."""
+    """Every request with its answer."""
     calls: int = 0
-    """Questions that went out: those answered from the cache do not count."""
+    """Requests that were sent; answers from the cache do not count."""
 
-    def ask(self, request: Request, cls: type[T], check: Callable[[T], str] | None = None) -> T:
-        """The model's answer.
+    def generate(
+        self, request: Request, cls: type[T], check: Callable[[T], str] | None = None
+    ) -> T:
+        """Return the decoded answer of the model.
 
         Args:
-            request: The question; its schema is that of ``cls``.
-            cls: What the answer is decoded into.
-            check: Says what is wrong with an answer of the right type; empty if nothing is.
+            request: Request whose schema is that of ``cls``.
+            cls: Type of the answer.
+            check: Function that returns the error of an answer; empty if it is valid.
 
         Raises:
-            Unfit: No answer fits.
-            UsageError: The model cannot be asked.
+            AnswerError: No answer is valid.
+            UsageError: The request cannot be sent.
         """
-        for k in range(ASKS):
+        for k in range(MAX_ATTEMPTS):
             path = self._path(request)
-            reply = _kept(path) or self._asked(request)
+            reply = _read_reply(path) or self._send(request)
             try:
-                answer = decoded(cls, reply.text)
-                wrong = "" if check is None else check(answer)
-            except Unfit as unfit:
-                wrong = str(unfit)
-            self.steps.append(_step(request, reply, wrong))
-            if not wrong:
-                if path is not None and not reply.kept:
+                answer = decode_answer(cls, reply.text)
+                error = "" if check is None else check(answer)
+            except AnswerError as invalid:
+                error = str(invalid)
+            self.steps.append(_step(request, reply, error))
+            if not error:
+                if path is not None and not reply.cached:
                     write_json(path, asdict(reply))
                 return answer
-            if k + 1 < ASKS:
-                request = request.after(reply.text, f"{wrong}. Answer again, by the schema.")
-        raise Unfit(f"{self.model.name}: {ASKS} answers in a row do not fit; {wrong}")
+            if k + 1 < MAX_ATTEMPTS:
+                request = request.after(reply.text, f"{error}. Answer again, by the schema.")
+        raise AnswerError(f"{self.model.name}: {MAX_ATTEMPTS} invalid answers in a row; {error}")
 
-    def _asked(self, request: Request) -> Reply:
+    def _send(self, request: Request) -> Reply:
         self.calls += 1
-        return self.model.ask(request)
+        return self.model.generate(request)
 
     def _path(self, request: Request) -> Path | None:
         if self.cache is None:
@@ -76,32 +78,32 @@ class ModelSession:
         return self.cache / ANSWERS / f"{request.key(self.model.source)}.json"
 
 
-def _kept(path: Path | None) -> Reply | None:
-    """The answer in ``path``, if there is a whole one."""
+def _read_reply(path: Path | None) -> Reply | None:
+    """Read a cached reply; None if the file is absent or invalid."""
     if path is None:
         return None
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        reply = Reply(**{**content, "kept": True})
-    except (OSError, ValueError, TypeError):
+        reply = Reply(**{**content, "cached": True})
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
     touch(path)
     return reply
 
 
-def _step(request: Request, reply: Reply, wrong: str) -> TraceStep:
-    """The last turn of a question, and its answer; what holds for all turns with the first."""
+def _step(request: Request, reply: Reply, error: str) -> TraceStep:
+    """Record the last message of a request and its answer; the system prompt with the first."""
     last = request.turns[-1]
     text = f"{last.text}\n\nThe answer:\n{reply.text}"
     if len(request.turns) == 1:
         text = f"{request.system}\n\n{text}"
-    if wrong:
-        text += f"\n\nIt does not fit: {wrong}"
+    if error:
+        text += f"\n\nInvalid: {error}"
     figures = {"tokens in": float(reply.tokens_in), "tokens out": float(reply.tokens_out)}
     return TraceStep(
-        title=f"{request.title}: {reply.model}{', kept from an earlier run' * reply.kept}",
+        title=f"{request.title}: {reply.model}{', cached' * reply.cached}",
         text=text,
         figures=figures,
-        images={p.caption: p.png for p in last.pieces if isinstance(p, Picture)},
-        seconds=0.0 if reply.kept else reply.seconds,
+        images={p.caption: p.png for p in last.content if isinstance(p, CaptionedImage)},
+        seconds=0.0 if reply.cached else reply.seconds,
     )

@@ -1,4 +1,4 @@
-"""Programs of models: run in the sandbox, and read as joints and places."""
+"""Programs of models: run in the sandbox and converted to joints and placements."""
 
 from __future__ import annotations
 
@@ -13,68 +13,67 @@ from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.model import Request
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
-from articulate.reconstruct.actors.vlm.schema import Unfit
-from articulate.reconstruct.program.program_parts import PartMesh as ProgramPart
-from articulate.reconstruct.program.program_parts import Parts
-from articulate.reconstruct.program.result import Built, BuiltJoint, ProgramError
+from articulate.reconstruct.actors.vlm.schema import AnswerError
+from articulate.reconstruct.program.program_parts import PartGeometry, Parts
+from articulate.reconstruct.program.result import ObjectJoint, ProgramError, ProgramObject
 from articulate.reconstruct.program.run import run_program
 from articulate.render.parts import PartMesh
 from articulate.transforms import Array, pose, quat_to_matrix
 
-TRIES = 4
-"""Programs that a model may write until one runs."""
+MAX_PROGRAMS = 4
+"""Most programs of a model until one runs."""
 MOVED_M = 1e-6
-"""A part that is farther from where it was given was moved."""
+"""Displacement above which a part counts as moved [m]."""
 
 
 def parts_of_meshes(meshes: Sequence[PartMesh]) -> Parts:
-    """Parts for programs, in the frame of the meshes."""
-    return Parts({mesh.name: ProgramPart(mesh.name, partial(_pieces, mesh)) for mesh in meshes})
+    """Convert meshes to parts of a program, in the same frame."""
+    return Parts({mesh.name: PartGeometry(mesh.name, partial(_pieces, mesh)) for mesh in meshes})
 
 
-def written(
-    interview: ModelSession,
+def runnable_program(
+    session: ModelSession,
     request: Request,
     meshes: Sequence[PartMesh],
-    wrong: Callable[[Built], str],
-) -> tuple[str, Built]:
-    """A program that runs, and what it describes.
+    error_of: Callable[[ProgramObject], str],
+) -> tuple[str, ProgramObject]:
+    """Return a program of the model that runs, and the object that it describes.
 
-    What the sandbox refuses goes back to the model with line and column.
+    Errors of the sandbox are sent back to the model with line and column.
 
     Args:
-        interview: Who is asked.
-        request: The question.
+        session: Session with the model.
+        request: Request for a program.
         meshes: Parts that the program may use.
-        wrong: Says what is wrong with an object that a program describes; empty if nothing is.
+        error_of: Function that returns the error of a described object; empty if it is valid.
 
     Raises:
-        Unfit: No program runs.
-        UsageError: The model cannot be asked.
+        AnswerError: No program runs.
+        UsageError: The request cannot be sent.
     """
     parts = parts_of_meshes(meshes)
-    said = ""
-    for _ in range(TRIES):
-        answer = interview.ask(request, ProgramAnswer)
+    error = ""
+    for _ in range(MAX_PROGRAMS):
+        answer = session.generate(request, ProgramAnswer)
         source = _unfenced(answer.program)
         found = run_program(source, parts)
-        said = str(found) if isinstance(found, ProgramError) else wrong(found)
-        if isinstance(found, Built) and not said:
+        error = str(found) if isinstance(found, ProgramError) else error_of(found)
+        if isinstance(found, ProgramObject) and not error:
             return source, found
         request = request.after(
-            source, f"The program is refused: {said}\nWrite the whole program again, mended."
+            source, f"The program is invalid: {error}\nCorrect it and write the complete program."
         )
-    raise Unfit(f"{interview.model.name}: {TRIES} programs in a row are refused; {said}")
+    raise AnswerError(f"{session.model.name}: {MAX_PROGRAMS} invalid programs in a row; {error}")
 
 
-def joints_in(built: Built) -> tuple[PredictedJoint, ...]:
-    """All joints of an object, also fixed ones."""
+def program_joints(built: ProgramObject) -> tuple[PredictedJoint, ...]:
+    """Convert all joints of an object, fixed ones included."""
     at = {part.name: part.pos_w for part in built.parts}
     return tuple(_joint(joint, at[joint.child]) for joint in built.joints)
 
 
-def places_in(built: Built) -> dict[str, Array]:
-    """Where each part was put (4, 4), by name."""
+def placements_in(built: ProgramObject) -> dict[str, Array]:
+    """Return the pose (4, 4) of each part with geometry, by name."""
     return {
         part.name: pose(np.asarray(part.pos_w), quat_to_matrix(np.asarray(part.quat_w)))
         for part in built.parts
@@ -82,19 +81,19 @@ def places_in(built: Built) -> dict[str, Array]:
     }
 
 
-def wrong_joints(built: Built) -> str:
-    """What is wrong with an object whose parts were in their places; empty if nothing is."""
-    for name, T in places_in(built).items():
+def joints_error(built: ProgramObject) -> str:
+    """Return the error of an object whose parts were placed before; empty if it is valid."""
+    for name, T in placements_in(built).items():
         if np.abs(T - np.eye(4)).max() > MOVED_M:
-            return f"it moves {name}, and all parts are in their places: join them where they are"
+            return f"it moves {name}, but all parts are placed: join them where they are"
     if any(not part.geometry for part in built.parts):
-        return "it makes a frame, which is no part; join parts with each other"
+        return "it makes a frame, which is not a part; join parts with each other"
     if all(joint.kind == "fixed" for joint in built.joints):
         return "nothing moves in it; join what moves with revolute, prismatic or continuous"
     return ""
 
 
-def _joint(joint: BuiltJoint, own_o: tuple[float, float, float]) -> PredictedJoint:
+def _joint(joint: ObjectJoint, own_o: tuple[float, float, float]) -> PredictedJoint:
     return PredictedJoint(
         part=joint.child,
         parent=joint.parent,
@@ -112,7 +111,7 @@ def _pieces(mesh: PartMesh) -> tuple[Piece, ...]:
 
 
 def _unfenced(program: str) -> str:
-    """A program without the fence that models like to put around code."""
+    """Remove the fence that models put around code."""
     lines = program.strip().splitlines()
     if len(lines) >= 2 and lines[0].startswith("```") and lines[-1].strip() == "```":
         lines = lines[1:-1]

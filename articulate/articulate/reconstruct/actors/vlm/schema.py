@@ -1,4 +1,4 @@
-"""Schema: the JSON schema of a dataclass, and answers decoded into it."""
+"""JSON schemas of dataclasses, and answers decoded into them."""
 
 from __future__ import annotations
 
@@ -10,20 +10,24 @@ import typing
 from typing import Any, Literal, TypeVar, Union
 
 from articulate.config import from_mapping
-from articulate.errors import ConfigError
+from articulate.errors import ConfigError, shorten
 
 T = TypeVar("T")
+MAX_CHARACTERS = 1_000_000
+"""Longest answer that is decoded."""
+MAX_ERROR = 400
+"""Most characters of an error that is sent back to the model."""
 _WORDS: dict[Any, str] = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
 
-class Unfit(Exception):  # noqa: N818  # a verdict
-    """An answer that does not fit its schema; the sentence is for the model."""
+class AnswerError(Exception):
+    """An answer is invalid; the message is sent to the model."""
 
 
 def schema_of(cls: type[Any]) -> dict[str, Any]:
-    """JSON schema of a dataclass, its fields in their order.
+    """Return the JSON schema of a dataclass, its fields in their order.
 
-    What stands behind the type in ``Annotated`` is what a model is told of the field.
+    The text behind the type in ``Annotated`` becomes the description of the field.
     """
     hints = typing.get_type_hints(cls, include_extras=True)
     properties = {}
@@ -39,27 +43,33 @@ def schema_of(cls: type[Any]) -> dict[str, Any]:
     }
 
 
-def decoded(cls: type[T], text: str) -> T:
-    """The answer that ``text`` holds.
+def decode_answer(cls: type[T], text: str) -> T:
+    """Decode an answer.
+
+    Args:
+        cls: Dataclass of the answer.
+        text: JSON text of the model.
 
     Raises:
-        Unfit: It is not JSON, or not of the schema.
+        AnswerError: It is too long, not JSON, or does not match the schema.
     """
+    if len(text) > MAX_CHARACTERS:
+        raise AnswerError(f"the answer has {len(text)} characters; at most {MAX_CHARACTERS}")
     try:
-        content = json.loads(text, parse_constant=_refused)
+        content = json.loads(text, parse_constant=_reject_constant)
         json.dumps(content, ensure_ascii=False).encode("utf-8")
     except RecursionError:
-        raise Unfit("the answer is nested too deeply") from None
+        raise AnswerError("the answer is nested too deeply") from None
     except UnicodeEncodeError:
-        raise Unfit("the answer holds half a character (a surrogate); write all of it") from None
+        raise AnswerError("the answer contains a surrogate; write complete characters") from None
     except ValueError as error:
-        raise Unfit(f"the answer is not JSON: {error}") from None
+        raise AnswerError(f"the answer is not JSON: {shorten(error)}") from None
     if not isinstance(content, dict):
-        raise Unfit(f"the answer is {type(content).__name__}; it must be a JSON object")
+        raise AnswerError(f"the answer is {type(content).__name__}; it must be a JSON object")
     try:
         return from_mapping(cls, content, "the answer")
     except ConfigError as error:
-        raise Unfit(str(error)) from None
+        raise AnswerError(shorten(error, MAX_ERROR)) from None
 
 
 def _schema(hint: Any) -> dict[str, Any]:
@@ -79,5 +89,5 @@ def _schema(hint: Any) -> dict[str, Any]:
     return {"type": _WORDS[hint]}
 
 
-def _refused(word: str) -> Any:
-    raise ValueError(f"{word} is no number of JSON")
+def _reject_constant(word: str) -> Any:
+    raise ValueError(f"{word} is not a number in JSON")

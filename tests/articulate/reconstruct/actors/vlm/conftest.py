@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from contextlib import ExitStack
 
 import numpy as np
@@ -38,7 +39,10 @@ def client():
 @pytest.fixture(autouse=True)
 def _surroundings(monkeypatch, tmp_path):
     """Nothing of this machine's own settings, and a cache that is thrown away."""
-    for name in (*KEY_VARIABLES, MODEL_VARIABLE, URL_VARIABLE, "GOOGLE_GENAI_USE_VERTEXAI"):
+    proxies = [name for name in os.environ if name.lower().endswith("_proxy")]
+    certificates = ("SSL_CERT_FILE", "SSL_CERT_DIR")
+    own = (*KEY_VARIABLES, MODEL_VARIABLE, URL_VARIABLE, "GOOGLE_GENAI_USE_VERTEXAI")
+    for name in (*own, *proxies, *certificates):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 

@@ -26,13 +26,13 @@ def _here(tmp_path, monkeypatch):
 def test_make_asks_the_model_proves_what_it_says_and_keeps_the_key_to_itself(serve, tmp_path):
     def answer(heard):
         if "failure" in heard.fields:
-            seen = {"given": f"a cabinet {KEY}", "predicted": "its drawer slides out"}
+            seen = {"observed": f"a cabinet {KEY}", "predicted": "its drawer slides out"}
             return saying({**seen, "failure": "success", "rating": 9, "reason": "as it should"})
         names = [line.split()[1] for line in heard.text.splitlines() if line.startswith("- ")]
         drawer = next(name for name in names if name.startswith("drawer"))
         body = next(name for name in names if name != drawer)
         said = f'prismatic("{drawer}", "{body}", axis=vec(1, 0, 0), lower=0.0, upper=0.2)\n'
-        return saying({"seen": "a cabinet", "program": said})
+        return saying({"observation": "a cabinet", "program": said})
 
     server = serve(answer)
     assert make.main([*TEXT, "--actor", "vlm", "--out", "asset", "-q"]) == 0
@@ -43,7 +43,7 @@ def test_make_asks_the_model_proves_what_it_says_and_keeps_the_key_to_itself(ser
     assert (tmp_path / "asset" / "program" / "program.py").read_text().startswith("prismatic(")
     trace = (tmp_path / "asset" / "trace.html").read_text()
     assert "a program with all joints: gemini-scripted-7" in trace
-    assert "You look at one object" in trace
+    assert "You see one object" in trace
     files = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert any(path.parent.name == "answers" for path in files)
     assert [path for path in files if KEY.encode() in path.read_bytes()] == []
@@ -78,5 +78,5 @@ def test_a_benchmark_without_a_key_ends_at_once_instead_of_scoring_nothing(tmp_p
     index = write_index(tmp_path, ("a",))
     said = [str(index), "--modality", "text", "--actor", "vlm", "--out", "out"]
     assert commands.main(["benchmark", *said]) == 2
-    assert "no key for a model" in capsys.readouterr().err
+    assert "no API key" in capsys.readouterr().err
     assert not (tmp_path / "out" / "results.json").exists()

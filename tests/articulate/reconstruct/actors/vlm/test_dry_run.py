@@ -13,7 +13,7 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 
 from articulate.reconstruct.actors.registry import make_actor
 from articulate.reconstruct.actors.vlm.actor import vlm_actor
-from articulate.reconstruct.actors.vlm.dry_run import questions, write_dry_run
+from articulate.reconstruct.actors.vlm.dry_run import dry_run_requests, write_dry_run
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor
 
 
@@ -35,7 +35,7 @@ def test_the_page_needs_neither_key_nor_package(video, tmp_path, monkeypatch):
 
 
 def test_the_prompt_on_the_page_is_the_one_that_is_sent(serve, video, tmp_path):
-    server = serve(saying({"seen": "", "program": DOOR_PROGRAM}))
+    server = serve(saying({"observation": "", "program": DOOR_PROGRAM}))
     actor = vlm_actor()
     path = tmp_path / "prompts.html"
     write_dry_run(actor, video, path, "a cupboard")
@@ -53,19 +53,19 @@ def test_the_prompt_on_the_page_is_the_one_that_is_sent(serve, video, tmp_path):
     [("vlm", "video", 2), ("vlm", "text", 2), ("hybrid", "video", 2), ("hybrid", "image", 3)],
 )
 def test_what_hangs_on_an_answer_has_a_stand_in(request, name, modality, n):
-    model, found = questions(make_actor(name), request.getfixturevalue(modality))
+    model, found = dry_run_requests(make_actor(name), request.getfixturevalue(modality))
     assert model.name == "gemini-3.8-flash"
     assert len(found) == n
-    assert found[0].stand_in == ""
-    assert all(dry.stand_in for dry in found[1:])
+    assert found[0].placeholder == ""
+    assert all(dry.placeholder for dry in found[1:])
 
 
 def test_of_parts_taken_apart_the_first_question_is_where_they_belong(image):
     for actor in (LinkActor(), make_actor("vlm")):
-        _, [dry] = questions(actor, replace(image, placed=False))
-        assert dry.request.title == "where parts belong"
+        _, [dry] = dry_run_requests(actor, replace(image, placed=False))
+        assert dry.request.title == "placements of the parts"
 
 
 def test_an_actor_that_asks_no_model_is_refused(image, error_line):
     actor = make_actor("geometric-text")
-    error_line("questions(geometric-text)", lambda: questions(actor, image))
+    error_line("dry_run_requests(geometric-text)", lambda: dry_run_requests(actor, image))

@@ -12,14 +12,14 @@ from tests.articulate.reconstruct.actors.vlm.server import failing, saying
 
 from articulate.errors import UsageError
 from articulate.reconstruct.actors.vlm.gemini import HIDDEN, KEY_VARIABLES, URL_VARIABLE, Gemini
-from articulate.reconstruct.actors.vlm.model import Picture, Request, Turn
+from articulate.reconstruct.actors.vlm.model import CaptionedImage, Request, Turn
 
 PNG = b"\x89PNG\r\n\x1a\n not a real one"
 REQUEST = Request(
     title="a question",
     system="You answer.",
     turns=(
-        Turn("user", ("How many?", Picture("frame 1 of 2", PNG))),
+        Turn("user", ("How many?", CaptionedImage("frame 1 of 2", PNG))),
         Turn("model", ("many",)),
         Turn("user", ("A number, please.",)),
     ),
@@ -29,9 +29,9 @@ REQUEST = Request(
 
 def test_words_pictures_turns_and_schema_go_over_the_wire(serve, gemini):
     server = serve(saying({"n": 3}))
-    reply = gemini.ask(REQUEST)
+    reply = gemini.generate(REQUEST)
     assert (reply.text, reply.model) == ('{"n": 3}', "gemini-scripted-7")
-    assert (reply.tokens_in, reply.tokens_out, reply.kept) == (1200, 60, False)
+    assert (reply.tokens_in, reply.tokens_out, reply.cached) == (1200, 60, False)
     [heard] = server.heard
     assert heard.path.endswith("/models/gemini-3.8-flash:generateContent")
     assert heard.system == "You answer."
@@ -46,7 +46,7 @@ def test_words_pictures_turns_and_schema_go_over_the_wire(serve, gemini):
 
 def test_the_key_goes_into_one_header_and_nowhere_else(serve, gemini):
     server = serve(saying({"n": 3}))
-    gemini.ask(REQUEST)
+    gemini.generate(REQUEST)
     [heard] = server.heard
     assert [name for name, value in heard.headers.items() if KEY in value] == ["x-goog-api-key"]
     assert KEY not in heard.path
@@ -55,20 +55,20 @@ def test_the_key_goes_into_one_header_and_nowhere_else(serve, gemini):
 
 def test_a_busy_server_is_asked_again(serve, gemini):
     server = serve(failing(429, "slow down"), failing(503, "overloaded"), saying({"n": 1}))
-    assert gemini.ask(REQUEST).text == '{"n": 1}'
+    assert gemini.generate(REQUEST).text == '{"n": 1}'
     assert len(server.heard) == 3
 
 
 def test_a_server_that_stays_busy_is_given_up_in_one_line(serve, gemini, error_line):
     server = serve(failing(429, "quota of free requests is used up"))
-    error_line("Gemini(attempts=3).ask(busy)", lambda: gemini.ask(REQUEST))
+    error_line("Gemini(attempts=3).generate(busy)", lambda: gemini.generate(REQUEST))
     assert len(server.heard) == 3
 
 
 def test_thoughts_are_no_part_of_the_answer(serve, gemini):
     parts = [{"text": "hm, let me see", "thought": True}, {"text": '{"n": '}, {"text": "2}"}]
     serve(saying("", candidates=[{"content": {"role": "model", "parts": parts}}]))
-    assert gemini.ask(REQUEST).text == '{"n": 2}'
+    assert gemini.generate(REQUEST).text == '{"n": 2}'
 
 
 @pytest.mark.parametrize(
@@ -84,18 +84,18 @@ def test_thoughts_are_no_part_of_the_answer(serve, gemini):
 )
 def test_what_a_server_refuses_is_said_in_one_line(serve, gemini, error_line, call, answer):
     serve(answer)
-    error_line(f"Gemini().ask({call})", lambda: gemini.ask(REQUEST))
+    error_line(f"Gemini().generate({call})", lambda: gemini.generate(REQUEST))
 
 
 def test_a_key_that_a_server_sends_back_is_hidden(serve, gemini):
     serve(failing(403, f"the key {KEY} may not do this"), saying({"n": KEY}))
     with pytest.raises(UsageError) as caught:
-        gemini.ask(REQUEST)
+        gemini.generate(REQUEST)
     assert KEY not in str(caught.value)
     assert HIDDEN in str(caught.value)
     assert caught.value.__cause__ is None
     assert caught.value.__suppress_context__
-    assert gemini.ask(REQUEST).text == f'{{"n": "{HIDDEN}"}}'
+    assert gemini.generate(REQUEST).text == f'{{"n": "{HIDDEN}"}}'
 
 
 ESCAPED = "".join(f"\\u{ord(letter):04X}" for letter in KEY)
@@ -114,14 +114,14 @@ HALF = "".join(f"\\u{ord(letter):04x}" if k % 2 else letter for k, letter in enu
 )
 def test_a_key_that_is_sent_back_with_escapes_is_hidden(serve, gemini, text, kept):
     serve(saying(text))
-    assert gemini.ask(REQUEST).text == kept
+    assert gemini.generate(REQUEST).text == kept
 
 
 @pytest.mark.parametrize("body", [[], 5, {"candidates": 5}, {"candidates": [None]}, "hello"])
 def test_what_answers_in_another_shape_is_said_in_one_line(serve, gemini, body):
     serve((200, body))
-    with pytest.raises(UsageError, match=r"cannot be reached|gave no answer"):
-        gemini.ask(REQUEST)
+    with pytest.raises(UsageError, match=r"cannot be reached|sent no answer"):
+        gemini.generate(REQUEST)
 
 
 @pytest.mark.parametrize("fault", [RecursionError, TypeError, AttributeError])
@@ -133,32 +133,32 @@ def test_whatever_the_client_stumbles_over_is_said_in_one_line(monkeypatch, gemi
     monkeypatch.setenv("GEMINI_API_KEY", KEY)
     monkeypatch.setattr("google.genai.models.Models.generate_content", stumble)
     with pytest.raises(UsageError, match="cannot be reached"):
-        gemini.ask(REQUEST)
+        gemini.generate(REQUEST)
 
 
 def test_half_a_character_becomes_a_question_mark(serve, gemini):
     serve(saying("a \ud800 b"))
-    assert gemini.ask(REQUEST).text == "a ? b"
+    assert gemini.generate(REQUEST).text == "a ? b"
 
 
 def test_no_network_is_said_in_one_line(client, monkeypatch, gemini, error_line):
     monkeypatch.setenv("GEMINI_API_KEY", KEY)
     monkeypatch.setenv(URL_VARIABLE, "http://127.0.0.1:9")  # nobody listens there
-    error_line("Gemini().ask(no network)", lambda: gemini.ask(REQUEST))
+    error_line("Gemini().generate(no network)", lambda: gemini.generate(REQUEST))
 
 
 def test_without_a_key_nothing_is_asked(serve, gemini, monkeypatch, error_line):
     server = serve(saying({"n": 3}))
     for name in KEY_VARIABLES:
         monkeypatch.setenv(name, " ")
-    error_line("Gemini().ask(no key)", lambda: gemini.ask(REQUEST))
+    error_line("Gemini().generate(no key)", lambda: gemini.generate(REQUEST))
     assert server.heard == []
 
 
 def test_what_cannot_be_a_key_is_not_shown_and_not_sent(serve, gemini, monkeypatch, error_line):
     server = serve(saying({"n": 3}))
     monkeypatch.setenv("GEMINI_API_KEY", f"{KEY}\n{KEY}")
-    line = error_line("Gemini().ask(two lines as a key)", lambda: gemini.ask(REQUEST))
+    line = error_line("Gemini().generate(two lines as a key)", lambda: gemini.generate(REQUEST))
     assert KEY not in line
     assert server.heard == []
 
@@ -166,14 +166,14 @@ def test_what_cannot_be_a_key_is_not_shown_and_not_sent(serve, gemini, monkeypat
 def test_googles_name_of_the_key_comes_before_the_other(serve, gemini, monkeypatch):
     server = serve(saying({"n": 3}))
     monkeypatch.setenv("GOOGLE_API_KEY", "the-first")
-    gemini.ask(REQUEST)
+    gemini.generate(REQUEST)
     assert server.heard[0].headers["x-goog-api-key"] == "the-first"
 
 
 def test_without_the_package_one_line_says_what_to_install(monkeypatch, gemini, error_line):
     monkeypatch.setenv("GEMINI_API_KEY", KEY)
     monkeypatch.setitem(sys.modules, "google.genai", None)
-    error_line("Gemini().ask(no google-genai)", lambda: gemini.ask(REQUEST))
+    error_line("Gemini().generate(no google-genai)", lambda: gemini.generate(REQUEST))
 
 
 def test_the_model_is_named_by_the_environment(monkeypatch):
@@ -183,10 +183,10 @@ def test_the_model_is_named_by_the_environment(monkeypatch):
 
 def test_whatever_decides_an_answer_is_in_the_hash_of_the_question(monkeypatch, gemini):
     other_words = replace(
-        REQUEST, turns=(Turn("user", ("How few?", Picture("frame 1 of 2", PNG))),)
+        REQUEST, turns=(Turn("user", ("How few?", CaptionedImage("frame 1 of 2", PNG))),)
     )
     first = REQUEST.turns[0]
-    changed = Turn("user", (first.pieces[0], Picture("frame 1 of 2", PNG + b"!")))
+    changed = Turn("user", (first.content[0], CaptionedImage("frame 1 of 2", PNG + b"!")))
     found = {
         REQUEST.key(gemini.source),
         REQUEST.key("another model"),

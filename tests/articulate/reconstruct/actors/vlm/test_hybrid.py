@@ -12,23 +12,23 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 from articulate.reconstruct.actors.loop import Loop
 from articulate.reconstruct.actors.semantic.part_relations import named_scene
 from articulate.reconstruct.actors.vlm.actor import HybridCritic, hybrid_actor, vlm_actor
-from articulate.reconstruct.actors.vlm.answers import Mover
+from articulate.reconstruct.actors.vlm.answers import MovingPart
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
 from articulate.reconstruct.actors.vlm.joint_candidates import (
-    offers_of,
-    offers_told,
-    usual_joint,
+    describe_candidates,
+    joint_candidates,
+    typical_joint,
     with_carriers,
 )
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic
 
 DOOR_MOVES = {"part": "part_02", "kind": "revolute", "why": "its edge comes to the front"}
-MOVERS = {"seen": "a door is opened", "movers": [DOOR_MOVES]}
+MOVERS = {"observation": "a door is opened", "movers": [DOOR_MOVES]}
 
 
 def picks(candidate, opens="positive", part="part_02"):
     chosen = [{"part": part, "candidate": candidate, "opens": opens}]
-    return saying({"seen": "the hinge at the right", "picks": chosen})
+    return saying({"reason": "the hinge at the right", "choices": chosen})
 
 
 def at_the_right(heard):
@@ -40,13 +40,13 @@ def at_the_right(heard):
 
 
 def offers(evidence, part="part_02", kind="revolute"):
-    mover = Mover(part=part, kind=kind, why="")
+    mover = MovingPart(part=part, kind=kind, why="")
     scene = with_carriers(named_scene(evidence), [mover])
-    return offers_of([mover], scene), scene
+    return joint_candidates([mover], scene), scene
 
 
 def hybrid(gemini):
-    return JointActor(way="choice", model=gemini, cache=None)
+    return JointActor(strategy="choice", model=gemini, cache=None)
 
 
 def test_a_choice_from_text_gives_the_joint_that_geometry_offers(serve, gemini, text):
@@ -81,12 +81,15 @@ def test_a_choice_from_a_clip_is_measured(serve, gemini, video):
     [
         ([{"part": "lid", "kind": "revolute", "why": ""}], "there is no part 'lid'"),
         ([DOOR_MOVES, DOOR_MOVES], "part_02 is named twice"),
-        ([{"part": p, "kind": "revolute", "why": ""} for p in LABELS], "at least one part stands"),
+        (
+            [{"part": p, "kind": "revolute", "why": ""} for p in LABELS],
+            "at least one part is fixed",
+        ),
         ([{**DOOR_MOVES, "kind": "screw"}], "one of revolute, prismatic, continuous"),
     ],
 )
 def test_parts_that_cannot_be_meant_go_back(serve, gemini, text, movers, complaint):
-    server = serve(saying({"seen": "", "movers": movers}), saying(MOVERS), picks(1))
+    server = serve(saying({"observation": "", "movers": movers}), saying(MOVERS), picks(1))
     hybrid(gemini).propose(text, ())
     assert complaint in server.heard[1].text
 
@@ -94,8 +97,8 @@ def test_parts_that_cannot_be_meant_go_back(serve, gemini, text, movers, complai
 @pytest.mark.parametrize(
     ("bad", "complaint"),
     [
-        (picks(99), "candidate 99 is none of part_02; these are 1 to "),
-        (picks(0), "candidate 0 is none of part_02"),
+        (picks(99), "candidate 99 is not one of part_02; known: 1 to "),
+        (picks(0), "candidate 0 is not one of part_02"),
         (picks(1, part="part_03"), "choose one candidate for each of part_02"),
         (picks(1, opens="outwards"), "one of positive, negative, both"),
     ],
@@ -107,9 +110,9 @@ def test_candidates_that_were_not_offered_go_back(serve, gemini, text, bad, comp
 
 
 def test_a_model_that_sees_nothing_move_is_a_refusal(serve, gemini, text):
-    serve(saying({"seen": "a stone", "movers": []}))
+    serve(saying({"observation": "a stone", "movers": []}))
     found = hybrid(gemini).propose(text, ())
-    assert (found.joints, found.rejection) == ((), "gemini-3.8-flash sees no part that moves")
+    assert (found.joints, found.rejection) == ((), "gemini-3.8-flash names no moving part")
     assert found.calls == 1
 
 
@@ -137,12 +140,12 @@ def test_among_the_candidates_of_a_door_is_its_hinge_whatever_parts_are_called(t
 def test_words_say_which_way_a_candidate_leads(text):
     found, scene = offers(text)
     centre = text.part("part_02").centre
-    told = [offer for offer in found if "through its middle" not in offer.told]
+    told = [offer for offer in found if "through its centre" not in offer.description]
     assert len(told) >= 6
     for offer in told:
-        moved = usual_joint(offer, "positive", scene).T_o(0.01) @ np.append(centre, 1.0)
+        moved = typical_joint(offer, "positive", scene).T_o(0.01) @ np.append(centre, 1.0)
         way = moved[:3] - centre
-        words = offer.told.split("leads its middle ")[1].split(" and ")
+        words = offer.description.split("moves its centre ")[1].split(" and ")
         names = {"front": way[0], "back": -way[0], "right": way[1], "left": -way[1]}
         names |= {"up": way[2], "down": -way[2]}
         assert all(names[word] > 0.2 * np.linalg.norm(way) for word in words)
@@ -153,26 +156,26 @@ def test_words_say_which_way_a_candidate_leads(text):
 )
 def test_ways_are_ranges(text, way, ends):
     found, scene = offers(text, "part_03", "prismatic")
-    joint = usual_joint(found[0], way, scene)
+    joint = typical_joint(found[0], way, scene)
     assert joint.lower is not None
     assert joint.upper is not None
     reach = joint.upper - joint.lower
     np.testing.assert_allclose((joint.lower, joint.upper), np.multiply(ends, reach))
     assert reach > 0.0
-    assert "positive leads" in offers_told(found)
+    assert "positive moves" in describe_candidates(found)
 
 
 def test_what_turns_for_ever_has_no_limits(text):
     found, scene = offers(text, "part_03", "continuous")
-    joint = usual_joint(found[0], "both", scene)
+    joint = typical_joint(found[0], "both", scene)
     assert (joint.kind, joint.lower, joint.upper) == ("continuous", None, None)
 
 
 def test_geometry_judges_clips_and_a_model_the_rest(video, image, text):
     critic = HybridCritic()
-    assert critic.chosen(video) is critic.measured
-    assert critic.chosen(replace(video, camera=None)) is critic.seen
-    assert critic.chosen(image) is critic.chosen(text) is critic.seen
+    assert critic.critic_for(video) is critic.geometric
+    assert critic.critic_for(replace(video, camera=None)) is critic.visual
+    assert critic.critic_for(image) is critic.critic_for(text) is critic.visual
 
 
 @pytest.mark.parametrize(

@@ -13,14 +13,14 @@ from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.actors.vlm.images import (
     camera_of,
     colours_of,
-    evidence_pictures,
+    evidence_images,
     frame_indices,
-    parts_picture,
+    parts_image,
     poses_at,
-    prediction_picture,
-    shown,
+    prediction_image,
+    scale_down,
 )
-from articulate.reconstruct.actors.vlm.prompt_text import direction_told
+from articulate.reconstruct.actors.vlm.prompt_text import describe_direction
 from articulate.render.image import as_png
 from articulate.render.scene import PartScene
 
@@ -34,7 +34,7 @@ def read(content):
 
 
 def test_each_part_has_in_the_picture_the_colour_that_is_told(video):
-    picture = read(parts_picture(video).png)
+    picture = read(parts_image(video).png)
     seen = PartScene(video.parts).rasterize(camera_of(video))
     for k, (name, colour) in enumerate(colours_of(video.parts).items()):
         told = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
@@ -50,18 +50,18 @@ def test_frames_are_spread_evenly_with_both_ends():
 
 
 def test_frames_are_sent_whole_and_unchanged_if_they_are_small(video):
-    for k, picture in zip(frame_indices(14), evidence_pictures(video), strict=True):
+    for k, picture in zip(frame_indices(14), evidence_images(video), strict=True):
         np.testing.assert_array_equal(read(picture.png), video.video[k])
 
 
 def test_large_pictures_are_made_smaller_in_their_own_shape():
-    assert shown(np.zeros((1200, 1600, 3), np.uint8)).shape == (480, 640, 3)
-    assert shown(np.zeros((30, 40, 3), np.uint8)).shape == (30, 40, 3)
+    assert scale_down(np.zeros((1200, 1600, 3), np.uint8)).shape == (480, 640, 3)
+    assert scale_down(np.zeros((30, 40, 3), np.uint8)).shape == (30, 40, 3)
 
 
 def beside(video, joint):
     """How much rows of the clip differ from the rows of the prediction below them."""
-    picture = read(prediction_picture(video, [joint, HANDLE]).png).astype(float)
+    picture = read(prediction_image(video, [joint, HANDLE]).png).astype(float)
     a, b, c, d = np.split(picture, 4)
     return np.abs(np.concatenate([a - b, c - d])).mean()
 
@@ -116,4 +116,4 @@ def test_a_webp_becomes_a_png():
     ],
 )
 def test_directions_in_words(way, words):
-    assert direction_told(np.array(way, dtype=float)) == words
+    assert describe_direction(np.array(way, dtype=float)) == words

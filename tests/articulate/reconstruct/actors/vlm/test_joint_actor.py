@@ -15,16 +15,16 @@ from articulate.reconstruct.actors.protocol import ActorAttempt, Prediction, Ver
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor
-from articulate.reconstruct.actors.vlm.prompt_text import placed
+from articulate.reconstruct.actors.vlm.prompt_text import with_placements
 from articulate.transforms import pose
 
 
 def program(text):
-    return saying({"seen": "a cupboard whose door opens", "program": text})
+    return saying({"observation": "a cupboard whose door opens", "program": text})
 
 
 def verdict(failure, rating, reason=""):
-    told = {"given": "the door turns", "predicted": "see above"}
+    told = {"observed": "the door turns", "predicted": "see above"}
     return saying({**told, "failure": failure, "rating": rating, "reason": reason})
 
 
@@ -131,7 +131,7 @@ def test_a_hostile_program_is_refused_and_goes_back_with_line_and_column(
     found = JointActor(model=gemini, cache=None).propose(text, ())
     assert [j.part for j in found.joints if j.kind != "fixed"] == ["part_02"]
     told = server.heard[1].body["contents"][-1]["parts"][0]["text"]
-    assert told.startswith(f"The program is refused: line {line}, column ")
+    assert told.startswith(f"The program is invalid: line {line}, column ")
     assert not (tmp_path / "owned").exists()
     assert found.calls == 2
 
@@ -161,7 +161,7 @@ def test_programs_that_never_run_are_a_refusal(serve, gemini, text):
     server = serve(program("import os"))
     found = JointActor(model=gemini, cache=None).propose(text, ())
     assert found.joints == ()
-    assert "4 programs in a row are refused; line 1" in found.rejection
+    assert "4 invalid programs in a row; line 1" in found.rejection
     assert found.calls == len(server.heard) == 4
     assert len(found.trace) == 4
 
@@ -181,7 +181,7 @@ def test_a_refusal_keeps_what_was_proposed_before(serve, gemini, image, tmp_path
 def test_the_critics_pictures_of_the_last_proposal_are_shown(serve, gemini, text):
     server = serve(program(DOOR_PROGRAM))
     png = b"\x89PNG\r\n\x1a\n of a critic"
-    said = Verdict(failure="joint_axis", rating=2.0, reason="it tilts", images={"seen": png})
+    said = Verdict(failure="joint_axis", rating=2.0, reason="it tilts", images={"rendering": png})
     attempt = ActorAttempt(joints=(DOOR,), verdict=said)
     JointActor(model=gemini, cache=None).propose(text, [attempt])
     [heard] = server.heard
@@ -208,12 +208,12 @@ def apart(evidence):
 def test_parts_that_were_taken_apart_are_placed_by_a_program(serve, gemini, image):
     server = serve(program(DOOR_PROGRAM), program(PLACES))
     found = LinkActor(model=gemini, cache=None).predict(apart(image))
-    assert "only say where parts are" in server.heard[1].text
-    assert "its camera stands at (3.000, 1.500, 2.000)" in server.heard[0].system
+    assert "only place the parts" in server.heard[1].text
+    assert "its camera is at (3.000, 1.500, 2.000)" in server.heard[0].system
     assert found.calls == 2
     for name in ("part_00", "part_01", "part_02"):
         np.testing.assert_allclose(found.placements[name][:3, 3], image.part(name).centre)
-    whole = placed(apart(image), dict(found.placements))
+    whole = with_placements(apart(image), dict(found.placements))
     np.testing.assert_allclose(
         whole.part("part_01").bounds, image.part("part_01").bounds, atol=1e-12
     )
@@ -249,7 +249,7 @@ def test_a_critic_whose_rating_is_beyond_the_scale_is_asked_again(serve, gemini,
     assert (said.failure, said.rating, said.calls) == ("success", 7.0, 2)
     assert "rating is 11; it must be in [0, 10]" in server.heard[1].text
     [(caption, picture)] = said.images.items()
-    assert caption == "the picture, and the prediction: closed, half open, open"
+    assert caption == "the image, and the prediction: closed, half open, open"
     assert picture in server.heard[0].pictures
 
 

@@ -5,8 +5,13 @@ from typing import Annotated, Literal
 
 import pytest
 
-from articulate.reconstruct.actors.vlm.answers import Judged, Movers, Picks, ProgramAnswer
-from articulate.reconstruct.actors.vlm.schema import Unfit, decoded, schema_of
+from articulate.reconstruct.actors.vlm.answers import (
+    Choices,
+    CriticAnswer,
+    MovingParts,
+    ProgramAnswer,
+)
+from articulate.reconstruct.actors.vlm.schema import AnswerError, decode_answer, schema_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +59,10 @@ def test_a_schema_says_names_types_and_meaning_of_all_fields():
     }
 
 
-def test_an_answer_is_decoded_into_its_type():
+def test_an_answer_is_decode_answer_into_its_type():
     text = '{"leaves": [{"kind": "b", "size": null}], "at": [1, 2.5, -3], "old": true}'
     leaf = Leaf(kind="b", size=None)
-    assert decoded(Tree, text) == Tree(leaves=(leaf,), at=(1.0, 2.5, -3.0), old=True)
+    assert decode_answer(Tree, text) == Tree(leaves=(leaf,), at=(1.0, 2.5, -3.0), old=True)
 
 
 LEAF = '{"leaves": [{"kind": "c", "size": 1}], "at": [1, 2, 3], "old": true}'
@@ -69,22 +74,23 @@ LEAF = '{"leaves": [{"kind": "c", "size": 1}], "at": [1, 2, 3], "old": true}'
         ("", "not JSON"),
         ("null", "must be a JSON object"),
         ('{"leaves": [], "at": [1, 2], "old": true}', "at is [1, 2]; it must be a list of 3"),
-        ('{"leaves": [], "at": [1, 2, Infinity], "old": true}', "Infinity is no number"),
+        ('{"leaves": [], "at": [1, 2, Infinity], "old": true}', "Infinity is not a number"),
         (LEAF, "leaves[0].kind is 'c'; it must be one of a, b"),
         ('{"leaves": [], "at": [1, 2, 3], "old": "yes"}', "old is 'yes'; it must be true or false"),
         ('{"leaves": [], "at": [1, 2, 3]}', "old is missing"),
         ('{"leaves": ' + "[" * 200_000, "nested too deeply"),
-        ('{"leaves": [], "at": [1, 2, 3], "old": "\\ud800"}', "half a character"),
-        ('{"\\udc00": 1}', "half a character"),
+        ('{"leaves": [], "at": [1, 2, 3], "old": "\\ud800"}', "contains a surrogate"),
+        ('{"leaves": "' + "x" * 1_000_000, "characters; at most"),
+        ('{"\\udc00": 1}', "contains a surrogate"),
     ],
 )
 def test_what_does_not_fit_is_said_with_its_place(text, complaint):
-    with pytest.raises(Unfit) as caught:
-        decoded(Tree, text)
+    with pytest.raises(AnswerError) as caught:
+        decode_answer(Tree, text)
     assert complaint in str(caught.value)
 
 
-@pytest.mark.parametrize("cls", [ProgramAnswer, Movers, Picks, Judged])
+@pytest.mark.parametrize("cls", [ProgramAnswer, MovingParts, Choices, CriticAnswer])
 def test_every_field_of_every_answer_is_explained(cls):
     def fields(schema):
         for field in schema.get("properties", {}).values():

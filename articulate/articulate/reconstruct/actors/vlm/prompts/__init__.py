@@ -1,4 +1,4 @@
-"""Prompts: one text file each, with a version in its first line and ``$names`` to be filled."""
+"""Prompts: one text file each, with a version in the first line and ``$name`` placeholders."""
 
 from __future__ import annotations
 
@@ -7,34 +7,36 @@ from dataclasses import dataclass
 from importlib import resources
 from string import Template
 
-NAMES = ("frame", "joint_program", "link_program", "movers", "picks", "critic")
+NAMES = ("frame", "joint_program", "link_program", "movers", "choices", "critic")
 HEAD = re.compile(r"# (?P<name>[a-z_]+), version (?P<version>\d+)\n")
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """A prompt with gaps."""
+    """A prompt with placeholders."""
 
     name: str
     version: int
     text: str
 
     @property
-    def gaps(self) -> frozenset[str]:
-        """Names that must be given to :meth:`filled`."""
+    def placeholders(self) -> frozenset[str]:
+        """Names of the values that :meth:`filled` needs."""
         return frozenset(Template(self.text).get_identifiers())
 
     def filled(self, **values: str) -> str:
-        """The text; every gap must be given, and nothing else."""
-        if self.gaps != set(values):
-            raise ValueError(f"{self.name}: gaps {sorted(self.gaps)}, values {sorted(values)}")
+        """Return the text with all placeholders filled; their names must match exactly."""
+        if self.placeholders != set(values):
+            raise ValueError(
+                f"{self.name}: placeholders {sorted(self.placeholders)}, values {sorted(values)}"
+            )
         return Template(self.text).substitute(values)
 
 
 def prompt(name: str) -> Prompt:
-    """The prompt called ``name``, one of :data:`NAMES`."""
+    """Read the prompt ``name``, one of :data:`NAMES`."""
     content = resources.files(__name__).joinpath(f"{name}.txt").read_text("utf-8")
     head = HEAD.match(content)
     if head is None or head["name"] != name:
-        raise ValueError(f"{name}.txt: does not begin with its name and version")
+        raise ValueError(f"{name}.txt: must begin with its name and version")
     return Prompt(name, int(head["version"]), content[head.end() :].strip())

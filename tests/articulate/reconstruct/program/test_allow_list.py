@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.articulate.reconstruct.program.hostile import attacks
 
-from articulate.reconstruct.program.guard import PLAIN, WHY, check
-from articulate.reconstruct.program.language import FUNCTIONS, MAX_SOURCE, Violation
+from articulate.reconstruct.program.allow_list import PLAIN, WHY, check
+from articulate.reconstruct.program.language import FUNCTIONS, MAX_SOURCE, RuleViolation
 
 ALL = attacks()
 CABINET = '''
@@ -43,7 +43,7 @@ def test_there_are_two_hundred_attacks_and_more_with_names_of_their_own():
 @pytest.mark.parametrize("attack", ALL, ids=str)
 def test_every_attack_is_refused_with_its_place_and_a_sentence(attack):
     found = check(attack.source)
-    assert isinstance(found, Violation)
+    assert isinstance(found, RuleViolation)
     assert found.kind in {"guard", "syntax"}
     assert 10 < len(found.message) < 600
     assert "\n" not in found.message
@@ -88,7 +88,7 @@ def test_texts_and_comments_may_hold_any_letters():
 )
 def test_a_refusal_names_the_place_and_what_to_do(source, line, column, words):
     found = check(source)
-    assert isinstance(found, Violation)
+    assert isinstance(found, RuleViolation)
     assert (found.line, words in found.message) == (line, True), found
     if column:
         assert found.column == column
@@ -103,7 +103,7 @@ def test_every_node_of_python_is_allowed_looked_at_or_refused():
 
 @given(st.text(max_size=200))
 def test_no_text_makes_the_guard_raise(source):
-    assert isinstance(check(source), ast.Module | Violation)
+    assert isinstance(check(source), ast.Module | RuleViolation)
 
 
 SNIPPETS = [

@@ -7,8 +7,8 @@ import pytest
 from tests.articulate.reconstruct.program.hostile import attacks
 from tests.articulate.reconstruct.program.raw import ROOT, attacked
 
-from articulate.reconstruct.program.lockdown import LAYERS, seccomp_filter
-from articulate.reconstruct.program.sandbox import Limits, Sandbox
+from articulate.reconstruct.program.process_limits import LAYERS, seccomp_filter
+from articulate.reconstruct.program.sandbox import Sandbox, SandboxLimits
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layers are Linux's")
 
@@ -167,7 +167,7 @@ def test_a_child_has_no_environment_and_no_third_stream(tmp_path):
         "names = sorted(os.environ)\n"
         "print(json.dumps({'names': names, 'fds': fds, 'cwd': os.getcwd()}), flush=True)\n"
     )
-    with (ROOT / "articulate" / "asset.py").open() as _, Sandbox(script, Limits()) as child:
+    with (ROOT / "articulate" / "asset.py").open() as _, Sandbox(script, SandboxLimits()) as child:
         found = child.receive()
     assert set(found["names"]) <= {"LC_CTYPE"}  # Python sets it itself
     assert (found["fds"], found["cwd"]) == ([], "/")

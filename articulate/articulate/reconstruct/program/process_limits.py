@@ -58,7 +58,7 @@ class _Filter(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_void_p))
 
 
-def lock_down(*, memory_bytes: int, cpu_s: int, layers: Iterable[str] = LAYERS) -> list[str]:
+def restrict_process(*, memory_bytes: int, cpu_s: int, layers: Iterable[str] = LAYERS) -> list[str]:
     """Give up what a program never needs; return the layers that are active.
 
     Args:

@@ -24,9 +24,9 @@ from articulate.reconstruct.program.language import (
     MAX_ROUNDS,
     MAX_TEXT,
     RESERVED,
-    Violation,
+    RuleViolation,
 )
-from articulate.reconstruct.program.parse import Refused, parsed, refuse
+from articulate.reconstruct.program.parse import RuleError, parsed, rule_error
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,49}|_")
 
@@ -78,7 +78,7 @@ PLAIN: tuple[type[ast.AST], ...] = (
 """Nodes that need no look of their own."""
 
 
-def check(source: str) -> ast.Module | Violation:
+def check(source: str) -> ast.Module | RuleViolation:
     """The syntax tree of a program that keeps every rule, or the first rule that it breaks.
 
     Args:
@@ -87,7 +87,7 @@ def check(source: str) -> ast.Module | Violation:
     try:
         tree = parsed(source)
         _Checker(tree).check()
-    except Refused as refused:
+    except RuleError as refused:
         return refused.violation
     return tree
 
@@ -141,9 +141,9 @@ class _Checker:
                 raise self._at(place, f"the program has more than {MAX_NODES} elements; shorten it")
             stack += [(child, depth + 1, place) for child in ast.iter_child_nodes(node)]
 
-    def _at(self, node: ast.AST, message: str) -> Refused:
+    def _at(self, node: ast.AST, message: str) -> RuleError:
         line, column = getattr(node, "lineno", 0), getattr(node, "col_offset", -1)
-        return refuse(line, column + 1, message)
+        return rule_error(line, column + 1, message)
 
     def _look(self, node: ast.AST) -> None:
         kind = type(node)
