@@ -7,9 +7,11 @@ unique.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
+import resource
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,6 +77,8 @@ def read_bounded(path: Path, limit_bytes: int, *, error: type[UsageError] = Usag
             raise error(f"{_name(path)}: cannot be read ({problem.strerror})") from None
     if len(content) > limit_bytes:
         raise error(f"{_name(path)}: larger than {limit_bytes} bytes, the most that is accepted")
+    if is_lfs_pointer(content):
+        raise error(f"{_name(path)}: a Git LFS pointer, not the file; fetch it with: git lfs pull")
     return content
 
 
@@ -166,6 +170,30 @@ def parse_yaml(text: str, where: str, *, error: type[UsageError] = UsageError) -
         raise error(f"{where}{line}: not YAML ({reason})") from None
     except (yaml.YAMLError, ValueError, RecursionError):  # a date of no calendar, deep brackets
         raise error(f"{where}: not YAML") from None
+
+
+@contextlib.contextmanager
+def memory_limit(extra_bytes: int) -> Iterator[None]:
+    """Limit by how much the address space of this process can grow inside the block.
+
+    Allocations beyond it raise ``MemoryError``. A lower limit that is already set stays.
+
+    Args:
+        extra_bytes: Memory that the block may take.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    except OSError:  # a system without it
+        yield
+        return
+    limit = pages * resource.getpagesize() + extra_bytes
+    limits = [value for value in (limit, soft, hard) if value != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def is_lfs_pointer(content: bytes) -> bool:

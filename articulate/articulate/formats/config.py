@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from articulate.errors import ConfigError
+from articulate.errors import ConfigError, quote
 
 ClosedChoice = Literal["auto", "lower", "upper", "zero"]
+
+ACCEPTABLE = "authored_overlap"
+"""The only check whose failure can be accepted; see :mod:`articulate.checks.accepted_overlap`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,10 +47,15 @@ class ConvertConfig:
     """Where decompositions are kept; None: nowhere."""
     licence: str = "unknown"
     """Licence of the object."""
+    accept: tuple[str, ...] = ()
+    """Checks whose failure is a warning: ``authored_overlap`` or nothing."""
     name: str | None = None
     """Name of the asset; None: the name in the file."""
 
     def __post_init__(self) -> None:
+        for check in self.accept:
+            if check != ACCEPTABLE:
+                raise ConfigError(f"accept is {quote(check)}; only {ACCEPTABLE} can be accepted")
         if self.size_m is not None and not 0.01 <= self.size_m <= 20.0:
             raise ConfigError(f"size is {self.size_m} m; it must lie in [0.01, 20]")
         if self.max_geoms < 1:

@@ -11,12 +11,13 @@ import trimesh
 from numpy.typing import NDArray
 
 from articulate.errors import AssetError
+from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import Part
-from articulate.formats.mesh_file import TEXTURES, Y_FROM_Z, Group, is_z_up, read_mesh
+from articulate.formats.mesh_file import TEXTURES, Y_FROM_Z, Group, read_mesh
 from articulate.formats.mesh_paths import AbsentMesh, found_elsewhere, resolve
 from articulate.formats.source_object import SourceGeometry, SourceObject
-from articulate.formats.texture_colour import mean_colour
+from articulate.formats.textures import mean_colour
 from articulate.transforms import Array
 
 LEAST_AREA_M2 = 1e-9

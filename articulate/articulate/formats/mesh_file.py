@@ -1,155 +1,184 @@
-"""One mesh file as plain triangles by group and material, whatever its format."""
+"""One mesh file of any format as plain triangles by group and material."""
 
 from __future__ import annotations
 
+import io
 import logging
-import os
 import re
+import struct
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from articulate.errors import AssetError
-from articulate.formats.collada_instances import check_instances
-from articulate.formats.msh import read_msh
+from articulate.errors import AssetError, quote, shorten
+from articulate.formats.collada import read_unit
+from articulate.formats.gltf import check_gltf
 from articulate.formats.repairs import Repairs
-from articulate.formats.texture_colour import MAX_PIXELS
+from articulate.formats.textures import IMAGE_FORMATS, MAX_PIXELS, MeshFiles, mean_of
+from articulate.untrusted import memory_limit, read_bounded
 
 logging.getLogger("trimesh").setLevel(logging.ERROR)
 
 FORMATS = (".obj", ".stl", ".dae", ".glb", ".gltf", ".ply", ".off", ".msh")
-MAX_BYTES = 300_000_000
+MAX_BYTES = 200_000_000
 """Largest mesh file that is read."""
+MAX_TEXT_BYTES = 100_000_000
+"""Largest mesh file in a text format, which takes ten times as much memory as its size."""
 MAX_FACES = 3_000_000
 """Most triangles of a mesh file."""
 MAX_GROUPS = 500
-"""An OBJ of more objects, groups and materials is read without them."""
+"""An OBJ with more objects, groups and materials is read without them."""
+MAX_GROUP_LINES = 50_000
+"""An OBJ with more lines that begin a group is read without groups at once."""
+MAX_COMPARED = 50_000_000
+"""Most triangles compared to find groups that repeat each other."""
+READ_BYTES = 1_500_000_000
+"""Memory that reading one file may take."""
 FARTHEST = 1e6
 """Triangles with a corner farther out than this are left out, in units of the file."""
 TEXTURES = "textures were replaced by the mean colour of each"
+MSH_HEADER = 4
+"""Counts of vertices, normals, texture coordinates and faces, each a little-endian int32."""
 
 Y_FROM_Z = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
-"""Turns what points along z to point along y (4, 4)."""
+"""Turns the z axis to the y axis (4, 4)."""
 
 Group = tuple[str, trimesh.Trimesh, tuple[float, ...] | None]
-"""Name of the group, its triangles, and its colour if the file gives one."""
+"""Name of the group, its triangles, and its colour if the file has one."""
 
 
 def read_mesh(path: Path, repairs: Repairs) -> list[Group]:
-    """The groups of the mesh file at ``path``.
+    """Read the groups of the mesh file at ``path``, in its units; those of COLLADA in metres.
 
     Raises:
-        AssetError: It cannot be read, or nothing of it has an area.
+        AssetError: It cannot be read, is too large, or has no area.
     """
     if path.suffix.lower() not in FORMATS:
-        raise AssetError(f"mesh {path.name}: format not known; {', '.join(FORMATS)} are")
+        raise AssetError(f"mesh {path.name}: format not known; {', '.join(FORMATS)} are accepted")
     try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # readers complain of what is judged here
+        with (
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+            memory_limit(READ_BYTES),
+        ):
+            warnings.simplefilter("ignore")  # the result is checked below
             return _groups(path, repairs)
     except AssetError:
         raise
-    except Exception as error:  # noqa: BLE001  # readers of foreign formats raise anything
-        text = (str(error).splitlines() or [""])[0][:200]
+    except MemoryError:
         raise AssetError(
-            f"mesh {path.name}: cannot be read ({type(error).__name__}: {text})"
+            f"mesh {path.name}: takes more than {READ_BYTES} bytes of memory; simplify it"
+        ) from None
+    except Exception as error:  # noqa: BLE001  # readers of foreign formats raise anything
+        # The text of the error may quote the file, which a link may have outside the object.
+        text = "" if path.is_symlink() else f": {shorten(error)}"
+        raise AssetError(
+            f"mesh {path.name}: cannot be read ({type(error).__name__}{text})"
         ) from None
 
 
-def named_by(path: Path) -> list[Path]:
-    """Files that exist and that the mesh file at ``path`` names: materials and pictures."""
-    suffix, found = path.suffix.lower(), []
-    if suffix == ".obj":
-        for name in re.findall(rb"^mtllib\s+(.+?)\s*$", path.read_bytes(), re.MULTILINE):
-            library = path.parent / os.fsdecode(name)
-            if library.is_file():
-                maps = re.findall(rb"^\s*map_\w+\s+(?:.*\s)?(\S+)\s*$", library.read_bytes(), re.M)
-                found += [library, *(library.parent / os.fsdecode(m) for m in maps)]
-    elif suffix in {".dae", ".gltf"}:
-        pattern = rb"<init_from>\s*(.+?)\s*<|\"uri\"\s*:\s*\"([^\"]{1,500})\""
-        for match in re.finditer(pattern, path.read_bytes()):
-            found.append(path.parent / os.fsdecode(match.group(1) or match.group(2)))
-    return [file for file in dict.fromkeys(found) if _is_file(file)]
+def read_msh(content: bytes) -> trimesh.Trimesh:
+    """Read MuJoCo's old binary mesh format; the convex hull of the vertices without faces.
 
+    The header is followed by vertices (3 float32 each), normals (3), texture coordinates (2) and
+    faces (3 int32).
 
-def is_z_up(path: Path) -> bool:
-    """Whether the file at ``path`` is a COLLADA mesh that says that z points up."""
-    if path.suffix.lower() != ".dae":
-        return False
-    said = re.search(rb"<up_axis>\s*([XYZ]_UP)", path.read_bytes())
-    return said is not None and said.group(1) == b"Z_UP"
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name too long, or with a null byte
-        return False
+    Raises:
+        ValueError: The counts do not agree with the size of the file, or with each other.
+    """
+    if len(content) < 4 * MSH_HEADER:
+        raise ValueError("too short for an .msh header")
+    vertices, normals, coordinates, faces = np.frombuffer(content, "<i4", MSH_HEADER).tolist()
+    size = 4 * (MSH_HEADER + 3 * vertices + 3 * normals + 2 * coordinates + 3 * faces)
+    if min(vertices, normals, coordinates, faces) < 0 or size != len(content):
+        raise ValueError(f"the header gives {size} bytes, the file has {len(content)}")
+    corners = np.frombuffer(content, "<f4", 3 * vertices, 4 * MSH_HEADER).astype(np.float64)
+    index = np.frombuffer(content, "<i4", 3 * faces, size - 12 * faces).astype(np.int64)
+    if faces and not 0 <= index.min() <= index.max() < vertices:
+        raise ValueError("a face names a vertex that does not exist")
+    if not faces:
+        return trimesh.PointCloud(corners.reshape(-1, 3)).convex_hull
+    return trimesh.Trimesh(corners.reshape(-1, 3), index.reshape(-1, 3), process=False)
 
 
 def _groups(path: Path, repairs: Repairs) -> list[Group]:
-    if path.stat().st_size > MAX_BYTES:
-        raise AssetError(f"mesh {path.name}: larger than {MAX_BYTES} bytes")
-    unit = _collada_unit(path, repairs) if path.suffix.lower() == ".dae" else 1.0
-    meshes = [(name, mesh) for name, mesh in _placed(_scene(path), path.name) if len(mesh.faces)]
+    suffix, name = path.suffix.lower(), path.name
+    content = _content(path, suffix)
+    unit = read_unit(content, name, repairs) if suffix == ".dae" else 1.0
+    files = MeshFiles(path)
+    meshes = [
+        group for group in _placed(_scene(content, suffix, files), name) if len(group[1].faces)
+    ]
+    for key, reason in files.problems.items():
+        repairs.note(f"mesh {name}: {quote(key)} {reason}; its plain colour is used")
     if not meshes:
-        raise AssetError(f"mesh {path.name}: has no triangles")
+        raise AssetError(f"mesh {name}: has no triangles")
     out: list[Group] = []
     boxes = np.full((len(meshes), 6), np.inf)  # of those in ``out``, compared all at once
-    for name, mesh in meshes:
-        plain = _plain(mesh, path.name, repairs)
+    compared = 0
+    for group, mesh in meshes:
+        plain = _plain(mesh, name, repairs)
         if plain is None:
-            repairs.add(f"mesh {path.name}: a group without area left out")
+            repairs.add(f"mesh {name}: a group without area left out")
             continue
         box = np.asarray(plain.bounds).ravel()
-        near = np.flatnonzero(np.isclose(box, boxes[: len(out)]).all(axis=1))
+        close = np.flatnonzero(np.isclose(box, boxes[: len(out)]).all(axis=1))
+        near = [k for k in close if len(out[k][1].faces) == len(plain.faces)]
+        compared += len(near) * len(plain.faces)
+        if compared > MAX_COMPARED:
+            raise AssetError(f"mesh {name}: too many groups in one place; merge them")
         if any(_same_faces(plain, out[k][1]) for k in near):
-            repairs.note(f"mesh {path.name}: the same triangles in another material left out")
+            repairs.note(f"mesh {name}: the same triangles in another material left out")
             continue  # the back of a sheet
         if unit != 1.0:
             plain.apply_scale(unit)
         boxes[len(out)] = np.asarray(plain.bounds).ravel()
-        out.append((name, plain, _colour(mesh, path.name, repairs)))
+        out.append((group, plain, _colour(mesh, name, repairs)))
     if not out:
-        raise AssetError(f"mesh {path.name}: has no area")
+        raise AssetError(f"mesh {name}: has no area")
     return out
 
 
-def _scene(path: Path) -> trimesh.Scene:
-    if path.suffix.lower() == ".msh":
-        return trimesh.Scene(read_msh(path))
-    if path.suffix.lower() != ".obj":
-        return trimesh.load_scene(path)
-    scene = trimesh.load_scene(path, split_objects=True, split_groups=True, group_material=True)
-    return scene if len(scene.geometry) <= MAX_GROUPS else trimesh.load_scene(path)
+def _content(path: Path, suffix: str) -> bytes:
+    """Return the bytes of a mesh file, after what can be checked before it is parsed."""
+    content = read_bounded(path, MAX_BYTES, error=AssetError)
+    binary = suffix in {".glb", ".msh"} or content[:200].find(b"format binary") > 0
+    if suffix == ".stl" and len(content) >= 84:
+        faces = struct.unpack_from("<I", content, 80)[0]
+        binary = len(content) == 84 + 50 * faces
+        if binary and faces > MAX_FACES:
+            raise AssetError(
+                f"mesh {path.name}: {faces} triangles; at most {MAX_FACES} are accepted"
+            )
+    if not binary and len(content) > MAX_TEXT_BYTES:
+        raise AssetError(
+            f"mesh {path.name}: larger than {MAX_TEXT_BYTES} bytes, the most of a text format"
+        )
+    if suffix in {".glb", ".gltf"}:
+        check_gltf(content, path.name)
+    return content
 
 
-def _collada_unit(path: Path, repairs: Repairs) -> float:
-    """Length of the unit of a COLLADA file [m]; its markup is checked before anything reads it."""
-    content = path.read_bytes()
-    if content[:2] == b"PK":
-        raise AssetError(f"mesh {path.name}: an archive; unpack it first")
-    content = content.replace(b"\0", b"")  # whatever the encoding
-    if re.search(rb"<!\s*(DOCTYPE|ENTITY|ELEMENT|ATTLIST)", content, re.IGNORECASE):
-        raise AssetError(f"mesh {path.name}: has a DOCTYPE or entities, which are refused")
-    check_instances(path.read_bytes(), path.name)
-    axis = re.search(rb"<up_axis>\s*([XY]_UP)", content)
-    if axis:
-        repairs.note(f"mesh {path.name} says {axis.group(1).decode()}: taken as it is, as in ROS")
-    said = re.search(rb"<unit[^>]*?meter\s*=\s*[\"']\s*([\d.eE+-]+)", content)
-    unit = float(said.group(1)) if said else 1.0
-    if not 1e-6 <= unit <= 1e6 or abs(unit - 1.0) < 1e-9:
-        return 1.0
-    repairs.note(f"mesh {path.name} is measured in units of {unit:g} m")
-    return unit
+def _scene(content: bytes, suffix: str, files: MeshFiles) -> trimesh.Scene:
+    def load(**options: bool) -> trimesh.Scene:
+        stream = io.BytesIO(content)
+        return trimesh.load_scene(stream, file_type=suffix[1:], resolver=files, **options)
+
+    if suffix == ".msh":
+        return trimesh.Scene(read_msh(content))
+    if suffix != ".obj":
+        return load()
+    if len(re.findall(rb"^(?:o|g|usemtl)[ \t]", content, re.MULTILINE)) > MAX_GROUP_LINES:
+        return load()
+    scene = load(split_objects=True, split_groups=True, group_material=True)
+    return scene if len(scene.geometry) <= MAX_GROUPS else load()
 
 
 def _placed(scene: trimesh.Scene, file: str) -> list[tuple[str, trimesh.Trimesh]]:
-    """Every mesh at every place where the file has it, counted before any is copied."""
+    """Return every mesh with its transforms applied, counted before any is copied."""
     places = [scene.graph[node] for node in scene.graph.nodes_geometry]
     placed = [(T, str(name), scene.geometry[name]) for T, name in places]
     placed = [place for place in placed if isinstance(place[2], trimesh.Trimesh)]
@@ -167,7 +196,7 @@ def _placed(scene: trimesh.Scene, file: str) -> list[tuple[str, trimesh.Trimesh]
 
 
 def _plain(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> trimesh.Trimesh | None:
-    """Triangles alone, equal vertices merged, double and empty faces gone."""
+    """Return the triangles with equal vertices merged, without duplicate and empty faces."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces: NDArray[np.int64] = np.asarray(mesh.faces)
     if len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices):
@@ -191,7 +220,7 @@ def _plain(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> trimesh.Trimes
 
 
 def _same_faces(one: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
-    """Whether both consist of the same triangles, turned round or not."""
+    """Return whether both consist of the same triangles, of either orientation."""
     if len(one.faces) != len(other.faces):
         return False
     centres = [np.sort(m.triangles_center.round(6), axis=0) for m in (one, other)]
@@ -208,16 +237,10 @@ def _colour(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> tuple[float, 
     colour = np.asarray(material.main_color, dtype=np.float64) / 255.0
     if image is not None:
         try:
-            colour[:3] = _mean(image)
+            if image.format not in IMAGE_FORMATS or image.width * image.height > MAX_PIXELS:
+                raise ValueError("format or size not accepted")
+            colour[:3] = mean_of(image)
             repairs.note(TEXTURES)
-        except (OSError, ValueError, SyntaxError, AssetError):
-            repairs.add(f"mesh {name}: a texture that cannot be read left out")
+        except ValueError as error:
+            repairs.add(f"mesh {name}: a texture left out: {error}")
     return tuple(float(c) for c in colour)
-
-
-def _mean(image: Any) -> NDArray[np.float64]:
-    """Mean colour of a picture of PIL (3,)."""
-    if image.width * image.height > MAX_PIXELS:
-        raise AssetError("too large")
-    pixels = np.asarray(image.convert("RGB").resize((8, 8)), dtype=np.float64)
-    return np.asarray(pixels.reshape(-1, 3).mean(axis=0) / 255.0)

@@ -32,7 +32,7 @@ from articulate.formats.source_object import (
     SourceObject,
     free_name,
 )
-from articulate.formats.texture_colour import mean_colour
+from articulate.formats.textures import mean_colour
 from articulate.transforms import (
     Array,
     axis_angle_to_matrix,

@@ -16,8 +16,8 @@ from articulate.assets.asset import Asset, load_asset
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.convert import input_key, read_input
 from articulate.errors import AssetError, UsageError
-from articulate.formats.mesh_file import named_by
 from articulate.formats.read_urdf import read_urdf
+from articulate.formats.textures import named_files
 from articulate.simulator import mujoco
 from articulate.transforms import inverse
 
@@ -295,9 +295,9 @@ def test_the_key_of_an_input_knows_the_colours_of_materials(tmp_path: Path) -> N
     paint = knob.with_name("paint.mtl")
     paint.write_text("newmtl red\nKd 1 0 0\nmap_Kd -s 1 1 1 wood.png\n")
     first = key(path)
-    assert named_by(knob) == [paint]
+    assert named_files(knob) == [paint]
     Image.new("RGB", (4, 4), (90, 60, 30)).save(knob.with_name("wood.png"))
-    assert named_by(knob) == [paint, knob.with_name("wood.png")]
+    assert named_files(knob) == [paint, knob.with_name("wood.png")]
     paint.write_text("newmtl red\nKd 0 1 0\n")
     assert key(path) != first
 

@@ -10,8 +10,9 @@ from PIL import Image
 
 from articulate.errors import AssetError
 from articulate.formats import mesh_file
-from articulate.formats.mesh_file import MAX_GROUPS, named_by, read_mesh
+from articulate.formats.mesh_file import MAX_GROUPS, read_mesh, read_msh
 from articulate.formats.repairs import Repairs
+from articulate.formats.textures import named_files
 
 RED = (0.8, 0.1, 0.1, 1.0)
 
@@ -47,7 +48,7 @@ def test_every_format_gives_the_same_triangles(tmp_path: Path, name: str) -> Non
     np.testing.assert_allclose(found.bounds, mesh.bounds, atol=1e-6)
 
 
-def test_an_stl_in_words_is_read(tmp_path: Path) -> None:
+def test_a_text_stl_is_read(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     path.write_text(trimesh.exchange.stl.export_stl_ascii(wedge()))
     groups, _ = read(path)
@@ -103,8 +104,8 @@ def test_an_obj_of_too_many_groups_is_read_as_one(tmp_path: Path) -> None:
     assert [len(mesh.faces) for _, mesh, _ in groups] == [MAX_GROUPS + 1]
 
 
-def textured(folder: Path, picture: str = "wood.png") -> Path:
-    (folder / "a.mtl").write_text(f"newmtl wood\nKd 1 1 1\nmap_Kd {picture}\n")
+def textured(folder: Path, image: str = "wood.png") -> Path:
+    (folder / "a.mtl").write_text(f"newmtl wood\nKd 1 1 1\nmap_Kd {image}\n")
     (folder / "a.obj").write_text(
         "mtllib a.mtl\nusemtl wood\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
         "f 1/1 2/2 3/3\n"
@@ -114,13 +115,13 @@ def textured(folder: Path, picture: str = "wood.png") -> Path:
 
 def test_a_texture_gives_its_mean_colour(tmp_path: Path) -> None:
     Image.new("RGB", (16, 16), (200, 100, 50)).save(tmp_path / "wood.png")
-    groups, said = read(textured(tmp_path))
+    groups, repairs = read(textured(tmp_path))
     np.testing.assert_allclose(groups[0][2], [200 / 255, 100 / 255, 50 / 255, 1.0], atol=0.01)
-    assert "textures were replaced by the mean colour" in said
+    assert "textures were replaced by the mean colour" in repairs
 
 
-@pytest.mark.parametrize("content", [None, b"not a picture", b"\x89PNG\r\n\x1a\n\0\0\0"])
-def test_a_texture_that_cannot_be_read_costs_the_colour_alone(
+@pytest.mark.parametrize("content", [None, b"not a image", b"\x89PNG\r\n\x1a\n\0\0\0"])
+def test_a_texture_that_cannot_be_read_costs_only_the_colour(
     tmp_path: Path, content: bytes | None
 ) -> None:
     if content is not None:
@@ -137,7 +138,7 @@ def test_colours_of_corners_give_their_mean(tmp_path: Path) -> None:
     np.testing.assert_allclose(groups[0][2], RED, atol=0.01)
 
 
-def test_collada_is_read_in_its_unit_and_its_axis_is_said(tmp_path: Path) -> None:
+def test_collada_is_read_in_its_unit_and_its_axis_is_noted(tmp_path: Path) -> None:
     wedge().export(tmp_path / "a.dae")
     text = (tmp_path / "a.dae").read_text()
     start, end = text.index("<asset"), text.index("</asset>")
@@ -146,14 +147,14 @@ def test_collada_is_read_in_its_unit_and_its_axis_is_said(tmp_path: Path) -> Non
         '<unit name="inch" meter="0.0254"/><up_axis>Y_UP</up_axis>'
     )
     (tmp_path / "a.dae").write_text(text[:start] + asset + text[end:])
-    groups, said = read(tmp_path / "a.dae")
+    groups, repairs = read(tmp_path / "a.dae")
     np.testing.assert_allclose(groups[0][1].bounds, 0.0254 * wedge().bounds, atol=1e-7)
-    assert "units of 0.0254 m" in said
-    assert "says Y_UP" in said
+    assert "units of 0.0254 m" in repairs
+    assert "declares Y_UP" in repairs
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
-def test_collada_with_entities_is_refused(tmp_path: Path, encoding: str) -> None:
+def test_collada_with_entities_is_rejected(tmp_path: Path, encoding: str) -> None:
     wedge().export(tmp_path / "a.dae")
     text = (tmp_path / "a.dae").read_text()
     text = text.replace("<COLLADA", '<!DOCTYPE x [<!ENTITY a "b">]><COLLADA', 1)
@@ -171,23 +172,23 @@ def test_doubled_and_empty_triangles_and_doubled_corners_go(tmp_path: Path) -> N
     assert (len(groups[0][1].vertices), len(groups[0][1].faces)) == (3, 1)
 
 
-def test_the_back_of_a_sheet_in_another_material_is_left_out_and_said(tmp_path: Path) -> None:
+def test_the_back_of_a_sheet_in_another_material_is_left_out_and_noted(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nusemtl a\nf 1 2 3\nf 2 4 3\n"
         "usemtl b\nf 1 3 2\nf 2 3 4\n"
     )
-    groups, said = read(tmp_path / "a.obj")
+    groups, repairs = read(tmp_path / "a.obj")
     assert len(groups) == 1
-    assert "the same triangles in another material" in said
+    assert "the same triangles in another material" in repairs
 
 
 def test_corners_at_infinity_take_their_triangles_with_them(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nv 1e30 0 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n"
     )
-    groups, said = read(tmp_path / "a.obj")
+    groups, repairs = read(tmp_path / "a.obj")
     assert len(groups[0][1].faces) == 1
-    assert "corners at infinity left out" in said
+    assert "corners at infinity left out" in repairs
 
 
 @pytest.mark.parametrize(
@@ -204,7 +205,7 @@ def test_corners_at_infinity_take_their_triangles_with_them(tmp_path: Path) -> N
         ("a.msh", b"\0" * 20, "cannot be read"),
     ],
 )
-def test_what_is_no_mesh_is_refused_in_one_line(
+def test_no_mesh_is_rejected_in_one_line(
     tmp_path: Path, name: str, content: bytes, words: str
 ) -> None:
     (tmp_path / name).write_bytes(content)
@@ -214,7 +215,7 @@ def test_what_is_no_mesh_is_refused_in_one_line(
     assert "\n" not in str(caught.value)
 
 
-def test_corners_of_two_coordinates_are_refused_in_one_line(tmp_path: Path) -> None:
+def test_corners_of_two_coordinates_are_rejected_in_one_line(tmp_path: Path) -> None:
     """What a cut-off OBJ looks like; found by mutation."""
     path = tmp_path / "flat.obj"
     path.write_text("v 0 0\nv 1 0\nv 0 1\nv 1 1\nf 1 2 3\nf 2 4 3\n")
@@ -227,14 +228,14 @@ def test_files_that_a_mesh_names_are_those_that_exist(tmp_path):
     (tmp_path / "a.bin").write_bytes(b"2")
     scene = tmp_path / "a.gltf"
     scene.write_text('{"buffers": [{"uri": "a.bin"}, {"uri": "gone.bin"}, {"uri": "data:x"}]}')
-    assert named_by(scene) == [tmp_path / "a.bin"]
+    assert named_files(scene) == [tmp_path / "a.bin"]
     collada = tmp_path / "a.dae"
     names = ("pic.png", "x\0y", "n" * 400, "pic.png")
     collada.write_text("".join(f"<init_from> {name} </init_from>" for name in names))
-    assert named_by(collada) == [tmp_path / "pic.png"]
+    assert named_files(collada) == [tmp_path / "pic.png"]
     ply = tmp_path / "a.ply"
     ply.write_text("pic.png")
-    assert named_by(ply) == []
+    assert named_files(ply) == []
 
 
 def test_instances_are_counted_before_any_is_copied(
@@ -258,3 +259,48 @@ def test_instances_are_counted_before_any_is_copied(
     monkeypatch.setattr(trimesh.Trimesh, "copy", copied)
     with pytest.raises(AssetError, match=r"many\.glb: 600 triangles; at most 599 are accepted"):
         read(path)
+
+
+CORNERS = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+FACES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+
+
+def msh(faces: list[tuple[int, int, int]], *, normals: int = 0, coordinates: int = 0) -> bytes:
+    """The tetrahedron with so many unused normals and texture coordinates before its faces."""
+    return (
+        struct.pack("<4i", len(CORNERS), normals, coordinates, len(faces))
+        + np.array(CORNERS, "<f4").tobytes()
+        + np.full(3 * normals + 2 * coordinates, 7.0, "<f4").tobytes()
+        + np.array(faces, "<i4").tobytes()
+    )
+
+
+@pytest.mark.parametrize(("normals", "coordinates"), [(0, 0), (4, 0), (4, 4)])
+def test_tetrahedron_has_its_volume(tmp_path: Path, normals: int, coordinates: int) -> None:
+    path = tmp_path / "a.msh"
+    path.write_bytes(msh(FACES, normals=normals, coordinates=coordinates))
+    assert read_msh(path.read_bytes()).volume == pytest.approx(1.0 / 6.0)
+
+
+def test_vertices_without_faces_are_those_of_a_hull(tmp_path: Path) -> None:
+    path = tmp_path / "a.msh"
+    path.write_bytes(msh([]))
+    assert read_msh(path.read_bytes()).volume == pytest.approx(1.0 / 6.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"abc", "too short"),
+        (msh(FACES)[:-1], "the header gives"),
+        (struct.pack("<4i", -1, 0, 0, 1) + bytes(0), "the header gives"),
+        (struct.pack("<4i", 2_000_000_000, 0, 0, 0), "the header gives"),
+        (msh([(0, 1, 4)]), "a vertex that does not exist"),
+        (msh([(0, 1, -1)]), "a vertex that does not exist"),
+    ],
+)
+def test_counts_that_do_not_fit_are_rejected(tmp_path: Path, content: bytes, reason: str) -> None:
+    path = tmp_path / "a.msh"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=reason):
+        read_msh(path.read_bytes())

@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import trimesh
 
+from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
 from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import Part, build_parts
 from articulate.formats.load_meshes import Loader, PartGeometry
-from articulate.formats.mesh_file import is_z_up
 from articulate.formats.source_object import SourceObject
 from articulate.transforms import Array, normalised
 

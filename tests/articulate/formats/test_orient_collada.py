@@ -7,11 +7,11 @@ import pytest
 import trimesh
 
 from articulate.conversion.convert import read_input
-from articulate.formats.collada_up_axis import leaves_in_plane, loader_of
+from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
-from articulate.formats.mesh_file import is_z_up
+from articulate.formats.orient_collada import leaves_in_plane, loader_of
 from articulate.formats.read_urdf import read_urdf
-from articulate.reconstruct.part_set import given_parts
+from articulate.reconstruct.part_set import read_part_set
 from articulate.reconstruct.program.program_parts import parts_of
 
 LEAF_M = (0.8, 0.04, 2.0)
@@ -69,8 +69,8 @@ def test_leaf_that_would_turn_in_its_own_plane_is_turned_upright(tmp_path):
         {"shift": 0.0},  # a sign that turns about its middle
     ],
 )
-def test_meshes_stay_as_they_are_without_such_evidence(tmp_path, given):
-    sides, repairs = leaf_of(read_input(write_door(tmp_path, **given), ConvertConfig()))
+def test_meshes_stay_as_they_are_without_such_evidence(tmp_path, part_set):
+    sides, repairs = leaf_of(read_input(write_door(tmp_path, **part_set), ConvertConfig()))
     np.testing.assert_allclose(sides, LEAF_M, atol=1e-6)
     assert not any("turned from" in sentence for sentence in repairs)
 
@@ -93,7 +93,7 @@ def test_all_who_read_links_read_them_the_same_way_up(tmp_path):
     assert "turned from z up to y up" in sentence
     corners = parts_of(path)["leaf"].triangles.reshape(-1, 3)
     np.testing.assert_allclose(np.ptp(corners, axis=0), upright, atol=1e-6)
-    (leaf,) = (mesh for mesh in given_parts(path).meshes if mesh.name == "leaf")
+    (leaf,) = (mesh for mesh in read_part_set(path).meshes if mesh.name == "leaf")
     np.testing.assert_allclose(np.ptp(leaf.vertices, axis=0), LEAF_M, atol=1e-6)  # it stands
     other = loader_of(read_urdf(path), ConvertConfig(collada_up="file"))
     assert not other.y_up
