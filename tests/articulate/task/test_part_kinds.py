@@ -16,7 +16,7 @@ def asset(tmp_path_factory):
     return make_cupboard(tmp_path_factory.mktemp("cupboard"))
 
 
-def kind_of(asset, *, kind, axis, size=FLAT, link="link_1", closed=0.0):
+def kind_of(asset, *, kind, axis, size=FLAT, link="link_1", closed=0.0, category="Table"):
     joint = Joint(
         name="j",
         kind=kind,
@@ -33,7 +33,14 @@ def kind_of(asset, *, kind, axis, size=FLAT, link="link_1", closed=0.0):
     corner = tuple(0.5 * v for v in size)
     bounds = (tuple(-v for v in corner), corner)
     part = dataclasses.replace(asset.links[1], name=link, bounds_l=bounds)
-    made = dataclasses.replace(asset, links=(asset.links[0], part), joints=(joint,), handles=())
+    made = dataclasses.replace(
+        asset,
+        links=(asset.links[0], part),
+        joints=(joint,),
+        handles=(),
+        category=category,
+        bounds_o=((0.0, 0.0, 0.0), (0.5, 0.5, 0.6)),
+    )
     return part_kind(made, joint)
 
 
@@ -50,7 +57,7 @@ def kind_of(asset, *, kind, axis, size=FLAT, link="link_1", closed=0.0):
         ("hinge", (0.8, 0.0, 0.6), FLAT, "lid"),
     ],
 )
-def test_where_the_name_says_nothing_axis_and_posture_do(kind, axis, size, part, asset):
+def test_without_a_name_axis_and_posture_decide(kind, axis, size, part, asset):
     assert kind_of(asset, kind=kind, axis=axis, size=size) == part
 
 
@@ -67,13 +74,29 @@ def test_posture_is_that_of_the_closed_part(asset):
         ("lid_0", "hinge", (0.0, 0.0, 1.0), "lid"),
         ("oven_door", "hinge", (0.0, 1.0, 0.0), "door"),
         ("SlidingDoor2", "slide", (0.0, 1.0, 0.0), "door"),
-        ("door_handle", "hinge", (0.0, 0.0, 1.0), "other"),
+        ("door_handle", "hinge", (0.0, 0.0, 1.0), "joint"),
         ("lid_of_drawer", "slide", (1.0, 0.0, 0.0), "drawer"),
         ("drawer_flap", "hinge", (0.0, 1.0, 0.0), "lid"),
         ("drawer_1", "hinge", (0.0, 0.0, 1.0), "door"),
         ("indoors", "slide", (1.0, 0.0, 0.0), "drawer"),
-        ("lever", "hinge", (0.0, 1.0, 0.0), "other"),
+        ("lever", "hinge", (0.0, 1.0, 0.0), "joint"),
     ],
 )
 def test_last_word_of_the_links_name_that_tells_decides(link, kind, axis, part, asset):
     assert kind_of(asset, kind=kind, axis=axis, link=link) == part
+
+
+@pytest.mark.parametrize("category", ["Eyeglasses", "Knife", "Switch", "Scissors", "unknown"])
+def test_parts_of_categories_without_doors_and_drawers_are_joints(category, asset):
+    for kind, axis in (("hinge", (0.0, 0.0, 1.0)), ("slide", (1.0, 0.0, 0.0))):
+        assert kind_of(asset, kind=kind, axis=axis, category=category) == "joint"
+    assert (
+        kind_of(asset, kind="hinge", axis=(0.0, 0.0, 1.0), link="door", category="Switch") == "door"
+    )
+
+
+def test_knobs_and_buttons_of_an_oven_are_joints(asset):
+    for kind, axis in (("hinge", (0.0, 1.0, 0.0)), ("slide", (1.0, 0.0, 0.0))):
+        for size, part in (((0.02, 0.03, 0.03), "joint"), ((0.03, 0.5, 0.4), None)):
+            found = kind_of(asset, kind=kind, axis=axis, size=size, category="Oven")
+            assert found == (part or {"hinge": "door", "slide": "drawer"}[kind])
