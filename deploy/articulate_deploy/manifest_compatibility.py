@@ -106,7 +106,7 @@ def _check_task(manifest: Manifest, where: str) -> None:
 
 def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
     control = manifest.control
-    for name in ("omega_rad_s", "step_rad", "move_m", "turn_rad", "lead_rad"):
+    for name in ("omega_rad_s", "step_rad", "move_m", "turn_rad", "max_tracking_error_rad"):
         value = getattr(control, name)
         yield f"control.{name}", value > 0.0, f"is {value}; it must be above 0"
     low, high = manifest.robot.bounds(max(control.margin_rad, 0.0))

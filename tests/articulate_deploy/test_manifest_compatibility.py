@@ -31,7 +31,7 @@ def test_what_was_exported_fits(bundle):
         ("control.margin_rad", -3.0),
         ("control.margin_rad", 3.0),
         ("control.margin_rad", float("nan")),
-        ("control.lead_rad", 0.0),
+        ("control.max_tracking_error_rad", 0.0),
         ("control.move_m", -0.008),
         ("control.rate_hz", 0.0),
         ("control.rate_hz", 1e9),

@@ -1,4 +1,4 @@
-"""Configuration of the control stack, without arrays: `--help` does not load numpy."""
+"""Configuration of the control stack; it loads no numpy, for the sake of ``--help``."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from articulate.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class ControlConfig:
-    """How a policy's actions become set points."""
+    """Parameters that turn actions of a policy into set points of the arm."""
 
     rate_hz: float = 20.0
-    """Ticks of the policy per second [Hz]."""
+    """Control steps of the policy per second [Hz]."""
     omega_rad_s: float = 22.0
-    """Bandwidth of the follower: its three poles lie at -omega [rad/s]."""
+    """Bandwidth of the set-point filter: its three poles are at -omega [rad/s]."""
     step_rad: float = 0.028
-    """Largest change in one tick of the target of the joint that accelerates least [rad]; others go
-    further in proportion to their acceleration, and whole motions are scaled down to it."""
+    """Largest change of target in one control step, for the joint that accelerates least [rad];
+    other joints may change more in proportion to their acceleration limit."""
     move_m: float = 0.008
-    """Motion of the tool along an axis that an action of 1 asks for [m a tick]."""
+    """Motion of the tool along an axis for an action of 1 [m per control step]."""
     turn_rad: float = 0.026
-    """Turn of the tool about an axis that an action of 1 asks for [rad a tick]."""
-    lead_rad: float = 0.4
+    """Rotation of the tool about an axis for an action of 1 [rad per control step]."""
+    max_tracking_error_rad: float = 0.4
     """Largest distance of a target from its measured joint [rad]."""
     margin_rad: float = 0.05
-    """Distance that targets keep from the joint limits [rad]."""
+    """Distance of targets from the joint limits [rad]."""
     force_limit_n: float = 15.0
-    """Force on an open hand from which on its targets are taken back instead of moved [N]."""
+    """Force on an open gripper above which targets retract instead of moving on [N]."""
     force_limit_holding_n: float = 30.0
-    """The same of a hand that closes: as much as an object may ask of who opens it [N]."""
+    """Force limit of a closed gripper: the load that an object may need to be opened [N]."""
 
     def __post_init__(self) -> None:
         for name in (
-            "rate_hz", "omega_rad_s", "step_rad", "lead_rad", "move_m", "turn_rad",
+            "rate_hz", "omega_rad_s", "step_rad", "max_tracking_error_rad", "move_m", "turn_rad",
             "force_limit_n", "force_limit_holding_n",
         ):  # fmt: skip
             if not 0.0 < getattr(self, name) < math.inf:
@@ -46,5 +46,5 @@ class ControlConfig:
 
     @property
     def step_s(self) -> float:
-        """Length of a tick [s]."""
+        """Length of a control step [s]."""
         return 1.0 / self.rate_hz

@@ -186,7 +186,7 @@ def next_target(
     low, high = arm.bounds(config.margin_rad)
     wish = target + joint_step(target, motion, config, arm)
     wish = np.where(yields[:, None], q, wish)
-    wish = np.clip(wish, q - config.lead_rad, q + config.lead_rad)
+    wish = np.clip(wish, q - config.max_tracking_error_rad, q + config.max_tracking_error_rad)
     wish = np.clip(wish, low, high)
     most = joint_steps(config, arm)
     return target + np.clip(wish - target, -most, most)

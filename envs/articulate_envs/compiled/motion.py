@@ -42,7 +42,7 @@ class Chain(NamedTuple):
     """What an action of 1 asks of the elbow [rad]."""
     steps: Array
     """Largest changes of targets in a tick (7,) [rad]."""
-    lead_rad: float
+    max_tracking_error_rad: float
     low: Array
     """Smallest targets (7,) [rad]."""
     high: Array
@@ -61,7 +61,7 @@ def chain_of(arm: Arm, config: ControlConfig) -> Chain:
         unit=np.repeat([config.move_m, config.turn_rad], 3),
         elbow_rad=config.step_rad,
         steps=joint_steps(config, arm),
-        lead_rad=config.lead_rad,
+        max_tracking_error_rad=config.max_tracking_error_rad,
         low=np.asarray(low, dtype=np.float64),
         high=np.asarray(high, dtype=np.float64),
     )
@@ -225,7 +225,9 @@ def aim(target, motion, q, yields, chain, room):  # type: ignore[no-untyped-def]
         longest = max(longest, abs(step[k]) / chain.steps[k])
     for k in range(7):
         wish = q[k] if yields else target[k] + step[k] / longest
-        wish = min(max(wish, q[k] - chain.lead_rad), q[k] + chain.lead_rad)
+        wish = min(
+            max(wish, q[k] - chain.max_tracking_error_rad), q[k] + chain.max_tracking_error_rad
+        )
         wish = min(max(wish, chain.low[k]), chain.high[k])
         target[k] += min(max(wish - target[k], -chain.steps[k]), chain.steps[k])
 

@@ -158,15 +158,15 @@ def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, mo
 @given(motion=joints(-1, 1), lead=joints(-1, 1))
 def test_target_does_not_run_away_from_a_joint_that_is_held(motion, lead):
     q = np.tile(PANDA.home, (3, 1))
-    new = next_target(q + CONFIG.lead_rad * lead, motion, q, CONFIG, PANDA, FREE)
-    assert np.all(np.abs(new - q) <= CONFIG.lead_rad + 1e-12)
+    new = next_target(q + CONFIG.max_tracking_error_rad * lead, motion, q, CONFIG, PANDA, FREE)
+    assert np.all(np.abs(new - q) <= CONFIG.max_tracking_error_rad + 1e-12)
 
 
 @given(motion=joints(-1, 1), lead=joints(-1, 1))
 def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead):
     """By a step a tick, and no further than the joints."""
     q = np.tile(PANDA.home, (3, 1))
-    ahead, most = CONFIG.lead_rad * lead, joint_steps(CONFIG, PANDA)
+    ahead, most = CONFIG.max_tracking_error_rad * lead, joint_steps(CONFIG, PANDA)
     new = next_target(q + ahead, motion, q, CONFIG, PANDA, np.ones(3, dtype=bool))
     assert_allclose(new - q, np.sign(ahead) * np.maximum(np.abs(ahead) - most, 0.0), atol=1e-12)
 
@@ -322,7 +322,7 @@ def test_noise_of_exploration_does_not_toggle_a_hand_that_is_meant(sign):
 
 
 def test_rates_and_steps_must_be_above_zero(error_line):
-    for name in ("rate_hz", "omega_rad_s", "step_rad", "lead_rad"):
+    for name in ("rate_hz", "omega_rad_s", "step_rad", "max_tracking_error_rad"):
         error_line(f"ControlConfig({name}=0)", lambda name=name: ControlConfig(**{name: 0}))
 
 

@@ -155,7 +155,7 @@ def test_it_is_read_back_whatever_its_order_of_keys(manifest):
         ("folder of the object", put("object.folder", "/etc")),
         ("other version", put("schema_version", 99)),
         ("other schema", put("schema", "lerobot")),
-        ("other law", put("control.law", "torque")),
+        ("other law", put("controller.law", "torque")),
         ("slice that does not fit", lambda c: c["observation"][1].update(slice=[0, 7])),
         ("content id", put("content_id", "0" * 64)),
     ],
