@@ -1,8 +1,8 @@
-"""Relief: a hinge moved by what a picture leaves open, where parts graze each other as it was said.
+"""Move a hinge within its estimation error so that parts no longer collide.
 
-Real parts do not go through each other. Where they do by a little, about an axis that was read from
-a picture, the axis lies a little beside: a pixel of a clip is some thousandths of an object. Only
-what the proof refuses for that is tried elsewhere, and only so far.
+Real parts do not penetrate each other. A slight penetration about an axis that was estimated from
+an image is an error of the axis: one pixel of a video is a few thousandths of the object. Only
+objects that the checks reject for such a penetration are adjusted, and only that far.
 """
 
 from __future__ import annotations
@@ -19,75 +19,76 @@ from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, normalised
 
 STEP = 0.00175
-"""A pivot is moved by this share of the object's diagonal in each of four directions, then where
-that helped by as much in two at once, and by twice that: 0.5 % at most, a fifth of the error that
-the publication's protocol allows."""
+"""Shift of a pivot as a share of the object's diagonal, in each of four directions. Directions that
+help are then combined, once and twice as far: at most 0.5 %, a fifth of the error that the
+publication's protocol accepts."""
 
-Held = Mapping[str, PredictedJoint]
-"""The joint of every part but the one that stands still, by part."""
+PartJoints = Mapping[str, PredictedJoint]
+"""The joint of every part but the root, by part."""
 
 
-def relieved(
-    held: Held, rejection: CheckReport, run_checks: Callable[[Held], CheckReport], size_m: float
-) -> Held | None:
-    """``held`` with one hinge moved so that the object is proven; None if that is not to be had.
+def adjust_hinge(
+    part_joints: PartJoints,
+    check_report: CheckReport,
+    check: Callable[[PartJoints], CheckReport],
+    size_m: float,
+) -> PartJoints | None:
+    """Return the joints with one hinge moved so that the checks pass; None if no shift helps.
 
     Args:
-        held: Joints as they were said.
-        refusal: The proof of what was made of them.
-        prove: Makes the object of other joints and proves it.
+        part_joints: Estimated joints.
+        check_report: Report of the object with these joints.
+        check: Function that checks the object with other joints.
         size_m: Diagonal of the object, in the units of the joints.
     """
-    depth_m = graze_m(rejection)
+    depth_m = penetration_m(check_report)
     part = max(depth_m, key=lambda name: depth_m[name], default="")
-    if part not in held or held[part].kind not in {"revolute", "continuous"}:
+    if part not in part_joints or part_joints[part].kind not in {"revolute", "continuous"}:
         return None
     towards = np.zeros(3)
-    for way in plane_of(normalised(held[part].axis_o)):
+    for direction in plane_of(normalised(part_joints[part].axis_o)):
         for sign in (1.0, -1.0):
-            moved = _moved(held, part, sign * STEP * size_m * way)
-            check_report = run_checks(moved)
-            if check_report.is_usable:
+            moved = _moved(part_joints, part, sign * STEP * size_m * direction)
+            report = check(moved)
+            if report.is_usable:
                 return moved
-            if check_report.verdict == "undecided":
-                continue
-            gain = depth_m[part] - graze_m(check_report).get(part, 0.0)
-            if set(graze_m(check_report)) <= {part} and gain > 0.0:
-                towards += sign * way
+            gain = depth_m[part] - penetration_m(report).get(part, 0.0)
+            if set(penetration_m(report)) <= {part} and gain > 0.0:
+                towards += sign * direction
     for factor in (1.0, 2.0) if towards.any() else ():
-        moved = _moved(held, part, factor * STEP * size_m * towards)
-        if run_checks(moved).is_usable:
+        moved = _moved(part_joints, part, factor * STEP * size_m * towards)
+        if check(moved).is_usable:
             return moved
     return None
 
 
-def graze_m(check_report: CheckReport) -> dict[str, float]:
-    """How deep each part goes into others as authored, by part [m]; empty where more is wrong."""
+def penetration_m(check_report: CheckReport) -> dict[str, float]:
+    """Return the depth [m] by which each authored part penetrates others, by part.
+
+    It is empty if another check failed as well.
+    """
     failed = [check for check in check_report.checks if check.outcome == "failed"]
-    if any(check.name != "authored_overlap" or check.measured is None for check in failed):
+    if any(check.name != "sweep_authored" or check.measured is None for check in failed):
         return {}
     return {check.subject.removesuffix("_joint"): float(check.measured or 0.0) for check in failed}
 
 
 def diagonal_of(meshes: Sequence[PartMesh]) -> float:
-    """Diagonal of the box around all parts, in their units."""
+    """Compute the diagonal of the box around all parts, in their units."""
     return float(np.linalg.norm(np.ptp(joint_bounds(meshes), axis=0)))
 
 
-def told(said: Held, moved: Held) -> TraceStep:
-    """What was moved, for people to read."""
-    off = {
-        part: float(np.linalg.norm(np.subtract(moved[part].pivot_o, said[part].pivot_o)))
-        for part in said
-        if moved[part] != said[part]
+def describe_adjustment(estimated: PartJoints, adjusted: PartJoints) -> TraceStep:
+    """Describe the shift of a hinge for the trace."""
+    shift = {
+        part: float(np.linalg.norm(np.subtract(adjusted[part].pivot_o, estimated[part].pivot_o)))
+        for part in estimated
+        if adjusted[part] != estimated[part]
     }
-    names = ", ".join(off)
-    text = (
-        f"the hinge of {names} lies a little beside where it was said: parts graze each other there"
-    )
-    return TraceStep(title="where parts pass each other", text=text, figures=off)
+    text = f"The hinge of {', '.join(shift)} was moved: parts collide slightly where it was."
+    return TraceStep(title="hinge adjustment", text=text, figures=shift)
 
 
-def _moved(held: Held, part: str, shift: Array) -> Held:
-    x, y, z = (float(v) for v in np.asarray(held[part].pivot_o) + shift)
-    return {**held, part: replace(held[part], pivot_o=(x, y, z))}
+def _moved(part_joints: PartJoints, part: str, shift: Array) -> PartJoints:
+    x, y, z = (float(v) for v in np.asarray(part_joints[part].pivot_o) + shift)
+    return {**part_joints, part: replace(part_joints[part], pivot_o=(x, y, z))}

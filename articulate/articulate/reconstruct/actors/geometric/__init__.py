@@ -1,1 +1,1 @@
-"""Actors and critics that need geometry and no network."""
+"""Find joints in videos by fitting a rendered model to the frames."""

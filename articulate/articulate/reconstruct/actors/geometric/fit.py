@@ -1,4 +1,4 @@
-"""Fit: which part of a known object moves in a clip, and how."""
+"""Find the part of a known object that moves in a video, and its motion."""
 
 from __future__ import annotations
 
@@ -8,231 +8,234 @@ from typing import Literal
 
 import numpy as np
 
-from articulate.reconstruct.actors.geometric.candidates import (
-    Motion,
-    axes_of,
-    motions_of,
-    plane_of,
-)
-from articulate.reconstruct.actors.geometric.compositing import Layers
-from articulate.reconstruct.actors.geometric.gauss_newton import Freedom, refine
+from articulate.reconstruct.actors.geometric.compositing import Compositing
 from articulate.reconstruct.actors.geometric.image_pyramid import (
-    COARSE_FRAMES,
-    COARSE_PX,
-    FINE_FRAMES,
-    FINE_PX,
-    QUICK_FRAMES,
-    QUICK_PX,
-    Look,
-    Scene,
-    better_light,
+    PyramidLevel,
+    VideoScene,
+    refit_light,
 )
-from articulate.reconstruct.actors.geometric.part_ranking import hidden_parts, in_place, rank_parts
-from articulate.reconstruct.actors.geometric.refine_motion import (
-    SAME_TURN,
-    chosen,
-    everywhere,
-    finished,
-    or_tilted,
-    round_or_not,
-    spinning,
+from articulate.reconstruct.actors.geometric.parameters import FIT, IMAGE, SEARCH
+from articulate.reconstruct.actors.geometric.parts import hidden_parts, part_in_place, rank_parts
+from articulate.reconstruct.actors.geometric.refine import (
+    SAME_AXIS_COS,
+    FreeParameters,
+    choose_motion,
+    fit_all_frames,
+    fit_own_axis_turn,
+    prefer_own_axis,
+    refine,
+    refine_finely,
+    try_tilted_axes,
 )
-from articulate.reconstruct.actors.geometric.rotational_symmetry import round_axis
+from articulate.reconstruct.actors.geometric.rotational_symmetry import symmetry_axis
 from articulate.reconstruct.actors.geometric.search import (
-    REACH,
-    Fit,
+    MotionFit,
     coarse_fit,
     coarse_fits,
     moves,
-    on_one_scale,
-    path_again,
     position_unit,
+    refine_path,
+    rescale_gains,
     with_gain,
 )
-
-SUSPECTS, HIDDEN = 6, 3
-"""Parts that are tried: of those that are seen where something changes, and of those that hide."""
-BULKY = 0.25
-"""By this share of its gain a part that is as large as the object has to explain more."""
-SEEDS = 3
-"""Suspects of which it is asked what moves along."""
-LIGHT_ROUNDS = 2
-"""Times that the light is learned from what moves before candidates are compared."""
-NUDGED, NUDGE_ROUNDS = 3, 3
-"""Candidates whose axis is moved, and how often."""
-NUDGES = [(a, b) for a in (-2.0, -1.0, 0.0, 1.0, 2.0) for b in (-2.0, -1.0, 0.0, 1.0, 2.0)]
-"""By so much, across the axis, in pixels."""
-KEPT = 8
-"""Candidates that are refined coarsely."""
-FINAL = 3
-"""Candidates that are refined finely."""
-SAME_WISH = 0.97
-"""Cosine of the angle between axes that count as the same when one is not wanted again."""
-IN_SIGHT = 0.25
-"""A slide, or a hinge across the axis of a round part, that explains this share of what it costs
-that nothing moves is seen. Knobs and wheels of the data set have 0.17 at most, two drawers
-that were taken for knobs 0.37 and 0.64, a door 0.31."""
+from articulate.reconstruct.actors.geometric.surface import (
+    JointMotion,
+    candidate_axes,
+    candidate_motions,
+    perpendicular_axes,
+)
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What is asked of a motion, after a critic has spoken."""
+class MotionConstraints:
+    """Constraints on a motion, derived from rejected predictions."""
 
     kind: Literal["slide", "turn"] | None = None
-    """Only such; None: either."""
-    not_axes: tuple[tuple[float, float, float], ...] = ()
-    """Directions that are not wanted again."""
-    not_parts: tuple[int, ...] = ()
-    """Parts that are not thought to lead the motion."""
+    """Required kind; None: either."""
+    excluded_axes: tuple[tuple[float, float, float], ...] = ()
+    """Directions that were rejected (unit vectors)."""
+    excluded_parts: tuple[int, ...] = ()
+    """Indices of parts that were rejected as the leading part."""
     part: int | None = None
-    """The part that leads it; None: whichever does."""
-    near: Motion | None = None
-    """Only motions like this one; None: any."""
+    """Required leading part; None: any."""
+    near: JointMotion | None = None
+    """Motion that the result must resemble; None: any."""
     near_m: float = 0.0
-    """How far from the axis of ``near`` that of a turn may lie [m]."""
+    """Largest distance from the axis of ``near`` for rotations [m]."""
 
-    def allows(self, fit: Fit) -> bool:
-        """Whether ``fit`` is what is asked for."""
+    def allows(self, fit: MotionFit) -> bool:
+        """Return whether ``fit`` satisfies the constraints."""
         if self.kind is not None and fit.motion.kind != self.kind:
             return False
         if self.near is not None and not self._is_near(fit.motion, self.near):
             return False
-        near = (abs(float(fit.motion.axis_o @ np.asarray(axis))) for axis in self.not_axes)
-        return all(value < SAME_WISH for value in near)
+        near = (abs(float(fit.motion.axis_o @ np.asarray(axis))) for axis in self.excluded_axes)
+        return all(value < FIT.same_axis_cos for value in near)
 
-    def _is_near(self, motion: Motion, wanted: Motion) -> bool:
-        if motion.kind != wanted.kind or abs(float(motion.axis_o @ wanted.axis_o)) < SAME_WISH:
+    def _is_near(self, motion: JointMotion, wanted: JointMotion) -> bool:
+        if (
+            motion.kind != wanted.kind
+            or abs(float(motion.axis_o @ wanted.axis_o)) < FIT.same_axis_cos
+        ):
             return False
         off = np.cross(motion.pivot_o - wanted.pivot_o, wanted.axis_o)
         return motion.kind == "slide" or float(np.linalg.norm(off)) <= self.near_m
 
 
-def find_motion(scene: Scene, wish: Wish | None = None) -> Fit | None:
-    """The motion that explains the clip best.
+def find_motion(
+    scene: VideoScene, constraints: MotionConstraints | None = None
+) -> MotionFit | None:
+    """Return the motion that explains the video best.
 
-    None if no part is in the region that changes, or none does what is asked.
+    None if no part is in the region that changes, or no motion satisfies the constraints.
     """
-    wish = wish or Wish()
-    quick = scene.look(QUICK_PX, QUICK_FRAMES)
-    ranked = [part for part in rank_parts(quick) if part not in wish.not_parts]
-    hidden = [part for part in hidden_parts(quick) if part not in (*ranked, *wish.not_parts)]
-    suspects = [*ranked[:SUSPECTS], *hidden[:HIDDEN]] if wish.part is None else [wish.part]
-    ranked += hidden[:HIDDEN]
+    constraints = constraints or MotionConstraints()
+    quick = scene.level(IMAGE.quick_px, IMAGE.quick_frames)
+    ranked = [part for part in rank_parts(quick) if part not in constraints.excluded_parts]
+    hidden = [
+        part for part in hidden_parts(quick) if part not in (*ranked, *constraints.excluded_parts)
+    ]
+    candidates = (
+        [*ranked[: FIT.visible_parts], *hidden[: FIT.hidden_parts]]
+        if constraints.part is None
+        else [constraints.part]
+    )
+    ranked += hidden[: FIT.hidden_parts]
     if not ranked:
         return None
-    spun = _spun(scene, quick, ranked) if wish.part is None else None
-    if spun is not None and wish.allows(spun):
+    spun = _turn_in_place(scene, quick, ranked) if constraints.part is None else None
+    if spun is not None and constraints.allows(spun):
         return spun
-    reach = REACH * scene.size_m
-    firsts = [_quick_fit(quick, part, reach) for part in suspects]
-    firsts.sort(key=lambda fit: -fit.worth)
-    seeds = [attached(quick, fit, ranked) for fit in firsts[:SEEDS]]
-    seed = max(seeds, key=lambda fit: fit.worth * (1.0 - BULKY * _bulk(quick, fit)))
-    for _ in range(LIGHT_ROUNDS):
-        quick = replace(quick, light=better_light(quick, seed, quick.shot))
-        seed = attached(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
+    reach = SEARCH.slide_reach_share * scene.size_m
+    firsts = [_quick_fit(quick, part, reach) for part in candidates]
+    firsts.sort(key=lambda fit: -fit.score)
+    seeds = [attach_parts(quick, fit, ranked) for fit in firsts[: FIT.seeds]]
+    seed = max(
+        seeds, key=lambda fit: fit.score * (1.0 - FIT.bulk_penalty * _relative_volume(quick, fit))
+    )
+    for _ in range(FIT.light_rounds):
+        quick = replace(quick, light=refit_light(quick, seed, quick.crop))
+        seed = attach_parts(quick, _quick_fit(quick, seed.parts[0], reach), ranked)
     moving = seed.parts
-    coarse = replace(scene.look(COARSE_PX, COARSE_FRAMES), light=quick.light)
-    layers = coarse.layers(moving)
-    fits = _candidates(coarse, layers, moving, reach, wish)
+    coarse = replace(scene.level(IMAGE.coarse_px, IMAGE.coarse_frames), light=quick.light)
+    layers = coarse.compositing(moving)
+    fits = _candidates(coarse, layers, moving, reach, constraints)
     if not fits:
         return None
-    coarse = replace(coarse, light=better_light(coarse, fits[0], coarse.shot))
-    layers = coarse.layers(moving)
-    fits = on_one_scale([_tightened(fit, layers) for fit in fits])
-    fits.sort(key=lambda fit: -fit.worth)
-    fine = replace(scene.look(FINE_PX, FINE_FRAMES), light=coarse.light)
-    fine = replace(fine, light=better_light(fine, fits[0], coarse.shot))
-    layers = fine.layers(moving)
-    fits = _spread(_distinct(fits, layers), FINAL)
-    finals = [finished(fit, layers, coarse.shot, fine.shot) for fit in fits]
-    wholes: list[Fit] = []
-    for fit in [chosen(finals), *sorted(finals, key=lambda fit: -fit.worth)]:
-        wholes.append(_whole(scene, fine, layers, fit, wish))
-        if moves(wholes[-1], layers):
-            return wholes[-1]
-    # What the model gets wrong may make it cheapest to hide a part all the time.
-    return _last(scene, quick, wish) or wholes[0]
+    coarse = replace(coarse, light=refit_light(coarse, fits[0], coarse.crop))
+    layers = coarse.compositing(moving)
+    fits = rescale_gains([_refine_coarsely(fit, layers) for fit in fits])
+    fits.sort(key=lambda fit: -fit.score)
+    fine = replace(scene.level(IMAGE.fine_px, IMAGE.fine_frames), light=coarse.light)
+    fine = replace(fine, light=refit_light(fine, fits[0], coarse.crop))
+    layers = fine.compositing(moving)
+    fits = _spread(_distinct(fits, layers), FIT.fine_candidates)
+    finals = [refine_finely(fit, layers, coarse.crop, fine.crop) for fit in fits]
+    finished: list[MotionFit] = []
+    for fit in [choose_motion(finals), *sorted(finals, key=lambda fit: -fit.score)]:
+        finished.append(_in_all_frames(scene, fine, layers, fit, constraints))
+        if moves(finished[-1], layers):
+            return finished[-1]
+    # Errors of the model may make a permanently hidden part the cheapest explanation.
+    return _any_turn_in_place(scene, quick, constraints) or finished[0]
 
 
-def _whole(scene: Scene, fine: Look, layers: Layers, fit: Fit, wish: Wish) -> Fit:
-    """``fit``, its axis sought near by, in every frame of the clip."""
-    whole = everywhere(scene, or_tilted(fit, layers, fine), fine)
-    rounded = round_or_not(scene, fine, whole)
-    return rounded if wish.allows(rounded) else whole
+def _in_all_frames(
+    scene: VideoScene,
+    fine: PyramidLevel,
+    layers: Compositing,
+    fit: MotionFit,
+    constraints: MotionConstraints,
+) -> MotionFit:
+    """Return ``fit`` with axes close to its own tried, and positions in every frame."""
+    all_over = fit_all_frames(scene, try_tilted_axes(fit, layers, fine), fine)
+    rounded = prefer_own_axis(scene, fine, all_over)
+    return rounded if constraints.allows(rounded) else all_over
 
 
-def _last(scene: Scene, quick: Look, wish: Wish) -> Fit | None:
-    """A turn of the round part in whose picture all changes lie, whatever its marks tell."""
-    part = in_place(quick, whole=False) if wish.part is None else None
-    spun = None if part is None or part in wish.not_parts else spinning(scene, part)
-    return spun if spun is not None and wish.allows(spun) else None
+def _any_turn_in_place(
+    scene: VideoScene, quick: PyramidLevel, constraints: MotionConstraints
+) -> MotionFit | None:
+    """Return a rotation of the round part whose image contains all changes."""
+    part = part_in_place(quick, all_over=False) if constraints.part is None else None
+    spun = (
+        None
+        if part is None or part in constraints.excluded_parts
+        else fit_own_axis_turn(scene, part)
+    )
+    return spun if spun is not None and constraints.allows(spun) else None
 
 
-def _spun(scene: Scene, quick: Look, ranked: Sequence[int]) -> Fit | None:
-    """The turn of a part in its own picture, all over it, or in some of it if its marks tell so."""
-    part = in_place(quick)
+def _turn_in_place(
+    scene: VideoScene, quick: PyramidLevel, ranked: Sequence[int]
+) -> MotionFit | None:
+    """Return the rotation of a part within its image, fully or by its marks."""
+    part = part_in_place(quick)
     if part is not None:
-        return spinning(scene, part) if part in ranked else None
-    part = in_place(quick, whole=False)
-    if part is None or part not in ranked or leaves_in_sight(quick, part, REACH * scene.size_m):
+        return fit_own_axis_turn(scene, part) if part in ranked else None
+    part = part_in_place(quick, all_over=False)
+    if (
+        part is None
+        or part not in ranked
+        or has_visible_motion(quick, part, SEARCH.slide_reach_share * scene.size_m)
+    ):
         return None
-    return spinning(scene, part, marked=True)
+    return fit_own_axis_turn(scene, part, marked=True)
 
 
-def _tightened(fit: Fit, layers: Layers) -> Fit:
-    """``fit`` with its path sought again and its pivot refined."""
-    again = path_again(fit, layers, 2.0 * position_unit(fit.motion, layers))
-    return with_gain(refine(again, layers, Freedom(axis=False), rounds=5), layers)
+def _refine_coarsely(fit: MotionFit, layers: Compositing) -> MotionFit:
+    """Search the path of ``fit`` again and refine its pivot."""
+    again = refine_path(fit, layers, 2.0 * position_unit(fit.motion, layers))
+    return with_gain(refine(again, layers, FreeParameters(axis=False), rounds=5), layers)
 
 
-def leaves_in_sight(look: Look, part: int, reach_m: float) -> bool:
-    """Whether a motion out of its place explains so much that ``part`` does not turn in it.
+def has_visible_motion(level: PyramidLevel, part: int, reach_m: float) -> bool:
+    """Return whether a motion out of place explains so much that ``part`` does not rotate in place.
 
-    A square drawer that begins half open is nearly round, and so is a square door; all that changes
-    may lie where it is. A hinge is one about another axis than that about which it is round.
+    A square drawer that starts half open is nearly round, and so is a square door; all changes may
+    lie where it is. A hinge has another axis than the axis of symmetry.
     """
-    surface = look.surface.only([part])
-    round_ = round_axis(surface, axes_of(surface))
+    surface = level.surface.only([part])
+    round_ = symmetry_axis(surface, candidate_axes(surface))
     own = np.zeros(3) if round_ is None else round_.axis_o
     return any(
-        fit.share >= IN_SIGHT
-        and (fit.motion.kind == "slide" or abs(float(fit.motion.axis_o @ own)) < SAME_WISH)
-        for fit in _quick_fits(look, part, reach_m)
+        fit.share >= FIT.visible_motion_share
+        and (fit.motion.kind == "slide" or abs(float(fit.motion.axis_o @ own)) < FIT.same_axis_cos)
+        for fit in _quick_fits(level, part, reach_m)
     )
 
 
-def _quick_fit(look: Look, part: int, reach_m: float) -> Fit:
-    return max(_quick_fits(look, part, reach_m), key=lambda fit: fit.worth)
+def _quick_fit(level: PyramidLevel, part: int, reach_m: float) -> MotionFit:
+    return max(_quick_fits(level, part, reach_m), key=lambda fit: fit.score)
 
 
-def _quick_fits(look: Look, part: int, reach_m: float) -> list[Fit]:
-    layers = look.layers([part])
-    return [coarse_fit(motion, layers, (part,), reach_m) for motion in motions_in(look, part)]
+def _quick_fits(level: PyramidLevel, part: int, reach_m: float) -> list[MotionFit]:
+    layers = level.compositing([part])
+    return [coarse_fit(motion, layers, (part,), reach_m) for motion in frame_motions(level, part)]
 
 
-def motions_in(look: Look, part: int) -> list[Motion]:
-    """The motions of ``part`` along and about the axes of the frame."""
-    surface = look.surface.only([part])
-    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k != part])
-    return motions_of(surface, rest, axes_of(surface)[:3])
+def frame_motions(level: PyramidLevel, part: int) -> list[JointMotion]:
+    """Return the motions of ``part`` along and about the axes of the object frame."""
+    surface = level.surface.only([part])
+    rest = level.surface.only([k for k in np.unique(level.surface.part_ids) if k != part])
+    return candidate_motions(surface, rest, candidate_axes(surface)[:3])
 
 
-def _bulk(look: Look, fit: Fit) -> float:
-    """Volume of the box around the part that leads ``fit`` over that around the object."""
-    size = np.ptp(look.surface.only(fit.parts[:1]).points_o, axis=0)
-    return float(np.prod(size) / max(float(np.prod(np.ptp(look.surface.points_o, axis=0))), 1e-12))
+def _relative_volume(level: PyramidLevel, fit: MotionFit) -> float:
+    """Return the bounding box volume of the leading part as a share of the object's."""
+    size = np.ptp(level.surface.only(fit.parts[:1]).points_o, axis=0)
+    return float(np.prod(size) / max(float(np.prod(np.ptp(level.surface.points_o, axis=0))), 1e-12))
 
 
-def attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
-    """``seed`` with the parts that move as it does, itself first."""
+def attach_parts(level: PyramidLevel, seed: MotionFit, others: Sequence[int]) -> MotionFit:
+    """Add the parts that move as the leading part of ``seed`` does."""
     T_o = seed.motion.T_o(seed.q)
     best = seed
-    cost = float(look.layers(seed.parts).path_cost(T_o).sum())
+    cost = float(level.compositing(seed.parts).path_cost(T_o).sum())
     for part in others:
         if part in best.parts:
             continue
-        layers = look.layers((*best.parts, part))
+        layers = level.compositing((*best.parts, part))
         more = float(layers.path_cost(T_o).sum())
         if more < cost - 0.01 * max(seed.gain, 0.0):
             best, cost = (
@@ -243,78 +246,90 @@ def attached(look: Look, seed: Fit, others: Sequence[int]) -> Fit:
 
 
 def _candidates(
-    look: Look, layers: Layers, moving: tuple[int, ...], reach_m: float, wish: Wish
-) -> list[Fit]:
-    """The best candidates, at least one slide and one turn if both are allowed."""
-    surface = look.surface.only(moving)
-    rest = look.surface.only([k for k in np.unique(look.surface.part_ids) if k not in moving])
-    motions = motions_of(surface, rest, axes_of(look.surface.only(moving[:1])))
-    if wish.near is not None:
-        motions.append(wish.near)
-    own = round_axis(surface, axes_of(surface))  # marks that turn look like short slides across it
+    level: PyramidLevel,
+    layers: Compositing,
+    moving: tuple[int, ...],
+    reach_m: float,
+    constraints: MotionConstraints,
+) -> list[MotionFit]:
+    """Return the best candidates, at least one slide and one rotation if both are allowed."""
+    surface = level.surface.only(moving)
+    rest = level.surface.only([k for k in np.unique(level.surface.part_ids) if k not in moving])
+    motions = candidate_motions(surface, rest, candidate_axes(level.surface.only(moving[:1])))
+    if constraints.near is not None:
+        motions.append(constraints.near)
+    own = symmetry_axis(
+        surface, candidate_axes(surface)
+    )  # rotating marks look like short slides across the axis
     pairs = [
         coarse_fits(
             motion,
             layers,
             moving,
             reach_m,
-            near=own is None or abs(float(motion.axis_o @ own.axis_o)) >= SAME_WISH,
+            near=own is None or abs(float(motion.axis_o @ own.axis_o)) >= FIT.same_axis_cos,
         )
         for motion in motions
     ]
-    fits = on_one_scale([fit for pair in pairs for fit in pair])
+    fits = rescale_gains([fit for pair in pairs for fit in pair])
     fits = [
         fit
         for kind in ("slide", "turn")
         for fit in _moving([one for one in fits if one.motion.kind == kind], layers)
     ]
-    turns = [fit for fit in sorted(fits, key=lambda fit: -fit.worth) if fit.motion.kind == "turn"]
-    wanted = _distinct([fit for fit in turns if wish.allows(fit)], layers)[:NUDGED]
-    near = [_nudged(fit, layers, reach_m) for fit in wanted]
-    fits = on_one_scale([*fits, *_moving(near, layers)])
-    fits.sort(key=lambda fit: -fit.worth)
-    return _spread([fit for fit in fits if wish.allows(fit)], KEPT)
+    turns = [fit for fit in sorted(fits, key=lambda fit: -fit.score) if fit.motion.kind == "turn"]
+    wanted = _distinct([fit for fit in turns if constraints.allows(fit)], layers)[
+        : FIT.shifted_candidates
+    ]
+    near = [_shift_axis(fit, layers, reach_m) for fit in wanted]
+    fits = rescale_gains([*fits, *_moving(near, layers)])
+    fits.sort(key=lambda fit: -fit.score)
+    return _spread([fit for fit in fits if constraints.allows(fit)], FIT.coarse_candidates)
 
 
-def _moving(fits: Sequence[Fit], layers: Layers) -> list[Fit]:
-    """Those in which something moves by more than a pixel or two; all where nothing does.
+def _moving(fits: Sequence[MotionFit], layers: Compositing) -> list[MotionFit]:
+    """Return the fits that move by more than a pixel or two; all if none does.
 
-    A wire that is a little off is farther from its picture than one that hides all the time.
+    A wire that is slightly off is farther from its image than one that is always hidden.
     """
     return [fit for fit in fits if moves(fit, layers)] or list(fits)
 
 
-def _nudged(fit: Fit, layers: Layers, reach_m: float) -> Fit:
-    """The best even turn about an axis beside that of ``fit``.
+def _shift_axis(fit: MotionFit, layers: Compositing, reach_m: float) -> MotionFit:
+    """Return the best uniform rotation about an axis beside that of ``fit``.
 
-    A thin part hardly meets its picture anywhere if the axis is off by its thickness.
+    A thin part hardly overlaps its image if the axis is off by its thickness.
     """
-    best: Fit | None = None
+    best: MotionFit | None = None
     motion = fit.motion
-    step = layers.shot.pixel_m(layers.moving.points_o.mean(axis=0))
-    for _ in range(NUDGE_ROUNDS):
-        across = plane_of(motion.axis_o)
-        spots = [motion.pivot_o + step * (a * across[0] + b * across[1]) for a, b in NUDGES]
+    step = layers.crop.pixel_m(layers.moving.points_o.mean(axis=0))
+    for _ in range(FIT.shift_rounds):
+        across = perpendicular_axes(motion.axis_o)
+        spots = [
+            motion.pivot_o + step * (a * across[0] + b * across[1])
+            for a in FIT.shift_px
+            for b in FIT.shift_px
+        ]
         tried = [
             coarse_fits(replace(motion, pivot_o=spot), layers, fit.parts, reach_m)[1]
             for spot in spots
         ]
-        found = min(tried, key=lambda one: one.price)
-        if best is not None and found.price >= best.price:
+        found = min(tried, key=lambda one: one.total_cost)
+        if best is not None and found.total_cost >= best.total_cost:
             break
         best, motion = found, found.motion
     assert best is not None
     return best
 
 
-def _distinct(fits: Sequence[Fit], layers: Layers) -> list[Fit]:
-    """``fits`` without those that are about the same axis as one before, within a pixel."""
-    pixel_m = layers.shot.pixel_m(layers.moving.points_o.mean(axis=0))
-    found: list[Fit] = []
+def _distinct(fits: Sequence[MotionFit], layers: Compositing) -> list[MotionFit]:
+    """Return ``fits`` without those whose axis is within a pixel of an earlier one."""
+    pixel_m = layers.crop.pixel_m(layers.moving.points_o.mean(axis=0))
+    found: list[MotionFit] = []
     for fit in fits:
         if all(
-            (fit.motion.kind, fit.even) != (one.motion.kind, one.even)
-            or abs(float(fit.motion.axis_o @ one.motion.axis_o)) < SAME_TURN
+            (fit.motion.kind, fit.uniform) != (one.motion.kind, one.uniform)
+            or abs(float(fit.motion.axis_o @ one.motion.axis_o)) < SAME_AXIS_COS
             or np.linalg.norm(np.cross(fit.motion.pivot_o - one.motion.pivot_o, one.motion.axis_o))
             > pixel_m
             for one in found
@@ -323,11 +338,11 @@ def _distinct(fits: Sequence[Fit], layers: Layers) -> list[Fit]:
     return found
 
 
-def _spread(fits: Sequence[Fit], n: int) -> list[Fit]:
-    """The first ``n``, the first of each kind, and the first even ones, half as many."""
+def _spread(fits: Sequence[MotionFit], n: int) -> list[MotionFit]:
+    """Return the first ``n``, the first of each kind, and the first uniform ones, half as many."""
     kept = list(fits[:n])
     for kind in ("slide", "turn"):
         if all(fit.motion.kind != kind for fit in kept):
             kept += [fit for fit in fits if fit.motion.kind == kind][:1]
-    missing = (n + 1) // 2 - sum(fit.even for fit in kept)
-    return kept + [fit for fit in fits[n:] if fit.even and fit not in kept][: max(0, missing)]
+    missing = (n + 1) // 2 - sum(fit.uniform for fit in kept)
+    return kept + [fit for fit in fits[n:] if fit.uniform and fit not in kept][: max(0, missing)]

@@ -1,6 +1,8 @@
-"""Machine code of the search: a part in hundreds of poses a second, compared with every frame.
+"""Compiled kernels of the search: compare poses of a part with every frame.
 
-Cameras are those of OpenCV: x right, y down, z ahead; the middle of the first pixel is (0, 0).
+Hundreds of poses per second on one core.
+
+Cameras follow OpenCV: x right, y down, z forward; the centre of the first pixel is (0, 0).
 """
 
 from __future__ import annotations
@@ -11,25 +13,25 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from articulate.reconstruct.actors.geometric.parameters import COMPOSITING, REFINE, SEARCH
 from articulate.render.raster import fill
+
+DEPTH_TOLERANCE = COMPOSITING.depth_tolerance
+MIN_DERIVATIVE = REFINE.min_derivative
+MAX_STEP_CHANGE = SEARCH.max_step_change
+MOTION_COST_SHARE = SEARCH.motion_cost_share
+"""Numba compiles these as constants."""
+
 
 Floats = NDArray[np.float32]
 LIGHT_ROWS = 4
-"""Rows of a light: ambient, from the camera, from a lamp far away (each a share of the albedo for
-each colour), and the direction towards that lamp in the camera's frame."""
-SAME_DEPTH = 1.002
-"""What is nearer by less than this factor is not in front."""
-LEAST_CHANGE = 0.3
-"""Colours that a step of a parameter changes by less tell nothing of it, 0 to 255."""
-LARGEST_CHANGE = 4
-"""Changes of a path's step beyond this cost no more: a motion may begin and end at once."""
-REST = 0.02
-"""What a step of one column costs, as a share of a change by one: what shows nothing rests."""
+"""Rows of a light: ambient, from the camera, from a distant lamp (each a share of the albedo per
+colour), and the unit vector towards that lamp in the camera frame."""
 
 
 @njit(cache=True, nogil=True)
-def carried(points_o: Any, T_co: Any, out: Any) -> None:
-    """Points (V, 3) in the camera's frame into ``out`` (V, 3)."""
+def transform_points(points_o: Any, T_co: Any, out: Any) -> None:
+    """Transform points (V, 3) [m] by ``T_co`` (4, 4) into ``out`` (V, 3)."""
     for i in range(len(points_o)):
         x, y, z = points_o[i, 0], points_o[i, 1], points_o[i, 2]
         for k in range(3):
@@ -37,8 +39,8 @@ def carried(points_o: Any, T_co: Any, out: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def box_of(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> None:
-    """First and last column and row in which the points may be seen into ``box`` (4,)."""
+def pixel_bounds(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> None:
+    """Write the first and last column and row of the points (V, 3) [m] to ``box`` (4,) [px]."""
     left, right, top, bottom = 1e9, -1e9, 1e9, -1e9
     for i in range(len(points_c)):
         z = points_c[i, 2]
@@ -57,7 +59,7 @@ def box_of(points_c: Any, pinhole: Any, height: int, width: int, box: Any) -> No
 
 @njit(cache=True, nogil=True)
 def face_view(points_c: Any, face: Any, view: Any) -> None:
-    """Unit normal of a face, turned to the camera, and how much it faces it, into ``view`` (4,)."""
+    """Write the unit normal of a face and its cosine to the camera to ``view`` (4,)."""
     a, b, c = points_c[face[0]], points_c[face[1]], points_c[face[2]]
     ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     gx, gy, gz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -74,8 +76,8 @@ def face_view(points_c: Any, face: Any, view: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def all_views(points_c: Any, faces: Any) -> Any:
-    """What :func:`face_view` says of each face (F, 4)."""
+def face_views(points_c: Any, faces: Any) -> Any:
+    """Return the unit normal and the cosine to the camera of each face (F, 4)."""
     out = np.zeros((len(faces), 4))
     for f in range(len(faces)):
         face_view(points_c, faces[f], out[f])
@@ -84,7 +86,7 @@ def all_views(points_c: Any, faces: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
-    """Colour of each face (F, 3), 0 to 255, under ``light`` (LIGHT_ROWS, 3)."""
+    """Return the colour of each face (F, 3), 0 to 255, under ``light`` (LIGHT_ROWS, 3)."""
     colours = np.zeros((len(faces), 3), dtype=np.float32)
     view = np.zeros(4)
     for f in range(len(faces)):
@@ -99,9 +101,9 @@ def face_colours(points_c: Any, faces: Any, albedo: Any, light: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def pixel_costs(frames: Any, colour: Any, base: Any, cap: float, out: Any) -> None:
-    """Add to ``out`` (T,) what a pixel costs in ``colour`` (3,) rather than ``base`` (T,).
+    """Add to ``out`` (T,) the cost of a pixel of ``colour`` (3,) less that of ``base`` (T,).
 
-    ``frames`` (3, T) holds the colours side by side in time: so the loop takes many at once.
+    ``frames`` (3, T) holds the colours contiguous in time, so that the loop is vectorized.
     """
     r, g, b = colour[0], colour[1], colour[2]
     red, green, blue = frames[0], frames[1], frames[2]
@@ -123,32 +125,32 @@ def sweep_costs(
     cap: Any,
     out: Any,
 ) -> None:
-    """Change of the cost of each frame when a part is drawn in each pose.
+    """Write the change of the cost of each frame when a part is rendered in each pose.
 
     Args:
-        surface: Corners of the part (V, 3) [m], its faces (F, 3) and their colours (F, 3).
-        light: (LIGHT_ROWS, 3), in the camera's frame.
-        poses_co: Camera from part, one for each pose (Q, 4, 4).
+        surface: Vertices of the part (V, 3) [m], its faces (F, 3) and their colours (F, 3).
+        light: Light (LIGHT_ROWS, 3), in the camera frame.
+        poses_co: Part to camera frame, one for each pose (Q, 4, 4).
         pinhole: fx, fy, cx, cy [px].
-        static_nearness: 1 / depth of everything that stands still (H, W).
-        frames: What is seen (H, W, 3, T).
-        base: Cost of each pixel where the part is not (H, W, T).
+        static_nearness: Inverse depth of the static parts (H, W) [1/m].
+        frames: Observed colours (H, W, 3, T), 0 to 255.
+        base: Cost of each pixel without the part (H, W, T).
         diagonal: Compare pose t with frame t only.
         cap: Largest cost of a pixel.
-        out: Changed: (Q, T), or (T, 1) if ``diagonal``.
+        out: Result (Q, T), or (T, 1) if ``diagonal``.
     """
     points_o, faces, albedo = surface
     height, width = static_nearness.shape
     nearness = np.zeros((height, width), dtype=np.float32)
     face_ids = np.full((height, width), -1, dtype=np.int32)
-    drawn = np.ones(len(faces), dtype=np.bool_)
+    enabled = np.ones(len(faces), dtype=np.bool_)
     points_c = np.empty((len(points_o), 3))
     box = np.empty(4, dtype=np.int64)
     total = np.empty(out.shape[1], dtype=np.float32)
     for q in range(len(poses_co)):
-        carried(points_o, poses_co[q], points_c)
-        box_of(points_c, pinhole, height, width, box)
-        fill(points_c, faces, drawn, pinhole, nearness, face_ids)
+        transform_points(points_o, poses_co[q], points_c)
+        pixel_bounds(points_c, pinhole, height, width, box)
+        fill(points_c, faces, enabled, pinhole, nearness, face_ids)
         colours = face_colours(points_c, faces, albedo, light)
         sum_q = out[q]
         sum_q[:] = 0.0
@@ -156,7 +158,7 @@ def sweep_costs(
             total[:] = 0.0
             for u in range(box[0], box[1] + 1):
                 f = face_ids[v, u]
-                if f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]:
+                if f >= 0 and nearness[v, u] * DEPTH_TOLERANCE >= static_nearness[v, u]:
                     if diagonal:
                         one = slice(q, q + 1)
                         pixel_costs(frames[v, u, :, one], colours[f], base[v, u, one], cap, total)
@@ -169,38 +171,38 @@ def sweep_costs(
 
 
 @njit(cache=True, nogil=True)
-def draw_over(
+def render_over(
     surface: Any,
     light: Any,
     T_co: Any,
     pinhole: Any,
     static_nearness: Any,
-    picture: Any,
-    shown: Any,
+    image: Any,
+    visible: Any,
 ) -> None:
-    """Draw a part in one pose over ``picture`` (H, W, 3) and mark where in ``shown`` (H, W)."""
+    """Render a part over ``image`` (H, W, 3); set its mask ``visible`` (H, W)."""
     points_o, faces, albedo = surface
     height, width = static_nearness.shape
     nearness = np.zeros((height, width), dtype=np.float32)
     face_ids = np.full((height, width), -1, dtype=np.int32)
-    drawn = np.ones(len(faces), dtype=np.bool_)
+    enabled = np.ones(len(faces), dtype=np.bool_)
     points_c = np.empty((len(points_o), 3))
     box = np.empty(4, dtype=np.int64)
-    carried(points_o, T_co, points_c)
-    box_of(points_c, pinhole, height, width, box)
-    fill(points_c, faces, drawn, pinhole, nearness, face_ids)
+    transform_points(points_o, T_co, points_c)
+    pixel_bounds(points_c, pinhole, height, width, box)
+    fill(points_c, faces, enabled, pinhole, nearness, face_ids)
     colours = face_colours(points_c, faces, albedo, light)
     for v in range(box[2], box[3] + 1):
         for u in range(box[0], box[1] + 1):
             f = face_ids[v, u]
-            shown[v, u] = f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]
-            if shown[v, u]:
+            visible[v, u] = f >= 0 and nearness[v, u] * DEPTH_TOLERANCE >= static_nearness[v, u]
+            if visible[v, u]:
                 for k in range(3):
-                    picture[v, u, k] = colours[f, k]
+                    image[v, u, k] = colours[f, k]
 
 
 @njit(cache=True, nogil=True)
-def pictures_in(
+def render_poses(
     surface: Any,
     light: Any,
     poses_co: Any,
@@ -210,10 +212,10 @@ def pictures_in(
     box: Any,
     out: Any,
 ) -> None:
-    """Pictures (K, H, W, 3) of a part in poses (K, 4, 4) over ``still``, within ``box`` alone.
+    """Render a part in poses (K, 4, 4) over ``still`` into ``out`` (K, H, W, 3).
 
-    ``box`` (4,) becomes the columns and rows in which the part may be seen in any of the poses;
-    ``out`` is written nowhere else. The other arguments are those of :func:`sweep_costs`.
+    ``box`` (4,) is set to the columns and rows [px] of the part in any of the poses; only they are
+    written. The other arguments are those of :func:`sweep_costs`.
     """
     points_o, faces, albedo = surface
     height, width = static_nearness.shape
@@ -221,38 +223,39 @@ def pictures_in(
     one = np.empty(4, dtype=np.int64)
     box[0], box[1], box[2], box[3] = width, -1, height, -1
     for k in range(len(poses_co)):
-        carried(points_o, poses_co[k], points_c[k])
-        box_of(points_c[k], pinhole, height, width, one)
+        transform_points(points_o, poses_co[k], points_c[k])
+        pixel_bounds(points_c[k], pinhole, height, width, one)
         box[0], box[1] = min(box[0], one[0]), max(box[1], one[1])
         box[2], box[3] = min(box[2], one[2]), max(box[3], one[3])
     nearness = np.zeros((height, width), dtype=np.float32)
     face_ids = np.full((height, width), -1, dtype=np.int32)
-    drawn = np.ones(len(faces), dtype=np.bool_)
+    enabled = np.ones(len(faces), dtype=np.bool_)
     for k in range(len(poses_co)):
-        fill(points_c[k], faces, drawn, pinhole, nearness, face_ids)
+        fill(points_c[k], faces, enabled, pinhole, nearness, face_ids)
         colours = face_colours(points_c[k], faces, albedo, light)
         for v in range(box[2], box[3] + 1):
             for u in range(box[0], box[1] + 1):
                 f = face_ids[v, u]
-                shown = f >= 0 and nearness[v, u] * SAME_DEPTH >= static_nearness[v, u]
+                visible = f >= 0 and nearness[v, u] * DEPTH_TOLERANCE >= static_nearness[v, u]
                 for c in range(3):
-                    out[k, v, u, c] = colours[f, c] if shown else still[v, u, c]
+                    out[k, v, u, c] = colours[f, c] if visible else still[v, u, c]
                 nearness[v, u] = 0.0
                 face_ids[v, u] = -1
 
 
 @njit(cache=True, nogil=True)
-def equations(pictures: Any, box: Any, frame: Any, soft: float, small: Any, force: Any) -> None:
+def normal_equations(
+    images: Any, box: Any, frame: Any, soft: float, small: Any, force: Any
+) -> None:
     """Write the weighted normal equations of one frame, of pixels that a parameter changes.
 
     Args:
-        pictures: As the parameters are, then with each a step up and a step down
-            (2 M + 1, H, W, 3).
-        box: Where they may differ (4,), as :func:`pictures_in` writes it.
-        frame: What is seen (H, W, 3).
-        soft: Differences above this count less and less, above four times this a quarter of that.
-        small: Becomes the matrix (M, M).
-        force: Becomes the right side (M,).
+        images: At the parameters, then with each a step up and a step down (2 M + 1, H, W, 3).
+        box: Region in which they may differ (4,) [px], from :func:`render_poses`.
+        frame: Observed colours (H, W, 3), 0 to 255.
+        soft: Differences above this are down-weighted; above four times this, by another quarter.
+        small: Resulting matrix (M, M).
+        force: Resulting right side (M,).
     """
     m = len(force)
     small[:], force[:] = 0.0, 0.0
@@ -262,12 +265,12 @@ def equations(pictures: Any, box: Any, frame: Any, soft: float, small: Any, forc
             for c in range(3):
                 most = 0.0
                 for j in range(m):
-                    up, down = pictures[2 * j + 1, v, u, c], pictures[2 * j + 2, v, u, c]
+                    up, down = images[2 * j + 1, v, u, c], images[2 * j + 2, v, u, c]
                     column[j] = 0.5 * (up - down)
                     most = max(most, abs(column[j]))
-                if most <= LEAST_CHANGE:
+                if most <= MIN_DERIVATIVE:
                     continue
-                off = frame[v, u, c] - pictures[0, v, u, c]
+                off = frame[v, u, c] - images[0, v, u, c]
                 weight = 1.0 / max(abs(off), soft)
                 if abs(off) > 4.0 * soft:
                     weight *= 0.25
@@ -279,16 +282,15 @@ def equations(pictures: Any, box: Any, frame: Any, soft: float, small: Any, forc
 
 @njit(cache=True, nogil=True)
 def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> Any:
-    """The cheapest path through ``costs`` (T, Q), as unwrapped column numbers (T,).
+    """Return the cheapest path through ``costs`` (T, Q) as unwrapped column indices (T,).
 
-    Going on as before costs nothing, however fast: what is hidden for a while, or looks alike in
-    several columns, is where its motion before and after leads. Viterbi's recursion over columns
-    and steps.
+    Viterbi recursion over columns and steps. A constant step costs nothing, however large: a part
+    that is hidden for a while, or looks alike in several columns, continues its motion.
 
     Args:
-        costs: Cost of each column in each row.
-        change_cost: Added for each step (columns from row to row) that differs from the one before
-            it, times the square of the difference, which counts up to :data:`LARGEST_CHANGE`.
+        costs: Cost of each column in each row (T, Q).
+        change_cost: Cost of a step (columns from row to row) that differs from the one before,
+            times the square of the difference, which counts up to :data:`MAX_STEP_CHANGE`.
         largest: Largest step.
         circular: The last column is next to the first.
     """
@@ -302,7 +304,7 @@ def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> A
         fresh = np.full((n_columns, n_steps), np.inf)
         for p in range(n_columns):
             jump = int(np.argmin(total[p]))
-            jumped = total[p, jump] + change_cost * LARGEST_CHANGE**2
+            jumped = total[p, jump] + change_cost * MAX_STEP_CHANGE**2
             for d in range(n_steps):
                 q = p + d - largest
                 if circular:
@@ -310,12 +312,14 @@ def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> A
                 elif q < 0 or q >= n_columns:
                     continue
                 value, came = jumped, jump
-                first, last = max(0, d - LARGEST_CHANGE), min(n_steps - 1, d + LARGEST_CHANGE)
+                first, last = max(0, d - MAX_STEP_CHANGE), min(n_steps - 1, d + MAX_STEP_CHANGE)
                 for e in range(first, last + 1):
                     tried = total[p, e] + change_cost * (d - e) ** 2
                     if tried < value:
                         value, came = tried, e
-                fresh[q, d] = value + costs[t, q] + change_cost * REST * abs(d - largest)
+                fresh[q, d] = (
+                    value + costs[t, q] + change_cost * MOTION_COST_SHARE * abs(d - largest)
+                )
                 back[t, q, d] = came
         total = fresh
     end = int(np.argmin(total))
@@ -329,12 +333,14 @@ def best_path(costs: Any, change_cost: float, largest: int, circular: bool) -> A
 
 
 @njit(cache=True, nogil=True)
-def best_line(costs: Any, times: Any, most: int, circular: bool) -> Any:
-    """The cheapest even motion through ``costs`` (T, Q), as unwrapped columns (T,), not whole ones.
+def best_uniform_path(costs: Any, times: Any, most: int, circular: bool) -> Any:
+    """Return the cheapest uniform motion through ``costs`` as columns (T,).
+
+    Columns are unwrapped and fractional.
 
     Args:
-        costs: Cost of each column in each row.
-        times: When each row is, growing from 0 to 1 (T,).
+        costs: Cost of each column in each row (T, Q).
+        times: Time of each row, from 0 to 1 (T,).
         most: Most columns from the first row to the last.
         circular: The last column is next to the first.
     """

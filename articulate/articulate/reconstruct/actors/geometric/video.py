@@ -1,4 +1,4 @@
-"""The joint of a clip: known parts before a known camera, one of which is moved."""
+"""Geometric actor for videos: known parts, a known camera, one part that moves."""
 
 from __future__ import annotations
 
@@ -9,17 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.reconstruct.actors.geometric.camera_calibration import calibrated
-from articulate.reconstruct.actors.geometric.comoving_parts import with_company
+from articulate.reconstruct.actors.geometric.camera import calibrate_evidence
 from articulate.reconstruct.actors.geometric.critic import VideoCritic
-from articulate.reconstruct.actors.geometric.fit import Wish, find_motion
-from articulate.reconstruct.actors.geometric.image_pyramid import Scene, scene_of
-from articulate.reconstruct.actors.geometric.images import compared
-from articulate.reconstruct.actors.geometric.parent_part import holder_of
-from articulate.reconstruct.actors.geometric.refine_motion import roundest
-from articulate.reconstruct.actors.geometric.residual_motion import rest_of
-from articulate.reconstruct.actors.geometric.search import Fit
-from articulate.reconstruct.actors.geometric.spin import WHOLE_RAD
+from articulate.reconstruct.actors.geometric.fit import MotionConstraints, find_motion
+from articulate.reconstruct.actors.geometric.image_pyramid import (
+    VideoScene,
+    build_scene,
+    comparison_image,
+)
+from articulate.reconstruct.actors.geometric.parameters import CRITIC, SYMMETRY
+from articulate.reconstruct.actors.geometric.parts import (
+    add_comoving_parts,
+    find_parent,
+    residual_evidence,
+)
+from articulate.reconstruct.actors.geometric.refine import guess_round_part
+from articulate.reconstruct.actors.geometric.search import MotionFit
 from articulate.reconstruct.actors.loop import MAX_ITERATIONS, Loop
 from articulate.reconstruct.actors.protocol import (
     ActorAttempt,
@@ -29,76 +34,80 @@ from articulate.reconstruct.actors.protocol import (
     TraceStep,
 )
 
-UNSEEN = 0.1
-"""Confidence where nothing shows in the clip."""
-
 
 def video_actor(
-    *, max_iterations: int = MAX_ITERATIONS, critic: bool = True, calibrate: bool = True, tracks: bool = True
+    *,
+    max_iterations: int = MAX_ITERATIONS,
+    critic: bool = True,
+    calibrate: bool = True,
+    tracks: bool = True,
 ) -> Loop:
-    """The geometric actor for clips, with its critic.
+    """Create the geometric actor for videos, with its critic.
 
     Args:
-        max_turns: Most proposals.
-        critic: Whether proposals are judged; without, the first is the answer.
-        calibrate: Whether the camera is sought near the one that was told; without, that one is
-            taken for the true one, and for one that stands still.
-        tracks: Whether the critic asks points that are followed, beside edges.
+        max_iterations: Proposals at most.
+        critic: Use the critic; otherwise the first proposal is the answer.
+        calibrate: Refine the camera close to the given one and stabilize the video; otherwise the
+            given camera is used as it is.
+        tracks: Let the critic use point tracks in addition to edges.
     """
     return Loop(
         proposer=VideoProposer(),
         critic=VideoCritic(tracks=tracks) if critic else None,
         max_iterations=max_iterations,
-        prepare=calibrated if calibrate else None,
-        rest=rest_of,
+        prepare=calibrate_evidence if calibrate else None,
+        rest=residual_evidence,
     )
 
 
 @dataclass(frozen=True)
 class VideoProposer:
-    """Finds which part moves in a clip, and how."""
+    """Proposer of the part that moves in a video and of its joint."""
 
     name: str = "geometric"
 
     def propose(self, evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Prediction:
-        """The joint that explains the clip best, other than what a critic found wrong before.
+        """Return the joint that explains the video best, other than those rejected before.
 
         Raises:
-            UsageError: There is no clip, no camera, or the parts are not in their places.
+            UsageError: There is no video, no camera, or the parts are not in their places.
         """
         start = time.monotonic()
-        scene = scene_from(evidence)
+        scene = scene_from_evidence(evidence)
         if not scene.change.any():
-            fit, note = (None if attempts else roundest(scene)), "nothing changes in the clip"
+            fit, note = (
+                (None if attempts else guess_round_part(scene)),
+                "nothing changes in the video",
+            )
         else:
-            fit, note = find_motion(scene, _wish(evidence, attempts)), ""
-            fit = None if fit is None else with_company(scene, fit)
+            fit, note = find_motion(scene, _constraints_from(evidence, attempts)), ""
+            fit = None if fit is None else add_comoving_parts(scene, fit)
         if fit is None:
-            reason = note or "no part of the object explains what changes in the clip"
+            reason = note or "no part of the object explains the changes in the video"
             return Prediction(joints=(), rejection=reason)
-        joints = joints_of(fit, scene, UNSEEN if note else 1.0)
+        joints = joints_of(fit, scene, CRITIC.unseen_confidence if note else 1.0)
         return Prediction(joints=joints, trace=(_step(fit, scene, note, start),))
 
 
-def scene_from(evidence: Evidence) -> Scene:
-    """The clip of ``evidence`` and the object in it.
+def scene_from_evidence(evidence: Evidence) -> VideoScene:
+    """Build the scene of ``evidence``.
 
     Raises:
-        UsageError: There is no clip, no camera, or the parts are not in their places.
+        UsageError: There is no video, no camera, or the parts are not in their places.
     """
     if evidence.video is None or len(evidence.video) < 2:
-        raise UsageError("the video actor was given no clip of two frames or more; give one")
+        raise UsageError("the video actor needs a video of two frames or more")
     if evidence.camera is None:
-        raise UsageError("the video actor needs the camera of the clip; give it with the clip")
+        raise UsageError("the video actor needs the camera of the video")
     if not evidence.placed:
         raise UsageError("the video actor needs parts in their places; place them first")
     if not evidence.parts:
-        raise UsageError("the video actor was given no parts; give one mesh for each")
-    return scene_of(evidence.video, evidence.camera, evidence.parts)
+        raise UsageError("the video actor needs parts, one mesh for each")
+    return build_scene(evidence.video, evidence.camera, evidence.parts)
 
 
-def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint, ...]:
-    """``fit`` as joints: the one that moves, and what is fixed to it."""
+def joints_of(fit: MotionFit, scene: VideoScene, confidence: float) -> tuple[PredictedJoint, ...]:
+    """Convert ``fit`` to joints: the moving one, and fixed ones for the parts that move along."""
     names = [part.name for part in scene.parts]
     lead, *others = fit.parts
     still = [part for k, part in enumerate(scene.parts) if k not in fit.parts]
@@ -107,14 +116,14 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
     low, high = float(fit.q.min()), float(fit.q.max())
     kind = "prismatic" if fit.motion.kind == "slide" else "revolute"
     if kind == "revolute":
-        if high - low >= WHOLE_RAD:
+        if high - low >= SYMMETRY.full_turn_rad:
             kind = "continuous"
         else:
-            whole = 2.0 * np.pi * round((low + high) / (4.0 * np.pi))
-            low, high = low - whole, high - whole
+            full_turns = 2.0 * np.pi * round((low + high) / (4.0 * np.pi))
+            low, high = low - full_turns, high - full_turns
     moved = PredictedJoint(
         part=names[lead],
-        parent=holder_of(scene.parts[lead], still, fit.motion, fit.q),
+        parent=find_parent(scene.parts[lead], still, fit.motion, fit.q),
         kind=kind,  # type: ignore[arg-type]  # one of three literals
         axis_o=axis,  # type: ignore[arg-type]  # of length 3
         pivot_o=pivot,  # type: ignore[arg-type]  # of length 3
@@ -126,24 +135,30 @@ def joints_of(fit: Fit, scene: Scene, confidence: float) -> tuple[PredictedJoint
     return (moved, *fixed)
 
 
-def _wish(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Wish:
-    """What to look for, given what was found wrong."""
-    wish = Wish()
+def _constraints_from(evidence: Evidence, attempts: Sequence[ActorAttempt]) -> MotionConstraints:
+    """Derive constraints from rejected predictions."""
+    constraints = MotionConstraints()
     names = [part.name for part in evidence.parts]
     for attempt in attempts:
         if attempt.verdict is None or not attempt.joints:
             continue
         joint = attempt.joints[0]
-        if attempt.verdict.failure == "joint_type" and wish.kind is None:
-            wish = replace(wish, kind="turn" if joint.kind == "prismatic" else "slide")
+        if attempt.verdict.failure == "joint_type" and constraints.kind is None:
+            constraints = replace(
+                constraints, kind="turn" if joint.kind == "prismatic" else "slide"
+            )
         elif attempt.verdict.failure in {"joint_axis", "joint_origin"}:
-            wish = replace(wish, not_axes=(*wish.not_axes, joint.axis_o))
+            constraints = replace(
+                constraints, excluded_axes=(*constraints.excluded_axes, joint.axis_o)
+            )
         else:
-            wish = Wish(not_parts=(*wish.not_parts, names.index(joint.part)))
-    return wish
+            constraints = MotionConstraints(
+                excluded_parts=(*constraints.excluded_parts, names.index(joint.part))
+            )
+    return constraints
 
 
-def _step(fit: Fit, scene: Scene, note: str, start: float) -> TraceStep:
+def _step(fit: MotionFit, scene: VideoScene, note: str, start: float) -> TraceStep:
     names = [scene.parts[k].name for k in fit.parts]
     text = f"{', '.join(names)}: {fit.motion.kind} ({fit.motion.source})"
     figures: dict[str, float] = {
@@ -151,11 +166,30 @@ def _step(fit: Fit, scene: Scene, note: str, start: float) -> TraceStep:
         "most_position": float(fit.q.max()),
         "gain": fit.gain,
     }
-    pictures = {} if note else {"clip above, model below": compared(scene, fit)}
+    images = {} if note else {"video above, model below": comparison_image(scene, fit)}
     return TraceStep(
-        title="what moves, and how",
+        title="motion of the parts",
         text=f"{note}; {text}" if note else text,
         figures=figures,
-        images=pictures,
+        images=images,
         seconds=time.monotonic() - start,
     )
+
+
+def without_critic() -> Loop:
+    """Ablation: return the first proposal.
+
+    ``articulate benchmark assets.json --actor
+    articulate.reconstruct.actors.geometric.video:without_critic``
+    """
+    return video_actor(critic=False)
+
+
+def without_tracks() -> Loop:
+    """Ablation: the critic uses edges only."""
+    return video_actor(tracks=False)
+
+
+def without_calibration() -> Loop:
+    """Ablation: the given camera is used as it is."""
+    return video_actor(calibrate=False)

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from articulate.reconstruct.actors.geometric.kernels import SAME_DEPTH, box_of, face_view
+from articulate.reconstruct.actors.geometric.kernels import DEPTH_TOLERANCE, face_view, pixel_bounds
 from articulate.render.raster import fill
 
 Floats = NDArray[np.float32]
@@ -69,7 +69,7 @@ def shift_costs(
         for i in range(len(points)):
             for k in range(3):
                 points_c[i, k] = points[i, k] + shifts_c[q, k]
-        box_of(points_c, pinhole, height, width, box)
+        pixel_bounds(points_c, pinhole, height, width, box)
         fill(points_c, faces, drawn, pinhole, nearness, face_ids)
         total = 0.0
         count = 0
@@ -77,7 +77,7 @@ def shift_costs(
             for u in range(box[0], box[1] + 1):
                 f = face_ids[v, u]
                 if f >= 0:
-                    if nearness[v, u] * SAME_DEPTH >= near_rest[v, u]:
+                    if nearness[v, u] * DEPTH_TOLERANCE >= near_rest[v, u]:
                         if fresh[f] != q:
                             colour_of(points_c, faces[f], albedo[f], light, view, colours[f])
                             fresh[f] = q
@@ -114,13 +114,13 @@ def draw_part(
         for k in range(3):
             points_c[i, k] = points[i, k] + shift_c[k]
     box = np.empty(4, dtype=np.int64)
-    box_of(points_c, pinhole, height, width, box)
+    pixel_bounds(points_c, pinhole, height, width, box)
     fill(points_c, faces, drawn, pinhole, mine, face_ids)
     view, colour = np.zeros(4), np.zeros(3)
     for v in range(box[2], box[3] + 1):
         for u in range(box[0], box[1] + 1):
             f = face_ids[v, u]
-            if f >= 0 and mine[v, u] * SAME_DEPTH >= nearness[v, u]:
+            if f >= 0 and mine[v, u] * DEPTH_TOLERANCE >= nearness[v, u]:
                 colour_of(points_c, faces[f], albedo[f], light, view, colour)
                 nearness[v, u] = max(mine[v, u], nearness[v, u])
                 part_ids[v, u] = part

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from articulate.reconstruct.actors.geometric.candidates import sample
-from articulate.reconstruct.actors.geometric.crop import Shot, shot_of
-from articulate.reconstruct.actors.geometric.kernels import SAME_DEPTH, Floats
-from articulate.reconstruct.actors.geometric.surface import surface_of
+from articulate.reconstruct.actors.geometric.compositing import Crop, crop_video
+from articulate.reconstruct.actors.geometric.kernels import DEPTH_TOLERANCE, Floats
+from articulate.reconstruct.actors.geometric.surface import build_surface, sample_points
 from articulate.reconstruct.actors.placement.kernels import draw_part, shift_costs
 from articulate.reconstruct.actors.protocol import Pixels
 from articulate.render.camera import Camera
@@ -77,7 +76,7 @@ class Rest:
     def under(self, later: Sequence[int]) -> Rest:
         """The same for a part that is drawn before those of ``later``: at one depth they win."""
         on_top = np.isin(self.part_ids, later)
-        nearness = np.where(on_top, self.nearness * SAME_DEPTH**2, self.nearness)
+        nearness = np.where(on_top, self.nearness * DEPTH_TOLERANCE**2, self.nearness)
         return replace(self, nearness=nearness.astype(np.float32))
 
 
@@ -85,7 +84,7 @@ class Rest:
 class Level:
     """The picture in some number of pixels."""
 
-    shot: Shot
+    shot: Crop
     background: Array
     """Colour (3,) where nothing is."""
     pieces: tuple[Piece, ...]
@@ -201,12 +200,12 @@ def level_of(
         coarse_m: Parts are as coarse as a pixel is at this distance [m].
     """
     region = region_of(picture)
-    shot = shot_of(picture[None], camera, np.array([0]), region, most_px)
+    shot = crop_video(picture[None], camera, np.array([0]), region, most_px)
     pixel_m = coarse_m / float(shot.pinhole[0])
     rot = camera.T_cw[:3, :3]
     pieces = []
     for part in parts:
-        surface = surface_of([part], pixel_m=pixel_m)
+        surface = build_surface([part], pixel_m=pixel_m)
         pieces.append(
             Piece(np.ascontiguousarray(surface.points_o @ rot.T), surface.faces, surface.albedo)
         )
@@ -318,15 +317,15 @@ def puzzle_of(
     """
     distance = float(np.linalg.norm(camera.eye_w))
     rot = camera.T_cw[:3, :3]
-    surfaces = [surface_of([part], pixel_m=1e-4) for part in parts]
+    surfaces = [build_surface([part], pixel_m=1e-4) for part in parts]
     levels = tuple(level_of(parts, picture, camera, px, coarse * distance) for px, coarse in LEVELS)
     return PlacementProblem(
         levels=levels,
         camera=camera,
         parts=tuple(parts),
         light=light,
-        probes=tuple(sample(surface, PROBES) @ rot.T for surface in surfaces),
-        trees=tuple(cKDTree(sample(surface, DENSE) @ rot.T) for surface in surfaces),
+        probes=tuple(sample_points(surface, PROBES) @ rot.T for surface in surfaces),
+        trees=tuple(cKDTree(sample_points(surface, DENSE) @ rot.T) for surface in surfaces),
         sizes=np.stack([np.ptp(part.bounds, axis=0) for part in parts]),
         filled=np.array([filled_share(levels[-1], i, distance, light) for i in range(len(parts))]),
     )

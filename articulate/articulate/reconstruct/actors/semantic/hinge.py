@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from articulate.reconstruct.actors.geometric.candidates import plane_of
+from articulate.reconstruct.actors.geometric.surface import perpendicular_axes
 from articulate.reconstruct.actors.semantic.ontology import Role, words_of
 from articulate.reconstruct.actors.semantic.part_relations import Named, Shape
 from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
@@ -135,7 +135,7 @@ def directions(shape: Shape) -> Iterator[Array]:
 
 def _spots(shape: Shape, parent: Shape, scene: Named, axis: Array) -> Iterator[tuple[str, Array]]:
     """Points through which a line along ``axis`` may pass."""
-    across = plane_of(axis)
+    across = perpendicular_axes(axis)
     flat = shape.points @ across.T
     along = axis * float(np.mean(shape.points @ axis))
     inset = INSET * scene.diagonal

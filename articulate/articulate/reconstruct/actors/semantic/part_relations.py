@@ -9,8 +9,11 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from articulate.reconstruct.actors.geometric.candidates import axes_of, sample
-from articulate.reconstruct.actors.geometric.surface import Surface
+from articulate.reconstruct.actors.geometric.surface import (
+    PartSurface,
+    candidate_axes,
+    sample_points,
+)
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.reconstruct.actors.semantic.embeddings import meant_role
 from articulate.reconstruct.actors.semantic.ontology import (
@@ -54,10 +57,10 @@ class Shape:
         return self.mesh.name
 
     @cached_property
-    def surface(self) -> Surface:
+    def surface(self) -> PartSurface:
         """Its triangles."""
         n = len(self.mesh.faces)
-        return Surface(
+        return PartSurface(
             points_o=self.mesh.vertices,
             faces=self.mesh.faces,
             albedo=self.mesh.rgb,
@@ -67,7 +70,7 @@ class Shape:
     @cached_property
     def points(self) -> Array:
         """Points on it (N, 3), each area alike."""
-        return sample(self.surface, POINTS)
+        return sample_points(self.surface, POINTS)
 
     @cached_property
     def dense(self) -> tuple[Array, Array]:
@@ -105,7 +108,7 @@ class Shape:
     @cached_property
     def axes(self) -> list[tuple[str, Array]]:
         """Directions along or about which it may move, by where they come from."""
-        return axes_of(self.surface)
+        return candidate_axes(self.surface)
 
     def off(self, points: Array, most: float = np.inf) -> Array:
         """Distance of points (..., 3) from it (...); infinite where it is above ``most``."""

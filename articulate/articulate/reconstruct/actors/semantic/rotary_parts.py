@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from articulate.reconstruct.actors.geometric.rotational_symmetry import off_round
+from articulate.reconstruct.actors.geometric.rotational_symmetry import symmetry_deviation
 from articulate.reconstruct.actors.semantic.hinge import Line
 from articulate.reconstruct.actors.semantic.part_relations import Named, Shape
 from articulate.transforms import Array, normalised
@@ -61,7 +61,7 @@ def spin_of(shape: Shape, scene: Named, *, level: bool = False) -> Line:
     tree = cKDTree(shape.points)
     best, best_penalty = normal, np.inf
     for axis in candidates(shape, normal):
-        off = off_round(shape.points, tree, axis, shape.centre)
+        off = symmetry_deviation(shape.points, tree, axis, shape.centre)
         width = float(np.ptp(shape.points @ axis)) / (float(np.linalg.norm(shape.size)) + 1e-9)
         if level:
             penalty = off + 0.8 * abs(float(axis[2])) + 0.1 * width

@@ -15,9 +15,9 @@ from itertools import groupby
 import numpy as np
 
 from articulate.errors import quote
-from articulate.reconstruct.actors.geometric.candidates import Motion
-from articulate.reconstruct.actors.geometric.fit import Wish, find_motion
-from articulate.reconstruct.actors.geometric.video import joints_of, scene_from
+from articulate.reconstruct.actors.geometric.fit import MotionConstraints, find_motion
+from articulate.reconstruct.actors.geometric.surface import JointMotion
+from articulate.reconstruct.actors.geometric.video import joints_of, scene_from_evidence
 from articulate.reconstruct.actors.protocol import (
     ActorAttempt,
     Evidence,
@@ -155,18 +155,18 @@ def _check_choices(
 
 def _fit_joints(chosen: Sequence[JointCandidate], evidence: Evidence, scene: Named) -> Prediction:
     """Fit joints near the chosen candidates to the video."""
-    video = scene_from(evidence)
+    video = scene_from_evidence(evidence)
     names = [part.name for part in video.parts]
     joints: list[PredictedJoint] = []
     for candidate in chosen:
-        near = Motion(
+        near = JointMotion(
             "slide" if candidate.kind == "prismatic" else "turn",
             candidate.axis_o,
             candidate.pivot_o,
             f"candidate {candidate.number}",
         )
         size = float(np.linalg.norm(scene.shapes[candidate.part].size))
-        wish = Wish(
+        wish = MotionConstraints(
             kind=near.kind, part=names.index(candidate.part), near=near, near_m=NEAR_SHARE * size
         )
         fit = find_motion(video, wish) if video.change.any() else None

@@ -9,7 +9,7 @@ from itertools import product
 import cv2
 import numpy as np
 
-from articulate.reconstruct.actors.geometric.candidates import plane_of
+from articulate.reconstruct.actors.geometric.surface import perpendicular_axes
 from articulate.reconstruct.actors.protocol import Evidence, PredictedJoint
 from articulate.reconstruct.actors.semantic.actor import QUARTER_RAD, SHARES
 from articulate.reconstruct.actors.semantic.hinge import TASTES, directions, lines_of
@@ -167,7 +167,7 @@ def _turns(shape: Shape, scene: Named, kind: MovingKind) -> Iterator[tuple[Array
     low, high = shape.bounds
     for axis in np.eye(3):
         yield axis, held
-        across = plane_of(axis)
+        across = perpendicular_axes(axis)
         for u, v in SPOTS:
             share = u * np.abs(across[0]) + v * np.abs(across[1]) + 0.5 * np.abs(axis)
             yield axis, low + share * (high - low)

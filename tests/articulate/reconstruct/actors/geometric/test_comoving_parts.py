@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from articulate.reconstruct.actors.geometric.candidates import Motion
-from articulate.reconstruct.actors.geometric.comoving_parts import with_company
-from articulate.reconstruct.actors.geometric.image_pyramid import scene_of
-from articulate.reconstruct.actors.geometric.search import Fit
+from articulate.reconstruct.actors.geometric.image_pyramid import build_scene
+from articulate.reconstruct.actors.geometric.parts import add_comoving_parts
+from articulate.reconstruct.actors.geometric.search import MotionFit
+from articulate.reconstruct.actors.geometric.surface import JointMotion
 from articulate.render.camera import front_camera
 from articulate.render.joint_video import poses_of_parts
 from articulate.render.parts import plain_part
@@ -18,7 +18,7 @@ BOX_FACES = np.array(
         *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
     ]
 )
-SWING = Motion("turn", np.array([0.0, 0.0, 1.0]), np.array([0.3, 0.6, 0.0]), "test")
+SWING = JointMotion("turn", np.array([0.0, 0.0, 1.0]), np.array([0.3, 0.6, 0.0]), "test")
 Q = np.linspace(0.0, -1.4, 14)
 
 
@@ -43,8 +43,8 @@ def company(*moving):
     numbers = [k for k, part in enumerate(PARTS) if part.name in moving]
     poses = poses_of_parts(len(PARTS), numbers, SWING.T_o(Q))
     clip = np.stack([scene.render_image(camera, T) for T in poses])
-    seen = scene_of(clip, camera, PARTS)
-    fit = with_company(seen, Fit(SWING, Q, 0.0, (0,)))
+    seen = build_scene(clip, camera, PARTS)
+    fit = add_comoving_parts(seen, MotionFit(SWING, Q, 0.0, (0,)))
     return {PARTS[k].name for k in fit.parts}
 
 
@@ -64,6 +64,6 @@ def test_what_is_out_of_sight_goes_along_with_what_alone_it_touches():
 def test_what_already_moves_is_kept():
     scene = PartScene(PARTS[:2])
     clip = np.stack([scene.render_image(front_camera(320, 240))] * 3)
-    seen = scene_of(clip, front_camera(320, 240), PARTS[:2])
-    fit = Fit(SWING, np.zeros(3), 0.0, (0, 1))
-    assert with_company(seen, fit).parts == (0, 1)
+    seen = build_scene(clip, front_camera(320, 240), PARTS[:2])
+    fit = MotionFit(SWING, np.zeros(3), 0.0, (0, 1))
+    assert add_comoving_parts(seen, fit).parts == (0, 1)

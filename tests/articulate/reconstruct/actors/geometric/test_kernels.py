@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from articulate.reconstruct.actors.geometric.kernels import (
-    LARGEST_CHANGE,
-    REST,
     best_path,
-    draw_over,
-    equations,
-    pictures_in,
+    normal_equations,
+    render_over,
+    render_poses,
     sweep_costs,
 )
+from articulate.reconstruct.actors.geometric.parameters import SEARCH
 from articulate.transforms import axis_angle_to_matrix, pose
 
 PINHOLE = np.array([40.0, 40.0, 15.5, 11.5])
@@ -44,7 +43,7 @@ def test_costs_are_those_of_drawn_pictures():
     sweep_costs(SURFACE, LIGHT, T, PINHOLE, behind, frames, base, False, np.float32(90.0), out)
     for q, t in product(range(4), range(4)):
         picture, shown = np.zeros((*SIZE, 3), np.float32), np.zeros(SIZE, bool)
-        draw_over(SURFACE, LIGHT, T[q], PINHOLE, behind, picture, shown)
+        render_over(SURFACE, LIGHT, T[q], PINHOLE, behind, picture, shown)
         assert shown.any()
         assert not shown[:, 18:].any()
         off = np.minimum(np.abs(frames[..., t] - picture).sum(axis=-1), 90.0)
@@ -63,7 +62,7 @@ def test_the_diagonal_is_the_diagonal():
 def test_a_face_turned_to_camera_and_lamp_has_all_light():
     picture, shown = np.zeros((*SIZE, 3), np.float32), np.zeros(SIZE, bool)
     nothing = np.zeros(SIZE, dtype=np.float32)
-    draw_over(SURFACE, LIGHT, poses(1)[0], PINHOLE, nothing, picture, shown)
+    render_over(SURFACE, LIGHT, poses(1)[0], PINHOLE, nothing, picture, shown)
     assert np.allclose(picture[shown], 120.0, atol=1.5)
 
 
@@ -80,8 +79,8 @@ def test_the_cheapest_path_is_that_of_trying_all(seed, circular):
             return np.inf
         steps = np.diff(columns)
         total = sum(costs[t, c % 5] for t, c in enumerate(columns))
-        total += change_cost * REST * np.abs(steps).sum()
-        return total + change_cost * (np.diff(steps) ** 2).clip(max=LARGEST_CHANGE**2).sum()
+        total += change_cost * SEARCH.motion_cost_share * np.abs(steps).sum()
+        return total + change_cost * (np.diff(steps) ** 2).clip(max=SEARCH.max_step_change**2).sum()
 
     steps = range(-largest, largest + 1)
     tried = (np.cumsum([q, *d]) for q in range(5) for d in product(steps, repeat=4))
@@ -113,12 +112,12 @@ def test_pictures_within_their_box_are_those_drawn_one_by_one():
     _, _, behind = setting(1)
     still = np.random.default_rng(1).uniform(0, 255, (*SIZE, 3)).astype(np.float32)
     out, box = np.full((3, *SIZE, 3), np.nan, np.float32), np.empty(4, np.int64)
-    pictures_in(SURFACE, LIGHT, poses(3), PINHOLE, behind, still, box, out)
+    render_poses(SURFACE, LIGHT, poses(3), PINHOLE, behind, still, box, out)
     left, right, top, bottom = box
     inside = np.s_[top : bottom + 1, left : right + 1]
     for k in range(3):
         whole, shown = still.copy(), np.zeros(SIZE, bool)
-        draw_over(SURFACE, LIGHT, poses(3)[k], PINHOLE, behind, whole, shown)
+        render_over(SURFACE, LIGHT, poses(3)[k], PINHOLE, behind, whole, shown)
         assert np.array_equal(out[k][inside], whole[inside])
         rest = ~np.isnan(out[k]).any(axis=-1)
         rest[inside] = False
@@ -134,7 +133,7 @@ def test_equations_are_those_of_weighted_columns():
     pictures[:, 2] = 7.0  # nothing changes there
     frame = rng.uniform(0, 255, (4, 6, 3)).astype(np.float32)
     small, force = np.empty((2, 2)), np.empty(2)
-    equations(pictures, np.array([1, 5, 0, 3]), frame, soft, small, force)
+    normal_equations(pictures, np.array([1, 5, 0, 3]), frame, soft, small, force)
     seen = pictures[:, :, 1:].reshape(5, -1).astype(float)
     columns = 0.5 * np.stack([seen[1] - seen[2], seen[3] - seen[4]])
     off = frame[:, 1:].reshape(-1) - seen[0]

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from articulate.reconstruct.actors.geometric import lighting
-from articulate.reconstruct.actors.geometric.compositing import draw
-from articulate.reconstruct.actors.geometric.crop import Shot
-from articulate.reconstruct.actors.geometric.kernels import face_colours
-from articulate.reconstruct.actors.geometric.lighting import (
-    FIRST,
+from articulate.reconstruct.actors.geometric import compositing
+from articulate.reconstruct.actors.geometric.compositing import (
+    Crop,
     fit_light,
     plain_light,
+    rasterize,
     solve_light,
 )
-from articulate.reconstruct.actors.geometric.surface import Surface
+from articulate.reconstruct.actors.geometric.kernels import face_colours
+from articulate.reconstruct.actors.geometric.parameters import LIGHT as LIGHT_PARAMETERS
+from articulate.reconstruct.actors.geometric.surface import PartSurface
 from articulate.render.camera import front_camera
 from articulate.transforms import pose
 
@@ -38,18 +38,20 @@ def test_costs_of_many_directions_are_those_of_each():
     rng = np.random.default_rng(1)
     albedo, colours = rng.uniform(0.1, 0.9, (2, 200, 3))
     directions = NORMALS[:7]
-    many = lighting._first_costs(VIEWS, albedo, colours, directions)
+    many = compositing._first_costs(VIEWS, albedo, colours, directions)
     for direction, cost in zip(directions, many, strict=True):
-        strength = lighting._strengths(VIEWS, albedo, colours, direction, rounds=1)
+        strength = compositing._strengths(VIEWS, albedo, colours, direction, rounds=1)
         lamp = np.maximum(VIEWS[:, :3] @ direction, 0.0)
         shade = strength[0] + strength[1] * VIEWS[:, 3] + strength[2] * lamp
         off = np.abs(albedo * shade[:, None] - colours)
-        assert cost == pytest.approx(np.minimum(off, 5.0 * lighting.SOFT).sum(), rel=1e-9)
+        assert cost == pytest.approx(
+            np.minimum(off, 5.0 * LIGHT_PARAMETERS.soft_residual).sum(), rel=1e-9
+        )
 
 
 def test_of_a_black_object_the_first_belief_stays():
     light = solve_light(VIEWS, np.zeros((200, 3)), np.full((200, 3), 3.0))
-    assert np.allclose(light[:3].mean(axis=1), FIRST, atol=1e-6)
+    assert np.allclose(light[:3].mean(axis=1), LIGHT_PARAMETERS.prior_strengths, atol=1e-6)
 
 
 LIGHT = np.array([[0.2] * 3, [0.1] * 3, [0.6] * 3, [0.6, -0.8, 0.0]])
@@ -58,7 +60,7 @@ LIGHT = np.array([[0.2] * 3, [0.1] * 3, [0.6] * 3, [0.6, -0.8, 0.0]])
 def light_of_a_ball_that_is(*aside_m):
     """What is found where nothing stands still, of a ball that is so far from its place at 0."""
     body = trimesh.creation.icosphere(subdivisions=3, radius=0.4)
-    surface = Surface(
+    surface = PartSurface(
         points_o=np.asarray(body.vertices) + np.array([0.0, 0.0, 0.5]),
         faces=np.asarray(body.faces, dtype=np.int64),
         albedo=np.full((len(body.faces), 3), 150.0),
@@ -67,9 +69,9 @@ def light_of_a_ball_that_is(*aside_m):
     camera = front_camera(96, 72)
     pinhole = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     frames = np.full((len(aside_m), 72, 96, 3), 255.0, dtype=np.float32)
-    shot = Shot(frames, np.arange(len(aside_m)), pinhole, camera.T_cw)
+    shot = Crop(frames, np.arange(len(aside_m)), pinhole, camera.T_cw)
     for frame, y in zip(frames, aside_m, strict=True):
-        seen = draw(surface, shot, pose(np.array([0.0, y, 0.0])))
+        seen = rasterize(surface, shot, pose(np.array([0.0, y, 0.0])))
         colours = face_colours(seen.points_c, surface.faces, surface.albedo, LIGHT)
         frame[seen.face_ids >= 0] = colours[seen.face_ids[seen.face_ids >= 0]]
     return fit_light(shot, surface, np.ones((72, 96), dtype=np.bool_))

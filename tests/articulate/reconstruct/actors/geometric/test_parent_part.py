@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from articulate.reconstruct.actors.geometric.candidates import Motion
-from articulate.reconstruct.actors.geometric.parent_part import holder_of
+from articulate.reconstruct.actors.geometric.parts import find_parent
+from articulate.reconstruct.actors.geometric.surface import JointMotion
 from articulate.render.parts import PartMesh
 
 UP, OUT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
@@ -35,7 +35,7 @@ BODY = part(
 )
 DOOR = part("door", ((0.02, 0.6, 0.6), (0.01, 0.0, 0.0)))
 KNOB = part("knob", ((0.04, 0.04, 0.04), (0.04, 0.0, 0.0)))
-SWING = Motion("turn", UP, np.array([0.0, 0.3, 0.0]), "test")
+SWING = JointMotion("turn", UP, np.array([0.0, 0.3, 0.0]), "test")
 DRAWERS = [
     part(f"drawer_{k}", ((0.3, 0.5, 0.25), (-0.16, 0.0, z))) for k, z in ((0, 0.14), (1, -0.14))
 ]
@@ -43,29 +43,29 @@ DRAWERS = [
 
 def test_door_hangs_on_the_body_and_not_on_the_knob_that_it_carries():
     way = np.linspace(0.0, -1.5, 20)
-    assert holder_of(DOOR, [KNOB, BODY], SWING, way) == "body"
-    assert holder_of(DOOR, [BODY, KNOB], SWING, way) == "body"
+    assert find_parent(DOOR, [KNOB, BODY], SWING, way) == "body"
+    assert find_parent(DOOR, [BODY, KNOB], SWING, way) == "body"
 
 
 def test_knob_turns_on_the_door():
-    turn = Motion("turn", OUT, KNOB.centre, "test")
-    assert holder_of(KNOB, [BODY, DOOR], turn, np.linspace(0.0, 6.0, 9)) == "door"
+    turn = JointMotion("turn", OUT, KNOB.centre, "test")
+    assert find_parent(KNOB, [BODY, DOOR], turn, np.linspace(0.0, 6.0, 9)) == "door"
 
 
 @pytest.mark.parametrize("far", [0.05, 0.25])
 def test_drawer_slides_in_the_body_however_far_and_not_on_its_neighbour(far):
-    slide = Motion("slide", OUT, DRAWERS[0].centre, "test")
+    slide = JointMotion("slide", OUT, DRAWERS[0].centre, "test")
     way = np.array([0.0, far])
-    assert holder_of(DRAWERS[0], [DRAWERS[1], BODY], slide, way) == "body"
+    assert find_parent(DRAWERS[0], [DRAWERS[1], BODY], slide, way) == "body"
 
 
 def test_what_alone_stands_still_holds():
-    assert holder_of(DOOR, [KNOB], SWING, np.zeros(3)) == "knob"
-    assert holder_of(DOOR, [], SWING, np.zeros(3)) is None
+    assert find_parent(DOOR, [KNOB], SWING, np.zeros(3)) == "knob"
+    assert find_parent(DOOR, [], SWING, np.zeros(3)) is None
 
 
 def test_part_without_area_is_where_its_corners_are():
     flat = PartMesh(
         name="flat", vertices=np.zeros((3, 3)), faces=np.array([[0, 1, 2]]), rgb=np.ones((1, 3))
     )
-    assert holder_of(DOOR, [flat, BODY], SWING, np.array([0.0, -1.5])) == "body"
+    assert find_parent(DOOR, [flat, BODY], SWING, np.array([0.0, -1.5])) == "body"

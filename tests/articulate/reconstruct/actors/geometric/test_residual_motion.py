@@ -11,7 +11,7 @@ from tests.articulate.reconstruct.actors.geometric.test_video import (
     evidence_of,
 )
 
-from articulate.reconstruct.actors.geometric.residual_motion import rest_of
+from articulate.reconstruct.actors.geometric.parts import residual_evidence
 from articulate.reconstruct.actors.geometric.video import video_actor
 from articulate.reconstruct.actors.protocol import Prediction
 from articulate.render.joint_video import render_video
@@ -43,18 +43,18 @@ def span(joint):
 
 def test_nothing_is_left_once_the_joint_that_moves_is_known():
     evidence = evidence_of(DRAWER, N_FRAMES)
-    assert rest_of(evidence, Prediction(joints=(DRAWER,))) is None
-    assert rest_of(evidence, Prediction(joints=())) is None
-    assert rest_of(replace(evidence, video=None), Prediction(joints=(DRAWER,))) is None
+    assert residual_evidence(evidence, Prediction(joints=(DRAWER,))) is None
+    assert residual_evidence(evidence, Prediction(joints=())) is None
+    assert residual_evidence(replace(evidence, video=None), Prediction(joints=(DRAWER,))) is None
 
 
 def test_what_else_moves_is_left_and_what_is_known_stands_still(both):
-    left = rest_of(both, Prediction(joints=(DRAWER,)))
+    left = residual_evidence(both, Prediction(joints=(DRAWER,)))
     assert left is not None
     assert left.video is not None
     changes = np.ptp(left.video.astype(int), axis=0).max(axis=-1) > 20
     assert changes.sum() > 500
-    assert rest_of(left, Prediction(joints=(DOOR,))) is None
+    assert residual_evidence(left, Prediction(joints=(DOOR,))) is None
 
 
 def test_a_drawer_and_a_door_that_move_in_one_clip_are_both_found(both):

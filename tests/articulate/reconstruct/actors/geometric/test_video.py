@@ -7,13 +7,15 @@ import pytest
 
 from articulate.errors import UsageError
 from articulate.reconstruct.actors.geometric import critic
-from articulate.reconstruct.actors.geometric.ablations import (
+from articulate.reconstruct.actors.geometric.critic import RATING_CAPS, VideoCritic
+from articulate.reconstruct.actors.geometric.parameters import CRITIC
+from articulate.reconstruct.actors.geometric.video import (
+    VideoProposer,
+    video_actor,
     without_calibration,
     without_critic,
     without_tracks,
 )
-from articulate.reconstruct.actors.geometric.critic import CAPS, DOUBTED, VideoCritic
-from articulate.reconstruct.actors.geometric.video import VideoProposer, video_actor
 from articulate.reconstruct.actors.protocol import Evidence, PredictedJoint, Prediction
 from articulate.render.camera import front_camera
 from articulate.render.joint_video import poses_of_parts, render_video
@@ -134,7 +136,9 @@ def test_the_same_clip_gives_the_same_bits(drawer):
 
 
 def test_a_knob_that_shows_nothing_is_said_to_turn_with_little_confidence():
-    still = replace(evidence_of(KNOB, 2), video=np.repeat(evidence_of(KNOB, 2).video[:1], 6, axis=0))
+    still = replace(
+        evidence_of(KNOB, 2), video=np.repeat(evidence_of(KNOB, 2).video[:1], 6, axis=0)
+    )
     found = video_actor().predict(still)
     joint = only(found)
     assert (joint.part, joint.kind) == ("knob", "continuous")
@@ -180,7 +184,7 @@ def test_the_critic_names_what_is_wrong_with_a_hinge(door, change, failure):
 def test_a_prediction_that_nothing_moves_is_rated_worst(drawer):
     assert VideoCritic().assess(drawer, Prediction(joints=())).rating == 0.0
     still = Prediction(joints=(replace(DRAWER, lower=0.1, upper=0.1),))
-    assert VideoCritic().assess(drawer, still).rating < DOUBTED
+    assert VideoCritic().assess(drawer, still).rating < CRITIC.doubtful_rating
 
 
 def test_a_joint_without_rivals_is_judged(drawer, monkeypatch):
@@ -194,7 +198,7 @@ def test_a_joint_without_rivals_is_judged(drawer, monkeypatch):
 def test_a_joint_of_the_wrong_kind_is_rated_below_one_that_is_only_doubted(drawer):
     turn = replace(DRAWER, kind="revolute", pivot_o=(0.0, 0.0, 0.8))
     rating = VideoCritic().assess(drawer, Prediction(joints=(turn,))).rating
-    assert rating <= CAPS["joint_type"] < DOUBTED < CAPS["joint_axis"]
+    assert rating <= RATING_CAPS["joint_type"] < CRITIC.doubtful_rating < RATING_CAPS["joint_axis"]
 
 
 def test_without_tracks_edges_alone_are_asked(drawer):

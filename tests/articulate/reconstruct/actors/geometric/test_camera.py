@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.articulate.reconstruct.actors.geometric.test_video import DOOR, PARTS, evidence_of
 
-from articulate.reconstruct.actors.geometric.camera_calibration import (
-    calibrated,
-    refined_camera,
-    steadied,
+from articulate.reconstruct.actors.geometric.camera import (
+    calibrate_evidence,
+    refine_camera,
+    stabilize,
 )
-from articulate.reconstruct.actors.geometric.crop import moved
+from articulate.reconstruct.actors.geometric.compositing import perturb_camera
 from articulate.render.camera import front_camera
 from articulate.render.parts import joint_bounds
 from articulate.transforms import apply, axis_angle_to_matrix, pose
@@ -49,7 +49,7 @@ numbers = st.floats(-0.3, 0.3)
 @settings(max_examples=50)
 def test_the_object_seems_to_turn_about_its_middle_shift_and_recede(x):
     T_co = front_camera(240, 180).T_cw
-    T = moved(T_co, MIDDLE, x)
+    T = perturb_camera(T_co, MIDDLE, x)
     before, after = apply(T_co, MIDDLE), apply(T, MIDDLE)
     np.testing.assert_allclose(after[2], before[2] * np.exp(x[5]))
     np.testing.assert_allclose(after[:2] / after[2], before[:2] / before[2] + x[3:5])
@@ -64,7 +64,7 @@ def test_a_camera_that_was_told_five_degrees_off_is_found(evidence, axis):
     told = carried(evidence.camera, axis, 5.0, 0.05)
     turn, away = off(told, evidence.camera)
     assert turn == pytest.approx(5.0)
-    found, gain = refined_camera(evidence.video, told, evidence.parts)
+    found, gain = refine_camera(evidence.video, told, evidence.parts)
     left_turn, left_away = off(found, evidence.camera)
     assert gain > 0.3
     assert left_turn < 2.5
@@ -72,7 +72,7 @@ def test_a_camera_that_was_told_five_degrees_off_is_found(evidence, axis):
 
 
 def test_the_true_camera_is_left_alone(evidence):
-    found, gain = refined_camera(evidence.video, evidence.camera, evidence.parts)
+    found, gain = refine_camera(evidence.video, evidence.camera, evidence.parts)
     assert found is evidence.camera
     assert gain == 0.0
 
@@ -80,7 +80,7 @@ def test_the_true_camera_is_left_alone(evidence):
 def test_a_clip_that_shows_nothing_but_what_moves_says_nothing_of_the_camera(evidence):
     told = carried(evidence.camera, (0.0, 0.0, 1.0), 5.0, 0.0)
     door = tuple(part for part in PARTS if part.name == "door")
-    assert refined_camera(evidence.video, told, door) == (told, 0.0)
+    assert refine_camera(evidence.video, told, door) == (told, 0.0)
 
 
 BOX = (80, 160, 60, 220)
@@ -107,7 +107,7 @@ def shaken(n_frames=16, step_px=2.5):
 
 def test_a_camera_that_swings_is_steadied():
     clip, shifts = shaken()
-    steady, shift = steadied(clip, BOX)
+    steady, shift = stabilize(clip, BOX)
     assert shift == pytest.approx(np.linalg.norm(shifts, axis=1).max(), abs=1.5)
     inner = np.s_[:, 20:220, 160:270]  # beside the patch and what comes in at the rim
     left = np.abs(steady[inner].astype(float) - clip[0][inner[1:]]).mean()
@@ -117,25 +117,25 @@ def test_a_camera_that_swings_is_steadied():
 def test_a_camera_that_stands_still_is_left_alone(evidence):
     clip, _ = shaken(step_px=0.0)
     still = np.repeat(clip[:1], 8, axis=0)
-    assert steadied(still, BOX)[0] is still
-    assert steadied(evidence.video, (60, 180, 40, 160))[0] is evidence.video
+    assert stabilize(still, BOX)[0] is still
+    assert stabilize(evidence.video, (60, 180, 40, 160))[0] is evidence.video
 
 
 def test_what_moves_before_a_plain_wall_is_no_motion_of_the_camera():
     clip, _ = shaken()
     clip[:, :60], clip[:, 220:], clip[:, :, :80], clip[:, :, 160:] = 200, 200, 200, 200
-    assert steadied(clip, BOX)[0] is clip
+    assert stabilize(clip, BOX)[0] is clip
 
 
 def test_what_was_done_is_told_and_nothing_is_where_nothing_was(evidence):
-    same, steps = calibrated(evidence)
+    same, steps = calibrate_evidence(evidence)
     assert same is evidence
     assert steps == ()
     told = replace(evidence, camera=carried(evidence.camera, (0.0, 0.0, 1.0), 5.0, 0.05))
-    better, (step,) = calibrated(told)
+    better, (step,) = calibrate_evidence(told)
     assert step.figures["shake_px"] == 0.0
     assert step.figures["explains_better"] > 0.3
     assert better.camera is not None
     assert off(better.camera, evidence.camera) < off(told.camera, evidence.camera)
     without = replace(evidence, video=None)
-    assert calibrated(without)[0] is without
+    assert calibrate_evidence(without)[0] is without

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from articulate.reconstruct.actors.geometric.candidates import Motion
-from articulate.reconstruct.actors.geometric.fit import Wish
-from articulate.reconstruct.actors.geometric.search import Fit
+from articulate.reconstruct.actors.geometric.fit import MotionConstraints
+from articulate.reconstruct.actors.geometric.search import MotionFit
+from articulate.reconstruct.actors.geometric.surface import JointMotion
 
 X, Z = np.eye(3)[0], np.eye(3)[2]
-HINGE = Motion("turn", Z, np.array([0.3, 0.6, 0.0]), "wanted")
+HINGE = JointMotion("turn", Z, np.array([0.3, 0.6, 0.0]), "wanted")
 
 
 def fit(kind, axis, pivot):
-    return Fit(Motion(kind, axis, np.asarray(pivot), "found"), np.zeros(2), 0.0, (0,))
+    return MotionFit(JointMotion(kind, axis, np.asarray(pivot), "found"), np.zeros(2), 0.0, (0,))
 
 
 @pytest.mark.parametrize(
@@ -26,9 +26,9 @@ def fit(kind, axis, pivot):
     ],
 )
 def test_a_turn_is_near_another_by_kind_direction_and_line(found, allowed):
-    assert Wish(near=HINGE, near_m=0.1).allows(found) is allowed
+    assert MotionConstraints(near=HINGE, near_m=0.1).allows(found) is allowed
 
 
 def test_where_a_slide_is_said_to_be_does_not_matter():
-    wanted = Motion("slide", X, np.zeros(3), "wanted")
-    assert Wish(near=wanted).allows(fit("slide", X, (5.0, 5.0, 5.0)))
+    wanted = JointMotion("slide", X, np.zeros(3), "wanted")
+    assert MotionConstraints(near=wanted).allows(fit("slide", X, (5.0, 5.0, 5.0)))

@@ -7,10 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.reconstruct.actors.geometric import fit
-from articulate.reconstruct.actors.geometric.fit import Wish, find_motion, leaves_in_sight
-from articulate.reconstruct.actors.geometric.image_pyramid import QUICK_FRAMES, QUICK_PX
-from articulate.reconstruct.actors.geometric.spin import Marks, Spin, spin_of
-from articulate.reconstruct.actors.geometric.video import scene_from, video_actor
+from articulate.reconstruct.actors.geometric.fit import (
+    MotionConstraints,
+    find_motion,
+    has_visible_motion,
+)
+from articulate.reconstruct.actors.geometric.parameters import IMAGE
+from articulate.reconstruct.actors.geometric.rotational_symmetry import (
+    SpinEstimate,
+    SurfaceMarks,
+    estimate_spin,
+)
+from articulate.reconstruct.actors.geometric.video import scene_from_evidence, video_actor
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import front_camera
 from articulate.render.joint_video import poses_of_parts, render_video
@@ -30,11 +38,11 @@ def marks_that_turn(end_rad, seed=0, noise=0.0):
     back = np.linspace(0.0, end_rad, FRAMES)[:, None]
     place = np.round((angle - back) / (2.0 * np.pi) * AROUND).astype(int) % AROUND
     colours = texture[ring, place] + noise * rng.normal(size=(FRAMES, len(angle), 3))
-    return Marks(angle, ring, colours - colours.mean(axis=0))
+    return SurfaceMarks(angle, ring, colours - colours.mean(axis=0))
 
 
-def told(marks) -> Spin:
-    spin = spin_of(marks)
+def told(marks) -> SpinEstimate:
+    spin = estimate_spin(marks)
     assert spin is not None
     return spin
 
@@ -45,14 +53,14 @@ def test_marks_tell_how_far_and_which_way(end_rad, sign, seed):
     spin = told(marks_that_turn(sign * end_rad, seed, noise=20.0))
     assert spin.clear
     assert spin.sharp
-    assert not spin.whole
+    assert not spin.full_turn
     assert spin.end_rad == pytest.approx(sign * end_rad, abs=0.1)
 
 
 def test_a_whole_turn_and_more_has_no_ends():
     spin = told(marks_that_turn(2.0 * np.pi + 0.5))
     assert spin.clear
-    assert spin.whole
+    assert spin.full_turn
 
 
 def test_blurred_marks_tell_that_something_turns_and_not_how_far():
@@ -61,7 +69,7 @@ def test_blurred_marks_tell_that_something_turns_and_not_how_far():
     turned = angle - np.linspace(0.0, 4.0, FRAMES)[:, None]
     noise = 20.0 * np.random.default_rng(0).normal(size=(FRAMES, AROUND, 3))
     colours = 60.0 * np.cos(turned)[..., None] + noise
-    marks = Marks(angle, np.zeros(AROUND, dtype=np.int64), colours - colours.mean(axis=0))
+    marks = SurfaceMarks(angle, np.zeros(AROUND, dtype=np.int64), colours - colours.mean(axis=0))
     spin = told(marks)
     assert spin.clear
     assert not spin.sharp
@@ -71,8 +79,8 @@ def test_noise_is_not_clear_and_what_stands_still_turns_by_nothing():
     marks = marks_that_turn(1.0)
     rng = np.random.default_rng(1)
     noise = rng.normal(size=marks.change.shape)
-    assert not told(Marks(marks.angle, marks.ring, noise - noise.mean(axis=0))).clear
-    assert spin_of(Marks(marks.angle, marks.ring, np.zeros_like(noise))) is None
+    assert not told(SurfaceMarks(marks.angle, marks.ring, noise - noise.mean(axis=0))).clear
+    assert estimate_spin(SurfaceMarks(marks.angle, marks.ring, np.zeros_like(noise))) is None
 
 
 def knob(name, y, radius, mark=None):
@@ -145,23 +153,23 @@ def test_a_round_part_of_which_little_shows_may_be_pressed():
 
 
 def test_a_round_part_is_not_said_to_turn_where_a_slide_is_asked_for():
-    scene = scene_from(clip_of(5.0, (0.1, 0.1, 0.1)))
+    scene = scene_from_evidence(clip_of(5.0, (0.1, 0.1, 0.1)))
     turn = find_motion(scene)
     assert turn is not None
     assert turn.motion.kind == "turn"
-    slide = find_motion(scene, Wish(kind="slide"))
+    slide = find_motion(scene, MotionConstraints(kind="slide"))
     assert slide is None or slide.motion.kind == "slide"
 
 
 def test_where_no_motion_explains_anything_the_round_part_that_changes_turns(monkeypatch):
     """As where the model is so wrong that it is cheapest to hide a part all the time."""
-    scene = scene_from(clip_of(5.0, (0.1, 0.1, 0.1)))
-    monkeypatch.setattr(fit, "_spun", lambda *_: None)
+    scene = scene_from_evidence(clip_of(5.0, (0.1, 0.1, 0.1)))
+    monkeypatch.setattr(fit, "_turn_in_place", lambda *_: None)
     monkeypatch.setattr(fit, "moves", lambda *_: False)
     found = find_motion(scene)
     assert found is not None
     assert ([scene.parts[k].name for k in found.parts], found.motion.kind) == (["left"], "turn")
-    other = find_motion(scene, Wish(not_parts=found.parts))
+    other = find_motion(scene, MotionConstraints(excluded_parts=found.parts))
     assert other is None or found.parts[0] not in other.parts[:1]
 
 
@@ -221,6 +229,6 @@ def test_a_square_door_is_seen_to_leave_its_place_and_a_knob_is_not():
         modality="video", parts=parts, video=clip.frames, times_s=clip.times_s, camera=camera
     )
     for evidence, leaves in ((door, True), (clip_of(5.0, (0.1, 0.1, 0.1)), False)):
-        scene = scene_from(evidence)
-        look = scene.look(QUICK_PX, QUICK_FRAMES)
-        assert leaves_in_sight(look, 1, 0.5 * scene.size_m) == leaves
+        scene = scene_from_evidence(evidence)
+        level = scene.level(IMAGE.quick_px, IMAGE.quick_frames)
+        assert has_visible_motion(level, 1, 0.5 * scene.size_m) == leaves
