@@ -1,8 +1,8 @@
-"""The gymnasium ids of our tasks: ``Articulate/OpenDrawer-v0`` and its like.
+"""Gymnasium ids of the tasks, such as ``Articulate/OpenDrawer-v0``.
 
-gymnasium loads no plug-ins: its ids exist once ``articulate_envs`` was imported. It takes a tenth
-of a second to import, which every ``--help`` would pay; so they are registered when a user imports
-gymnasium, before or after ``articulate_envs``.
+Gymnasium loads no plug-ins, so the ids exist once ``articulate_envs`` is imported. Importing
+Gymnasium takes 0.1 s, which every ``--help`` would pay; the ids are therefore registered when it
+is imported, before or after ``articulate_envs``.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from importlib.util import find_spec
 from types import ModuleType
 
 REGISTRY = "gymnasium.envs"
-"""The module that holds gymnasium's ids."""
+"""Module with the registry of Gymnasium."""
 
 
 def gym_id(task: str) -> str:
-    """The id of ``task``: ``open_drawer`` is ``Articulate/OpenDrawer-v0``."""
+    """Return the id of ``task``: ``open_drawer`` is ``Articulate/OpenDrawer-v0``."""
     return f"Articulate/{''.join(word.capitalize() for word in task.split('_'))}-v0"
 
 
 def register_tasks() -> None:
     """Register an id for each known task."""
-    from gymnasium.envs.registration import register  # a user imported it, or asks for it now
+    from gymnasium.envs.registration import register  # late: see above
 
-    from articulate.task.task import TASK_RULES  # numpy, which gymnasium brings in any case
+    from articulate.task.task import TASK_RULES
 
     for name in TASK_RULES:
         register(
@@ -39,15 +39,15 @@ def register_tasks() -> None:
 
 
 def register_with_gymnasium() -> None:
-    """Register now if gymnasium was imported, else when it is."""
+    """Register the tasks now if Gymnasium is imported, otherwise as soon as it is."""
     if REGISTRY in sys.modules:
         register_tasks()
     else:
-        sys.meta_path.insert(0, _Waiting())
+        sys.meta_path.insert(0, _DeferredFinder())
 
 
-class _Waiting(MetaPathFinder):
-    """Finds :data:`REGISTRY` as others do, once, and registers when it was loaded."""
+class _DeferredFinder(MetaPathFinder):
+    """Import hook that registers the tasks after :data:`REGISTRY` is loaded, once."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -57,12 +57,12 @@ class _Waiting(MetaPathFinder):
         sys.meta_path.remove(self)
         spec = find_spec(fullname)
         if spec is not None and spec.loader is not None:
-            spec.loader = _Registering(spec.loader)
+            spec.loader = _RegisteringLoader(spec.loader)
         return spec
 
 
-class _Registering(Loader):
-    """Loads as another does, then registers."""
+class _RegisteringLoader(Loader):
+    """Loader that delegates to the usual one and then registers the tasks."""
 
     def __init__(self, usual: Loader) -> None:
         self._usual = usual
@@ -71,7 +71,7 @@ class _Registering(Loader):
         return self._usual.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
-        module.__loader__ = self._usual  # what it says of itself is what it would say without us
+        module.__loader__ = self._usual  # as without this hook
         if module.__spec__ is not None:
             module.__spec__.loader = self._usual
         self._usual.exec_module(module)

@@ -1,15 +1,15 @@
-"""Our environment for robosuite: ``robosuite.make("ArticulatedObject", robots="Panda", …)``.
+"""Environment for robosuite: ``robosuite.make("ArticulatedObject", robots="Panda", …)``.
 
-Importing this module registers it, as robosuite's own environments are. What runs is the same
-model under the same plant (follower, joint impedance, hand) as in every other engine, so that a
-policy finds what it was trained on; other controllers are refused. Of robosuite it has the way
-to make, reset, step, render and look into an environment.
+Importing this module registers it. It runs the same model and control stack (set-point filter,
+joint impedance, gripper) as every other engine, so that policies find the dynamics of their
+training; other controllers are rejected. Making, resetting, stepping, rendering and inspecting it
+work as in robosuite.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from inspect import signature
 from typing import Any
@@ -21,12 +21,13 @@ from robosuite.utils.mjcf_utils import IMAGE_CONVENTION_MAPPING
 from robosuite.utils.observables import Observable, sensor
 
 from articulate.config import to_plain
-from articulate.errors import ConfigError, EngineError, nearest
+from articulate.errors import ConfigError, EngineError, nearest, quote
 from articulate.render.canvas import Pixels
 from articulate.task.layout import Field
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array
 from articulate_envs.engine import Start
+from articulate_envs.gym_env import MAX_PIXELS
 from articulate_envs.interface import apply_options, checked_action, episode_info, params_dict
 from articulate_envs.make_scene import EnvConfig, make_episodes, make_scene, read_config
 from articulate_envs.robosuite_sim import (
@@ -51,20 +52,22 @@ FIXED: dict[str, tuple[Any, ...]] = {
     "reward_shaping": (True,),
     "use_object_obs": (True,),
 }
-"""Arguments of robosuite's that have one meaning here, with what is accepted."""
+"""Arguments of robosuite of which only some values are supported."""
 UNUSED = (
     "lite_physics", "hard_reset", "render_collision_mesh", "render_visual_mesh",
     "render_gpu_device_id", "renderer_config",
 )  # fmt: skip
-"""Arguments of robosuite's that change nothing here."""
+"""Arguments of robosuite that have no effect here."""
+PER_CAMERA = frozenset({"camera_depths", "camera_segmentations"})
+"""Arguments of :data:`FIXED` for which robosuite also takes a list, one value a camera."""
 
 
 class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no types
-    """A Panda before an articulated object, as robosuite's users know environments.
+    """A Panda in front of an articulated object, as an environment of robosuite.
 
-    Observations hold each field of :data:`articulate.task.observation.OBSERVATION` by its name, the two
-    vectors ``object-state`` and ``robot0_proprio-state`` that robosuite's wrappers look for, and
-    ``policy-state``, the whole vector as policies see it.
+    Observations have each field of :data:`articulate.task.observation.OBSERVATION` by its name, the
+    vectors ``object-state`` and ``robot0_proprio-state`` that robosuite's wrappers require, and
+    ``policy-state``, the complete vector that policies observe.
     """
 
     def __init__(
@@ -75,8 +78,8 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         initialization_noise: Any = "default",
         use_camera_obs: bool = False,
         camera_names: str | list[str] = "agentview",
-        camera_heights: int = 256,
-        camera_widths: int = 256,
+        camera_heights: int | Sequence[int] = 256,
+        camera_widths: int | Sequence[int] = 256,
         has_renderer: bool = False,
         has_offscreen_renderer: bool = False,
         render_camera: str = "agentview",
@@ -86,48 +89,49 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         reward_scale: float = 1.0,
         seed: int | None = None,
         scene: Scene | None = None,
-        **given: Any,
+        **env_fields: Any,
     ) -> None:
         """Make the environment.
 
         Args:
             robots: ``Panda``.
-            controller_configs: None: the plant is part of the task.
-            initialization_noise: ``default`` as ``randomization.start_rad`` says, None for none, or
-                robosuite's dictionary of a uniform one.
-            use_camera_obs: Add pictures to observations.
-            camera_names: Their cameras, of :data:`articulate_envs.robosuite_sim.CAMERAS`.
-            camera_heights: Height of pictures [px].
-            camera_widths: Width of pictures [px].
-            has_renderer: Show MuJoCo's viewer, where there is a display.
-            has_offscreen_renderer: Accepted; pictures are drawn when they are asked for.
-            render_camera: Where the viewer looks from; its user moves on from there.
-            control_freq: Ticks a second [Hz]; by default ``control.rate_hz``.
-            horizon: Ticks after which an episode is done; by default the task's length.
-            ignore_done: Let episodes go on; their time stands at its end.
+            controller_configs: None: the control stack is part of the task.
+            initialization_noise: ``default`` for ``randomization.start_rad``, None for no noise, or
+                robosuite's dictionary of uniform noise.
+            use_camera_obs: Add images to observations.
+            camera_names: Cameras of the images, of
+                :data:`articulate_envs.robosuite_sim.CAMERAS`.
+            camera_heights: Height of the images [px], or one height for each camera.
+            camera_widths: Width of the images [px], or one width for each camera.
+            has_renderer: Show MuJoCo's viewer; it requires a display.
+            has_offscreen_renderer: Accepted without effect; images are rendered on request.
+            render_camera: Initial view of the viewer.
+            control_freq: Control steps in a second [Hz]; by default ``control.rate_hz``.
+            horizon: Control steps in an episode; by default the task's length.
+            ignore_done: Continue episodes after their end; their remaining time is then 0.
             reward_scale: Factor on rewards.
-            seed: Decides everything; ``env.rng`` may be set for that, too.
-            scene: A scene that is there already, in place of ``asset``, ``task`` and ``joint``.
-            **given: Fields of :class:`articulate_envs.make_scene.EnvConfig`, ``asset`` at least, and what
-                else robosuite's environments take (:data:`FIXED`, :data:`UNUSED`).
+            seed: Seed of all randomness; ``env.rng`` may be set instead.
+            scene: Existing scene, in place of ``asset``, ``task`` and ``joint``.
+            **env_fields: Fields of :class:`articulate_envs.make_scene.EnvConfig`, ``asset`` at
+                least, and other arguments of robosuite (:data:`FIXED`, :data:`UNUSED`).
 
         Raises:
-            UsageError: An argument is not accepted, the object was refused or cannot be reached, or
-                a window is asked for where there is no display.
+            UsageError: An argument is not accepted, the object is rejected or out of reach, or
+                the viewer is requested without a display.
         """
         if horizon is not None and horizon < 1:
-            raise ConfigError(f"horizon is {horizon}; it must be at least 1 tick")
+            raise ConfigError(f"horizon is {horizon}; it must be at least 1 control step")
         _check_robots(robots)
         _check_controller(controller_configs)
         names = [camera_names] if isinstance(camera_names, str) else list(camera_names)
         _check_cameras([*names, render_camera])
-        self.config = _read(_without_fixed(given), initialization_noise, control_freq, scene)
+        self.config = _read(_without_fixed(env_fields), initialization_noise, control_freq, scene)
         self._scene = scene or make_scene(self.config)
         self.reward_scale = reward_scale
         self.use_object_obs, self.use_camera_obs = True, use_camera_obs
         self.camera_names, self.num_cameras = names, len(names)
-        self.camera_heights = [camera_heights] * len(names)
-        self.camera_widths = [camera_widths] * len(names)
+        self.camera_heights = _per_camera("camera_heights", camera_heights, len(names))
+        self.camera_widths = _per_camera("camera_widths", camera_widths, len(names))
         self.sim: Any = None  # a SceneSim until it is closed
         self.viewer: RobosuiteViewer | None = None
         self.robots: list[RobosuiteRobot] = []
@@ -136,7 +140,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         self._start: Start | None = None
         super().__init__(
             has_renderer=has_renderer,
-            has_offscreen_renderer=False,  # robosuite's own context would draw the bare model
+            has_offscreen_renderer=False,  # robosuite's own context would render the bare model
             render_camera=render_camera,
             control_freq=self._scene.control.rate_hz,
             horizon=horizon or self._scene.ticks,
@@ -156,21 +160,21 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         self.initialize_time(self.control_freq)
 
     def initialize_time(self, control_freq: float) -> None:
-        """The scene's own times; ``control_freq`` is theirs."""
+        """Set robosuite's times to those of the scene, of which ``control_freq`` [Hz] is one."""
         self.cur_time = 0.0
         self.control_freq = control_freq
         self.model_timestep = self._scene.physics.timestep_s
         self.control_timestep = self._scene.control.step_s
 
     def initialize_renderer(self) -> None:
-        """Prepare the viewer if there shall be one; it opens with the first picture."""
+        """Prepare the viewer if it was requested; it opens with the first image."""
         self.viewer = RobosuiteViewer(self.sim) if self.has_renderer else None
 
     def reset(self) -> OrderedDict[str, Any]:
-        """Begin an episode and return its first observations; ``env.rng`` decides it.
+        """Begin an episode, sampled from ``env.rng``, and return its first observations.
 
         Raises:
-            EngineError: What :meth:`set_ep_meta` asked for is not accepted.
+            EngineError: A value of :meth:`set_ep_meta` is not accepted.
         """
         if self.sim is None:
             self._initialize_sim()
@@ -196,19 +200,22 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
             self.initialize_renderer()
 
     def step(self, action: Array) -> tuple[OrderedDict[str, Any], float, bool, dict[str, Any]]:
-        """Run one tick: observations, reward, done, info.
+        """Run one control step with an action (8,) in [-1, 1].
+
+        Returns:
+            Observations, reward, whether the episode is done, and info.
 
         Raises:
             EngineError: The action is not accepted, or the episode is done.
         """
         if self.done:
             raise EngineError("step after the episode was done: call reset() first")
-        tick = self.episodes.step(checked_action(action)[None])
-        self._observation = tick.observation[0]
-        self._reward = self.reward_scale * float(tick.reward[0])
+        result = self.episodes.step(checked_action(action)[None])
+        self._observation = result.observation[0]
+        self._reward = self.reward_scale * float(result.reward[0])
         self.timestep += 1
         self.cur_time = self.timestep * self.control_timestep
-        over = bool(tick.done[0]) or self.timestep >= self.horizon
+        over = bool(result.done[0]) or self.timestep >= self.horizon
         self.done = over and not self.ignore_done
         if self.viewer is not None:
             self.viewer.update()
@@ -216,24 +223,24 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return observations, self._reward, self.done, self._episode_info()
 
     def _episode_info(self) -> dict[str, Any]:
-        every = episode_info(self.episodes.judgement, self._scene.task, self.episodes.state)
-        return {name: values.tolist()[0] for name, values in every.items()}
+        info = episode_info(self.episodes.judgement, self._scene.task, self.episodes.state)
+        return {name: values.tolist()[0] for name, values in info.items()}
 
     def reward(self, action: Array | None = None) -> float:
-        """The reward of the last tick; it depends on the states before and after, not on more."""
+        """Return the reward of the last control step; ``action`` is not used."""
         return self._reward
 
     def _check_success(self) -> bool:
         return bool(self._episode_info()["success"])
 
     def _setup_observables(self) -> OrderedDict[str, Observable]:
-        found = [self._sensor_of(field) for field in OBSERVATION.fields]
-        found.append(_sensor("policy_observation", "policy", lambda: np.array(self._observation)))
+        sensors = [self._sensor_of(field) for field in OBSERVATION.fields]
+        sensors.append(_sensor("policy_observation", "policy", lambda: np.array(self._observation)))
         if self.use_camera_obs:
             sizes = zip(self.camera_names, self.camera_widths, self.camera_heights, strict=True)
-            found += [self._camera_of(*size) for size in sizes]
+            sensors += [self._camera_of(*size) for size in sizes]
         observables: OrderedDict[str, Observable] = OrderedDict()
-        for one in found:
+        for one in sensors:
             name = one.__name__
             observables[name] = Observable(name=name, sensor=one, sampling_rate=self.control_freq)
         return observables
@@ -244,29 +251,29 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return _sensor(field.name, modality, lambda: np.array(self._observation[where]))
 
     def _camera_of(self, name: str, width: int, height: int) -> Any:
-        way = IMAGE_CONVENTION_MAPPING[macros.IMAGE_CONVENTION]
+        row_step = IMAGE_CONVENTION_MAPPING[macros.IMAGE_CONVENTION]
 
-        def look() -> Pixels:
-            picture: Pixels = self.sim.render(width=width, height=height, camera_name=name)
-            return picture[::way]
+        def render() -> Pixels:
+            image: Pixels = self.sim.render(width=width, height=height, camera_name=name)
+            return image[::row_step]
 
-        return _sensor(f"{name}_image", "image", look)
+        return _sensor(f"{name}_image", "image", render)
 
     def render(self) -> None:
-        """Show the state of now in the viewer.
+        """Show the current state in the viewer.
 
         Raises:
-            EngineError: There is none.
+            EngineError: There is no viewer.
             MissingError: There is no display.
         """
         if self.viewer is None:
             raise EngineError(
-                "render without a viewer: make it with has_renderer=True, or take sim.render(...)"
+                "render without a viewer: make it with has_renderer=True, or use sim.render(...)"
             )
         self.viewer.update()
 
     def get_ep_meta(self) -> dict[str, Any]:
-        """How the episode began; :meth:`set_ep_meta` with it begins another one in the same way."""
+        """Return the start of the episode; :meth:`set_ep_meta` with it repeats that start."""
         start = self._start
         if start is None:
             return {}
@@ -275,29 +282,31 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return {"episode_params": params_dict(start.params), **plain, "closing": closing}
 
     def reset_from_xml_string(self, xml_string: str) -> None:
-        """Begin the episode that runs anew, if ``xml_string`` is its model.
+        """Restart the current episode, whose model ``xml_string`` must be.
 
         Raises:
-            EngineError: It is another model.
+            EngineError: ``xml_string`` is another model.
         """
         if self._start is None or xml_string != self.sim.model.get_xml():
             raise EngineError(
-                "reset_from_xml_string: not the model of the episode that runs; "
+                "reset_from_xml_string: not the model of the current episode; "
                 "begin its episode with set_ep_meta(meta) and reset() first"
             )
         self._begin(self._start)
 
     def set_xml_processor(self, processor: Any) -> None:
-        """Refused: the model is made of the asset.
+        """Reject the call: the model is generated from the asset.
 
         Raises:
             EngineError: Always.
         """
-        raise EngineError("set_xml_processor: the model is made of the asset; change the asset")
+        raise EngineError(
+            "set_xml_processor: the model is generated from the asset; change the asset"
+        )
 
     @property
     def action_spec(self) -> tuple[Array, Array]:
-        """Lowest and highest action (8,), (8,)."""
+        """Lowest and highest action (8,), (8,), dimensionless."""
         return ACTION.low.astype(np.float64), ACTION.high.astype(np.float64)
 
     @property
@@ -306,13 +315,13 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return ACTION.size
 
     def snapshot(self) -> dict[str, Any]:
-        """All that continuing bit-identically needs, the generator's state included."""
-        kept = {"timestep": self.timestep, "done": self.done, "observation": self._observation}
-        return self.episodes.snapshot() | kept
+        """Return the state that a bit-identical continuation needs, with the generator's."""
+        state = {"timestep": self.timestep, "done": self.done, "observation": self._observation}
+        return self.episodes.snapshot() | state
 
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Continue from :meth:`snapshot`, of this environment or another of the same scene."""
-        self.episodes.reseed(self.rng)  # whose state is among what is restored
+        self.episodes.reseed(self.rng)  # its state is part of the snapshot
         self.episodes.restore(snapshot)
         self.timestep, self.done = int(snapshot["timestep"]), bool(snapshot["done"])
         self.cur_time = self.timestep * self.control_timestep
@@ -320,13 +329,13 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         self.sim.forward()
 
     def close(self) -> None:
-        """Give back viewer, pictures and simulation; closing twice is no harm."""
+        """Close the viewer, the renderers and the simulation; closing twice does nothing."""
         super().close()
         self.engine.close()
 
 
 def _sensor(name: str, modality: str, read: Callable[[], Any]) -> Any:
-    """A sensor as robosuite has them: a function of its cache, with a name and a modality."""
+    """Return a sensor of robosuite: a function of its cache, with a name and a modality."""
 
     def of_cache(_: Any) -> Any:
         return read()
@@ -336,9 +345,9 @@ def _sensor(name: str, modality: str, read: Callable[[], Any]) -> Any:
 
 
 def _check_robots(robots: Any) -> None:
-    named = list(robots) if isinstance(robots, (list, tuple)) else [robots]
-    if named != ["Panda"]:
-        raise ConfigError(f"robots is {robots!r}; ArticulatedObject knows Panda")
+    names = list(robots) if isinstance(robots, (list, tuple)) else [robots]
+    if names != ["Panda"]:
+        raise ConfigError(f"robots is {quote(robots)}; ArticulatedObject supports Panda")
 
 
 def _check_controller(controller: Any) -> None:
@@ -346,46 +355,64 @@ def _check_controller(controller: Any) -> None:
         return
     name = controller.get("type", "?") if isinstance(controller, dict) else controller
     raise ConfigError(
-        f"controller_configs names {name!r}; ArticulatedObject runs its own plant (follower, joint "
-        "impedance, hand), which policies are trained under: leave controller_configs out"
+        f"controller_configs names {quote(name)}; ArticulatedObject has a fixed control stack "
+        "(set-point filter, joint impedance, gripper): omit controller_configs"
     )
 
 
 def _check_cameras(names: list[str]) -> None:
     for name in names:
         if name not in CAMERAS:
-            raise ConfigError(f"no camera {name!r}; ArticulatedObject has {', '.join(CAMERAS)}")
+            raise ConfigError(
+                f"no camera {quote(name)}; ArticulatedObject has {', '.join(CAMERAS)}"
+            )
 
 
-def _without_fixed(given: dict[str, Any]) -> dict[str, Any]:
-    own = {p.name for p in signature(ArticulatedObject.__init__).parameters.values()}
-    known = ({f.name for f in fields(EnvConfig)} | own | {*FIXED, *UNUSED}) - {"self", "given"}
-    for name in given:
+def _per_camera(name: str, size: Any, n: int) -> list[int]:
+    """Return ``size`` for each of ``n`` cameras: one number for all, or a list of ``n``."""
+    sizes = list(size) if isinstance(size, (list, tuple, np.ndarray)) else [size] * n
+    numbers = all(isinstance(s, (int, np.integer)) and 1 <= s <= MAX_PIXELS for s in sizes)
+    if len(sizes) != n or not numbers:
+        raise ConfigError(
+            f"{name} is {quote(size)}; it must be 1 to {MAX_PIXELS} px, or a list of {n} such "
+            "numbers, one for each camera"
+        )
+    return [int(s) for s in sizes]
+
+
+def _without_fixed(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return ``arguments`` without those of robosuite that are checked or have no effect."""
+    parameters = {p.name for p in signature(ArticulatedObject.__init__).parameters.values()}
+    known = {f.name for f in fields(EnvConfig)} | parameters | {*FIXED, *UNUSED}
+    known -= {"self", "env_fields"}
+    for name in arguments:
         if name not in known:
-            raise ConfigError(f"ArticulatedObject: no argument {name!r}{nearest(name, known)}")
+            raise ConfigError(f"ArticulatedObject: no argument {quote(name)}{nearest(name, known)}")
     for name, accepted in FIXED.items():
-        if name in given and given[name] not in accepted:
-            right = " or ".join(map(repr, accepted))
-            raise ConfigError(f"{name} is {given[name]!r}; ArticulatedObject accepts {right}")
-    return {k: v for k, v in given.items() if k not in FIXED and k not in UNUSED}
+        value = arguments.get(name, accepted[0])
+        values = value if name in PER_CAMERA and isinstance(value, (list, tuple)) else [value]
+        if any(v not in accepted for v in values):
+            choices = " or ".join(map(repr, accepted))
+            raise ConfigError(f"{name} is {quote(value)}; ArticulatedObject accepts {choices}")
+    return {k: v for k, v in arguments.items() if k not in FIXED and k not in UNUSED}
 
 
 def _read(
-    given: dict[str, Any], noise: Any, control_freq: float | None, scene: Scene | None
+    arguments: dict[str, Any], noise: Any, control_freq: float | None, scene: Scene | None
 ) -> EnvConfig:
     if scene is not None and control_freq not in (None, scene.control.rate_hz):
         rate = f"{scene.control.rate_hz:g}"
-        raise ConfigError(f"control_freq is {control_freq}; the scene that is given has {rate}")
+        raise ConfigError(f"control_freq is {control_freq}; the given scene has {rate}")
     if control_freq is not None and scene is None:
-        control = to_plain(given.get("control") or {})
-        given = {**given, "control": {**control, "rate_hz": float(control_freq)}}
-    config = read_config(given, "ArticulatedObject", scene)
+        control = to_plain(arguments.get("control") or {})
+        arguments = {**arguments, "control": {**control, "rate_hz": float(control_freq)}}
+    config = read_config(arguments, "ArticulatedObject", scene)
     if noise == "default":
         return config
     kind = noise.get("type") if isinstance(noise, dict) else None
     if noise is not None and kind != "uniform":
         raise ConfigError(
-            f"initialization_noise is {noise!r}; accepted: 'default', None, or "
+            f"initialization_noise is {quote(noise)}; accepted: 'default', None, or "
             "{'type': 'uniform', 'magnitude': rad}"
         )
     start_rad = 0.0 if noise is None else float(noise.get("magnitude") or 0.0)

@@ -1,4 +1,4 @@
-"""What robosuite's users look into: the simulation, the robot, cameras and viewer of our scene."""
+"""Simulation, robot, cameras and viewer of a scene with the interfaces of robosuite."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from robosuite.utils.binding_utils import MjModel, MjSim
 
-from articulate.errors import EngineError, nearest
+from articulate.errors import EngineError, nearest, quote
 from articulate.render.canvas import Pixels
 from articulate.task.observation import ACTION
 from articulate.transforms import Array
@@ -21,11 +21,11 @@ CAMERAS: dict[str, tuple[float, float] | None] = {
     "sideview": (90.0, -15.0),
     "birdview": (0.0, -80.0),
 }
-"""Cameras: azimuth and elevation of their view [deg], None for the one that sees the hand best."""
+"""Azimuth and elevation of each camera [deg]; None: the view with the least occluded gripper."""
 
 
 class SceneModel:
-    """What ``env.model`` is: robosuite's way to the model as text."""
+    """``env.model`` of robosuite: the model as text."""
 
     def __init__(self, scene: Scene, engine: SingleEngine) -> None:
         self._scene = scene
@@ -34,7 +34,7 @@ class SceneModel:
         self.mujoco_robots: list[Any] = []
 
     def get_xml(self) -> str:
-        """The model at the episode's size as MJCF; meshes stand in it by their files."""
+        """Return the model at the size of the episode as MJCF, with the file names of meshes."""
         scene = self._scene
         scale, _ = self._engine.object_pose(0)
         spec = scene_spec(
@@ -50,11 +50,11 @@ class SceneModel:
         return str(spec.to_xml())
 
     def generate_id_mappings(self, sim: Any) -> None:
-        """Nothing: parts have no classes here."""
+        """Do nothing: robosuite's classes of parts are not used."""
 
 
 class NamedModel(MjModel):  # type: ignore[misc]  # robosuite has no types
-    """robosuite's view of the model, which says its text."""
+    """robosuite's wrapper of the model, with its text."""
 
     def __init__(self, scene: Scene, engine: SingleEngine) -> None:
         super().__init__(engine.model)
@@ -66,7 +66,7 @@ class NamedModel(MjModel):  # type: ignore[misc]  # robosuite has no types
 
 
 class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
-    """robosuite's view of the engine's model and data, with pictures of the scene as it looks."""
+    """robosuite's wrapper of the engine's model and data; images show the visual model."""
 
     def __init__(self, scene: Scene, engine: SingleEngine) -> None:
         super().__init__(engine.model)
@@ -75,8 +75,8 @@ class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
         self.data._data = engine.data
         self.scene = scene
         self._engine = engine
-        self._shown: tuple[float, bytes] | None = None
-        self._films: dict[tuple[int, int], SceneRenderer] = {}
+        self._rendered_pose: bytes | None = None
+        self._renderers: dict[tuple[int, int], SceneRenderer] = {}
 
     def render(
         self,
@@ -89,91 +89,93 @@ class SceneSim(MjSim):  # type: ignore[misc]  # robosuite has no types
         device_id: int = -1,
         segmentation: bool = False,
     ) -> Pixels:
-        """A picture (height, width, 3), rows from below as robosuite has it.
+        """Return an image (height, width, 3) [0 to 255], bottom row first as in robosuite.
 
         Raises:
-            EngineError: Depth or segmentation is asked for, or a camera that is not there.
-            MissingError: Nothing can be drawn here.
+            EngineError: Depth or segmentation is requested, or the camera is unknown.
+            MissingError: This machine cannot render.
         """
         if depth or segmentation or mode != "offscreen":
-            raise EngineError("sim.render draws colours alone: leave depth and segmentation out")
+            raise EngineError("sim.render supports RGB only: omit depth and segmentation")
         name = camera_name or "agentview"
         if name not in CAMERAS:
-            raise EngineError(f"no camera {name!r}{nearest(name, CAMERAS)}")
-        film = self._film((width or 256, height or 256))
-        qpos, way = self.data.qpos.copy(), CAMERAS[name]
+            raise EngineError(f"no camera {quote(name)}{nearest(name, CAMERAS)}")
+        renderer = self._renderer((width or 256, height or 256))
+        qpos, direction = self.data.qpos.copy(), CAMERAS[name]
         view = None
-        if way is not None:
-            view = film.view_from(qpos, azimuth_deg=way[0], elevation_deg=way[1])
-        return film.frame(qpos, view)[::-1]
+        if direction is not None:
+            azimuth, elevation = direction
+            view = renderer.view_from(qpos, azimuth_deg=azimuth, elevation_deg=elevation)
+        return renderer.frame(qpos, view)[::-1]
 
-    def _film(self, size: tuple[int, int]) -> SceneRenderer:
-        scale, T_wo = self._engine.object_pose(0)
-        if self._shown != (scale, T_wo.tobytes()):
-            self._close_films()
-            self._shown = (scale, T_wo.tobytes())
-        if size not in self._films:
-            self._films[size] = SceneRenderer(self.scene, scale=scale, T_wo=T_wo, size=size)
-        return self._films[size]
+    def _renderer(self, size: tuple[int, int]) -> SceneRenderer:
+        if self._rendered_pose != self.pose_id():
+            self.free()
+            self._rendered_pose = self.pose_id()
+        if size not in self._renderers:
+            scale, T_wo = self._engine.object_pose(0)
+            self._renderers[size] = SceneRenderer(self.scene, scale=scale, T_wo=T_wo, size=size)
+        return self._renderers[size]
 
-    def _close_films(self) -> None:
-        for film in self._films.values():
-            film.close()
-        self._films.clear()
-
-    def window(self) -> SceneViewer:
-        """A window on the episode's object."""
+    def viewer(self) -> SceneViewer:
+        """Open a viewer with the object of the episode."""
         scale, T_wo = self._engine.object_pose(0)
         return SceneViewer(self.scene, scale=scale, T_wo=T_wo)
 
     def pose_id(self) -> bytes:
-        """Tells objects of different sizes and poses apart."""
+        """Return a key of the size and pose of the object."""
         scale, T_wo = self._engine.object_pose(0)
         return np.float64(scale).tobytes() + T_wo.tobytes()
 
     def free(self) -> None:
-        """Give back pictures; model and data stay the engine's."""
-        self._close_films()
+        """Close the renderers; model and data belong to the engine."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
 
 
 class RobosuiteViewer:
-    """MuJoCo's viewer as robosuite calls its own: opened at the first picture."""
+    """MuJoCo's viewer with the interface of robosuite's; it opens with the first image."""
 
     def __init__(self, sim: SceneSim) -> None:
-        """For ``sim``; MissingError where there is no display."""
+        """Prepare a viewer of ``sim``.
+
+        Raises:
+            MissingError: There is no display.
+        """
         require_display()
         self._sim = sim
-        self._window: SceneViewer | None = None
+        self._viewer: SceneViewer | None = None
         self._pose = b""
 
     def update(self) -> None:
-        """Show the state of now, at its pace."""
-        if self._window is None or self._pose != self._sim.pose_id():
+        """Show the current state, in real time."""
+        if self._viewer is None or self._pose != self._sim.pose_id():
             self.close()
-            self._window, self._pose = self._sim.window(), self._sim.pose_id()
-        self._window.show(self._sim.data.qpos, self._sim.scene.control.step_s)
+            self._viewer, self._pose = self._sim.viewer(), self._sim.pose_id()
+        self._viewer.show(self._sim.data.qpos, self._sim.scene.control.step_s)
 
     render = update
 
     def reset(self) -> None:
-        """Nothing: the next picture shows the new episode."""
+        """Do nothing: the next image shows the new episode."""
 
     def close(self) -> None:
-        """Close the window."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        """Close the viewer."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
 
 
 class Panda:
-    """What ``robot.robot_model`` is: names that robosuite's wrappers ask for."""
+    """``robot.robot_model`` of robosuite: names that its wrappers require."""
 
     name = "Panda"
     naming_prefix = "robot0_"
 
 
 class RobosuiteRobot:
-    """What ``env.robots[0]`` is: the arm as robosuite's users ask it."""
+    """``env.robots[0]`` of robosuite: limits and joint state of the arm."""
 
     name = "Panda"
     arms = ("right",)
@@ -187,7 +189,7 @@ class RobosuiteRobot:
 
     @property
     def action_limits(self) -> tuple[Array, Array]:
-        """Lowest and highest action (8,), (8,)."""
+        """Lowest and highest action (8,), (8,), dimensionless."""
         return ACTION.low.astype(np.float64), ACTION.high.astype(np.float64)
 
     @property

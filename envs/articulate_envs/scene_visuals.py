@@ -1,4 +1,4 @@
-"""Stage: floor, stands, light and colours of a scene that people look at."""
+"""Floor, plinths, lights and colours of rendered scenes."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ FLOOR_RGB = ((0.80, 0.82, 0.83), (0.775, 0.795, 0.81))
 HORIZON_RGB, ZENITH_RGB = (0.93, 0.945, 0.955), (0.70, 0.78, 0.85)
 STAND_RGBA = (0.36, 0.39, 0.43, 1.0)
 PART_RGBA = ((0.80, 0.79, 0.76, 1.0), (0.72, 0.53, 0.34, 1.0), (0.55, 0.63, 0.66, 1.0))
-"""Colours of an object that brings none: root, the first moving link, the second, in turn."""
+"""Colours of an object without colours: root, then the moving links in turn."""
 TILE_M = 0.5
 FIELD_OF_VIEW_DEG = 34.0
-"""Height of the picture as an angle at the camera; small, so that little is distorted."""
+"""Vertical field of view [deg]; small, to limit perspective distortion."""
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
 
 
-def set_stage(
+def add_scene_visuals(
     spec: mujoco.MjSpec, asset: Asset, *, scale: float, T_wo: Array, size: tuple[int, int]
 ) -> None:
-    """Replace floor, stands, sky and lights of ``spec`` and paint an object without colours.
+    """Replace floor, plinths, sky and lights of ``spec`` and colour an object without colours.
 
     Args:
-        spec: Scene with visuals.
+        spec: Scene with visual geoms.
         asset: Its object.
-        scale: Size of the object.
-        T_wo: Pose of the object in the world (4, 4).
-        size: Width and height of the pictures [px].
+        scale: Size factor of the object.
+        T_wo: Pose of the object in the world (4, 4), homogeneous.
+        size: Width and height of images [px].
     """
     for name in ("floor", "robot_stand", "object_stand"):
         geom = spec.geom(name)
@@ -98,7 +98,7 @@ def _add_stand(
     top: float,
     yaw_rad: float,
 ) -> None:
-    """A plinth below what does not stand on the floor."""
+    """Add a plinth below an object above the floor."""
     height = top - floor_z
     if height < 0.01:
         return
@@ -125,7 +125,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
 
 
 def _paint(spec: mujoco.MjSpec) -> None:
-    """Show collision geoms of an object that has no visual ones, and paint what has no colour."""
+    """Show collision geoms of an object without visual geoms; colour geoms without a colour."""
     own = [g for g in spec.geoms if g.parent.name.startswith(PREFIX)]
     seen = [g for g in own if g.contype == 0 and g.conaffinity == 0]
     links = [b.name for b in spec.bodies if b.name.startswith(PREFIX)]

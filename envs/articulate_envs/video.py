@@ -1,4 +1,4 @@
-"""Films: what happened in a scene as a clip or a picture, drawn without a screen."""
+"""Videos and images of a scene, rendered without a display."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from articulate_envs.scene import PREFIX, Scene, scene_spec
 from articulate_envs.scene_visuals import add_scene_visuals
 
 FRAMES_PER_S = 20
-"""Frames of a clip in a second; a tick of the default rate is one."""
+"""Frame rate of videos [1/s]: one frame a control step at the default rate."""
 SIZE = (480, 360)
-"""Width and height of a clip [px]; even numbers, as H.264 wants them."""
-PICTURE_SIZE = (960, 720)
-"""Width and height of a picture [px]."""
+"""Width and height of a video [px]; H.264 requires even numbers."""
+IMAGE_SIZE = (960, 720)
+"""Width and height of an image [px]."""
 AZIMUTHS_DEG = (52.0, -52.0, 68.0, -68.0, 84.0, -84.0, 100.0, -100.0)
-"""Directions of view that are tried, from along +x (the arm faces it) towards +y."""
+"""Candidate directions of view, from +x (in front of the arm) towards +y [deg]."""
 ELEVATIONS_DEG = (-22.0, -34.0)
 NEAR_M = 0.6
-"""The object is shown this far around the hand at least [m]."""
+"""Least part of the object around the gripper that a view contains [m]."""
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
-    """Put ``data`` at positions (nq,): what drawing needs, and no dynamics."""
+    """Set ``data`` to positions (nq,) [m or rad] and update what rendering needs."""
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -42,7 +42,7 @@ def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> No
 
 
 class SceneRenderer:
-    """Draws a scene at positions of its model; close it, or use it in a ``with`` block."""
+    """Renderer of a scene at given positions; close it or use it in a ``with`` block."""
 
     def __init__(
         self,
@@ -53,17 +53,17 @@ class SceneRenderer:
         size: tuple[int, int] = SIZE,
         shadows: bool = False,
     ) -> None:
-        """Prepare drawing.
+        """Compile the visual model and open a rendering context.
 
         Args:
-            scene: What is drawn.
-            scale: Size of the object in this episode.
-            T_wo: Pose of the object in this episode (4, 4); its nominal place by default.
+            scene: Scene to render.
+            scale: Size factor of the object in this episode.
+            T_wo: Pose of the object in this episode (4, 4); its nominal placement by default.
             size: Width and height [px].
-            shadows: Draw shadows; a frame then takes some five times as long.
+            shadows: Render shadows; a frame then takes about five times as long.
 
         Raises:
-            MissingError: Nothing can be drawn here.
+            MissingError: This machine cannot render.
         """
         self.scene = scene
         self._model = visual_model(scene, scale=scale, T_wo=T_wo, size=size)
@@ -74,16 +74,16 @@ class SceneRenderer:
         self._view: Viewpoint | None = None
 
     def choose_view(self, qpos: Array) -> Viewpoint:
-        """Look so that hand and handle are seen best over positions (T, nq), and keep that view."""
-        moments = qpos[np.linspace(0, len(qpos) - 1, min(len(qpos), 5)).astype(int)]
-        seen = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
+        """Choose and keep the view that shows the gripper best over positions (T, nq)."""
+        samples = qpos[np.linspace(0, len(qpos) - 1, min(len(qpos), 5)).astype(int)]
+        visible = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
         points = []
-        for q in moments:
-            self._place(q)
+        for q in samples:
+            self._set_positions(q)
             points.append(self._points_of_interest())
-            seen += self._visible(self._data.site("tool").xpos)
-        # The first of equals wins: they stand in order of how well they look.
-        row, column = np.unravel_index(int(np.argmax(seen)), seen.shape)
+            visible += self._visible(self._data.site("tool").xpos)
+        # Among equals the first counts: directions are in order of preference.
+        row, column = np.unravel_index(int(np.argmax(visible)), visible.shape)
         self._view = fit_viewpoint(
             np.concatenate(points),
             azimuth_deg=AZIMUTHS_DEG[column],
@@ -94,8 +94,8 @@ class SceneRenderer:
         return self._view
 
     def view_from(self, qpos: Array, *, azimuth_deg: float, elevation_deg: float) -> Viewpoint:
-        """The view in a given direction that shows hand and object at positions (nq,)."""
-        self._place(qpos)
+        """Return the view in a given direction [deg] of gripper and object at positions (nq,)."""
+        self._set_positions(qpos)
         return fit_viewpoint(
             self._points_of_interest(),
             azimuth_deg=azimuth_deg,
@@ -105,11 +105,11 @@ class SceneRenderer:
         )
 
     def frame(self, qpos: Array, view: Viewpoint | None = None) -> Pixels:
-        """The scene at positions (nq,), shape (height, width, 3).
+        """Return an image of the scene, shape (height, width, 3) [0 to 255].
 
         Args:
-            qpos: Positions of the scene's model.
-            view: Where the camera stands; by default where :meth:`choose_view` put it.
+            qpos: Positions of the scene's model (nq,) [m or rad].
+            view: Pose of the camera, by default that of :meth:`choose_view`.
         """
         chosen = view or self._view or self.choose_view(qpos[None])
         camera = mujoco.MjvCamera()
@@ -117,18 +117,18 @@ class SceneRenderer:
         camera.lookat[:] = chosen.lookat_w
         camera.distance = chosen.distance_m
         camera.azimuth, camera.elevation = chosen.azimuth_deg, chosen.elevation_deg
-        self._place(qpos)
+        self._set_positions(qpos)
         return self._canvas.draw(self._data, camera)
 
     def frames(self, qpos: Array) -> Iterator[Pixels]:
-        """One frame for each row of positions (T, nq)."""
+        """Yield an image for each row of positions (T, nq) [m or rad]."""
         if self._view is None:
             self.choose_view(qpos)
         for q in qpos:
             yield self.frame(q)
 
     def close(self) -> None:
-        """Give back the drawing context."""
+        """Close the rendering context."""
         self._canvas.close()
 
     def __enter__(self) -> SceneRenderer:
@@ -142,11 +142,11 @@ class SceneRenderer:
     ) -> None:
         self.close()
 
-    def _place(self, qpos: Array) -> None:
+    def _set_positions(self, qpos: Array) -> None:
         set_positions(self._model, self._data, qpos)
 
     def _points_of_interest(self) -> Array:
-        """Corners around the arm, the moving part, and what of the object is near it (P, 3)."""
+        """Return corners of the arm, the moving part and the nearby object (P, 3) [m]."""
         model, data = self._model, self._data
         tool = data.site("tool").xpos
         part = int(model.joint(PREFIX + self.scene.task.joint).bodyid[0])
@@ -164,10 +164,10 @@ class SceneRenderer:
         return np.concatenate(out)
 
     def _visible(self, tool: Array) -> Array:
-        """Whether the tool's surroundings are seen, by elevation and azimuth, in [0, 1]."""
+        """Return the visible share of points around the tool, by elevation and azimuth."""
         out = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
         gripper = self._model.body(HAND_BODY).id
-        own = {i for i in range(self._model.nbody) if self._below(i, gripper)}
+        bodies = {i for i in range(self._model.nbody) if self._below(i, gripper)}
         points = tool + 0.05 * np.array([[0, 0, 0], [-1, 0, 0], [0, 0, 1.0], [0, 1, 0], [0, -1, 0]])
         group = np.isin(np.arange(mujoco.mjNGROUP), GEOM_GROUPS).astype(np.uint8)
         hit = np.zeros(1, dtype=np.int32)
@@ -178,7 +178,7 @@ class SceneRenderer:
                     start = point + 3.0 * away
                     far = mujoco.mj_ray(self._model, self._data, start, -away, group, 1, -1, hit)
                     body = int(self._model.geom_bodyid[hit[0]]) if hit[0] >= 0 else -1
-                    out[i, j] += far < 0.0 or far > 2.95 or body in own
+                    out[i, j] += far < 0.0 or far > 2.95 or body in bodies
         return out / len(points)
 
     def _below(self, body: int, top: int) -> bool:
@@ -194,7 +194,7 @@ def visual_model(
     T_wo: Array | None = None,
     size: tuple[int, int] = SIZE,
 ) -> mujoco.MjModel:
-    """The scene as people see it; the arguments are :class:`SceneRenderer`'s."""
+    """Return the model with visual geoms; arguments as in :class:`SceneRenderer`."""
     T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
     spec = scene_spec(
         scene.asset,
@@ -226,22 +226,22 @@ def write_episode_video(
     step_s: float = 1.0 / FRAMES_PER_S,
     size: tuple[int, int] = SIZE,
 ) -> Path:
-    """Write a clip of an episode as MP4 (H.264) and return its path.
+    """Write a video of an episode as MP4 (H.264) and return its path.
 
     Args:
-        path: File that is written, whole or not at all.
-        scene: What is drawn.
-        qpos: Positions of the scene's model, one row a tick (T, nq).
-        scale: Size of the object in this episode.
-        T_wo: Pose of the object in this episode (4, 4); its nominal place by default.
-        tick_s: Time between rows [s].
+        path: File to write, completely or not at all.
+        scene: Scene to render.
+        qpos: Positions of the scene's model (T, nq) [m or rad], one row a control step.
+        scale: Size factor of the object in this episode.
+        T_wo: Pose of the object in this episode (4, 4); its nominal placement by default.
+        step_s: Time between rows [s].
         size: Width and height [px].
 
     Raises:
-        MissingError: Nothing can be drawn here, or the encoder is not installed.
+        MissingError: This machine cannot render, or the encoder is not installed.
     """
-    with SceneRenderer(scene, scale=scale, T_wo=T_wo, size=size) as film:
-        return write_video(path, film.frames(np.asarray(qpos)), size, round(1.0 / step_s))
+    with SceneRenderer(scene, scale=scale, T_wo=T_wo, size=size) as renderer:
+        return write_video(path, renderer.frames(np.asarray(qpos)), size, round(1.0 / step_s))
 
 
 def render_png(
@@ -250,16 +250,23 @@ def render_png(
     *,
     scale: float = 1.0,
     T_wo: Array | None = None,
-    size: tuple[int, int] = PICTURE_SIZE,
+    size: tuple[int, int] = IMAGE_SIZE,
 ) -> bytes:
-    """A PNG of the scene at positions (nq,), with shadows; the arguments are :func:`write_episode_video`'s.
+    """Return a PNG of the scene with shadows, at twice the resolution and then averaged.
+
+    Args:
+        scene: Scene to render.
+        qpos: Positions of the scene's model (nq,) [m or rad].
+        scale: Size factor of the object.
+        T_wo: Pose of the object (4, 4); its nominal placement by default.
+        size: Width and height [px].
 
     Raises:
-        MissingError: Nothing can be drawn here.
+        MissingError: This machine cannot render.
     """
     double = (2 * size[0], 2 * size[1])
-    with SceneRenderer(scene, scale=scale, T_wo=T_wo, size=double, shadows=True) as film:
-        image = Image.fromarray(film.frame(np.asarray(qpos))).resize(size, Image.Resampling.BOX)
+    with SceneRenderer(scene, scale=scale, T_wo=T_wo, size=double, shadows=True) as renderer:
+        image = Image.fromarray(renderer.frame(np.asarray(qpos))).resize(size, Image.Resampling.BOX)
     out = BytesIO()
     image.save(out, "PNG", optimize=True)
     return out.getvalue()

@@ -1,4 +1,4 @@
-"""A window: a scene in MuJoCo's own viewer, where there is a display."""
+"""A scene in MuJoCo's interactive viewer; it requires a display."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from articulate_envs.scene import Scene
 from articulate_envs.video import set_positions, visual_model
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-"""Environment variables of which one names the display, on Linux."""
+"""Environment variables that name the display on Linux."""
 
 
 def has_display(environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether a window can be asked for here."""
+    """Return whether a window can be opened on this machine."""
     return sys.platform != "linux" or any(environment.get(name) for name in DISPLAYS)
 
 
 class SceneViewer:
-    """Shows a scene at positions of its model; a user turns and closes it."""
+    """Interactive window of a scene at given positions of its model."""
 
     def __init__(self, scene: Scene, *, scale: float, T_wo: Array) -> None:
         """Open the window.
 
         Args:
-            scene: What is shown.
-            scale: Size of the object.
+            scene: Scene to show.
+            scale: Size factor of the object.
             T_wo: Pose of the object in the world (4, 4).
 
         Raises:
@@ -43,7 +43,7 @@ class SceneViewer:
         self._next_s = time.monotonic()
 
     def show(self, qpos: Array, step_s: float = 0.0) -> None:
-        """Show positions (nq,), ``step_s`` [s] after those before; no harm in a closed window."""
+        """Show positions (nq,), ``step_s`` [s] after the previous ones, unless it was closed."""
         if self._viewer.is_running():
             with self._viewer.lock():
                 set_positions(self._model, self._data, qpos)
@@ -58,7 +58,7 @@ class SceneViewer:
 
 
 def require_display() -> None:
-    """Refuse a window where there can be none.
+    """Check that a display is configured.
 
     Raises:
         MissingError: There is no display.
@@ -67,17 +67,18 @@ def require_display() -> None:
         raise MissingError(_NO_WINDOW.format(f"neither {' nor '.join(DISPLAYS)} is set"))
 
 
-_NO_WINDOW = "no window here: {}; take pictures (rgb_array) instead, or set DISPLAY"
+_NO_WINDOW = "cannot open a window: {}; use images (rgb_array) instead, or set DISPLAY"
 
 
 def _open(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
-    """MuJoCo's viewer beside this thread; it is asked for only where it can come up.
+    """Open MuJoCo's viewer in another thread.
 
-    Where GLFW finds no display, the viewer's thread would end and its caller wait for ever.
+    GLFW is checked first: without a display the thread of the viewer would end and its caller
+    would block forever.
     """
     require_display()
     try:
-        # They bring OpenGL, which pictures alone and machines without a screen do without.
+        # They load OpenGL, which off-screen rendering does not need.
         import glfw
         import mujoco.viewer  # noqa: TID251
 

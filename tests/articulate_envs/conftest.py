@@ -48,9 +48,9 @@ def cabinet_folder(tmp_path_factory):
 
 @pytest.fixture
 def named(cabinet_folder, monkeypatch):
-    """Arguments of an environment on a cabinet of ours, which is taken as it is, unproven."""
+    """Arguments of an environment on a small cabinet, without its checks."""
     monkeypatch.setattr(
-        "articulate_envs.make_scene.proven_asset", lambda path, *_: load_asset(path)
+        "articulate_envs.make_scene.load_checked_asset", lambda path, *_: load_asset(path)
     )
     return {
         "asset": str(cabinet_folder),
@@ -75,7 +75,7 @@ def made(named):
 
 @pytest.fixture
 def opened(monkeypatch):
-    """Viewers that were opened: there is a display, and nobody waits."""
+    """Viewers that were opened, with a display and without delays."""
     viewers = []
 
     def open_one(model, data):
@@ -89,7 +89,7 @@ def opened(monkeypatch):
 
 
 class Viewer:
-    """Stands in for MuJoCo's viewer."""
+    """Substitute of MuJoCo's viewer."""
 
     def __init__(self, model, data):
         self.model, self.data, self.seen, self.open = model, data, [], True

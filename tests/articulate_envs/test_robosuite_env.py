@@ -11,7 +11,7 @@ from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization import COLUMNS
 from articulate_envs import robosuite_sim, viewer
 from articulate_envs.robosuite_env import ArticulatedObject
-from articulate_envs.video import Film
+from articulate_envs.video import SceneRenderer
 
 STILL = np.zeros(8)
 
@@ -119,7 +119,7 @@ def test_success_is_paid_once_though_the_episode_goes_on(drawer):
     endless = ArticulatedObject("Panda", scene=drawer, ignore_done=True)
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
-    endless.set_ep_meta({"q": aside, "opened": 0.9, "draw": still})
+    endless.set_ep_meta({"q": aside, "opened": 0.9, "episode_params": still})
     endless.reset()
     rewards = [endless.step(STILL)[1] for _ in range(drawer.ticks + 3)]
     paid = np.flatnonzero(np.array(rewards) > 30.0)
@@ -129,7 +129,7 @@ def test_success_is_paid_once_though_the_episode_goes_on(drawer):
 def test_success_is_what_the_judgement_says(drawer, env):
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
-    env.set_ep_meta({"q": aside, "opened": 0.9, "draw": still})
+    env.set_ep_meta({"q": aside, "opened": 0.9, "episode_params": still})
     env.reset()
     assert not env._check_success()
     for _ in range(drawer.ticks):
@@ -150,7 +150,7 @@ def test_rewards_are_scaled(drawer):
 
 def drawn(env):
     env.reset()
-    return env.get_ep_meta()["draw"]
+    return env.get_ep_meta()["episode_params"]
 
 
 def test_seed_decides_everything(drawer):
@@ -197,6 +197,10 @@ def test_noise_of_the_start_is_robosuites_to_set(drawer, noise, spread):
         ("gripper_types=Robotiq85Gripper", {"gripper_types": "Robotiq85Gripper"}),
         ("renderer=mujoco", {"renderer": "mujoco"}),
         ("camera_depths=True", {"camera_depths": True}),
+        ("camera_depths=[False, True]", {"camera_depths": [False, True]}),
+        ("camera_heights=[48, 48]", {"camera_heights": [48, 48]}),
+        ("camera_widths=0", {"camera_widths": 0}),
+        ("camera_widths=text", {"camera_widths": "64"}),
         ("camera_names=frontview", {"camera_names": "frontview"}),
         ("initialization_noise=gaussian", {"initialization_noise": {"type": "gaussian"}}),
         ("horizn=3", {"horizn": 3}),
@@ -282,6 +286,24 @@ def test_closed_twice_and_begun_again(drawer):
 
 
 @pytest.mark.render
+def test_each_camera_may_have_its_size(drawer):
+    env = ArticulatedObject(
+        "Panda",
+        scene=drawer,
+        use_camera_obs=True,
+        camera_names=["agentview", "sideview"],
+        camera_heights=[48, 48],
+        camera_widths=[64, 80],
+        camera_depths=[False, False],
+        camera_segmentations=[None, None],
+    )
+    observations = env.reset()
+    assert observations["agentview_image"].shape == (48, 64, 3)
+    assert observations["sideview_image"].shape == (48, 80, 3)
+    env.close()
+
+
+@pytest.mark.render
 def test_cameras_give_pictures_the_way_round_that_robosuite_has_them(drawer):
     names = list(robosuite_sim.CAMERAS)
     env = ArticulatedObject(
@@ -297,7 +319,7 @@ def test_cameras_give_pictures_the_way_round_that_robosuite_has_them(drawer):
     assert all(p.shape == (120, 160, 3) for p in pictures)
     assert np.any(pictures[0] != pictures[1])
     scale, T_wo = env.engine.object_pose(0)
-    with Film(drawer, scale=scale, T_wo=T_wo, size=(160, 120)) as film:
+    with SceneRenderer(drawer, scale=scale, T_wo=T_wo, size=(160, 120)) as film:
         upright = film.frame(env.sim.data.qpos.copy())
     assert_array_equal(pictures[0], upright[::-1])
     assert_array_equal(env.sim.render(width=160, height=120, camera_name=names[0]), pictures[0])

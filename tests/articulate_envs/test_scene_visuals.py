@@ -4,7 +4,7 @@ import pytest
 from articulate.simulator import mujoco
 from articulate.task.object_placement import object_pose
 from articulate_envs.scene import PREFIX, scene_spec
-from articulate_envs.scene_visuals import PART_RGBA, set_stage
+from articulate_envs.scene_visuals import PART_RGBA, add_scene_visuals
 
 
 def _spec(scene, scale=1.0):
@@ -33,7 +33,7 @@ def test_object_and_robot_stand_on_what_is_below_them(drawer, scale):
         yaw=np.array([0.1]),
     )[0]
     spec = _spec(drawer, scale)
-    set_stage(spec, drawer.asset, scale=scale, T_wo=T_wo, size=(64, 48))
+    add_scene_visuals(spec, drawer.asset, scale=scale, T_wo=T_wo, size=(64, 48))
     model = spec.compile()
     floor_z = model.geom("floor").pos[2]
     assert floor_z == min(0.0, T_wo[2, 3])
@@ -47,7 +47,7 @@ def test_object_and_robot_stand_on_what_is_below_them(drawer, scale):
 
 def test_an_object_without_visual_geoms_shows_its_others_in_a_colour_for_each_link(drawer):
     spec = _spec(drawer)
-    set_stage(spec, drawer.asset, scale=1.0, T_wo=drawer.place.T_wo(), size=(64, 48))
+    add_scene_visuals(spec, drawer.asset, scale=1.0, T_wo=drawer.place.T_wo(), size=(64, 48))
     model = spec.compile()
     colours: dict[str, set[tuple[float, ...]]] = {}
     for i in range(model.ngeom):
@@ -62,7 +62,7 @@ def test_an_object_without_visual_geoms_shows_its_others_in_a_colour_for_each_li
 
 def test_the_model_moves_as_the_one_that_is_simulated(drawer):
     spec = _spec(drawer)
-    set_stage(spec, drawer.asset, scale=1.0, T_wo=drawer.place.T_wo(), size=(64, 48))
+    add_scene_visuals(spec, drawer.asset, scale=1.0, T_wo=drawer.place.T_wo(), size=(64, 48))
     model = spec.compile()
     assert model.nq == drawer.nominal.nq
     for i in range(model.njnt):

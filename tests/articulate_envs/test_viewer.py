@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from articulate.simulator import mujoco
-from articulate_envs.viewer import Window, has_display
+from articulate_envs.viewer import SceneViewer, has_display
 
 
 def test_display_is_what_the_environment_names(monkeypatch):
@@ -33,13 +33,13 @@ def test_display_that_does_not_answer_is_told_in_one_line(drawer, monkeypatch, e
     """MuJoCo's own call would wait for ever."""
     answering(monkeypatch, init=False)
     T_wo = drawer.place.T_wo()
-    error_line("Window(DISPLAY=:99)", lambda: Window(drawer, scale=1.0, T_wo=T_wo))
+    error_line("SceneViewer(DISPLAY=:99)", lambda: SceneViewer(drawer, scale=1.0, T_wo=T_wo))
 
     def refuse(*_, **__):
         raise RuntimeError("`launch_passive` requires that the script be run under `mjpython`")
 
     answering(monkeypatch, init=True, launch=refuse)
-    error_line("Window(macOS, python)", lambda: Window(drawer, scale=1.0, T_wo=T_wo))
+    error_line("SceneViewer(macOS, python)", lambda: SceneViewer(drawer, scale=1.0, T_wo=T_wo))
 
 
 def test_window_shows_positions_at_their_pace(drawer, monkeypatch):
@@ -65,7 +65,7 @@ def test_window_shows_positions_at_their_pace(drawer, monkeypatch):
     slept: list[float] = []
     monkeypatch.setattr(time, "sleep", slept.append)
     monkeypatch.setattr(time, "monotonic", lambda: 5.0)
-    opened = Window(drawer, scale=1.1, T_wo=drawer.place.T_wo())
+    opened = SceneViewer(drawer, scale=1.1, T_wo=drawer.place.T_wo())
     q = drawer.nominal.qpos0 + 0.01
     for _ in range(2):
         opened.show(q, 0.05)

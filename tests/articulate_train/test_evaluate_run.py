@@ -28,7 +28,9 @@ from articulate_train.train_seed import PROGRESS
 def films(monkeypatch):
     """Names of the films that were asked for; nothing is drawn."""
     asked = []
-    monkeypatch.setattr(judging, "write_episode_video", lambda path, *_, **__: asked.append(path.name))
+    monkeypatch.setattr(
+        judging, "write_episode_video", lambda path, *_, **__: asked.append(path.name)
+    )
     monkeypatch.setattr(judging, "render_png", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
     return asked
 

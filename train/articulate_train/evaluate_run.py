@@ -18,6 +18,7 @@ import numpy as np
 from articulate.config import to_yaml
 from articulate.errors import MissingError
 from articulate.files import write_bytes
+from articulate.statistics import percent
 from articulate.task.task import Task, done_word
 from articulate_envs.rewards import TERMS
 from articulate_envs.scene import Scene
@@ -29,7 +30,6 @@ from articulate_train.report import Curve, Report, RunInfo, Timeline, make_repor
 from articulate_train.report_html import write_report
 from articulate_train.run import DONE, Run, done_steps, versions
 from articulate_train.seed_runner import processors, read_progress
-from articulate.statistics import percent
 from articulate_train.training_time import training_s
 
 log = logging.getLogger(__name__)
@@ -180,7 +180,7 @@ def _info(run: Run, evaluated: Run, also: str = "") -> RunInfo:
         asset=evaluated.asset.name,
         task=evaluated.task.name,
         joint=evaluated.task.joint,
-        describe_target=describe_target(evaluated.task),
+        target_text=describe_target(evaluated.task),
         target=evaluated.task.target,
         steps=config.steps,
         seconds=seconds,
@@ -211,7 +211,9 @@ def _unfinished(run: Run) -> str:
 def commit() -> str:
     """Return the commit of the code if it is a checkout, else ``"unknown"``."""
     try:
-        _git("ls-files", "--error-unmatch", Path(__file__).name)  # not the checkout of another project
+        _git(
+            "ls-files", "--error-unmatch", Path(__file__).name
+        )  # not the checkout of another project
         return _git("rev-parse", "--short", "HEAD")
     except (OSError, subprocess.SubprocessError):
         return "unknown"

@@ -98,7 +98,10 @@ class Learner:
             model.policy.log_std.clamp_(max=bound)
         try:
             model.collect_rollouts(
-                self.normalization, self._callback, model.rollout_buffer, n_rollout_steps=model.n_steps
+                self.normalization,
+                self._callback,
+                model.rollout_buffer,
+                n_rollout_steps=model.n_steps,
             )
             model._update_current_progress_remaining(model.num_timesteps, total)
             self._update()
@@ -248,13 +251,15 @@ def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:
         seed=seed,
         device="cpu",
         policy_kwargs={
-            "net_arch": list(config.net),
+            "net_arch": list(config.net_arch),
             "activation_fn": nn.ELU,
             "log_std_init": config.log_std_init,
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # Stable-Baselines3's eps
         },
     )
-    model.set_logger(Logger(folder=None, output_formats=[]))  # the default logger makes a folder in /tmp
+    model.set_logger(
+        Logger(folder=None, output_formats=[])
+    )  # the default logger makes a folder in /tmp
     return model
 
 
