@@ -28,14 +28,12 @@ from articulate.formats.decompose_joints import expand
 from articulate.formats.link_tree import Part, build_parts, poses_at
 from articulate.formats.load_meshes import PartGeometry, bounds
 from articulate.formats.orient_collada import loaded
-from articulate.formats.read_mjcf import read_mjcf
-from articulate.formats.read_mjcf_files import is_mjcf
-from articulate.formats.read_urdf import read_urdf
+from articulate.formats.read_source import find_source, read_source
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceObject, free_name
 from articulate.geometry.collision import collision_shapes
 from articulate.geometry.inertia import inertial_of
-from articulate.geometry.presets import given_dynamics, joint_preset, weight
+from articulate.geometry.presets import joint_dynamics, joint_preset, weight
 from articulate.geometry.rays import NOTHING
 from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
@@ -84,47 +82,8 @@ def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Ass
     """
     config = config or ConvertConfig()
     _check_out(out)
-    asset, bodies, mimics = build_asset(read_input(urdf_in(source), config), config)
+    asset, bodies, mimics = build_asset(read_input(find_source(source), config), config)
     return write_asset(asset, bodies, mimics, out)
-
-
-def urdf_in(source: Path) -> Path:
-    """The URDF or MJCF file that ``source`` is or holds; a folder's only URDF comes first.
-
-    Raises:
-        AssetError: There is none, or more than one, or it cannot be looked at.
-    """
-    try:
-        return _only_source(source)
-    except OSError as error:  # a name too long, a folder that is closed
-        raise AssetError(f"{source}: cannot be read ({error.strerror}); give another") from None
-
-
-def _only_source(source: Path) -> Path:
-    if not source.exists():
-        raise AssetError(
-            f"{source}: does not exist; give a URDF, an MJCF file or a folder that holds one"
-        )
-    if not source.is_dir():
-        return source
-    urdfs = sorted(source.glob("*.urdf"))
-    found = urdfs or sorted(p for p in source.iterdir() if p.suffix.lower() in {".xml", ".mjcf"})
-    if len(found) != 1:
-        names = ", ".join(p.name for p in found[:6])
-        kind = "URDFs" if urdfs else "URDF or MJCF files"
-        if not found:
-            raise AssetError(f"{source}: holds no URDF or MJCF file; give one, or a folder of one")
-        raise AssetError(f"{source}: holds {len(found)} {kind} ({names}); name one")
-    return found[0]
-
-
-def read_source(path: Path) -> SourceObject:
-    """What stands in the URDF or MJCF file at ``path``.
-
-    Raises:
-        AssetError: It cannot be read, or holds no object.
-    """
-    return read_mjcf(path) if is_mjcf(path) else read_urdf(path)
 
 
 def read_input(path: Path, config: ConvertConfig) -> Reading:
@@ -345,7 +304,7 @@ def _bodies(
             armature = said if said and not rescaled else preset.armature
             joint = _joint(part.joint.name, name, parent, travel, place.scale, T_op)
             given = (part.joint.damping, part.joint.friction)
-            damping, friction = given_dynamics(preset, *given, rescaled=rescaled)
+            damping, friction = joint_dynamics(preset, *given, rescaled=rescaled)
             joint = replace(joint, damping=damping, frictionloss=friction)
         bodies.append(
             Body(
@@ -400,7 +359,7 @@ def _note_inertia(
     """Say where masses come from that do not stand in the source."""
     repairs = reading.source.repairs
     said = any(link.inertial is not None for link in reading.source.links.values())
-    computed = sum(not body.inertial.given for body in bodies)
+    computed = sum(not body.inertial.from_source for body in bodies)
     if said and rescaled:
         repairs.add("masses, damping and friction of the file left out, for it is not metric")
     if computed and (rescaled or not said):

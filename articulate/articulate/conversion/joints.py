@@ -71,8 +71,8 @@ def travel_of(
         geometry: Geometry of the part that it moves.
         config: Options of the conversion; ``closed`` is used.
         repairs: Receives the changes.
-        box_volume: Decides between closed positions where 0 lies inside the range; None without
-            geometry of the other parts.
+        box_volume: Decides between closed positions where 0 is inside the range; None: the limit
+            nearer to 0.
     """
     kind: Literal["slide", "hinge"] = "slide" if joint.kind == "prismatic" else "hinge"
     axis = unit_axis(joint)
@@ -90,6 +90,8 @@ def travel_of(
         return Travel(
             kind=kind, axis=axis, lower=None, upper=None, closed=0.0, open=far, closed_rule=rule
         )
+    if joint.mimic is not None:  # its leader decides which positions occur
+        box_volume = None
     closed, far, rule = closed_and_open(kind, lower, upper, config.closed, box_volume)
     if lower < closed < upper:
         kept = f"{min(closed, far):.4g} to {max(closed, far):.4g}"
@@ -179,7 +181,7 @@ def closed_and_open(
 ) -> tuple[float, float, str]:
     """Return the closed position, the open one and the rule that chose them.
 
-    Where 0 lies well inside the range, the closed position is the one of lower limit, 0 and upper
+    Where 0 is well inside the range, the closed position is the one of lower limit, 0 and upper
     limit at which the box around the part and its parent is smallest. Otherwise it is the limit
     nearer to 0.
     """
@@ -187,7 +189,7 @@ def closed_and_open(
     if choice in ("lower", "upper") or (choice == "zero" and lower < 0.0 < upper):
         return _opened(ends, choice, f"closed is {_words(choice)} as requested")
     least = WELL_INSIDE * (upper - lower)
-    if choice == "auto" and -lower > least and upper > least:
+    if choice == "auto" and box_volume and -lower > least and upper > least:
         return _opened(ends, *_most_compact(kind, ends, box_volume))
     near = "lower" if abs(lower) <= abs(upper) else "upper"
     outside = "0 is no inner position: " if choice == "zero" else ""
@@ -207,17 +209,15 @@ def _opened(ends: Mapping[str, float], closed: str, rule: str) -> tuple[float, f
     return 0.0, ends[far], f"{rule}; it opens to the {far} limit ({why})"
 
 
-def _most_compact(
-    kind: str, ends: Mapping[str, float], box_volume: BoxVolume | None
-) -> tuple[str, str]:
+def _most_compact(kind: str, ends: Mapping[str, float], box_volume: BoxVolume) -> tuple[str, str]:
     """Choose the closed position of a joint with 0 inside its range, and explain it."""
-    volumes = {name: 1.0 if box_volume is None else box_volume(q) for name, q in ends.items()}
+    volumes = {name: box_volume(q) for name, q in ends.items()}
     least = min(volumes.values())
     alike = [name for name, volume in volumes.items() if volume <= TIE * least]
     if len(alike) == 1:
         other = min(volume for name, volume in volumes.items() if name not in alike)
         return alike[0], (
-            f"0 lies inside the range, closed is {_words(alike[0])}: the box around the part and "
+            f"0 is inside the range, closed is {_words(alike[0])}: the box around the part and "
             f"its parent is {1.0 - least / other:.0%} smaller there"
         )
     lower, upper = ends["lower"], ends["upper"]

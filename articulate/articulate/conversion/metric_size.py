@@ -65,8 +65,10 @@ LEAST_M = 0.005
 """Shortest object [m] that is read as metric."""
 MOST_M = 8.0
 """Longest object [m] that is read as metric: a car is 4 m long, a wall of cabinets 6 m."""
+UNLIKELY_M = 25.0
+"""Longest side [m] above which the unit of an object of unknown category is guessed."""
 LIKELY_M = (0.1, 3.0)
-"""Longest side [m] that objects of unknown category have in the unit of the file."""
+"""Longest side [m] of an object of unknown category in the guessed unit."""
 LIKELY_FACTOR = 3.0
 """Largest factor between the size of an object and that of its category."""
 DOUBTFUL_FACTOR = 12.0
@@ -154,7 +156,7 @@ def _likely_unit(longest: float, typical: float | None) -> str | None:
         typical: Longest side of the category [m], if that is known.
     """
     if typical is None:
-        low, high, metric = *LIKELY_M, MOST_M
+        low, high, metric = *LIKELY_M, UNLIKELY_M
     else:
         low, high = typical / LIKELY_FACTOR, typical * LIKELY_FACTOR
         metric = DOUBTFUL_FACTOR * typical

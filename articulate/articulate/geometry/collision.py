@@ -1,4 +1,4 @@
-"""Collision shapes of a part: hollow where it is hollow, few, and boxes where they fit."""
+"""Collision shapes of a part: few convex shapes, boxes where they fit, cavities left free."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from articulate.formats.config import ConvertConfig
 from articulate.formats.load_meshes import PartGeometry, Piece, joined
 from articulate.formats.repairs import Repairs
 from articulate.geometry.convex_decomposition import decompose
-from articulate.geometry.convex_fit import Judged, fitted, hull, is_near, thick
+from articulate.geometry.convex_fit import ShapeDistance, fitted, hull, is_near, thick
 from articulate.geometry.merge_shapes import (
     MAX_JOINED,
     merged,
@@ -29,39 +29,37 @@ from articulate.geometry.time_budget import UNLIMITED, Budget
 from articulate.transforms import Array
 
 HANDLE_WORDS = re.compile(r"handle|(?<![a-z])k?nob|pull(?!ey)|grip", re.IGNORECASE)
-"""What handles are called: sektion's ``door_left_nob``, PartNet's ``handle-12``."""
+"""Names of handles, such as sektion's ``door_left_nob`` and PartNet's ``handle-12``."""
 SMALL_M = 0.01
-"""Components smaller than this are left out [m]; handles are kept down to 2 mm."""
-SHOWN_AREA = 0.96
-"""Share of a component's area that its facets must make up; the small rest, as much less as shapes
-are to be finer, is left out."""
+"""Size below which components are left out [m]; handles are kept down to 2 mm."""
+FACET_AREA = 0.96
+"""Fraction of a component's area that its facets must cover; less is left out of finer shapes."""
 PANEL_M = 0.03
-"""Panels up to this thickness are boxes in spite of recesses unless that is too coarse [m]."""
+"""Thickness up to which panels with recesses become boxes at the usual fineness [m]."""
 COMPACT_M = 0.07
-"""Concave components up to this size collide as their hull unless that is too coarse [m]."""
+"""Size up to which concave components become their hull at the usual fineness [m]."""
 FEW_ATOMS = 16
-"""Up to so many facets of a component are put together by hand first."""
+"""Facets of a component up to which they are merged before anything else is tried."""
 MAX_ATOMS = 64
-"""Most facets of a component that are put together by hand instead of decomposing it."""
+"""Most facets of a component that are merged instead of decomposing it."""
 FINER = 2.0
-"""What is to be finer is so by this factor, once for each time that it is named."""
+"""Factor of fineness for each time that a part is listed in ``ConvertConfig.finer``."""
 LEAST_LEFT = 0.25
-"""Handles, which are never joined, leave at least this share of the budget to the rest."""
+"""Least fraction of the shape budget that handles, which are never merged, leave to the rest."""
 MAX_HULLS = 16
-"""Most convex parts of a decomposition, twice that where it is to be finer."""
+"""Most convex parts of a decomposition, multiplied by the fineness."""
 MAX_STAVES = 32
-"""Most parts of a surface that needs more than fit into the budget; where it is to be finer, as
-many as may be."""
+"""Most patches of a surface that needs more shapes than the budget has, at the usual fineness."""
 STAVES_NEAR = 0.6
-"""They are taken without a decomposition if this share of them lies near the surface."""
+"""Fraction of the patches near the surface above which no decomposition is tried."""
 TOL_M = (0.003, 0.010)
-"""Least and largest distance of a shape's surface from what it stands for [m]."""
+"""Least and largest distance of a shape's surface from the visual surface [m]."""
 FINEST_TOL_M = 0.0011
-"""However fine shapes are to be, they may stray by this much [m]: all have some thickness."""
+"""Least tolerance at any fineness [m]: all shapes have some thickness."""
 
 
 def is_handle(name: str) -> bool:
-    """Whether the names of a piece say that it is a handle."""
+    """Return whether the names of a piece are those of a handle."""
     return HANDLE_WORDS.search(name) is not None
 
 
@@ -73,63 +71,65 @@ def collision_shapes(
     hollow: Array = NOTHING,
     budget: Budget = UNLIMITED,
 ) -> tuple[Shape, ...]:
-    """Convex shapes that stand for one part.
+    """Approximate a part by convex shapes.
 
     Args:
-        geometry: What it shows and touches with.
-        part: Its name.
-        config: How fine the shapes are to be.
-        repairs: Takes what was changed.
-        hollow: Points (H, 3) of its cavity that no shape may fill [m].
-        budget: Time for it.
+        geometry: Visual and collision geometry of the part [m].
+        part: Name of the part.
+        config: Options; ``max_geoms``, ``finer`` and ``decompose`` are used.
+        repairs: Receives the changes.
+        hollow: Points of its cavity (H, 3) that no shape may fill [m].
+        budget: Processor time.
 
     Raises:
-        OutOfTimeError: It takes longer.
+        OutOfTimeError: The budget is spent.
     """
     seen = geometry.shown
     if not seen:
         return ()
     shapes: list[Shape] = []
-    only_given = True
+    only_source = True
     for link in dict.fromkeys(p.link for p in (*geometry.visuals, *geometry.collisions)):
         visuals = [p for p in geometry.visuals if p.link == link]
-        given = [p for p in geometry.collisions if p.link == link]
-        chosen = visuals or given
-        if visuals and given and not geometry.collides_as_seen:
-            usual = fineness(part, config) == 1.0  # what is to be finer did not pass the proof
-            from_given = _given(given, visuals) if usual else None
-            if from_given is not None:
-                shapes += from_given
+        stated = [p for p in geometry.collisions if p.link == link]
+        chosen = visuals or stated
+        if visuals and stated and not geometry.collides_as_seen:
+            usual = fineness(part, config) == 1.0  # finer shapes follow failed checks
+            from_source = _source_shapes(stated, visuals) if usual else None
+            if from_source is not None:
+                shapes += from_source
                 continue
-            repairs.add(f"collision geometry of link {link} strays from what is seen: made anew")
-        only_given = False
+            repairs.add(
+                f"collision geometry of link {link} differs from the visual geometry: replaced"
+            )
+        only_source = False
         for piece in by_element(chosen):
             shapes += piece_shapes(piece, part, config, repairs, hollow, budget)
     if not shapes:  # everything is small
         one = hull(thick(np.vstack([p.mesh.vertices for p in seen])), seen[0].name)
         return () if one is None else (one,)
-    whole = Surface(joined([p.mesh for p in seen]), hollow)
-    tol = max(tolerance(whole.mesh) / fineness(part, config), FINEST_TOL_M)
+    surface = Surface(joined([p.mesh for p in seen]), hollow)
+    tol = max(tolerance(surface.mesh) / fineness(part, config), FINEST_TOL_M)
     plain = [s for s in shapes if not is_handle(s.piece)]
     handles = without_hidden([s for s in shapes if is_handle(s.piece)])
     wanted = round(fineness(part, config) * config.max_geoms)
     most = max(wanted - len(handles), round(LEAST_LEFT * wanted))
-    if not only_given or len(plain) > most:  # what the file gives itself seals nothing
-        plain = merged(plain, whole, tol)
+    if not only_source or len(plain) > most:  # shapes of the file close no cavity
+        plain = merged(plain, surface, tol)
     plain = without_hidden(plain)
     few = min(most, max(config.max_geoms - len(handles), 1))
-    plain = without_spare(plain, whole.mesh, few, sure=fineness(part, config) > 1.0)
-    strict = None if fineness(part, config) == 1.0 else whole
+    plain = without_spare(plain, surface.mesh, few, sure=fineness(part, config) > 1.0)
+    strict = None if fineness(part, config) == 1.0 else surface
     return (*within_budget(plain, most, part, repairs, strict, few), *handles)
 
 
 def fineness(part: str, config: ConvertConfig) -> float:
-    """How many times finer than usual the shapes of ``part`` are to be."""
+    """Return the factor by which the shapes of ``part`` should be finer than usual."""
     return FINER ** config.finer.count(part)
 
 
 def by_element(pieces: list[Piece]) -> list[Piece]:
-    """One piece for each element of the source, materials put together, handles kept apart."""
+    """Merge the materials of each element of the source into one piece; keep handles apart."""
     groups: dict[tuple[str, bool], list[Piece]] = {}
     for piece in pieces:
         groups.setdefault((piece.element, is_handle(piece.name)), []).append(piece)
@@ -144,7 +144,7 @@ def by_element(pieces: list[Piece]) -> list[Piece]:
 
 
 def tolerance(mesh: trimesh.Trimesh, *, handle: bool = False) -> float:
-    """How far a shape may stray from ``mesh`` [m]."""
+    """Return the largest distance between a shape and ``mesh`` [m]."""
     low, high = TOL_M
     return low if handle else float(np.clip(0.015 * mesh.scale, low, high))
 
@@ -157,7 +157,7 @@ def piece_shapes(
     hollow: Array = NOTHING,
     budget: Budget = UNLIMITED,
 ) -> list[Shape]:
-    """Convex shapes for one visual or collision element."""
+    """Approximate one visual or collision element by convex shapes."""
     budget.check()
     if piece.primitive is not None:
         return [_from_primitive(piece)]
@@ -168,9 +168,9 @@ def piece_shapes(
         return []
     panel_m = 0.0 if handle or fineness(part, config) > 1.0 else PANEL_M
     surface = Surface(piece.mesh, hollow)
-    whole = fitted(piece.mesh.vertices, surface, tol, piece.name, panel_m=panel_m)
-    if whole is not None:
-        return [whole]
+    single = fitted(piece.mesh.vertices, surface, tol, piece.name, panel_m=panel_m)
+    if single is not None:
+        return [single]
     shapes: list[Shape] = []
     for component in components(piece.mesh, least):
         own = Surface(component, hollow)
@@ -183,7 +183,7 @@ def piece_shapes(
 
 
 def components(mesh: trimesh.Trimesh, least_m: float = 0.0) -> list[trimesh.Trimesh]:
-    """Connected components by shared corners, without those smaller than ``least_m`` [m]."""
+    """Split a mesh by shared corners; leave out components smaller than ``least_m`` [m]."""
     labels = trimesh.graph.connected_component_labels(
         np.vstack([mesh.faces[:, :2], mesh.faces[:, 1:]]), node_count=len(mesh.vertices)
     )
@@ -212,22 +212,22 @@ def _concave(
     repairs: Repairs,
     budget: Budget,
 ) -> list[Shape]:
-    """Shapes for a concave component: facets put together, else a decomposition."""
+    """Shapes for a concave component: merged facets or patches, else a decomposition."""
     mesh = surface.mesh
     if fineness(part, config) == 1.0 and float(np.ptp(mesh.vertices, axis=0).max()) <= COMPACT_M:
         one = hull(thick(mesh.vertices), piece.name)
         return [] if one is None else [one]
     most = round(fineness(part, config) * config.max_geoms)
-    atoms = _facets(mesh, 1.0 - (1.0 - SHOWN_AREA) / fineness(part, config))
+    atoms = _facets(mesh, 1.0 - (1.0 - FACET_AREA) / fineness(part, config))
     if 0 < len(atoms) <= FEW_ATOMS:
         shapes = _of_facets(atoms, surface, tol, piece.name)
         if 0 < len(shapes) <= most:
             return shapes
-    judged = surface_tolerance(mesh)
+    coarsest = surface_tolerance(mesh)
     enough: list[Shape] | None = None
-    finest = judged if is_handle(piece.name) else min(tol, judged)
-    judged = judged if fineness(part, config) == 1.0 else finest
-    for near in dict.fromkeys((judged, finest)):  # too many are more if finer still
+    finest = coarsest if is_handle(piece.name) else min(tol, coarsest)
+    coarsest = coarsest if fineness(part, config) == 1.0 else finest
+    for near in dict.fromkeys((coarsest, finest)):  # finer needs even more shapes
         shells = shell_shapes(mesh, near, piece.name, 2 * most, surface.hollow, budget)
         shells = None if shells is None else merged(shells, surface, near)
         if shells is None or len(shells) > most:
@@ -251,18 +251,18 @@ def _concave(
 def _split(
     surface: Surface, tol: float, piece: Piece, part: str, config: ConvertConfig, budget: Budget
 ) -> list[Shape] | None:
-    """Shapes for a component that needs more of them than there may be.
+    """Shapes for a component that needs more of them than the budget has.
 
-    They stray, then. Patches of the surface are made of it in a moment, a decomposition takes
-    its time and pays only where patches stray much.
+    They exceed the tolerance. Patches of the surface are fast; a decomposition is slow and used
+    only where patches are far from the surface.
     """
     times = fineness(part, config)
     budget.check()
-    judged = surface_tolerance(surface.mesh)
+    coarsest = surface_tolerance(surface.mesh)
     most = MAX_STAVES if times == 1.0 else times * config.max_geoms
-    near = judged / times
+    near = coarsest / times
     patches = staves(surface.mesh, near, piece.name, round(most), surface.hollow, budget)
-    if patches is None or (times == 1.0 and _near_share(patches, surface, judged) < STAVES_NEAR):
+    if patches is None or (times == 1.0 and _near_share(patches, surface, coarsest) < STAVES_NEAR):
         hulls = decompose(
             surface.mesh,
             1.2 * tol,
@@ -277,20 +277,20 @@ def _split(
                 for points in hulls
             ]
             return merged([s for s in found if s is not None], surface, tol)
-    return None if patches is None else merged(patches, surface, judged)
+    return None if patches is None else merged(patches, surface, coarsest)
 
 
 def _near_share(shapes: list[Shape], surface: Surface, tol: float) -> float:
-    """Share of the surfaces of ``shapes`` that lies at most ``tol`` [m] above ``surface``."""
+    """Fraction of the surfaces of ``shapes`` at most ``tol`` [m] above ``surface``."""
     area = np.array([float(shape.mesh.area) for shape in shapes])
-    near = np.array([Judged(shape, surface).first_share(tol) for shape in shapes])
+    near = np.array([ShapeDistance(shape, surface).first_share(tol) for shape in shapes])
     return float((area * near).sum() / max(area.sum(), 1e-12))
 
 
 def _of_facets(
     atoms: list[trimesh.Trimesh], surface: Surface, tol: float, piece: str
 ) -> list[Shape]:
-    """Shapes of the facets of a component, put together where that fits; none if too many."""
+    """Merge the facets of a component into shapes; none if they are too many."""
     shapes: list[Shape] = []
     for facet in atoms:
         found = _flat_shapes(facet, tol, piece, surface.hollow)
@@ -300,11 +300,10 @@ def _of_facets(
     return merged(shapes, surface, tol)
 
 
-def _facets(mesh: trimesh.Trimesh, shown: float = SHOWN_AREA) -> list[trimesh.Trimesh]:
+def _facets(mesh: trimesh.Trimesh, fraction: float = FACET_AREA) -> list[trimesh.Trimesh]:
     """Groups of adjacent coplanar triangles, each as a mesh; single triangles included.
 
-    Those that make up the share ``shown`` of the area; none at all if they are more than can be
-    put together.
+    The largest that cover ``fraction`` of the area; none if they are more than can be merged.
     """
     grouped = [np.asarray(f) for f in mesh.facets]
     single = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate(grouped) if grouped else [])
@@ -313,7 +312,7 @@ def _facets(mesh: trimesh.Trimesh, shown: float = SHOWN_AREA) -> list[trimesh.Tr
     areas = np.array([area_faces[group].sum() for group in groups])
     order = np.argsort(-areas, kind="stable")
     share = np.cumsum(areas[order]) / areas.sum()
-    kept = order[: int(np.searchsorted(share, shown)) + 1]
+    kept = order[: int(np.searchsorted(share, fraction)) + 1]
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if len(kept) > MAX_ATOMS:
         return []
@@ -323,7 +322,7 @@ def _facets(mesh: trimesh.Trimesh, shown: float = SHOWN_AREA) -> list[trimesh.Tr
 def _flat_shapes(
     facet: trimesh.Trimesh, tol: float, piece: str, hollow: Array
 ) -> list[Shape] | None:
-    """Shapes of one facet; None if they are too many to be joined."""
+    """Shapes of one facet; None if they are too many to be merged."""
     surface = Surface(facet, hollow)
     shape = fitted(facet.vertices, surface, tol, piece)
     if shape is not None:
@@ -337,13 +336,13 @@ def _flat_shapes(
     return [t for t in triangles if t is not None]
 
 
-def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
-    """Shapes of the source's own collision geometry, if they follow what is seen."""
+def _source_shapes(stated: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
+    """Shapes of the collision geometry in the source, if they follow the visual geometry."""
     seen = joined([p.mesh for p in visuals])
     handle = any(is_handle(p.name) for p in visuals)
     tol = tolerance(seen, handle=handle)
     shapes: list[Shape] = []
-    for piece in given:
+    for piece in stated:
         if piece.primitive is not None:
             shapes.append(_from_primitive(piece))
             continue
@@ -359,8 +358,10 @@ def _given(given: list[Piece], visuals: list[Piece]) -> list[Shape] | None:
         return None
     points, _ = sample_surface(seen, 400)
     outside = np.min([shape.outside(points) for shape in shapes], axis=0)
-    told = any(is_handle(s.piece) for s in shapes)  # elements that say themselves what they are
-    names = " ".join(dict.fromkeys(p.name for p in visuals if not (told and is_handle(p.name))))
+    has_handle = any(is_handle(s.piece) for s in shapes)  # collision elements with telling names
+    names = " ".join(
+        dict.fromkeys(p.name for p in visuals if not (has_handle and is_handle(p.name)))
+    )
     ok = float(np.mean(outside <= tol)) >= 0.95
     named = [s if is_handle(s.piece) else replace(s, piece=names) for s in shapes]
     return named if ok else None

@@ -1,6 +1,6 @@
-"""Convex decomposition in a process of its own, with a time limit and a cache.
+"""Convex decomposition by CoACD in a child process, with a time limit and a cache.
 
-Run as a module it reads vertices and faces and writes the corners of the parts::
+As a program it reads vertices and faces and writes the corners of the convex parts::
 
     python -m articulate.geometry.convex_decomposition IN.npz OUT.npz TOLERANCE HULLS SECONDS
 """
@@ -21,26 +21,28 @@ import trimesh
 
 from articulate.cache import touch
 from articulate.files import atomic_write
+from articulate.jobs.process_identity import end_with_parent
 from articulate.transforms import Array
 
 VERSION = "coacd-4"
 """Enters the cache key; change it with the options below."""
 MAX_FACES = 60_000
+"""Most triangles of a mesh that is decomposed."""
 PATIENCE = 40.0
-"""After so many times its limit by the clock a decomposition is given up."""
+"""Wall-clock limit of a decomposition, as a multiple of its processor time limit."""
 
 
 def decompose(
     mesh: trimesh.Trimesh, tol: float, most: int, *, time_s: float, cache_dir: Path | None = None
 ) -> list[Array] | None:
-    """Corners (N, 3) of convex parts, or None where it failed or took too long.
+    """Return the corners (N, 3) [m] of convex parts, or None after a failure or the time limit.
 
     Args:
-        mesh: What is to be cut.
-        tol: How concave a part may stay [m].
-        most: So many parts at most.
-        time_s: Time limit [s] of the processor, so that a busy machine finds the same.
-        cache_dir: Where results are kept.
+        mesh: Mesh to decompose [m].
+        tol: Concavity that a part may keep [m].
+        most: Largest number of parts.
+        time_s: Limit of processor time [s], so that the load of the machine changes nothing.
+        cache_dir: Folder of cached results.
     """
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int32)
@@ -61,7 +63,7 @@ def decompose(
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
         try:
-            done = subprocess.run(  # our own module, a list of arguments
+            done = subprocess.run(  # this module, a list of arguments
                 command,
                 timeout=PATIENCE * time_s,
                 capture_output=True,
@@ -110,5 +112,6 @@ def _run(source: Path, target: Path, tol: float, most: int, time_s: int) -> None
 
 
 if __name__ == "__main__":
+    end_with_parent()
     numbers = float(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
     _run(Path(sys.argv[1]), Path(sys.argv[2]), *numbers)

@@ -1,4 +1,4 @@
-"""The convex shape that fits a set of points, judged against the surface it stands for."""
+"""Fit a box or a convex hull to points, and measure its distance to the visual surface."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from articulate.transforms import Array, pose
 THIN_M = 0.002
 """Least thickness of a collision shape at the usual tolerance, half of it at finer ones [m]."""
 NEAR_SHARE = 0.94
-"""Share of a shape's surface that must lie near the surface it stands for ..."""
+"""Fraction of a shape's surface that must be near the visual surface at ``USUAL_TOL_M``."""
 SURE_SHARE = 0.96
-"""A box with less of it near gives way to the hull if that is nearer."""
+"""Fraction near the surface below which a box is replaced by the hull if that is nearer."""
 USUAL_TOL_M = 0.003
-"""... at this tolerance and above [m]; what strays is less in proportion below it."""
+"""Tolerance from which ``NEAR_SHARE`` applies [m]; below it the rest shrinks in proportion."""
 MAX_CORNERS = 32
 """Most corners of a hull."""
 CLEARLY_NOT = 0.75
-"""With less than this among the first rays the rest is not asked."""
+"""Fraction of the first rays below which the other rays are not cast."""
 FIRST_EVERY = 8
-"""The first rays are one in so many."""
+"""Stride of the first rays among all."""
 FEW_RAYS = 32
-"""Rays for a box of which many are judged at once."""
-SAME_WAY = 3
-"""Directions that agree to so many decimals count as one when boxes are turned."""
+"""Rays for each of many boxes."""
+SAME_DIRECTION = 3
+"""Decimals to which equal directions agree when boxes are turned."""
 MANY = 128
-"""More points than this are thinned out before a hull of few corners is looked for."""
+"""Points above which a set is thinned out before its hull is computed."""
 FILLED_SHARE = 0.002
-"""A shape may hold this share of the points that are to be left free, or one of them."""
+"""Fraction of the points of a cavity that a shape may contain, or one of them."""
 FACING_M = 0.02
-"""A sheet faces a cavity whose points lie up to this far above it [m] ..."""
+"""Height above a sheet up to which points of a cavity count as facing it [m]."""
 BESIDE_M = 0.003
-"""... and up to this far beside it [m] ..."""
+"""Distance beside a sheet up to which points of a cavity count as facing it [m]."""
 ONE_SIDE = 4.0
-"""... if there are so many times as many above it as below, or the other way round."""
+"""Ratio of the points on both sides above which a sheet faces a cavity on one side."""
 ADDED = 0.34
-"""Share of the corners still missing that a hull of few corners grows by at once."""
+"""Fraction of the missing corners by which a hull of few corners grows at once."""
 
 
 def _half_sphere(count: int) -> Array:
-    """Unit vectors spread evenly over half of the sphere (count, 3): a Fibonacci spiral."""
+    """Return unit vectors spread evenly over half of the sphere (count, 3): a Fibonacci spiral."""
     k = np.arange(count) + 0.5
     height, turn = 1.0 - k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - height**2)
@@ -63,16 +63,16 @@ def fitted(
     turned: bool = True,
     panel_m: float = 0.0,
 ) -> Shape | None:
-    """A box, else a convex hull round ``points`` (N, 3) that is nowhere far from ``surface``.
+    """Return a box, else a convex hull around ``points`` (N, 3) that is near ``surface``.
 
     Args:
-        points: What must lie inside [m].
-        surface: Triangles that the shape may not stray from.
-        tol: How far its own surface may lie above them [m].
+        points: Points inside the shape (N, 3) [m].
+        surface: Triangles that the shape must follow.
+        tol: Largest distance of the shape above them [m].
         piece: Names for the shape.
         turned: Also try boxes that are not along the axes of the part.
-        panel_m: Boxes up to this thickness may have relief as deep as they are thick [m]; holes
-            right through them still count.
+        panel_m: Thickness up to which boxes may have relief as deep as they are thick [m]; holes
+            through them still count.
     """
     return Fit(thick(points, tol, surface.hollow), surface, piece).best(
         tol, turned=turned, panel_m=panel_m
@@ -80,11 +80,11 @@ def fitted(
 
 
 class Fit:
-    """Shapes round the same points, each measured once and judged at any tolerance.
+    """Shapes around the same points, measured once for all tolerances.
 
     Args:
-        points: What must lie inside (N, 3), nowhere too thin [m].
-        surface: Triangles that a shape may not stray from.
+        points: Points inside the shapes (N, 3), nowhere too thin [m].
+        surface: Triangles that a shape must follow.
         piece: Names for the shape.
     """
 
@@ -94,7 +94,7 @@ class Fit:
         self.piece = piece
 
     def best(self, tol: float, *, turned: bool = True, panel_m: float = 0.0) -> Shape | None:
-        """What :func:`fitted` says."""
+        """Return the shape of :func:`fitted`."""
         if self._upright.is_fit(tol, panel_m):
             return self._nearer(self._upright, tol, panel_m)
         if self._round is not None and not self._round.may_be_near(max(tol, panel_m)):
@@ -106,45 +106,45 @@ class Fit:
                 return self._nearer(around, tol, panel_m)
         return tight.shape if tight is not None and tight.is_fit(tol, panel_m) else None
 
-    def _nearer(self, box: Judged, tol: float, panel_m: float) -> Shape:
-        """A box that fits, or the hull where that lies nearer and the box only just fits."""
+    def _nearer(self, box: ShapeDistance, tol: float, panel_m: float) -> Shape:
+        """A box that fits, or the hull if that is nearer and the box barely fits."""
         share = box.share(box.allowed_m(tol, panel_m))
         tight = self._tight if share < SURE_SHARE else None
         return tight.shape if tight is not None and tight.share(tol) > share else box.shape
 
     @cached_property
-    def _upright(self) -> Judged:
-        return Judged(aligned_box(self.points, self.piece), self.surface)
+    def _upright(self) -> ShapeDistance:
+        return ShapeDistance(aligned_box(self.points, self.piece), self.surface)
 
     @cached_property
-    def _round(self) -> Judged | None:
+    def _round(self) -> ShapeDistance | None:
         shape = _full_hull(spanning(self.points), self.piece)
-        return None if shape is None else Judged(shape, self.surface)
+        return None if shape is None else ShapeDistance(shape, self.surface)
 
     @cached_property
-    def _tight(self) -> Judged | None:
+    def _tight(self) -> ShapeDistance | None:
         if self._round is None:
             return None
         shape = _of_few(self._round.shape)
         if shape is None or shape is self._round.shape:
             return None if shape is None else self._round
-        return Judged(shape, self.surface)
+        return ShapeDistance(shape, self.surface)
 
     @cached_property
-    def _around(self) -> Judged | None:
+    def _around(self) -> ShapeDistance | None:
         shape = None if self._tight is None else turned_box(self.points, self._tight.shape)
-        return None if shape is None else Judged(shape, self.surface)
+        return None if shape is None else ShapeDistance(shape, self.surface)
 
 
-class Judged:
-    """A shape and how far below it the surface lies that it stands for.
+class ShapeDistance:
+    """Distance between a convex shape and the visual surface below it.
 
-    Rays go inwards from points on the shape. The mouth of a drawer, the gap behind a handle or
-    the hole of a frame leave their rays without a hit. A few rays decide the clear cases.
+    Rays go inwards from points on the shape. Those at the mouth of a drawer, the gap behind a
+    handle or the hole of a frame have no hit. A few rays decide the clear cases.
 
     Args:
         shape: Convex shape.
-        surface: What it stands for.
+        surface: Visual surface.
     """
 
     def __init__(self, shape: Shape, surface: Surface) -> None:
@@ -160,46 +160,46 @@ class Judged:
         return self.surface.depths(*self.shape.samples())
 
     def may_be_near(self, tol: float) -> bool:
-        """Whether the first rays leave it open that the shape is near [m]."""
+        """Return whether the first rays permit that the shape is near, within ``tol`` [m]."""
         return self.first_share(tol) >= CLEARLY_NOT
 
     def first_share(self, tol: float) -> float:
-        """What the first rays say of :meth:`share` [m]."""
+        """Estimate :meth:`share` from the first rays; ``tol`` in [m]."""
         return float((self._few <= tol).mean())
 
     def is_near(self, tol: float) -> bool:
-        """Whether nearly all of the shape's surface has triangles at most ``tol`` below it [m]."""
+        """Return whether nearly all of the shape has triangles at most ``tol`` below it [m]."""
         if not self.may_be_near(tol):
             return False
         least = 1.0 - (1.0 - NEAR_SHARE) * min(1.0, tol / USUAL_TOL_M)
         return self.share(tol) >= least
 
     def share(self, tol: float) -> float:
-        """Share of the shape's surface that has triangles at most ``tol`` below it [m]."""
+        """Fraction of the shape's surface with triangles at most ``tol`` below it [m]."""
         return float((self._all <= tol).mean())
 
     def is_fit(self, tol: float, panel_m: float) -> bool:
-        """The same, where panels up to a thickness may have relief [m], and nothing is filled."""
+        """Return whether the shape is near, with relief of panels [m], and fills no cavity."""
         return self.is_near(self.allowed_m(tol, panel_m)) and not self.fills
 
     @cached_property
     def fills(self) -> bool:
-        """Whether it holds more than next to nothing of the cavity that is to be left free."""
+        """True if the shape contains more than a negligible part of the cavity."""
         return fills(self.shape, self.surface.hollow)
 
     def allowed_m(self, tol: float, panel_m: float) -> float:
-        """How far the surface may lie below the shape: a panel's relief as deep as it is thick."""
+        """Largest distance of the surface below the shape [m], for panels their thickness."""
         thickness = 2.0 * min(self.shape.half)
         return max(tol, thickness if 0.0 < thickness <= panel_m else 0.0)
 
 
 def is_near(shape: Shape, surface: Surface, tol: float) -> bool:
-    """Whether nearly all of the shape's surface has triangles at most ``tol`` below it [m]."""
-    return Judged(shape, surface).is_near(tol)
+    """Return whether nearly all of the shape has triangles at most ``tol`` below it [m]."""
+    return ShapeDistance(shape, surface).is_near(tol)
 
 
 def fills(shape: Shape, hollow: Array) -> bool:
-    """Whether ``shape`` holds more than next to nothing of the points ``hollow`` (H, 3)."""
+    """Return whether ``shape`` contains a relevant part of the points ``hollow`` (H, 3) [m]."""
     if not len(hollow):
         return False
     low, high = shape.bounds
@@ -209,7 +209,7 @@ def fills(shape: Shape, hollow: Array) -> bool:
 
 
 def box_shares(boxes: Array, surface: Surface, tol: float) -> Array:
-    """For each upright box (B, 2, 3) the share of a few points on it that lie near ``surface``."""
+    """Fraction of a few points on each upright box (B, 2, 3) [m] that are near ``surface`` (B,)."""
     half = np.maximum((boxes[:, 1] - boxes[:, 0]) / 2.0, THIN_M / 2.0)
     middle = (boxes[:, 0] + boxes[:, 1]) / 2.0
     local, normals = on_boxes(half, QUASI[:FEW_RAYS])
@@ -219,19 +219,19 @@ def box_shares(boxes: Array, surface: Surface, tol: float) -> Array:
 
 
 def thin_m(tol: float) -> float:
-    """Least thickness [m] of a shape that may stray by ``tol`` [m]."""
+    """Return the least thickness [m] of a shape of tolerance ``tol`` [m]."""
     return THIN_M * min(1.0, max(0.5, tol / USUAL_TOL_M))
 
 
 def thick(points: Array, tol: float = USUAL_TOL_M, hollow: Array = NOTHING) -> Array:
-    """``points`` with flat directions padded to the least thickness at a tolerance.
+    """Pad flat directions of ``points`` to the least thickness at a tolerance.
 
-    Where one side of a sheet faces a cavity the other side takes it all.
+    If one side of a sheet faces a cavity, only the other side is padded.
 
     Args:
         points: Corners (N, 3) [m].
         tol: Tolerance [m].
-        hollow: Points (H, 3) of a cavity that is to be left free [m].
+        hollow: Points of a cavity (H, 3) that must be left free [m].
     """
     least = thin_m(tol)
     points = np.asarray(points, dtype=np.float64)
@@ -247,12 +247,12 @@ def thick(points: Array, tol: float = USUAL_TOL_M, hollow: Array = NOTHING) -> A
 
 
 def _share_above(points: Array, hollow: Array, axis: int) -> float:
-    """Share of a sheet's padding that goes up ``axis``: half, or all or none beside a cavity.
+    """Fraction of a sheet's padding along ``axis``: half, or all or none beside a cavity.
 
     Args:
-        points: Corners of the sheet round their middle, along its axes (N, 3) [m].
+        points: Corners of the sheet about their middle, along its axes (N, 3) [m].
         hollow: Points of the cavity in the same frame (H, 3) [m].
-        axis: Which axis the sheet is flat along.
+        axis: Axis along which the sheet is flat.
     """
     flat = [k for k in range(3) if k != axis]
     low, high = points[:, flat].min(axis=0) - BESIDE_M, points[:, flat].max(axis=0) + BESIDE_M
@@ -265,7 +265,7 @@ def _share_above(points: Array, hollow: Array, axis: int) -> float:
 
 
 def aligned_box(points: Array, piece: str) -> Shape:
-    """The box along the axes of the part."""
+    """Return the box around ``points`` (N, 3) [m] along the axes of the part."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2.0, THIN_M / 4.0)
     return Shape(
@@ -274,18 +274,20 @@ def aligned_box(points: Array, piece: str) -> Shape:
 
 
 def turned_box(points: Array, tight: Shape) -> Shape | None:
-    """The smallest box with one face and one edge along those of a hull.
+    """Return the smallest box with one face and one edge along those of a hull.
 
     Args:
-        points: What must lie inside (N, 3) [m].
-        tight: Their hull, of few corners.
+        points: Points inside the box (N, 3) [m].
+        tight: Their hull of few corners.
     """
     triangles = tight.faces.triangles
-    normals = _ways(tight.faces.equations[:, :3])
-    edges = _ways(np.concatenate([triangles[:, k] - triangles[:, k - 1] for k in range(3)]))
+    normals = _unique_directions(tight.faces.equations[:, :3])
+    edges = _unique_directions(
+        np.concatenate([triangles[:, k] - triangles[:, k - 1] for k in range(3)])
+    )
     across = edges[None] - (normals @ edges.T)[..., None] * normals[:, None]  # (N, E, 3)
     length = np.linalg.norm(across, axis=-1)
-    n, e = np.nonzero(length > 0.5)  # an edge that stands on the face says nothing about it
+    n, e = np.nonzero(length > 0.5)  # an edge normal to the face has no direction in it
     if not len(n):
         return None
     one = across[n, e] / length[n, e][:, None]
@@ -302,29 +304,29 @@ def turned_box(points: Array, tight: Shape) -> Shape | None:
     return Shape(kind="box", T_ps=T_ps, half=(half[0], half[1], half[2]), piece=tight.piece)
 
 
-def _ways(vectors: Array) -> Array:
+def _unique_directions(vectors: Array) -> Array:
     """Unit vectors (M, 3) along ``vectors`` (N, 3), one of each pair that points both ways."""
     length = np.linalg.norm(vectors, axis=1)
     units = vectors[length > 0.0] / length[length > 0.0][:, None]
-    rounded = units.round(SAME_WAY) + 0.0
+    rounded = units.round(SAME_DIRECTION) + 0.0
     first = rounded[np.arange(len(rounded)), (rounded != 0.0).argmax(axis=1)]
     _, index = np.unique(rounded * np.sign(first)[:, None] + 0.0, axis=0, return_index=True)
     return np.asarray(units[np.sort(index)])
 
 
 def hull(points: Array, piece: str) -> Shape | None:
-    """The convex hull, of at most ``MAX_CORNERS`` corners."""
+    """Return the convex hull of ``points`` (N, 3) [m] with at most ``MAX_CORNERS`` corners."""
     shape = _full_hull(spanning(points), piece)
     return None if shape is None else _of_few(shape)
 
 
 def spanning(points: Array, directions: Array = DIRECTIONS) -> Array:
-    """Those of many ``points`` (N, 3) that reach farthest both ways along some directions.
+    """Keep the points that are extreme along some directions, both ways.
 
-    The points are made as long as they are wide before, so that thin sets keep their rims.
+    The points are scaled to equal extents before, so that thin sets keep their rims.
 
     Args:
-        points: Few of them are left as they are.
+        points: Points (N, 3) [m]; a small set is returned unchanged.
         directions: Unit vectors (D, 3).
     """
     if len(points) <= 2 * len(directions):
@@ -346,7 +348,7 @@ def _full_hull(points: Array, piece: str) -> Shape | None:
 
 
 def _of_few(shape: Shape) -> Shape | None:
-    """A hull of at most ``MAX_CORNERS`` of the corners of a hull."""
+    """Reduce a hull to at most ``MAX_CORNERS`` of its corners."""
     if len(shape.corners) <= MAX_CORNERS:
         return shape
     try:
@@ -368,10 +370,7 @@ def _shape_of(found: ConvexHull, piece: str) -> Shape:
 
 
 def _fewer(corners: Array) -> Array:
-    """Grow a hull from extreme corners, always adding those that stick out most.
-
-    Of those beyond one face only the farthest is added at a time.
-    """
+    """Grow a hull from extreme corners by adding the farthest corner beyond each face."""
     chosen = sorted({int(i) for axis in range(3) for i in _extremes(corners, axis)})
     rest = corners.mean(axis=0)
     while len(chosen) < 5:

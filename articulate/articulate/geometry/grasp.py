@@ -66,7 +66,7 @@ class Grasp:
     kind: Literal["bar", "knob", "edge", "none"]
     """``none``: an outermost point that fingers cannot hold."""
     named: bool
-    """Whether it lies on a piece named as a handle."""
+    """True on a piece named as a handle."""
 
 
 def outline_bounds(

@@ -16,7 +16,7 @@ from articulate.transforms import Array
 LEAST = 1e-9
 """Least principal inertia [kg m2]."""
 LEAST_GYRATION_M = 1e-4
-"""Least radius of gyration [m]: shapes are so light that ``LEAST`` would be more than fits them."""
+"""Least radius of gyration [m]: for very light shapes ``LEAST`` is larger than their extent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +28,8 @@ class Inertial:
     """Centre of mass (3,) [m]."""
     inertia_p: Array
     """About the centre of mass, axes of the part (3, 3) [kg m2]."""
-    given: bool = False
-    """Whether they stand in the source; computed from its shapes otherwise."""
+    from_source: bool = False
+    """True if the source gives them; otherwise they are computed from the shapes."""
 
 
 def inertial_of(
@@ -41,25 +41,25 @@ def inertial_of(
     kind: Literal["slide", "hinge", "fixed"],
     repairs: Repairs,
 ) -> Inertial:
-    """Mass properties of a part: as given where every link gives physical ones, else computed.
+    """Return the mass properties in the source if every link has physical ones, else compute them.
 
     Args:
-        members: Links of the part with their poses.
-        shapes: Its collision shapes, scaled.
-        weight: Used where they are computed.
-        rescaled: The source is not metric, so that its masses mean nothing.
-        kind: What moves the part.
-        repairs: Takes a note where they are computed.
+        members: Links of the part with their poses (4, 4) [m].
+        shapes: Its collision shapes, scaled [m].
+        weight: Density of computed ones.
+        rescaled: The source is not metric, so that its masses are meaningless.
+        kind: Kind of the joint that moves the part.
+        repairs: Receives a repair if they are computed.
     """
     name = members[0][0].name
-    given = None if rescaled else _given(members, shapes)
-    if given is not None:
-        return given
+    stated = None if rescaled else _stated(members, shapes)
+    if stated is not None:
+        return stated
     found = from_shapes(shapes, weight)
     low, high = MASS_KG[kind]
     mass = float(np.clip(found.mass_kg, low, high))
     if any(link.inertial is not None for link, _ in members) and not rescaled:
-        repairs.add(f"inertia of part {name} was absent in part or not physical: computed")
+        repairs.add(f"inertia of part {name} is missing for some links or not physical: computed")
     if mass == found.mass_kg:
         return replace(found, inertia_p=_positive(found.inertia_p))
     factor = mass / found.mass_kg if found.mass_kg > 0.0 else 1.0
@@ -68,7 +68,7 @@ def inertial_of(
 
 
 def from_shapes(shapes: tuple[Shape, ...], weight: Weight) -> Inertial:
-    """Sum over ``shapes``, each of one density; overlaps count twice."""
+    """Sum mass properties over ``shapes``, each of uniform density; overlaps count twice."""
     masses, centres, tensors = [], [], []
     for shape in shapes:
         mesh = shape.mesh
@@ -93,28 +93,34 @@ def from_shapes(shapes: tuple[Shape, ...], weight: Weight) -> Inertial:
 
 
 def thickness(inertia: Array, volume: float) -> float:
-    """Shortest side [m] of the box with this ``inertia`` (3, 3) and ``volume``, at density 1."""
+    """Return the shortest side [m] of the box with this ``inertia`` (3, 3) and ``volume`` [m3].
+
+    The inertia is that of density 1 [m5].
+    """
     a, b, c = np.linalg.eigvalsh(inertia)
     return float(max(np.sqrt(6.0 * max(a + b - c, 0.0) / volume), LEAST_GYRATION_M))
 
 
 def steiner(offset: Array) -> Array:
-    """Inertia (3, 3) of a unit point mass at ``offset`` (3,)."""
+    """Inertia (3, 3) [m2] of a unit point mass at ``offset`` (3,) [m] (Steiner)."""
     return np.asarray(np.dot(offset, offset) * np.eye(3) - np.outer(offset, offset))
 
 
 def is_physical(mass: float, inertia: Array) -> bool:
-    """Whether the mass is positive and the inertia that of some distribution of mass."""
+    """Return whether ``mass`` [kg] and ``inertia`` (3, 3) [kg m2] belong to some body.
+
+    The mass is positive and the principal inertias fulfil the triangle inequality.
+    """
     if not (np.isfinite(mass) and mass > 0.0 and np.isfinite(inertia).all()):
         return False
     a, b, c = np.linalg.eigvalsh(inertia)
     return bool(a > 0.0 and a + b >= c * (1.0 - 1e-9))
 
 
-def _given(
+def _stated(
     members: tuple[tuple[SourceLink, Array], ...], shapes: tuple[Shape, ...]
 ) -> Inertial | None:
-    """Mass properties from the file, if every link with geometry has physical ones."""
+    """Mass properties in the source, if every link with geometry has physical ones."""
     masses, centres, tensors = [], [], []
     for link, T_pl in members:
         if link.inertial is None:
@@ -143,12 +149,12 @@ def _given(
             return None
         squares = np.maximum(np.maximum(high - com, com - low), 1e-3) ** 2
         if np.any(np.diag(inertia) > mass * (squares.sum() - squares)):
-            return None  # even with all of it in the corners of its box it would be less
-    return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, given=True)
+            return None  # more than all mass in the corners of the box has
+    return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, from_source=True)
 
 
 def _positive(inertia: Array, least: float = LEAST) -> Array:
-    """The nearest inertia with principal values of at least ``least`` that some body has."""
+    """Return the nearest physical inertia with principal values of at least ``least``."""
     values, axes = np.linalg.eigh((inertia + inertia.T) / 2.0)
     values = np.maximum(values, least)
     values[2] = min(values[2], (values[0] + values[1]) * (1.0 - 1e-6))

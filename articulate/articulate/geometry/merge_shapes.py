@@ -1,4 +1,4 @@
-"""Fewer collision shapes: neighbours are joined, what is hidden or spare is left out."""
+"""Reduce the number of collision shapes: merge neighbours, drop hidden and redundant ones."""
 
 from __future__ import annotations
 
@@ -12,56 +12,56 @@ from articulate.geometry.shapes import Shape, sample_surface
 from articulate.transforms import Array, Ints
 
 SPARE_LEAST = 0.97
-"""Share of what is seen that stays covered when shapes over the budget are left out."""
+"""Least fraction of the visual surface that stays covered when shapes are dropped."""
 SPARE_NEAR = 0.8
-"""Share of the distance that the proof calls near within which it counts as covered."""
+"""Distance within which a point is covered, as a fraction of the tolerance of the checks."""
 SPARE_SAMPLES = 2000
-"""So many points decide about it ..."""
+"""Points on the visual surface that measure the coverage."""
 SPARE_EACH = 100
-"""... and so many for each shape where it has to be sure: with few, those that by chance hold least
-of them would be left out, and more is lost then than the points say ..."""
+"""Points for each shape where the measure must be reliable: with fewer, shapes that contain few of
+them by chance would be dropped, and more surface would be lost than measured."""
 SPARE_MOST = 100_000
-"""... up to so many."""
+"""Largest number of points."""
 MAX_JOINED = 192
-"""More shapes than this are not joined."""
-MAX_REFUSED = 300
-"""After this many pairs that cannot be joined the rest is left as it is."""
+"""Largest number of shapes that are merged."""
+MAX_FAILED = 300
+"""Failed pairs after which merging stops."""
 OVER_BUDGET = 3.0
-"""Shapes that may not stray are so many times as many as wanted, at most."""
+"""Largest number of strict shapes, as a multiple of the budget."""
 HOPEFUL_SHARE = 0.25
-"""Two shapes are joined only if this share of their common upright box lies near the surface."""
+"""Least fraction of the common upright box near the surface for a pair to be tried."""
 
 
 def surface_tolerance(mesh: trimesh.Trimesh) -> float:
-    """How far shapes may lie from what is seen, as the proof judges it [m]."""
+    """Return the distance of shapes to the visual surface that the checks accept [m]."""
     return max(0.003, 0.01 * float(mesh.scale))
 
 
 def merged(shapes: list[Shape], surface: Surface, tol: float) -> list[Shape]:
-    """Fewer shapes: neighbours are joined as long as the result stays near ``surface``."""
+    """Merge neighbours as long as the result stays within ``tol`` [m] of ``surface``."""
     if not 2 <= len(shapes) <= MAX_JOINED:
         return list(shapes)
     pairs = _Pairs(shapes, surface, tol)
-    while pairs.refused < MAX_REFUSED and pairs.join_one():
+    while pairs.failed < MAX_FAILED and pairs.join_one():
         pass
     return pairs.shapes
 
 
 class _Pairs:
-    """Shapes of which neighbours are to be joined, with what is known of each pair of them."""
+    """Shapes to be merged and the state of each pair of them."""
 
     def __init__(self, shapes: list[Shape], surface: Surface, tol: float) -> None:
         self.surface = surface
         self.tol = tol
-        self.refused = 0
-        """Pairs that cannot be joined."""
+        self.failed = 0
+        """Number of pairs that cannot be merged."""
         self.shapes: list[Shape] = []
         self._low, self._high = np.zeros((0, 3)), np.zeros((0, 3))
         self._open = np.zeros((0, 0), dtype=bool)  # above the diagonal, not decided yet
         self._hopeful = np.zeros((0, 0), dtype=bool)
         for shape in shapes:
             self._append(shape)
-        self._ask(*np.nonzero(self._open))
+        self._find_hopeful(*np.nonzero(self._open))
 
     def _append(self, shape: Shape) -> None:
         count = len(self.shapes)
@@ -73,8 +73,8 @@ class _Pairs:
         gap = np.maximum(self._low - self._high[-1], self._low[-1] - self._high)
         self._open[:count, count] = (gap[:count] <= 2.0 * self.tol).all(axis=1)
 
-    def _ask(self, i: Ints, j: Ints) -> None:
-        """Find out of which pairs the common upright box comes near the surface anywhere."""
+    def _find_hopeful(self, i: Ints, j: Ints) -> None:
+        """Mark the pairs (P,) whose common upright box is near the surface somewhere."""
         if len(i):
             boxes = np.stack([*self._common(i, j)], axis=1)
             self._hopeful[i, j] = box_shares(boxes, self.surface, self.tol) >= HOPEFUL_SHARE
@@ -84,7 +84,7 @@ class _Pairs:
         return np.minimum(low[i], low[j]), np.maximum(high[i], high[j])
 
     def join_one(self) -> bool:
-        """Join the first pair that can be, smallest common box first; False if there is none."""
+        """Merge one pair, smallest common box first; return False if none can be merged."""
         i, j = np.nonzero(self._open)
         low, high = self._common(i, j)
         for k in np.argsort(np.prod(high - low, axis=1), kind="stable"):
@@ -97,7 +97,7 @@ class _Pairs:
                     self._replace(a, b, shape)
                     return True
             self._open[a, b] = False
-            self.refused += 1
+            self.failed += 1
         return False
 
     def _replace(self, a: int, b: int, shape: Shape) -> None:
@@ -109,11 +109,11 @@ class _Pairs:
         self._append(shape)
         last = len(self.shapes) - 1
         first = np.flatnonzero(self._open[:, last])
-        self._ask(first, np.full(len(first), last))
+        self._find_hopeful(first, np.full(len(first), last))
 
 
 def without_hidden(shapes: list[Shape]) -> list[Shape]:
-    """The shapes that do not lie inside a single other one."""
+    """Drop shapes that are inside another one."""
     kept: list[Shape] = []
     for shape in sorted(shapes, key=lambda s: -s.volume):
         if not any(float(other.outside(shape.corners).max()) < 1e-3 for other in kept):
@@ -124,46 +124,48 @@ def without_hidden(shapes: list[Shape]) -> list[Shape]:
 def without_spare(
     shapes: list[Shape], surface: trimesh.Trimesh, budget: int, *, sure: bool = False
 ) -> list[Shape]:
-    """At most ``budget`` shapes, as long as those left out stand for next to nothing alone.
+    """Drop shapes down to ``budget`` as long as nearly all of the surface stays covered.
 
-    Trims and rims lie close to panels: what they cover of ``surface`` is covered twice.
+    Trims and rims are close to panels: the surface that they cover is covered twice.
 
     Args:
-        shapes: Those of one part.
-        surface: What it shows.
-        budget: So many are wanted.
-        sure: Ask as many points as it takes to know what many small shapes stand for.
+        shapes: Shapes of one part.
+        surface: Visual surface of the part [m].
+        budget: Number of shapes to reach.
+        sure: Use as many points as many small shapes need.
     """
     budget = max(budget, 1)  # handles may have used it up
     if len(shapes) <= budget:
         return shapes
-    asked = min(max(SPARE_SAMPLES, SPARE_EACH * len(shapes) * sure), SPARE_MOST)
-    points, _ = sample_surface(surface, asked)
+    samples = min(max(SPARE_SAMPLES, SPARE_EACH * len(shapes) * sure), SPARE_MOST)
+    points, _ = sample_surface(surface, samples)
     near = SPARE_NEAR * surface_tolerance(surface)
     covered = [_covered_by(shape, points, near) for shape in shapes]
     count = np.zeros(len(points), dtype=np.int64)
-    owners = np.zeros(len(points), dtype=np.int64)  # sum of the numbers of all that cover a point
+    owners = np.zeros(
+        len(points), dtype=np.int64
+    )  # sum of the indices of the shapes that cover a point
     for k, own in enumerate(covered):
         count[own] += 1
         owners[own] += k
-    alone = np.array([(count[own] == 1).sum() for own in covered])
+    unique = np.array([(count[own] == 1).sum() for own in covered])
     seen, left = int((count > 0).sum()), len(shapes)
-    gone = np.zeros(len(shapes), dtype=bool)
+    dropped = np.zeros(len(shapes), dtype=bool)
     while left > budget:
-        least = int(np.argmin(np.where(gone, len(points) + 1, alone)))
-        if seen - alone[least] < SPARE_LEAST * len(points):
+        least = int(np.argmin(np.where(dropped, len(points) + 1, unique)))
+        if seen - unique[least] < SPARE_LEAST * len(points):
             break
-        gone[least] = True
-        left, seen = left - 1, seen - int(alone[least])
+        dropped[least] = True
+        left, seen = left - 1, seen - int(unique[least])
         own = covered[least]
         count[own] -= 1
         owners[own] -= least
-        np.add.at(alone, owners[own[count[own] == 1]], 1)
-    return [shape for shape, spare in zip(shapes, gone, strict=True) if not spare]
+        np.add.at(unique, owners[own[count[own] == 1]], 1)
+    return [shape for shape, drop in zip(shapes, dropped, strict=True) if not drop]
 
 
 def _covered_by(shape: Shape, points: Array, near_m: float) -> Ints:
-    """Which of ``points`` (N, 3) lie in ``shape`` or at most ``near_m`` away; few do."""
+    """Return the indices of ``points`` (N, 3) in ``shape`` or at most ``near_m`` away."""
     low, high = shape.bounds
     some = np.flatnonzero(((points >= low - near_m) & (points <= high + near_m)).all(axis=1))
     return np.asarray(some[shape.covers(points[some], near_m)])
@@ -177,44 +179,44 @@ def within_budget(
     strict: Surface | None = None,
     few: int | None = None,
 ) -> tuple[Shape, ...]:
-    """At most ``budget`` shapes: pairs whose common hull adds least volume are joined.
+    """Merge pairs whose common hull adds least volume until at most ``budget`` shapes are left.
 
     Args:
-        shapes: Those of one part.
-        budget: So many are wanted.
-        part: Its name.
-        repairs: Takes what was changed.
-        strict: Surface that joined shapes may not stray from nor fill, even if more than
-            ``budget`` shapes are left then, up to ``OVER_BUDGET`` times as many.
-        few: So many are enough where they need not stray for it; None: ``budget``.
+        shapes: Shapes of one part.
+        budget: Number of shapes to reach.
+        part: Name of the part.
+        repairs: Receives the changes.
+        strict: Surface that merged shapes must follow and whose cavities they must not fill,
+            even if up to ``OVER_BUDGET`` times ``budget`` shapes are left.
+        few: Number of shapes to reach where ``strict`` permits it; None: ``budget``.
     """
     shapes = list(shapes)
     before = len(shapes)
     if strict is not None:
-        shapes = _strictly_joined(shapes, few or budget, strict)
+        shapes = _strictly_merged(shapes, few or budget, strict)
         budget = round(OVER_BUDGET * budget)
-    shapes = _cheaply_joined(shapes, budget)
+    shapes = _cheaply_merged(shapes, budget)
     if len(shapes) < before:
-        repairs.add(f"part {part}: {before} collision shapes joined to {len(shapes)}")
+        repairs.add(f"part {part}: {before} collision shapes merged into {len(shapes)}")
     return tuple(shapes)
 
 
-def _strictly_joined(shapes: list[Shape], budget: int, surface: Surface) -> list[Shape]:
-    """The shapes with pairs joined whose common hull strays nowhere and fills nothing."""
+def _strictly_merged(shapes: list[Shape], budget: int, surface: Surface) -> list[Shape]:
+    """Merge pairs whose common hull stays near the surface and fills no cavity."""
     tol = surface_tolerance(surface.mesh)
-    refused = 0
-    while len(shapes) > max(budget, 1) and refused < MAX_REFUSED:
+    failed = 0
+    while len(shapes) > max(budget, 1) and failed < MAX_FAILED:
         added = _added(shapes)
-        order = np.argsort(added, axis=None)[: MAX_REFUSED - refused]
+        order = np.argsort(added, axis=None)[: MAX_FAILED - failed]
         for place in order:
             i, j = (int(k) for k in np.unravel_index(place, added.shape))
             if not np.isfinite(added[i, j]):
                 return shapes
-            joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
-            if joint is None or fills(joint, surface.hollow) or not is_near(joint, surface, tol):
-                refused += 1
+            both = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
+            if both is None or fills(both, surface.hollow) or not is_near(both, surface, tol):
+                failed += 1
                 continue
-            shapes = [*(s for k, s in enumerate(shapes) if k not in (i, j)), joint]
+            shapes = [*(s for k, s in enumerate(shapes) if k not in (i, j)), both]
             break
         else:
             return shapes
@@ -222,7 +224,7 @@ def _strictly_joined(shapes: list[Shape], budget: int, surface: Surface) -> list
 
 
 def _added(shapes: list[Shape]) -> Array:
-    """Volume [m3] that the common upright box of each pair adds (N, N), inf up to the diagonal."""
+    """Volume that the common upright box of each pair adds (N, N) [m3], inf up to the diagonal."""
     low = np.array([s.bounds[0] for s in shapes])
     high = np.array([s.bounds[1] for s in shapes])
     size = np.prod(high - low, axis=1)
@@ -232,23 +234,23 @@ def _added(shapes: list[Shape]) -> Array:
     return np.asarray(added)
 
 
-def _cheaply_joined(shapes: list[Shape], budget: int) -> list[Shape]:
-    """At most ``budget`` shapes: pairs whose common upright box adds least volume are joined."""
+def _cheaply_merged(shapes: list[Shape], budget: int) -> list[Shape]:
+    """Merge pairs whose common upright box adds least volume down to ``budget`` shapes."""
     if len(shapes) <= max(budget, 1):
         return shapes
     shapes, added = list(shapes), _added(shapes)
     while len(shapes) > max(budget, 1):
         i, j = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
-        joint = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
+        both = hull(np.vstack([shapes[i].corners, shapes[j].corners]), shapes[i].piece)
         keep = [k for k in range(len(shapes)) if k not in (i, j)]
-        shapes = [*(shapes[k] for k in keep), joint if joint is not None else shapes[i]]
+        shapes = [*(shapes[k] for k in keep), both if both is not None else shapes[i]]
         added = np.pad(added[np.ix_(keep, keep)], (0, 1), constant_values=np.inf)
         added[:-1, -1] = _added_by(shapes[:-1], shapes[-1])
     return shapes
 
 
 def _added_by(shapes: list[Shape], last: Shape) -> Array:
-    """Volume [m3] that the common upright box of each of ``shapes`` and ``last`` adds (N,)."""
+    """Volume that the common upright box of each of ``shapes`` with ``last`` adds (N,) [m3]."""
     low = np.array([s.bounds[0] for s in shapes]).reshape(-1, 3)
     high = np.array([s.bounds[1] for s in shapes]).reshape(-1, 3)
     common = np.prod(np.maximum(high, last.bounds[1]) - np.minimum(low, last.bounds[0]), axis=1)

@@ -1,4 +1,4 @@
-"""The one table of physical presets: what a URDF rarely says."""
+"""Physical presets for values that a URDF rarely has: mass, damping and friction."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 MASS_KG = {"slide": (0.2, 6.0), "hinge": (0.05, 15.0), "fixed": (0.2, 200.0)}
-"""Range of a part's mass by what moves it [kg]; outside it the density is scaled.
+"""Range of a part's mass by its joint [kg]; outside it the density is scaled.
 
 An empty kitchen drawer weighs 1.5 to 5 kg, a refrigerator's door up to 15. The fixed body never
-moves; its figure is for reports.
+moves; its mass is for reports.
 """
 SLIDING_FRICTION = 0.8
 """Coulomb friction of every collision geom; wood or lacquer on rubber, middle of 0.6 to 1.0."""
@@ -21,12 +21,12 @@ ROLLING_FRICTION_M = 0.0001
 
 @dataclass(frozen=True, kw_only=True)
 class Weight:
-    """What the parts of a kind of object weigh, where the file does not say."""
+    """Weight of the parts of a category without masses in the file."""
 
     density_kg_m3: float
-    """Density of the collision shapes."""
+    """Density of the collision shapes [kg/m3]."""
     sheet_kg_m2: float
-    """Least weight of each area of a shape: models draw panels as thin as paper."""
+    """Least weight per area of a shape [kg/m2]: some models have panels as thin as paper."""
 
 
 WEIGHT = {
@@ -51,7 +51,7 @@ WEIGHT = {
 
 Shapes follow panels: particle board is 600 to 700 but carries relief and gaps, which the boxes
 fill; appliances are foam and sheet metal; a drawer of 10 mm panels comes out at 1.5 to 5 kg.
-A sheet of 10 kg/m2 is 4 mm of glass or 1.3 mm of steel, as doors of appliances have in all; 2 is
+A sheet of 10 kg/m2 is 4 mm of glass or 1.3 mm of steel, as doors of appliances have in total; 2 is
 2 mm of plastic, 3 is 5 mm of board, 5 the lid of a laptop with its screen, 0.5 cardboard.
 """
 
@@ -78,30 +78,32 @@ LARGE_HINGE_KG = 0.5
 
 
 def weight(category: str) -> Weight:
-    """What the parts of an object of ``category`` weigh."""
+    """Return the weight of the parts of an object of ``category``."""
     return WEIGHT.get(category, WEIGHT["unknown"])
 
 
 def joint_preset(kind: Literal["slide", "hinge"], mass_kg: float) -> JointPreset:
-    """Damping and friction of a joint that moves ``mass_kg``."""
+    """Return damping and friction of a joint that moves ``mass_kg`` [kg]."""
     if kind == "slide":
         return SLIDE
     return LARGE_HINGE if mass_kg > LARGE_HINGE_KG else SMALL_HINGE
 
 
-def given_dynamics(
+def joint_dynamics(
     preset: JointPreset, damping: float | None, friction: float | None, *, rescaled: bool
 ) -> tuple[float, float]:
-    """Damping and dry friction of a joint: what the file says where it says something.
+    """Return damping and dry friction of a joint, from the file if it has positive ones.
 
     Args:
-        preset: Used where it does not.
-        damping: From the file, if any [N s/m or Nm s/rad].
-        friction: From the file, if any [N or Nm].
-        rescaled: The source is not metric, so that its figures mean nothing.
+        preset: Values for a file without them.
+        damping: Damping in the file, if any [N s/m or Nm s/rad].
+        friction: Dry friction in the file, if any [N or Nm].
+        rescaled: The source is not metric, so that its values are meaningless.
     """
-    said = [v if v is not None and v > 0.0 and not rescaled else None for v in (damping, friction)]
+    stated = [
+        v if v is not None and v > 0.0 and not rescaled else None for v in (damping, friction)
+    ]
     return (
-        preset.damping if said[0] is None else said[0],
-        preset.frictionloss if said[1] is None else said[1],
+        preset.damping if stated[0] is None else stated[0],
+        preset.frictionloss if stated[1] is None else stated[1],
     )

@@ -1,4 +1,4 @@
-"""A surface prepared for rays: how far it lies below points."""
+"""Surface prepared for ray casting: distance below points."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ import trimesh
 from articulate.transforms import Array
 
 LIFT_M = 0.002
-"""Rays start this far above a shape: one of few corners lies below what it stands for [m]."""
+"""Height above a shape from which rays start [m]: a hull of few corners is below the surface in
+places."""
 
 NOTHING = np.zeros((0, 3))
-"""No points."""
+"""No points (0, 3)."""
 
 
 class Surface:
-    """Triangles that are asked many times. The mesh must not change meanwhile.
+    """Triangles for repeated ray casting. The mesh must not change.
 
     Args:
-        mesh: Their mesh.
-        hollow: Points (H, 3) of a cavity that shapes must leave free [m].
+        mesh: Triangles [m].
+        hollow: Points of a cavity (H, 3) that shapes must leave free [m].
     """
 
     def __init__(self, mesh: trimesh.Trimesh, hollow: Array = NOTHING) -> None:
@@ -32,11 +33,11 @@ class Surface:
         )
 
     def depths(self, points: Array, normals: Array) -> Array:
-        """How far below each point the first triangle lies (N,) [m], inf where there is none.
+        """Return the depth of the first triangle below each point (N,) [m], inf without one.
 
         Args:
-            points: Where rays start (N, 3) [m], from ``LIFT_M`` above.
-            normals: Unit vectors (N, 3) against which they go.
+            points: Points (N, 3) [m]; rays start ``LIFT_M`` above them.
+            normals: Unit vectors (N, 3); rays go against them.
         """
         origins = points + LIFT_M * normals
         hit = np.asarray(self.mesh.ray.intersects_first(origins, -normals))

@@ -13,13 +13,15 @@ from scipy.spatial import ConvexHull
 from articulate.transforms import Array, Ints, Mask, apply, inverse, normalised
 
 SAMPLES = 240
+"""Points on the surface of a shape."""
 EXACT_M = 1e-9
-"""Planes are rounded to this [m]."""
+"""Rounding of planes [m]."""
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+"""Corners of the box of half side 1 (8, 3)."""
 
 
 def _quasi(count: int) -> Array:
-    """Evenly spread points in the unit cube (count, 3): the additive recurrence R3."""
+    """Spread points evenly in the unit cube (count, 3): the additive recurrence R3."""
     step = 1.0 / 1.2207440846057596 ** np.arange(1, 4)
     return np.asarray((0.5 + np.outer(np.arange(count), step)) % 1.0)
 
@@ -29,7 +31,7 @@ QUASI = _quasi(SAMPLES)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Faces:
-    """The surface of a convex hull."""
+    """Surface of a convex hull."""
 
     corners: Array
     """Its corners (N, 3) [m]."""
@@ -47,10 +49,10 @@ class Faces:
 
 
 def faces_of(hull: ConvexHull) -> Faces:
-    """The surface of a hull as it was found."""
-    place = np.zeros(len(hull.points), dtype=np.int64)
-    place[hull.vertices] = np.arange(len(hull.vertices))
-    index = place[hull.simplices]
+    """Return the surface of a hull of SciPy."""
+    number = np.zeros(len(hull.points), dtype=np.int64)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    index = number[hull.simplices]
     a, b, c = np.moveaxis(hull.points[hull.simplices], 1, 0)
     inwards = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     index[inwards] = index[inwards][:, ::-1]
@@ -72,15 +74,15 @@ class Shape:
     half: tuple[float, float, float]
     """Half sides of a box; radius, radius, half length of a cylinder; radius of a sphere [m]."""
     vertices: Array | None = None
-    """Corners of a hull in the part (N, 3)."""
+    """Corners of a hull in the part (N, 3) [m]."""
     piece: str = ""
-    """Names of the piece it stands for."""
+    """Names of the piece that it approximates."""
     known: Faces | None = field(default=None, repr=False)
-    """Surface of a hull, where it is known already."""
+    """Surface of a hull if it was computed before."""
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
-        """Its surface as triangles in the part."""
+        """Surface as triangles in the part [m]."""
         if self.kind == "hull":
             return trimesh.Trimesh(self.faces.corners, self.faces.index, process=False)
         if self.kind == "box":
@@ -103,7 +105,7 @@ class Shape:
 
     @cached_property
     def faces(self) -> Faces:
-        """The hull of its corners."""
+        """Hull of its corners."""
         return self.known or faces_of(ConvexHull(self.corners))
 
     @cached_property
@@ -117,7 +119,7 @@ class Shape:
 
     @cached_property
     def corners(self) -> Array:
-        """Points whose hull it is (N, 3)."""
+        """Points whose hull is the shape (N, 3) [m]."""
         if self.kind == "hull" and self.vertices is not None:
             return self.vertices
         if self.kind == "box":
@@ -139,10 +141,10 @@ class Shape:
         return triangles, normals, np.cumsum(area) / area.sum()
 
     def samples(self, every: int = 1) -> tuple[Array, Array]:
-        """Points on its surface by area and their outward normals, (S, 3) each.
+        """Sample its surface by area: points (S, 3) [m] and unit outward normals (S, 3).
 
         Args:
-            every: Take only every so many of them.
+            every: Stride; 1 returns all points.
         """
         quasi = QUASI[::every]
         if self.kind == "box":
@@ -159,7 +161,7 @@ class Shape:
         return points, normals[index]
 
     def outside(self, points: Array) -> Array:
-        """How far points (N, 3) lie outside [m], negative inside; a lower bound near corners."""
+        """Signed distance of points (N, 3) to the shape (N,) [m]; a lower bound near corners."""
         if self.kind == "box":
             local = np.abs(apply(inverse(self.T_ps), points)) - np.array(self.half)
             away = np.linalg.norm(np.maximum(local, 0.0), axis=1)
@@ -168,18 +170,20 @@ class Shape:
         return np.asarray((points @ planes[:, :3].T + planes[:, 3]).max(axis=1))
 
     def covers(self, points: Array, distance_m: float) -> Mask:
-        """Whether ``points`` (N, 3) lie inside or at most ``distance_m`` away (N,)."""
+        """Return which ``points`` (N, 3) are inside or at most ``distance_m`` [m] away (N,)."""
         return np.asarray(self.distances(points, distance_m) <= distance_m)
 
     def distances(self, points: Array, most_m: float) -> Array:
-        """How far points (N, 3) lie outside (N,) [m], negative inside.
+        """Return the signed distance of points (N, 3) to the shape (N,) [m], negative inside.
 
-        Beyond ``most_m`` they are lower bounds that are beyond it themselves.
+        Values above ``most_m`` are lower bounds of the distance, also above ``most_m``.
         """
         away = self.outside(points)
         if self.kind == "box":
             return away
-        left = np.flatnonzero((away > 0.0) & (away <= most_m))  # near planes, maybe not near it
+        left = np.flatnonzero(
+            (away > 0.0) & (away <= most_m)
+        )  # near planes, perhaps not near the shape
         if not len(left):
             return away
         equations = self.faces.equations
@@ -187,12 +191,12 @@ class Shape:
         highest = heights.max(axis=1, keepdims=True)
         feet = points[left] - highest * equations[heights.argmax(axis=1), :3]
         beside = (feet @ equations[:, :3].T + equations[:, 3]).max(axis=1) > EXACT_M
-        left = left[beside]  # above a face its plane tells the distance
-        # The nearest point of a convex shape lies on a face whose front is seen from outside.
+        left = left[beside]  # above a face the plane gives the distance
+        # The nearest point of a convex shape is on a face whose front is visible from outside.
         row, face = np.nonzero((heights > 0.0)[beside] | (heights == highest)[beside])
-        asked = points[left[row]]
-        nearest = trimesh.triangles.closest_point(self.faces.triangles[face], asked)
-        gap = np.linalg.norm(nearest - asked, axis=1)
+        outer = points[left[row]]
+        nearest = trimesh.triangles.closest_point(self.faces.triangles[face], outer)
+        gap = np.linalg.norm(nearest - outer, axis=1)
         found = np.full(len(left), np.inf)
         np.minimum.at(found, row, gap)
         away[left] = found
@@ -200,12 +204,12 @@ class Shape:
 
     @cached_property
     def bounds(self) -> Array:
-        """Lowest and highest corner in the part (2, 3)."""
+        """Lowest and highest corner in the part (2, 3) [m]."""
         return np.stack([self.corners.min(axis=0), self.corners.max(axis=0)])
 
 
 def on_boxes(half: Array, quasi: Array) -> tuple[Array, Array]:
-    """Points on the surfaces of boxes round the origin, by area, and their normals (B, S, 3).
+    """Sample boxes around the origin by area: points [m] and unit normals (B, S, 3).
 
     Args:
         half: Half sides (B, 3) [m].
@@ -225,6 +229,6 @@ def on_boxes(half: Array, quasi: Array) -> tuple[Array, Array]:
 
 
 def sample_surface(mesh: trimesh.Trimesh, count: int) -> tuple[Array, Array]:
-    """``count`` points on ``mesh`` by area, with their face normals, the same on each call."""
+    """Sample ``mesh`` by area, equally on each call: points [m] and face normals, (count, 3)."""
     points, faces = trimesh.sample.sample_surface(mesh, count, seed=0)
     return np.asarray(points), np.asarray(mesh.face_normals[faces])

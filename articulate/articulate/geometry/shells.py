@@ -1,7 +1,7 @@
 """Convex shapes for thin curved walls: the surface is split until each patch is nearly flat.
 
 Buckets, bottles and pots are shells. A decomposition of their volume cuts along fixed axes and
-fills what is hollow; splitting the surface itself gives staves.
+fills cavities; splitting the surface itself gives staves.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from articulate.geometry.time_budget import UNLIMITED, Budget
 from articulate.transforms import Array, Ints, Mask
 
 MOST_FACES = 200_000
-"""Larger meshes are left to the decomposition."""
-FEW_WAYS = DIRECTIONS[::3]
-"""Corners that reach farthest along these decide where a patch is split."""
+"""Most triangles; larger meshes are decomposed."""
+FEW_DIRECTIONS = DIRECTIONS[::3]
+"""Directions whose extreme corners decide the split of a patch."""
 FACING = 0.7
-"""Triangles whose normals have this cosine with an axis count as facing along it."""
+"""Cosine between a normal and an axis above which a triangle faces along the axis."""
 SAMPLES = 4000
-"""Points on the surface that say what is covered already."""
+"""Points on the surface that measure the coverage."""
 COVERED = 0.6
-"""Points up to this share of a tolerance away need no shape of their own: others lie between."""
+"""Distance, as a fraction of the tolerance, up to which a point is covered by other shapes."""
 SMALL = 3.0
-"""Patches up to this many tolerances wide collide as their hull."""
+"""Width of a patch, in tolerances, up to which it becomes its hull."""
 AHEAD = 3
-"""So many ways to split a patch are judged by what the next split would gain."""
+"""Candidate splits of a patch that are evaluated one split ahead."""
 ROUGHLY = 1000
-"""Of patches with many more triangles than this only so many say how much their hull holds."""
+"""Triangles of a patch that are used to estimate the volume of its hull."""
 LEAST_FACES = 2
-"""A patch of fewer triangles is not split."""
+"""Least number of triangles of a patch that is split."""
 KEPT = 64
-"""So many surfaces are remembered with the ways in which they were split."""
+"""Number of surfaces whose splits are cached."""
 
 
 class Sheet:
-    """A surface that is split, told from another by its content.
+    """Surface that is split; equal if its content is equal.
 
     Args:
         mesh: One connected component.
@@ -69,7 +69,7 @@ class Sheet:
         )
 
     def prepare(self) -> None:
-        """Measure all that patches are asked about."""
+        """Compute the quantities that patches need."""
         mesh = self._mesh
         self.surface = Surface(mesh, self.hollow)
         self.area = np.asarray(mesh.area_faces)
@@ -80,11 +80,11 @@ class Sheet:
 
 
 class Patch:
-    """Some triangles of a sheet. What was found out about it once is kept.
+    """Subset of the triangles of a sheet, with cached properties.
 
     Args:
-        sheet: The whole surface.
-        faces: Numbers of the triangles (F,).
+        sheet: The complete surface.
+        faces: Indices of the triangles (F,).
     """
 
     def __init__(self, sheet: Sheet, faces: Ints) -> None:
@@ -106,7 +106,7 @@ class Patch:
 
     @cached_property
     def spread(self) -> Array:
-        """Points that say whether it is covered: its corners and some on its triangles (N, 3)."""
+        """Points that measure the coverage: corners and some on the triangles (N, 3) [m]."""
         own = np.zeros(len(self.sheet.faces), dtype=bool)
         own[self.faces] = True
         return np.vstack([self.corners, self.sheet.spread[own[self.sheet.owners]]])
@@ -118,7 +118,7 @@ class Patch:
         some = self.corners
         if every > 1:
             some = self.sheet.vertices[self.sheet.faces[self.faces[::every]].reshape(-1)]
-        points = spanning(some, FEW_WAYS)
+        points = spanning(some, FEW_DIRECTIONS)
         flat = self.area * THIN_M
         if len(points) < 4:
             return flat
@@ -129,7 +129,7 @@ class Patch:
 
     @cached_property
     def halves(self) -> tuple[tuple[Patch, Patch], ...]:
-        """Ways to split it, by place along its axes and by which way triangles face."""
+        """Candidate splits, by position along its axes and by the direction of the normals."""
         return tuple(self._halves())
 
     def _halves(self) -> Iterator[tuple[Patch, Patch]]:
@@ -150,14 +150,14 @@ class Patch:
 
     @cached_property
     def halved(self) -> float:
-        """Volume of the hulls of both halves, as small as a split makes it [m3]."""
+        """Least volume of the hulls of both halves over all splits [m3]."""
         return min((one.volume + two.volume for one, two in self.halves), default=np.inf)
 
     @cached_property
     def split(self) -> tuple[Patch, Patch] | None:
-        """The two patches that promise the least hull volume after one more split of each.
+        """The split with the least hull volume after one more split of each half.
 
-        Only the splits that are best by themselves are looked at so far ahead.
+        Only the ``AHEAD`` best splits are evaluated that far.
         """
         found = sorted(self.halves, key=lambda parts: parts[0].volume + parts[1].volume)[:AHEAD]
         best: tuple[float, tuple[Patch, Patch]] | None = None
@@ -165,11 +165,11 @@ class Patch:
             volume = sum(min(part.volume, part.halved) for part in parts)
             if best is None or volume < 0.999 * best[0]:
                 best = (volume, parts)
-        self.halves = () if best is None else (best[1],)  # the others are not asked for again
+        self.halves = () if best is None else (best[1],)  # the others are not needed again
         return None if best is None else best[1]
 
     def fit(self, tol: float, piece: str) -> Shape | None:
-        """The shape that fits it, if one does."""
+        """Return the shape that fits the patch within ``tol`` [m], or None."""
         key = (piece, thin_m(tol))
         if key not in self._fits:
             points = thick(self.corners, tol, self.sheet.hollow)
@@ -178,8 +178,8 @@ class Patch:
 
 
 @functools.lru_cache(maxsize=KEPT)
-def _whole(sheet: Sheet) -> Patch:
-    """All of a sheet. Kept, for shapes are made more than once for the same surface."""
+def _full_patch(sheet: Sheet) -> Patch:
+    """All of a sheet, cached: shapes are made more than once for the same surface."""
     sheet.prepare()
     return Patch(sheet, np.arange(len(sheet.faces)))
 
@@ -192,21 +192,21 @@ def shell_shapes(
     hollow: Array = NOTHING,
     budget: Budget = UNLIMITED,
 ) -> list[Shape] | None:
-    """Boxes and hulls of patches of ``mesh`` that stray from it by at most ``tol`` [m].
+    """Approximate ``mesh`` by boxes and hulls of patches within ``tol`` [m].
 
-    Large patches come first; what they cover already needs no shape of its own.
+    Large patches come first; patches that they cover are dropped.
 
     Args:
-        mesh: One connected component.
-        tol: How far a shape may stray [m].
+        mesh: One connected component [m].
+        tol: Largest distance of a shape to it [m].
         piece: Names for the shapes.
-        most: Given up beyond this many patches.
+        most: Number of shapes above which None is returned.
         hollow: Points (H, 3) that the shapes must leave free [m].
-        budget: Time for it.
+        budget: Processor time.
     """
     if len(mesh.faces) > MOST_FACES:
         return None
-    waiting = [(0.0, 0, _whole(Sheet(mesh, hollow)))]
+    waiting = [(0.0, 0, _full_patch(Sheet(mesh, hollow)))]
     done: list[Shape] = []
     count = 0
     while waiting:
@@ -238,23 +238,23 @@ def staves(
     hollow: Array = NOTHING,
     budget: Budget = UNLIMITED,
 ) -> list[Shape] | None:
-    """At most ``most`` shapes of patches that hold as little besides ``mesh`` as so few can.
+    """Approximate ``mesh`` by at most ``most`` patches with as little extra volume as possible.
 
-    The patch whose hull holds most is split first. Those that are left when there are enough
-    collide as their hulls, wherever they stray.
+    The patch with the largest hull is split first. Patches left at the limit become their hulls,
+    even if these exceed the tolerance.
 
     Args:
-        mesh: One connected component.
-        tol: Shapes that stray by at most this are not split [m].
+        mesh: One connected component [m].
+        tol: Distance up to which a shape is not split [m].
         piece: Names for the shapes.
         most: Largest number of shapes.
         hollow: Points (H, 3) that shapes should leave free [m].
-        budget: Time for it.
+        budget: Processor time.
     """
     if len(mesh.faces) > MOST_FACES:
         return None
-    whole = _whole(Sheet(mesh, hollow))
-    waiting = [(-whole.volume, 0, whole)]
+    first = _full_patch(Sheet(mesh, hollow))
+    waiting = [(-first.volume, 0, first)]
     done: list[Shape] = []
     count = 0
     while waiting:
@@ -278,7 +278,7 @@ def staves(
 
 
 def _covered(points: Array, shapes: list[Shape], tol: float) -> bool:
-    """Whether each of ``points`` (N, 3) lies within ``tol`` [m] of one of ``shapes``."""
+    """Return whether each of ``points`` (N, 3) is within ``tol`` [m] of one of ``shapes``."""
     left = points
     for shape in shapes:
         if not len(left):

@@ -1,4 +1,4 @@
-"""Time that may be spent on making shapes finer, counted on the processor."""
+"""Limit of processor time for making shapes finer."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ import os
 
 
 class OutOfTimeError(Exception):
-    """The time is used up."""
+    """The processor time is spent."""
 
 
 class Budget:
-    """Some time of the processor, that of child processes included, from now on.
+    """Processor time from now on, child processes included.
 
     Args:
-        limit_s: How much [s].
+        limit_s: Limit [s].
     """
 
     def __init__(self, limit_s: float = math.inf) -> None:
         self._end_s = spent_s() + limit_s
 
     def check(self) -> None:
-        """Go on if there is time left.
+        """Check the limit.
 
         Raises:
-            OutOfTimeError: There is none.
+            OutOfTimeError: The time is spent.
         """
         if spent_s() > self._end_s:
             raise OutOfTimeError
 
 
 def spent_s() -> float:
-    """Time of the processor that this process and its ended children took so far [s]."""
+    """Return the processor time of this process and its ended children [s]."""
     return sum(os.times()[:4])
 
 
 UNLIMITED = Budget()
-"""As much time as it takes."""
+"""No limit."""

@@ -73,7 +73,7 @@ class RepairResult:
     """Links that still go into each other on some way."""
 
 
-def mend(
+def repair_joints(
     asset: Asset,
     bodies: Sequence[Body],
     mimics: Sequence[Mimic],
@@ -191,7 +191,7 @@ class RepairSession:
         joint = self.asset.joint(pull.joint.name)
         weight = weight_on(model, joint)
         most = MOST_WEIGHT * pull.effort - joint.frictionloss
-        if weight <= max(most, 0.0) or any(self.parts[n].body.inertial.given for n in carried):
+        if weight <= max(most, 0.0) or any(self.parts[n].body.inertial.from_source for n in carried):
             return
         share = most / weight
         if share < LEAST_MASS:
@@ -510,7 +510,7 @@ class RepairSession:
         for link in self.asset.links:
             part = self.parts[link.name]
             mass_kg = part.body.inertial.mass_kg
-            links.append(replace(link, collisions=len(part.shapes), mass_kg=mass_kg))
+            share = 0.0
             if part.cuts:
                 whole = sum(shape.volume for shape in part.body.shapes)
                 share = part.removed_m3 / max(whole, 1e-12)
@@ -518,6 +518,7 @@ class RepairSession:
                     f"part {link.name}: {len(part.cuts)} collision shapes cut back where parts "
                     f"pass each other, by {share:.1%} of the volume of all"
                 )
+            links.append(replace(link, collisions=len(part.shapes), mass_kg=mass_kg, trimmed=share))
         return RepairResult(
             asset=replace(self.asset, links=tuple(links)),
             bodies=tuple(part.done() for part in self.parts.values()),

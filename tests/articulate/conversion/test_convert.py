@@ -224,7 +224,7 @@ def test_asked_sizes_scale_everything_but_angles(asset: Asset, tmp_path: Path) -
     np.testing.assert_allclose(twice.bounds_o, 2.0 * np.array(asset.bounds_o), atol=1e-9)
     assert twice.joint("drawer_joint").open == pytest.approx(0.6)
     assert twice.joint("door_joint").open == pytest.approx(-1.6)
-    assert "asked for" in twice.size_rule
+    assert "requested" in twice.size_rule
 
 
 def test_a_partnet_folder_is_scaled_by_its_category(tmp_path: Path) -> None:

@@ -26,7 +26,9 @@ def test_collision_geometry_that_lies_elsewhere_is_said_to_be_made_anew(
 ) -> None:
     text = TOUCHED.format(xyz=xyz, rpy=rpy, shape=BODY_BOX)
     asset = made(tmp_path, ('<link name="body">', f'<link name="body">{text}'))
-    assert ("collision geometry of link body strays from what is seen" in said(asset)) is anew
+    assert (
+        "collision geometry of link body differs from the visual geometry" in said(asset)
+    ) is anew
 
 
 def test_collision_geometry_that_lies_elsewhere_but_fits_is_used(tmp_path: Path) -> None:
@@ -49,4 +51,4 @@ def test_collision_meshes_of_another_scale_are_said_to_be_made_anew(tmp_path: Pa
             ('<link name="drawer">', f'<link name="drawer">{text.format(scale)}'),
             ('<box size="0.02 0.3 0.1"/>', '<mesh filename="front.stl"/>'),
         )
-        assert ("collision geometry of link drawer strays" in said(asset)) is anew
+        assert ("collision geometry of link drawer differs" in said(asset)) is anew

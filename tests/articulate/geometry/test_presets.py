@@ -14,7 +14,7 @@ from articulate.geometry.presets import (
     LARGE_HINGE,
     SLIDE,
     SMALL_HINGE,
-    given_dynamics,
+    joint_dynamics,
     joint_preset,
     weight,
 )
@@ -40,12 +40,12 @@ BODY_INERTIAL = (
 def test_what_the_file_says_of_a_joint_goes_before_the_preset(
     damping: float | None, friction: float | None, expected: tuple[float, float]
 ) -> None:
-    assert given_dynamics(SLIDE, damping, friction, rescaled=False) == expected
+    assert joint_dynamics(SLIDE, damping, friction, rescaled=False) == expected
 
 
 def test_dynamics_of_a_source_that_is_not_metric_mean_nothing() -> None:
     preset = (SMALL_HINGE.damping, SMALL_HINGE.frictionloss)
-    assert given_dynamics(SMALL_HINGE, 3.0, 0.7, rescaled=True) == preset
+    assert joint_dynamics(SMALL_HINGE, 3.0, 0.7, rescaled=True) == preset
 
 
 def test_presets_go_by_kind_and_mass() -> None:

@@ -58,7 +58,7 @@ def test_more_than_allowed_is_given_up():
 
 
 def test_the_same_mesh_gives_the_same_shapes(staves):
-    shells._whole.cache_clear()
+    shells._full_patch.cache_clear()
     again = made(bucket(), 96)
     assert [s.kind for s in again] == [s.kind for s in staves]
     assert all(np.array_equal(a.corners, b.corners) for a, b in zip(again, staves, strict=True))
