@@ -39,13 +39,13 @@ MADE_EXITS = (0, 3)
 
 def articulate(*words: object) -> str:
     """Run a command of ours and return what it prints; what it says besides goes on to stderr."""
-    given = [str(word) for word in words]
-    sys.stderr.write(f"articulate {' '.join(given)}\n")
+    part_set = [str(word) for word in words]
+    sys.stderr.write(f"articulate {' '.join(part_set)}\n")
     done = subprocess.run(
-        [sys.executable, "-m", "articulate", *given], stdout=subprocess.PIPE, text=True, check=False
+        [sys.executable, "-m", "articulate", *part_set], stdout=subprocess.PIPE, text=True, check=False
     )
     if done.returncode not in MADE_EXITS:
-        raise UsageError(f"articulate {' '.join(given)}: exit {done.returncode}")
+        raise UsageError(f"articulate {' '.join(part_set)}: exit {done.returncode}")
     return done.stdout
 
 
@@ -111,17 +111,17 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     true = prepare_asset(config, cache_folder())
     joint = choose_joint(config, true)[0].joint
     link = next(j.link for j in true.joints if j.name == joint)
-    clip, made = folder / "clip", folder / "made"
+    clip, result = folder / "clip", folder / "made"
     if not (clip / "camera.json").exists():
         write_video(flags.index, flags.data, object_id, link, clip)
-    if not (made / "made.json").exists():
+    if not (result / "made.json").exists():
         seen = ("--video", clip / "clip.mp4", "--camera.file", clip / "camera.json")
         who = ("--actor", ACTOR, "--library", asset.parent)
-        articulate("make", *seen, *who, "--out", made)
-    content = json.loads((made / "made.json").read_text(encoding="utf-8"))
+        articulate("make", *seen, *who, "--out", result)
+    content = json.loads((result / "made.json").read_text(encoding="utf-8"))
     if content["urdf"] is None:
         return {"object": object_id, "task": task, "joint": joint, "made": content, "ratio": 0.0}
-    trained(made / URDF_FILE, folder / "run_made", flags, "--task", task)
+    trained(result / URDF_FILE, folder / "run_made", flags, "--task", task)
     truth = flags.truth.get(object_id, folder / "run_true")
     if truth.suffix == ".json":
         on_true = told(truth, object_id, task, joint, flags)
@@ -174,10 +174,10 @@ def main() -> int:
         sys.stdout.write(json.dumps(found, indent=1) + "\n")
         return 0
     for row in found:
-        made, true = row.get("success_of_made", 0.0), row.get("success_of_truth", 0.0)
+        result, true = row.get("success_of_made", 0.0), row.get("success_of_truth", 0.0)
         sys.stdout.write(
-            f"{row['task']} {row['object']} {row['joint']}: {made:.1%} learnt on what was made, "
-            f"{true:.1%} on the truth: {row['ratio']:.2f} ({row['made']['verdict']})\n"
+            f"{row['task']} {row['object']} {row['joint']}: {result:.1%} learnt on what was made, "
+            f"{true:.1%} on the truth: {row['ratio']:.2f} ({row['result']['verdict']})\n"
         )
     return 0
 

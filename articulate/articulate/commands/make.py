@@ -121,10 +121,10 @@ def main(argv: Sequence[str]) -> int:
     from articulate.reconstruct.make import dry_run, make
     from articulate.reconstruct.result import MakeRequest
 
-    question, given = _question(flags), _given(flags)
-    camera = _camera(flags, question)
-    out = flags.out or Path("made") / given.name
-    require_space(out, RESULT_BYTES, f"making {given.name}")
+    query, part_set = _question(flags), _given(flags)
+    camera = _camera(flags, query)
+    out = flags.out or Path("made") / part_set.name
+    require_space(out, RESULT_BYTES, f"making {part_set.name}")
     cache = cache_folder()
     order = MakeRequest(
         out=out,
@@ -135,22 +135,22 @@ def main(argv: Sequence[str]) -> int:
         limit_s=flags.limit,
         seed=flags.seed,
     )
-    console.show_progress(f"{given.name}: {len(given.meshes)} parts, {question.told}")
+    console.show_progress(f"{part_set.name}: {len(part_set.meshes)} parts, {query.description}")
     if flags.dry_run:
         page = _prompts_page(out)
-        asked = dry_run(question, given, camera, order, page)
+        asked = dry_run(query, part_set, camera, order, page)
         if flags.json:
             console.emit_json({"questions": asked, "page": str(page)})
         else:
             console.emit(f"{asked} questions, nothing sent: {page}")
         return 0
     with cache_in_use(cache):
-        made = make(question, given, camera, order)
+        result = make(query, part_set, camera, order)
     if flags.json:
-        console.emit_json(made.content())
+        console.emit_json(result.content())
     else:
-        console.emit(_told(made))
-    return 0 if made.verdict == "passed" else MISSED
+        console.emit(_told(result))
+    return 0 if result.verdict == "passed" else MISSED
 
 
 def _prompts_page(out: Path) -> Path:
@@ -160,38 +160,38 @@ def _prompts_page(out: Path) -> Path:
 
 
 def _question(flags: MakeFlags) -> Query:
-    from articulate.reconstruct.query import image_question, text_question, video_question
+    from articulate.reconstruct.query import image_query, text_query, video_query
 
-    said = "" if flags.text is None else text_question(flags.text).text
+    said = "" if flags.text is None else text_query(flags.text).text
     if flags.video is not None:
-        return video_question(flags.video, said)
+        return video_query(flags.video, said)
     if flags.image is not None:
-        return image_question(flags.image, said)
-    return text_question(said)
+        return image_query(flags.image, said)
+    return text_query(said)
 
 
 def _given(flags: MakeFlags) -> PartSet:
-    from articulate.reconstruct.part_set import given_parts, library_parts
+    from articulate.reconstruct.part_set import library_part_set, read_part_set
 
     if flags.library is not None:
-        return library_parts(flags.library)
+        return library_part_set(flags.library)
     assert flags.parts is not None
-    return given_parts(flags.parts, up=flags.up, front=flags.front)
+    return read_part_set(flags.parts, up=flags.up, front=flags.front)
 
 
-def _camera(flags: MakeFlags, question: Query) -> Camera:
-    from articulate.reconstruct.query import View
+def _camera(flags: MakeFlags, query: Query) -> Camera:
+    from articulate.reconstruct.query import QueryCamera
 
     c = flags.camera
-    view = View(file=c.file, eye=c.eye, target=c.target, fovy=c.fovy)
-    return view.camera(*question.size_px)
+    view = QueryCamera(file=c.file, eye=c.eye, target=c.target, fovy=c.fovy)
+    return view.camera(*query.size_px)
 
 
-def _told(made: MakeResult) -> str:
+def _told(result: MakeResult) -> str:
     """What came of it, for a reader."""
-    lines = [f"{made.out.name}: {made.verdict} ({made.seconds:.1f} s)"]
-    lines += [f"  because  {reason}" for reason in made.reasons]
-    for joint in made.joints:
+    lines = [f"{result.out.name}: {result.verdict} ({result.seconds:.1f} s)"]
+    lines += [f"  because  {reason}" for reason in result.reasons]
+    for joint in result.joints:
         x, y, z = joint.axis_o
         way = "without end"
         if joint.lower is not None and joint.upper is not None:
@@ -200,5 +200,5 @@ def _told(made: MakeResult) -> str:
         lines.append(
             f"  joint    {joint.part}: {joint.kind}, axis ({x:.2f}, {y:.2f}, {z:.2f}), {way}"
         )
-    lines.append(f"  page     {made.out / 'trace.html'}")
+    lines.append(f"  page     {result.out / 'trace.html'}")
     return "\n".join(lines)

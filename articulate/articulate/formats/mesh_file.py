@@ -80,6 +80,17 @@ def read_mesh(path: Path, repairs: Repairs) -> list[Group]:
         ) from None
 
 
+def load_scene(path: Path) -> trimesh.Scene:
+    """Load a mesh file that :func:`read_mesh` has accepted, with its materials and colours.
+
+    Raises:
+        AssetError: As :func:`read_mesh`.
+    """
+    suffix = path.suffix.lower()
+    with memory_limit(READ_BYTES):
+        return _scene(_content(path, suffix), suffix, MeshFiles(path))
+
+
 def read_msh(content: bytes) -> trimesh.Trimesh:
     """Read MuJoCo's old binary mesh format; the convex hull of the vertices without faces.
 

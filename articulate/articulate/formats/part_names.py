@@ -5,6 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from articulate.errors import UsageError
+from articulate.untrusted import read_bounded
+
+MAX_BYTES = 1_000_000
+"""Largest ``semantics.txt`` that is read."""
 JOINT_WORDS = frozenset(
     {
         *("hinge", "hinged", "slide", "slider", "sliding", "rotation", "rotating", "rotary"),
@@ -21,10 +26,10 @@ def semantic_names(folder: Path) -> dict[str, str]:
     Each line holds a link, a joint word and a name.
     """
     try:
-        lines = (folder / "semantics.txt").read_text("utf-8", errors="replace").splitlines()
-    except OSError:
+        content = read_bounded(folder / "semantics.txt", MAX_BYTES)
+    except UsageError:
         return {}
-    words = [line.split() for line in lines]
+    words = [line.split() for line in content.decode("utf-8", errors="replace").splitlines()]
     return {w[0]: w[2] for w in words if len(w) >= 3}
 
 

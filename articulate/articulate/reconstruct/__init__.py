@@ -1,1 +1,1 @@
-"""Making: from a clip, a picture or a sentence, and parts, to an object that is proven."""
+"""Reconstruct articulated objects from a video, an image or a text, and parts."""

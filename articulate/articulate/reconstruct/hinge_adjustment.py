@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from articulate.assets.check_report import CheckReport
-from articulate.reconstruct.actors.geometric.candidates import plane_of
+from articulate.reconstruct.actors.geometric.surface import perpendicular_axes
 from articulate.reconstruct.actors.protocol import PredictedJoint, TraceStep
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, normalised
@@ -46,7 +46,7 @@ def adjust_hinge(
     if part not in part_joints or part_joints[part].kind not in {"revolute", "continuous"}:
         return None
     towards = np.zeros(3)
-    for direction in plane_of(normalised(part_joints[part].axis_o)):
+    for direction in perpendicular_axes(normalised(part_joints[part].axis_o)):
         for sign in (1.0, -1.0):
             moved = _moved(part_joints, part, sign * STEP * size_m * direction)
             report = check(moved)
@@ -68,7 +68,7 @@ def penetration_m(check_report: CheckReport) -> dict[str, float]:
     It is empty if another check failed as well.
     """
     failed = [check for check in check_report.checks if check.outcome == "failed"]
-    if any(check.name != "sweep_authored" or check.measured is None for check in failed):
+    if any(check.name != "authored_overlap" or check.measured is None for check in failed):
         return {}
     return {check.subject.removesuffix("_joint"): float(check.measured or 0.0) for check in failed}
 

@@ -1,4 +1,4 @@
-"""Pictures for the trace: what was given, and the object closed and opened."""
+"""Images of the trace: frames of the video, and the object closed and open."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.scene import PartScene, segmentation_image
 from articulate.transforms import Array, pose
 
-SHOWN_PX = 240
-"""Width of one picture in a row."""
-SHOWN = 6
+TILE_PX = 240
+"""Width of one image in a row."""
+FRAMES = 6
 """Frames in a row."""
-TURN_SHOWN_RAD = float(np.pi / 2)
-"""A joint without limits is shown turned by this."""
+OPEN_TURN_RAD = float(np.pi / 2)
+"""Rendered position of an open joint without limits."""
 
 
-def frames_row(clip: Pixels) -> bytes:
-    """Some frames of a clip (T, H, W, 3) side by side, as PNG."""
-    keep = np.unique(np.linspace(0, len(clip) - 1, SHOWN).round().astype(int))
-    return png(np.concatenate([_small(clip[k]) for k in keep], axis=1))
+def frames_row(video: Pixels) -> bytes:
+    """Return frames of a video (T, H, W, 3) side by side, as PNG."""
+    keep = np.unique(np.linspace(0, len(video) - 1, FRAMES).round().astype(int))
+    return png(np.concatenate([_small(video[k]) for k in keep], axis=1))
 
 
-def view_of(meshes: Sequence[PartMesh], held: Mapping[str, PredictedJoint]) -> Camera:
-    """A camera that sees the whole object, closed and opened."""
+def view_camera(meshes: Sequence[PartMesh], part_joints: Mapping[str, PredictedJoint]) -> Camera:
+    """Create a camera that sees the entire object, closed and open."""
     boxes = [joint_bounds(meshes)]
     for share in (0.5, 1.0):
-        poses = poses_at(meshes, held, share)
+        poses = poses_at(meshes, part_joints, share)
         boxes.append(joint_bounds([m.moved(T) for m, T in zip(meshes, poses, strict=True)]))
     low = np.min([box[0] for box in boxes], axis=0)
     high = np.max([box[1] for box in boxes], axis=0)
@@ -44,13 +44,15 @@ def view_of(meshes: Sequence[PartMesh], held: Mapping[str, PredictedJoint]) -> C
     return camera.at(T)
 
 
-def poses_at(meshes: Sequence[PartMesh], held: Mapping[str, PredictedJoint], share: float) -> Array:
-    """What every joint at ``share`` of its way from 0 does to each part (P, 4, 4)."""
+def poses_at(
+    meshes: Sequence[PartMesh], part_joints: Mapping[str, PredictedJoint], share: float
+) -> Array:
+    """Return the motion (P, 4, 4) of each part with all joints at a share of their travel."""
     found: dict[str, Array] = {}
 
     def of(name: str) -> Array:
         if name not in found:
-            joint = held.get(name)
+            joint = part_joints.get(name)
             if joint is None or joint.parent is None:
                 found[name] = pose(np.zeros(3))
             else:
@@ -61,35 +63,35 @@ def poses_at(meshes: Sequence[PartMesh], held: Mapping[str, PredictedJoint], sha
 
 
 def far_end(joint: PredictedJoint) -> float:
-    """The limit that is farther from where the part was given."""
+    """Return the limit that is farther from 0 [m or rad]."""
     if joint.lower is None or joint.upper is None:
-        return 0.0 if joint.kind in {"fixed", "prismatic"} else TURN_SHOWN_RAD
+        return 0.0 if joint.kind in {"fixed", "prismatic"} else OPEN_TURN_RAD
     return joint.upper if abs(joint.upper) >= abs(joint.lower) else joint.lower
 
 
-def opening(
-    meshes: Sequence[PartMesh], held: Mapping[str, PredictedJoint], camera: Camera
+def opening_row(
+    meshes: Sequence[PartMesh], part_joints: Mapping[str, PredictedJoint], camera: Camera
 ) -> bytes:
-    """A PNG: parts in colours of their own, then the object closed, half open and open."""
+    """Return a PNG: parts in distinct colours, then the object closed, half open and open."""
     scene = PartScene(meshes)
-    pictures = [segmentation_image(scene.rasterize(camera), len(meshes))]
+    images = [segmentation_image(scene.rasterize(camera), len(meshes))]
     for share in (0.0, 0.5, 1.0):
-        pictures.append(scene.render_image(camera, poses_at(meshes, held, share)))
-    return png(np.concatenate([_small(p) for p in pictures], axis=1))
+        images.append(scene.render_image(camera, poses_at(meshes, part_joints, share)))
+    return png(np.concatenate([_small(image) for image in images], axis=1))
 
 
-def only(held: Mapping[str, PredictedJoint], part: str) -> dict[str, PredictedJoint]:
-    """The same joints, all but that of ``part`` at rest."""
+def only_joint(part_joints: Mapping[str, PredictedJoint], part: str) -> dict[str, PredictedJoint]:
+    """Return the joints with all but that of ``part`` fixed."""
     return {
         name: joint
         if name == part
         else PredictedJoint(part=name, parent=joint.parent, kind="fixed")
-        for name, joint in held.items()
+        for name, joint in part_joints.items()
     }
 
 
-def _small(picture: Pixels) -> Pixels:
-    height = max(1, round(picture.shape[0] * SHOWN_PX / picture.shape[1]))
+def _small(image: Pixels) -> Pixels:
+    height = max(1, round(image.shape[0] * TILE_PX / image.shape[1]))
     return np.asarray(
-        cv2.resize(picture, (SHOWN_PX, height), interpolation=cv2.INTER_AREA), dtype=np.uint8
+        cv2.resize(image, (TILE_PX, height), interpolation=cv2.INTER_AREA), dtype=np.uint8
     )

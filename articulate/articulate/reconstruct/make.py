@@ -1,8 +1,8 @@
-"""Make: question and parts in, a folder with a proven URDF out, and a page that tells how.
+"""Reconstruct an object: from a query and parts to a folder with a checked URDF and a trace.
 
 ::
 
-    Question + Given ─► Evidence ─► Actor ⇄ Critic ─► program ─► URDF ─► Proof ─► folder
+    Query + PartSet ─► Evidence ─► Actor ⇄ Critic ─► program ─► URDF ─► CheckReport ─► folder
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from articulate.assets.check_report import CheckReport
-from articulate.errors import ConfigError, UsageError, nearest
+from articulate.errors import ConfigError, UsageError, nearest, quote
 from articulate.files import copy_writable, write_json
 from articulate.preparation.batch import Batch, Item
-from articulate.preparation.store import check_out, hand_over
+from articulate.preparation.store import check_out, export
 from articulate.reconstruct.actors.loop import Loop
 from articulate.reconstruct.actors.protocol import (
     GOOD_ENOUGH,
@@ -33,7 +33,12 @@ from articulate.reconstruct.actors.protocol import (
 )
 from articulate.reconstruct.actors.registry import make_actor
 from articulate.reconstruct.actors.vlm.dry_run import write_dry_run
-from articulate.reconstruct.hinge_adjustment import Held, diagonal_of, relieved, told
+from articulate.reconstruct.hinge_adjustment import (
+    PartJoints,
+    adjust_hinge,
+    describe_adjustment,
+    diagonal_of,
+)
 from articulate.reconstruct.part_set import PartSet
 from articulate.reconstruct.program.result import ProgramError
 from articulate.reconstruct.program.run import compile_program
@@ -48,172 +53,181 @@ from articulate.reconstruct.result import (
     MakeRecord,
     MakeRequest,
     MakeResult,
+    Verdict,
 )
-from articulate.reconstruct.text_counts import miscounted
+from articulate.reconstruct.text_counts import count_mismatch
 from articulate.reconstruct.trace import write_trace
 from articulate.render.camera import Camera
-from articulate.render.scene import NOTHING, PartScene
+from articulate.render.scene import NO_PART, PartScene
 
 ACTORS = {"video": "geometric-video", "image": "geometric-text", "text": "geometric-text"}
-"""Who answers if nobody is named."""
+"""Default actor of each modality."""
 TEXT_ACTOR = "geometric-text"
-"""Who says the joints that a clip does not show."""
-UNSURE = 0.35
-"""A joint of which an actor is less sure makes the result doubtful."""
-OVERLAP = 0.5
-"""Less overlap of the picture's object with the parts, as the camera sees them, is doubtful."""
+"""Actor for joints that a video does not show."""
+MIN_CONFIDENCE = 0.35
+"""A joint with a lower confidence makes the result doubtful."""
+MIN_OVERLAP = 0.5
+"""A smaller overlap of the object in the image with the rendered parts is doubtful."""
 
 
-def make(question: Query, given: PartSet, camera: Camera, order: MakeRequest) -> MakeResult:
-    """Find joints, write the program, prove what it describes, and write the folder.
+def make(query: Query, part_set: PartSet, camera: Camera, request: MakeRequest) -> MakeResult:
+    """Find joints, write the program, check what it describes, and write the folder.
 
     Nothing is written unless there is an object.
 
     Raises:
-        UsageError: The question cannot be answered, or the folder cannot be written.
+        UsageError: No joint is found, or the folder cannot be written.
     """
-    check_out(order.out)
+    check_out(request.out)
     start = time.monotonic()
-    _check_joint(order.joint, given)
-    prediction, actor_name = _predicted(question, given, camera, order)
-    said = time.monotonic()
-    held: Held
-    root, held = tree_of(_wanted(prediction.joints, order.joint), given.meshes)
-    if all(joint.kind == "fixed" for joint in held.values()):
-        raise UsageError(_nothing_moves(question, order.joint))
-    own = prediction.program if _says_all(prediction, held) else ""
-    bench = _Bench(given=given, order=order, actor=actor_name)
-    with tempfile.TemporaryDirectory() as place:
-        work = Path(place)
-        if own:
-            check_report = bench.check_report(own, work)
+    _check_joint(request.joint, part_set)
+    prediction, actor_name = _predict(query, part_set, camera, request)
+    predicted = time.monotonic()
+    part_joints: PartJoints
+    root, part_joints = tree_of(_selected(prediction.joints, request.joint), part_set.meshes)
+    if all(joint.kind == "fixed" for joint in part_joints.values()):
+        raise UsageError(_nothing_moves(query, request.joint))
+    program = prediction.program if _is_complete(prediction, part_joints) else ""
+    checker = _ProgramChecker(part_set=part_set, request=request, actor=actor_name)
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        if program:
+            check_report = checker.check(program, work)
         else:
-            write = partial(program_of, root, actor=actor_name, question=question.told)
-            eased, check_report = bench.eased(held, write, work)
-            if eased is not held:
-                prediction = replace(prediction, trace=(*prediction.trace, told(held, eased)))
-                held = eased
-        story = MakeRecord(
-            given=given,
-            question=question,
+            write = partial(program_of, root, actor=actor_name, query=query.description)
+            adjusted, check_report = checker.check_or_adjust(part_joints, write, work)
+            if adjusted is not part_joints:
+                step = describe_adjustment(part_joints, adjusted)
+                prediction = replace(prediction, trace=(*prediction.trace, step))
+                part_joints = adjusted
+        record = MakeRecord(
+            part_set=part_set,
+            query=query,
             camera=camera,
             actor=actor_name,
             prediction=prediction,
             root=root,
-            held=held,
-            program=own or write(held),
+            part_joints=part_joints,
+            program=program or write(part_joints),
             layers=_layers(work / PROGRAM_FOLDER),
-            seconds={"joints": said - start, **bench.seconds},
+            seconds={"joints": predicted - start, **checker.seconds},
         )
-        made = _judged(story, check_report, order, time.monotonic() - start)
+        result = _result(record, check_report, request, time.monotonic() - start)
         copy_writable(work / PROGRAM_FOLDER, work / "asset" / PROGRAM_FOLDER)
-        made = _told(made, story, work / "asset")
-        hand_over(work / "asset", order.out)
-    return made
+        result = _write_reports(result, record, work / "asset")
+        export(work / "asset", request.out)
+    return result
 
 
-def dry_run(question: Query, given: PartSet, camera: Camera, order: MakeRequest, path: Path) -> int:
-    """Write to the page ``path`` what a model would be asked; return how many questions.
+def dry_run(
+    query: Query, part_set: PartSet, camera: Camera, request: MakeRequest, path: Path
+) -> int:
+    """Write the requests to a model to the page ``path`` and return their number.
 
     Raises:
-        ConfigError: The actor asks no model.
+        ConfigError: The actor uses no model.
     """
-    evidence = _evidence(question, given, camera, order)
-    told = f"{given.name}, {len(given.meshes)} parts, and {question.told}"
-    return write_dry_run(_actor(order, question), evidence, path, told)
+    evidence = _evidence(query, part_set, camera, request)
+    description = f"{part_set.name}, {len(part_set.meshes)} parts, and {query.description}"
+    return write_dry_run(_actor(request, query), evidence, path, description)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Bench:
-    """Makes an object of a program and proves it."""
+class _ProgramChecker:
+    """Compiles a program and checks the object that it describes."""
 
-    given: PartSet
-    order: MakeRequest
+    part_set: PartSet
+    request: MakeRequest
     actor: str
-    seconds: dict[str, float] = field(default_factory=lambda: {"program": 0.0, "proof": 0.0})
+    seconds: dict[str, float] = field(default_factory=lambda: {"program": 0.0, "checks": 0.0})
 
-    def check_report(self, source: str, work: Path) -> CheckReport:
-        """Check what is compiled, in a process of its own; the asset comes to lie in ``work``.
+    def check(self, source: str, work: Path) -> CheckReport:
+        """Compile a program and check the object in a child process; the asset goes to ``work``.
 
         Raises:
-            UsageError: It cannot be compiled.
+            UsageError: The program cannot be compiled.
         """
         start = time.monotonic()
-        urdf = compile_program(source, self.given.parts, work / PROGRAM_FOLDER)
+        urdf = compile_program(source, self.part_set.parts, work / PROGRAM_FOLDER)
         if isinstance(urdf, ProgramError):
             raise UsageError(f"the program of {self.actor} cannot be compiled: {urdf}")
-        self.given.write_origin(work / PROGRAM_FOLDER)
+        self.part_set.write_origin(work / PROGRAM_FOLDER)
         compiled = time.monotonic()
-        order = self.order
+        request = self.request
         batch = Batch(
-            out=work / "asset", cache=order.cache, options={}, limit_s=order.limit_s, single=True
+            out=work / "asset",
+            cache=request.cache,
+            options={},
+            limit_s=request.limit_s,
+            single=True,
         )
         check_report = batch.one(Item(name=urdf.stem, file=urdf)).check_report
         self.seconds["program"] += compiled - start
-        self.seconds["proof"] += time.monotonic() - compiled
+        self.seconds["checks"] += time.monotonic() - compiled
         return check_report
 
-    def eased(
-        self, held: Held, write: Callable[[Held], str], work: Path
-    ) -> tuple[Held, CheckReport]:
-        """``held``, moved within what a picture leaves open if it is refused as it was said."""
-        check_report = self.check_report(write(held), work)
+    def check_or_adjust(
+        self, part_joints: PartJoints, write: Callable[[PartJoints], str], work: Path
+    ) -> tuple[PartJoints, CheckReport]:
+        """Check an object; adjust a hinge within its estimation error if it is rejected."""
+        check_report = self.check(write(part_joints), work)
         if check_report.is_usable:
-            return held, check_report
-        size_m = diagonal_of(self.given.meshes)
-        other = relieved(
-            held, check_report, lambda h: self.check_report(write(h), work / "trial"), size_m
+            return part_joints, check_report
+        adjusted = adjust_hinge(
+            part_joints,
+            check_report,
+            lambda trial: self.check(write(trial), work / "trial"),
+            diagonal_of(self.part_set.meshes),
         )
-        return (
-            (held, check_report)
-            if other is None
-            else (other, self.check_report(write(other), work))
-        )
+        if adjusted is None:
+            return part_joints, check_report
+        return adjusted, self.check(write(adjusted), work)
 
 
-def _says_all(prediction: Prediction, held: Mapping[str, PredictedJoint]) -> bool:
-    """Whether an actor's own program says what is asked for, no more and no less."""
-    said = {joint.part: joint.kind for joint in prediction.joints}
-    return said == {part: joint.kind for part, joint in held.items()}
+def _is_complete(prediction: Prediction, part_joints: Mapping[str, PredictedJoint]) -> bool:
+    """Return whether the actor's own program has exactly the requested joints."""
+    predicted = {joint.part: joint.kind for joint in prediction.joints}
+    return predicted == {part: joint.kind for part, joint in part_joints.items()}
 
 
-def _actor(order: MakeRequest, question: Query) -> Actor:
-    """Who answers, with the number of turns that was asked for."""
-    name = ACTORS[question.modality] if order.actor == "auto" else order.actor
-    actor = make_actor(name)
-    if order.iterations is not None and isinstance(actor, Loop):
-        return replace(actor, max_iterations=order.iterations)
+def _actor(request: MakeRequest, query: Query) -> Actor:
+    """Create the actor with the requested number of proposals."""
+    actor = make_actor(_actor_name(request, query))
+    if request.iterations is not None and isinstance(actor, Loop):
+        return replace(actor, max_iterations=request.iterations)
     return actor
 
 
-def _evidence(question: Query, given: PartSet, camera: Camera, order: MakeRequest) -> Evidence:
-    """What the actor is given."""
+def _actor_name(request: MakeRequest, query: Query) -> str:
+    return ACTORS[query.modality] if request.actor == "auto" else request.actor
+
+
+def _evidence(query: Query, part_set: PartSet, camera: Camera, request: MakeRequest) -> Evidence:
     return Evidence(
-        modality=question.modality,
-        parts=given.meshes,
-        labels=given.labels,
-        video=question.video,
-        times_s=question.times_s,
-        image=question.image,
-        camera=None if question.modality == "text" else camera,
-        text=f"{question.text} {given.kind}".strip(),
-        seed=order.seed,
+        modality=query.modality,
+        parts=part_set.meshes,
+        labels=part_set.labels,
+        video=query.video,
+        times_s=query.times_s,
+        image=query.image,
+        camera=None if query.modality == "text" else camera,
+        text=f"{query.text} {part_set.kind}".strip(),
+        seed=request.seed,
     )
 
 
-def _predicted(
-    question: Query, given: PartSet, camera: Camera, order: MakeRequest
+def _predict(
+    query: Query, part_set: PartSet, camera: Camera, request: MakeRequest
 ) -> tuple[Prediction, str]:
-    """What the actor says, and its name."""
-    evidence = _evidence(question, given, camera, order)
-    actor = _actor(order, question)
-    prediction = actor.predict(evidence)
-    name = ACTORS[question.modality] if order.actor == "auto" else order.actor
+    """Return the prediction and the name of the actor."""
+    evidence = _evidence(query, part_set, camera, request)
+    prediction = _actor(request, query).predict(evidence)
+    name = _actor_name(request, query)
     if prediction.rejection:
-        raise UsageError(f"{question.told}: {prediction.rejection}")
-    if question.modality == "video" and order.joint == "all":
-        rest = make_actor(TEXT_ACTOR).predict(replace(evidence, video=None, modality="text"))
-        prediction = replace(prediction, joints=_with_unseen(prediction.joints, rest.joints))
+        raise UsageError(f"{query.description}: {prediction.rejection}")
+    if query.modality == "video" and request.joint == "all":
+        others = make_actor(TEXT_ACTOR).predict(replace(evidence, video=None, modality="text"))
+        prediction = replace(prediction, joints=_with_unseen(prediction.joints, others.joints))
         name = f"{name} and {TEXT_ACTOR}"
     return prediction, name
 
@@ -221,95 +235,97 @@ def _predicted(
 def _with_unseen(
     seen: Sequence[PredictedJoint], named: Sequence[PredictedJoint]
 ) -> tuple[PredictedJoint, ...]:
-    """``seen`` in the clip, and what is ``named`` for parts that do not move in it.
+    """Combine joints of the video with joints from names, for parts that do not move in it.
 
-    A knob that goes along with its door in the clip may turn on it all the same.
+    A knob that moves along with its door in the video may still turn on the door.
     """
     moved = {joint.part for joint in seen if joint.kind != "fixed"}
-    along = {joint.part for joint in seen if joint.kind == "fixed"}
-    more = [j for j in named if j.part not in (moved if j.kind != "fixed" else moved | along)]
+    carried = {joint.part for joint in seen if joint.kind == "fixed"}
+    more = [j for j in named if j.part not in (moved if j.kind != "fixed" else moved | carried)]
     return (*seen, *more)
 
 
-def _check_joint(wanted: str, given: PartSet) -> None:
-    names = [mesh.name for mesh in given.meshes]
-    if wanted not in {"auto", "all", *names}:
+def _check_joint(selected: str, part_set: PartSet) -> None:
+    names = [mesh.name for mesh in part_set.meshes]
+    if selected not in {"auto", "all", *names}:
         raise ConfigError(
-            f"--joint {wanted}: neither auto, nor all, nor a part{nearest(wanted, names)}"
+            f"--joint {quote(selected)}: must be auto, all or a part{nearest(selected, names)}"
         )
 
 
-def _wanted(joints: Sequence[PredictedJoint], wanted: str) -> list[PredictedJoint]:
-    """The joints that are asked for; what does not move is kept in any case."""
-    if wanted in {"auto", "all"}:
+def _selected(joints: Sequence[PredictedJoint], selected: str) -> list[PredictedJoint]:
+    """Return the requested joints, and all fixed ones."""
+    if selected in {"auto", "all"}:
         return list(joints)
-    return [j for j in joints if j.part == wanted or j.kind == "fixed"]
+    return [j for j in joints if j.part == selected or j.kind == "fixed"]
 
 
-def _nothing_moves(question: Query, wanted: str) -> str:
-    if wanted not in {"auto", "all"}:
+def _nothing_moves(query: Query, selected: str) -> str:
+    if selected not in {"auto", "all"}:
         return (
-            f"{question.told} says nothing of a joint of {wanted}; give another --joint, or leave "
-            "it out"
+            f"{query.description}: no joint of {selected} was found; give another --joint or "
+            "omit it"
         )
     return (
-        f"{question.told}: no joint was found; name parts by what they are (door, drawer, lid, "
-        "handle …), or give a clip"
+        f"{query.description}: no joint was found; name the parts by their function (door, "
+        "drawer, lid, handle …), or give a video"
     )
 
 
-def _judged(
-    story: MakeRecord, check_report: CheckReport, order: MakeRequest, seconds: float
+def _result(
+    record: MakeRecord, check_report: CheckReport, request: MakeRequest, seconds: float
 ) -> MakeResult:
-    """The verdict: what is not proven is unproven, what may be wrong doubtful."""
-    doubts = _doubts(story)
-    if not check_report.is_usable:
-        lasting = [re.sub(r"\S*/(?=object\.urdf: )", "", reason) for reason in check_report.reasons]
-        verdict, reasons = "unproven", [*lasting, *doubts]
-    else:
+    """Combine the check report and the doubts about the prediction."""
+    doubts = _doubts(record)
+    verdict: Verdict
+    if check_report.is_usable:
         verdict, reasons = ("doubtful" if doubts else "passed"), doubts
+    else:
+        # The folder of the check is temporary; its path means nothing later.
+        lasting = [re.sub(r"\S*/(?=object\.urdf: )", "", text) for text in check_report.reasons]
+        verdict = "undecided" if check_report.verdict == "undecided" else "rejected"
+        reasons = [*lasting, *doubts]
     return MakeResult(
-        verdict=verdict,  # type: ignore[arg-type]  # one of three literals
+        verdict=verdict,
         reasons=tuple(reasons),
-        out=order.out,
-        joints=tuple(story.moving),
+        out=request.out,
+        joints=tuple(record.moving),
         check_report=check_report,
-        rating=story.prediction.rating,
+        rating=record.prediction.rating,
         seconds=seconds,
     )
 
 
-def _doubts(story: MakeRecord) -> list[str]:
-    """Why the object may not be the one that was meant."""
-    verdict, question = story.prediction.verdict, story.question
+def _doubts(record: MakeRecord) -> list[str]:
+    """List the reasons why the object may not be the intended one."""
+    verdict, query = record.prediction.verdict, record.query
     doubts = []
     if verdict is not None and not verdict.rating > GOOD_ENOUGH:
         what = verdict.failure.replace("_", " ")
-        doubts.append(
-            f"the critic rates it {verdict.rating:.1f} of 10 ({what}: {verdict.reason or 'no'})"
-        )
-    unsure = [j for j in story.moving if j.confidence < UNSURE]
+        reason = verdict.reason or "no reason"
+        doubts.append(f"the critic rates it {verdict.rating:.1f} of 10 ({what}: {reason})")
+    unsure = [j for j in record.moving if j.confidence < MIN_CONFIDENCE]
     if unsure:
-        told = ", ".join(f"{j.part} ({j.confidence:.2f})" for j in unsure)
-        doubts.append(f"the actor is not sure of {told}")
-    if question.text:
-        doubts += miscounted(question.text, story.given.labels.values())
-    if question.image is not None:
-        share = overlap(question, story.given, story.camera)
-        if share < OVERLAP:
+        names = ", ".join(f"{j.part} ({j.confidence:.2f})" for j in unsure)
+        doubts.append(f"the actor has little confidence in {names}")
+    if query.text:
+        doubts += count_mismatch(query.text, record.part_set.labels.values())
+    if query.image is not None:
+        share = overlap(query, record.part_set, record.camera)
+        if share < MIN_OVERLAP:
             doubts.append(
-                f"picture and parts overlap by {share:.0%}: another object, or another camera"
+                f"image and parts overlap by {share:.0%}: another object, or another camera"
             )
     return doubts
 
 
-def overlap(question: Query, given: PartSet, camera: Camera) -> float:
-    """Overlap of the picture's object with the parts as the camera sees them, in [0, 1]."""
-    assert question.image is not None
-    shown = foreground(question.image)
-    drawn = PartScene(given.meshes).rasterize(camera).part_ids != NOTHING
-    either = float(np.logical_or(shown, drawn).sum())
-    return float(np.logical_and(shown, drawn).sum()) / max(either, 1.0)
+def overlap(query: Query, part_set: PartSet, camera: Camera) -> float:
+    """Compute the overlap of the object in the image with the rendered parts, in [0, 1]."""
+    assert query.image is not None
+    pictured = foreground(query.image)
+    rendered = PartScene(part_set.meshes).rasterize(camera).part_ids != NO_PART
+    either = float(np.logical_or(pictured, rendered).sum())
+    return float(np.logical_and(pictured, rendered).sum()) / max(either, 1.0)
 
 
 def _layers(folder: Path) -> tuple[str, ...]:
@@ -317,10 +333,9 @@ def _layers(folder: Path) -> tuple[str, ...]:
     return tuple(content["layers"])
 
 
-def _told(made: MakeResult, story: MakeRecord, folder: Path) -> MakeResult:
-    """Write the page and what else tells of it, and return what was made."""
-    recorded = write_recording(folder / RECORDING_FILE, story)
-    made = replace(made, recording=recorded)
-    write_json(folder / MADE_FILE, made.content())
-    write_trace(made, story, folder / TRACE_FILE)
-    return made
+def _write_reports(result: MakeResult, record: MakeRecord, folder: Path) -> MakeResult:
+    """Write the result, the page and the recording, and return the result."""
+    result = replace(result, recording=write_recording(folder / RECORDING_FILE, record))
+    write_json(folder / MADE_FILE, result.content())
+    write_trace(result, record, folder / TRACE_FILE)
+    return result

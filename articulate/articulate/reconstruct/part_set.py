@@ -1,7 +1,7 @@
-"""Given: the parts of an object as an actor and a program get them, without any joint.
+"""Parts of an object for actors and programs, without joints.
 
-All parts are in one frame ``o``: z is up, the front is +x. Parts of the library stand on z = 0 as
-those of the benchmark do; what a user gives stays where it lies.
+All parts are in one frame ``o``: z is up, the front is +x. Parts of a library are moved to stand on
+z = 0, as in the benchmark; parts of the user keep their positions.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import trimesh
 
 from articulate.conversion.metric_size import category_of, is_normalised
 from articulate.conversion.provenance import ORIGIN_FILE
-from articulate.errors import AssetError
-from articulate.formats.orient_collada import loader_of
+from articulate.errors import AssetError, UsageError, shorten
 from articulate.formats.config import ConvertConfig
 from articulate.formats.load_meshes import GREY, Piece
+from articulate.formats.orient_collada import loader_of
 from articulate.formats.part_names import plain_label, semantic_names
 from articulate.formats.read_urdf import read_urdf
 from articulate.library import PartNetLibrary, ProceduralLibrary
@@ -44,45 +44,45 @@ from articulate.reconstruct.program.program_parts import (
 from articulate.reconstruct.vertex_colours import groups_of
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, pose
+from articulate.untrusted import load_json_object
 
 Pieces = dict[str, tuple[Piece, ...]]
 Up = Literal["auto", "z", "y"]
 Front = Literal["x", "-x", "y", "-y"]
 SCENES = (".glb", ".gltf")
-"""Files that hold several parts by name."""
+"""Formats with several named parts in a file."""
 FROM_Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and its front along +z."""
+"""Rotation from glTF, which has y up and its front along +z."""
 QUARTERS: Mapping[Front, int] = {"x": 0, "y": 3, "-x": 2, "-y": 1}
-"""Quarter turns about z that bring a front to +x."""
-FAR = 0.5
-"""A part whose box is farther from all others than this share of their diagonal belongs to
-something else."""
-UNLIKE = 300.0
-"""Diagonals whose ratio is above this are in different units."""
+"""Quarter turns about z that turn a front to +x."""
+MAX_GAP = 0.5
+"""Largest gap between a part and all others, as a share of their diagonal."""
+MAX_SIZE_RATIO = 300.0
+"""Largest ratio of the diagonals of two parts in the same unit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartSet:
-    """Parts in their places, and where they come from."""
+    """Placed parts and their origin."""
 
     name: str
-    """What the object is called."""
+    """Name of the object."""
     meshes: tuple[PartMesh, ...]
-    """For actors: triangles in ``o``."""
+    """Parts for actors: triangles in ``o``."""
     parts: Parts
-    """The same for programs."""
+    """The same parts for programs."""
     labels: Mapping[str, str]
-    """What each part is, by its name, without words that tell a joint."""
+    """Label of each part by name, without words that reveal a joint."""
     kind: str = ""
-    """What the object is, in words; empty where nobody said."""
+    """Kind of object, for example ``washing machine``; empty if unknown."""
     category: str = "unknown"
     source: str = "unknown"
     licence: str = "unknown"
     normalised: bool = False
-    """Lengths are those of a data set that scales everything to one size."""
+    """True if lengths are those of a data set that scales all objects to one size."""
 
     def write_origin(self, folder: Path) -> None:
-        """Say beside a URDF in ``folder`` where its parts come from."""
+        """Write the origin of the parts beside a URDF in ``folder``."""
         content = {"source": self.source, "licence": self.licence, "category": self.category}
         (folder / ORIGIN_FILE).write_text(json.dumps(content), encoding="utf-8")
         if self.normalised:
@@ -90,32 +90,33 @@ class PartSet:
             (folder / "meta.json").write_text(meta, encoding="utf-8")
 
 
-def given_parts(path: Path, *, up: Up = "auto", front: Front = "x") -> PartSet:
-    """Parts from a folder of meshes, a URDF, or one GLB.
+def read_part_set(path: Path, *, up: Up = "auto", front: Front = "x") -> PartSet:
+    """Read parts from a folder of meshes, a URDF, or a GLB.
 
     Args:
-        path: A folder with one mesh for each part; a URDF, whose links are taken at their joints'
-            0; a GLB or glTF file with one named mesh for each part.
-        up: Upward axis of the files; ``auto``: y for one GLB or glTF file, z for all else.
-        front: Where the object's front is, seen after that.
+        path: A folder with one mesh for each part; a URDF, whose joints are set to 0; a GLB or glTF
+            file with one named mesh for each part.
+        up: Upward axis of the files; ``auto``: y for a GLB or glTF file, z for all others.
+        front: Direction of the object's front, after ``up`` is applied.
 
     Raises:
         AssetError: There are no parts, or they do not belong together.
     """
     suffix = path.suffix.lower()
     try:
-        there = path.exists()
-    except OSError as error:  # a name that is too long, a folder that may not be entered
-        raise AssetError(f"{path}: cannot be read ({error.strerror}); give another path") from None
-    if not there:
+        exists = path.exists()
+    except OSError as error:  # a name that is too long, a folder without permission
+        where = shorten(path)
+        raise AssetError(f"{where}: cannot be read ({error.strerror}); give another path") from None
+    if not exists:
         raise AssetError(f"{path}: does not exist; give a folder of meshes, a URDF or a GLB")
     if path.is_file() and suffix not in {".urdf", *SCENES}:
-        raise AssetError(f"{path}: neither a folder, nor a .urdf, .glb or .gltf file")
-    lone = path.is_file() and suffix in SCENES
-    T = _upright(up == "y" or (up == "auto" and lone), front)
+        raise AssetError(f"{path}: must be a folder or a .urdf, .glb or .gltf file")
+    is_scene = path.is_file() and suffix in SCENES
+    T = _upright(up == "y" or (up == "auto" and is_scene), front)
     names = semantic_names(path.parent if path.is_file() else path)
     names |= _labels_file(path if path.is_dir() else path.parent)
-    if lone:
+    if is_scene:
         pieces = _named(groups_of(path))
     elif path.is_file():
         return _from_urdf(path, T, names)
@@ -131,40 +132,40 @@ def given_parts(path: Path, *, up: Up = "auto", front: Front = "x") -> PartSet:
             for name, file in _files(path).items()
         }
     name = path.stem if path.is_file() else path.resolve().name
-    given = _given(name, pieces, T, names)
-    return replace(given, source=path.name)
+    part_set = _part_set(name, pieces, T, names)
+    return replace(part_set, source=path.name)
 
 
-def library_parts(wanted: str) -> PartSet:
-    """Parts of an object of a library, without its joints.
+def library_part_set(name: str) -> PartSet:
+    """Read the parts of a library's object, without its joints.
 
     Args:
-        wanted: A procedural category with or without a seed (``cabinet``, ``cabinet:3``,
+        name: A procedural category with or without a seed (``cabinet``, ``cabinet:3``,
             ``cabinet-0003``), or the folder of a PartNet-Mobility object.
 
     Raises:
-        AssetError: There is no such object.
-        UsageError: The folder holds no object.
+        AssetError: The object does not exist.
+        UsageError: The folder contains no object.
     """
-    folder = Path(wanted)
+    folder = Path(name)
     try:
         is_folder = folder.is_dir()
     except OSError as error:
-        raise AssetError(f"--library {wanted}: cannot be read ({error.strerror})") from None
+        raise AssetError(f"--library {shorten(name)}: cannot be read ({error.strerror})") from None
     if is_folder:
         return _partnet(folder)
     library = ProceduralLibrary()
-    found = re.fullmatch(r"([^:]+):(\d{1,9})", wanted)
+    found = re.fullmatch(r"([^:]+):(\d{1,9})", name)
     if found:
         object_id = f"{found[1]}-{int(found[2]):04d}"
     else:
-        object_id = wanted if re.search(r"-\d+$", wanted) else f"{wanted}-0000"
+        object_id = name if re.search(r"-\d+$", name) else f"{name}-0000"
     library.parse(object_id)
-    with tempfile.TemporaryDirectory() as place:
-        given = _standing(library.write(object_id, Path(place)))
+    with tempfile.TemporaryDirectory() as temporary:
+        part_set = _on_floor(library.write(object_id, Path(temporary)))
     source, licence = f"{library.source} {object_id}", library.licence
     return replace(
-        given,
+        part_set,
         name=object_id.replace("-", "_"),
         kind=object_id.partition("-")[0].replace("_", " "),
         category=library.category(object_id),
@@ -175,15 +176,15 @@ def library_parts(wanted: str) -> PartSet:
 
 def _partnet(folder: Path) -> PartSet:
     if not (folder / URDF_NAME).is_file():
-        PartNetLibrary(folder)  # refuses a folder without candidates
+        PartNetLibrary(folder)  # rejects a folder without objects
         raise AssetError(
-            f"--library {folder}: holds several objects; give the folder of one of them"
+            f"--library {folder}: contains several objects; give the folder of one of them"
         )
     library = PartNetLibrary(folder.resolve().parent)
     object_id = folder.resolve().name
-    given = _standing(library.folder / object_id / URDF_NAME)
+    part_set = _on_floor(library.folder / object_id / URDF_NAME)
     return replace(
-        given,
+        part_set,
         name=f"object_{object_id}",
         kind=_kind(library.category(object_id)),
         category=library.category(object_id),
@@ -193,20 +194,20 @@ def _partnet(folder: Path) -> PartSet:
     )
 
 
-def _standing(urdf: Path) -> PartSet:
-    """The links of a library's URDF, its front turned from -x to +x, standing on z = 0."""
-    given = _from_urdf(urdf, pose(np.zeros(3), HALF_TURN), semantic_names(urdf.parent))
-    down = pose([0.0, 0.0, -float(joint_bounds(given.meshes)[0, 2])])
-    pieces = {n: tuple(p.moved(down) for p in part.pieces) for n, part in given.parts.items()}
+def _on_floor(urdf: Path) -> PartSet:
+    """Read the links of a library's URDF, turned from -x to +x and moved to stand on z = 0."""
+    part_set = _from_urdf(urdf, pose(np.zeros(3), HALF_TURN), semantic_names(urdf.parent))
+    down = pose([0.0, 0.0, -float(joint_bounds(part_set.meshes)[0, 2])])
+    pieces = {n: tuple(p.moved(down) for p in part.pieces) for n, part in part_set.parts.items()}
     return replace(
-        given,
+        part_set,
         parts=_parts(pieces),
-        meshes=tuple(mesh.moved(down) for mesh in given.meshes),
+        meshes=tuple(mesh.moved(down) for mesh in part_set.meshes),
     )
 
 
 def _upright(y_up: bool, front: Front) -> Array:
-    """Pose (4, 4) that brings what lies in files to ``o``."""
+    """Return the pose (4, 4) of the files' frame in ``o``."""
     rot = FROM_Y_UP if y_up else np.eye(3)
     k = QUARTERS[front]
     c, s = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][k]
@@ -214,25 +215,24 @@ def _upright(y_up: bool, front: Front) -> Array:
 
 
 def _files(folder: Path) -> dict[str, Path]:
-    """Mesh files of a folder by name; its own complaints are those of programs."""
+    """Return the mesh files of a folder by name."""
     parts_of(folder)
     return mesh_files(folder)
 
 
 def _labels_file(folder: Path) -> dict[str, str]:
-    """What a ``labels.json`` in or beside the folder calls each part."""
+    """Read labels by part from a ``labels.json`` in or beside the folder."""
     for path in (folder / "labels.json", folder.resolve().parent / "labels.json"):
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):  # RecursionError: nested too deeply
+            content = load_json_object(path)
+        except UsageError:
             continue
-        if isinstance(content, dict):
-            return {str(k): str(v) for k, v in content.items() if isinstance(v, str)}
+        return {key: value for key, value in content.items() if isinstance(value, str)}
     return {}
 
 
 def _named(groups: Sequence[tuple[str, trimesh.Trimesh, tuple[float, ...] | None]]) -> Pieces:
-    """Pieces by the names of a file's meshes."""
+    """Group pieces by the names of a file's meshes."""
     found: dict[str, list[Piece]] = {}
     for name, mesh, rgba in groups:
         piece = Piece(name=name, mesh=mesh, rgba=_four(rgba), link=name)
@@ -245,10 +245,10 @@ def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
     poses = link_poses(source)
     loader = loader_of(source, ConvertConfig())
     pieces = {n: link_pieces(loader, source, n, poses[n]) for n in source.links}
-    given = _given(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
+    part_set = _part_set(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
     category = category_of(path, ConvertConfig())
     return replace(
-        given,
+        part_set,
         source=path.name,
         kind=_kind(category),
         category=category,
@@ -256,7 +256,7 @@ def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
     )
 
 
-def _given(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> PartSet:
+def _part_set(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) -> PartSet:
     for part in pieces:
         check_name(part)
     placed = {n: tuple(p.moved(T_os) for p in found) for n, found in pieces.items()}
@@ -276,12 +276,12 @@ def _parts(pieces: Mapping[str, tuple[Piece, ...]]) -> Parts:
 
 
 def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
-    """Refuse parts that cannot be those of one object in their places."""
+    """Check that the parts can be those of one placed object."""
     boxes = np.stack([mesh.bounds for mesh in meshes])
     diagonals = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=-1)
     centres = boxes.mean(axis=1)
     large, small = int(np.argmax(diagonals)), int(np.argmin(diagonals))
-    if diagonals[large] > UNLIKE * diagonals[small]:
+    if diagonals[large] > MAX_SIZE_RATIO * diagonals[small]:
         raise AssetError(
             f"{name}: the parts do not belong together: {meshes[large].name} is "
             f"{diagonals[large] / diagonals[small]:.0f} times as large as {meshes[small].name}; "
@@ -289,23 +289,23 @@ def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
         )
     if float(np.abs(centres).max()) < 1e-6 * diagonals[large]:
         raise AssetError(
-            f"{name}: all parts lie about the origin; give them in their places, as they are "
+            f"{name}: all parts are centred at the origin; give them at their positions "
             "when every joint is at 0"
         )
     for k, mesh in enumerate(meshes):
         others = np.delete(boxes, k, axis=0)
         gaps = np.maximum(0.0, np.maximum(others[:, 0] - boxes[k, 1], boxes[k, 0] - others[:, 1]))
         gap = float(np.linalg.norm(gaps, axis=-1).min())
-        whole = float(np.linalg.norm(others[:, 1].max(axis=0) - others[:, 0].min(axis=0)))
-        if gap > FAR * max(whole, float(diagonals[k])):
+        extent = float(np.linalg.norm(others[:, 1].max(axis=0) - others[:, 0].min(axis=0)))
+        if gap > MAX_GAP * max(extent, float(diagonals[k])):
             raise AssetError(
                 f"{name}: the parts do not belong together: {mesh.name} is {gap:.3g} m from all "
-                f"others, which are {whole:.3g} m across; give parts of one object in their places"
+                f"others, whose extent is {extent:.3g} m; give placed parts of one object"
             )
 
 
 def _kind(category: str) -> str:
-    """A category of PartNet-Mobility in words: ``WashingMachine`` is a washing machine."""
+    """Split the name of a category: ``WashingMachine`` becomes ``washing machine``."""
     return "" if category == "unknown" else re.sub(r"(?<=[a-z])(?=[A-Z])", " ", category).lower()
 
 

@@ -1,4 +1,4 @@
-"""From joints that an actor says to a program in the language of :mod:`articulate.reconstruct.program`."""
+"""Write predicted joints as a program of :mod:`articulate.reconstruct.program`."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from articulate.transforms import normalised
 
 DIGITS = 9
 ENCODING = re.compile("(coding)([:=])")
-"""Words that Python would take for the declaration of an encoding in the first line."""
+"""Text that Python would read as an encoding declaration in the first line."""
 
 
 def tree_of(
     joints: Sequence[PredictedJoint], meshes: Sequence[PartMesh]
 ) -> tuple[str, dict[str, PredictedJoint]]:
-    """The part that stands still, and for every other part the joint that holds it.
+    """Return the root part, and the joint of every other part.
 
-    Parts of which nothing is said are fixed to the one that stands still; so is what an actor
-    hangs on itself, on nothing, or on a part that does not exist. A part that moves and is said to
-    be fixed to another one as well, as a knob that goes along with its door, moves on that one.
+    Parts without a joint are fixed to the root; so are parts whose parent is missing, unknown or
+    themselves. A part that moves and is also predicted to be fixed to another one, such as a knob
+    on its door, moves on that one.
 
     Args:
-        joints: What an actor says.
+        joints: Predicted joints.
         meshes: All parts.
     """
     names = [mesh.name for mesh in meshes]
@@ -36,37 +36,39 @@ def tree_of(
     both = {
         name: replace(moved[name], parent=fixed[name].parent) for name in fixed if name in moved
     }
-    said = fixed | moved | both
-    free = [mesh for mesh in meshes if mesh.name not in said] or list(meshes)
-    root = max(free, key=_room).name
-    said.pop(root, None)
-    held: dict[str, PredictedJoint] = {}
+    predicted = fixed | moved | both
+    free = [mesh for mesh in meshes if mesh.name not in predicted] or list(meshes)
+    root = max(free, key=_box_volume).name
+    predicted.pop(root, None)
+    part_joints: dict[str, PredictedJoint] = {}
     for name in names:
         if name == root:
             continue
-        joint = said.get(name) or PredictedJoint(part=name, parent=root, kind="fixed")
-        if joint.parent not in names or _circles(name, said):
+        joint = predicted.get(name) or PredictedJoint(part=name, parent=root, kind="fixed")
+        if joint.parent not in names or _is_cyclic(name, predicted):
             joint = replace(joint, parent=root)
-        held[name] = joint
-    return root, held
+        part_joints[name] = joint
+    return root, part_joints
 
 
-def program_of(root: str, held: Mapping[str, PredictedJoint], *, actor: str, question: str) -> str:
-    """A program that joins parts in their places.
+def program_of(
+    root: str, part_joints: Mapping[str, PredictedJoint], *, actor: str, query: str
+) -> str:
+    """Write a program that joins placed parts.
 
     Args:
-        root: The part that stands still.
-        held: The joint of every other part.
-        actor: Who says so.
-        question: What was given.
+        root: The part that does not move.
+        part_joints: The joint of every other part.
+        actor: Name of the actor, for a comment.
+        query: Description of the query, for a comment.
     """
-    said = " ".join(f"# Joints by {actor}, from {question}.".split())
-    said = ENCODING.sub(r"\1 \2", said)
-    lines = [ascii(said)[1:-1], f"root({root!a})"]
+    comment = " ".join(f"# Joints by {actor}, from {query}.".split())
+    comment = ENCODING.sub(r"\1 \2", comment)
+    lines = [ascii(comment)[1:-1], f"root({root!a})"]
     order = [root]
-    for name in order:  # grows while it is gone through
-        order += [child for child, joint in held.items() if joint.parent == name]
-    lines += [_line(held[name]) for name in order[1:]]
+    for name in order:  # grows during the loop
+        order += [child for child, joint in part_joints.items() if joint.parent == name]
+    lines += [_line(part_joints[name]) for name in order[1:]]
     return "\n".join(lines) + "\n"
 
 
@@ -85,19 +87,19 @@ def _line(joint: PredictedJoint) -> str:
     return f"revolute({head}, axis={axis}, pivot={pivot}, lower={limits.replace(', ', ', upper=')})"
 
 
-def _circles(name: str, said: Mapping[str, PredictedJoint]) -> bool:
-    """Whether going from a part to what holds it comes back to the part."""
+def _is_cyclic(name: str, joints: Mapping[str, PredictedJoint]) -> bool:
+    """Return whether the parents of a part lead back to it."""
     at, seen = name, set()
-    while at in said and at not in seen:
+    while at in joints and at not in seen:
         seen.add(at)
-        parent = said[at].parent
+        parent = joints[at].parent
         if parent is None:
             return False
         at = parent
     return at == name and bool(seen)
 
 
-def _room(mesh: PartMesh) -> float:
+def _box_volume(mesh: PartMesh) -> float:
     return float(np.prod(np.ptp(mesh.bounds, axis=0)))
 
 

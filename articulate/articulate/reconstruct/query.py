@@ -1,10 +1,8 @@
-"""What a person gives besides parts: a clip, a picture or a sentence, and a camera."""
+"""Query of a reconstruction: a video, an image or a text about the object, and a camera."""
 
 from __future__ import annotations
 
 import io
-import json
-import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from articulate.errors import ConfigError, UsageError
+from articulate.errors import ConfigError, UsageError, shorten
 from articulate.reconstruct.actors.modality import Modality
 from articulate.reconstruct.actors.protocol import Pixels
 from articulate.render.camera import (
@@ -27,30 +25,36 @@ from articulate.render.camera import (
     pinhole,
 )
 from articulate.transforms import Array
+from articulate.untrusted import load_json_object, read_bounded
 from articulate.video.read_video import VideoReadOptions, check_motion, read_video
 
 LONGEST_SIDE_PX = 1280
-"""Larger clips and pictures are made smaller."""
-MOST_FRAMES = 100
-"""Frames of a clip that are looked at, evenly spread."""
-MOST_PIXELS = 100_000_000
-"""Pixels of a picture that is read at all."""
-LEAST_SIDE_PX = 16
-"""Shorter sides, of pictures that are no larger than is looked at, show nothing."""
-PLAIN = 24.0
-"""Pixels that differ by less from what the picture's rim mostly shows are background, 0 to 255."""
-LEAST_SHARE = 0.002
-"""An object covers at least this share of a picture."""
-MOST_LETTERS = 2000
+"""Longest side of videos and images; larger ones are scaled down."""
+MAX_FRAMES = 100
+"""Most frames of a video that are used, evenly spread."""
+MAX_PIXELS = 100_000_000
+"""Most pixels of an image that is read."""
+MAX_IMAGE_BYTES = 300_000_000
+"""Largest image file that is read."""
+MIN_SIDE_PX = 16
+"""Smallest side of an image, after it is scaled down."""
+MAX_SIDE_PX = 10_000
+"""Largest side of the images of a camera."""
+BACKGROUND_CHANGE = 24.0
+"""Pixels that differ less from the median of the image's border are background, 0 to 255."""
+MIN_SHARE = 0.002
+"""Smallest share of an image that an object covers."""
+MAX_CHARACTERS = 2000
+"""Longest text."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Query:
-    """What is known of how the object moves."""
+    """Description of an object and its motion by the user."""
 
     modality: Modality
-    told: str
-    """What was given, in a few words."""
+    description: str
+    """Short description of the input, for messages."""
     video: Pixels | None = None
     times_s: Array | None = None
     image: Pixels | None = None
@@ -58,7 +62,7 @@ class Query:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of clip or picture; 640 x 480 without one."""
+        """Width and height of the video or image; 640 x 480 without one."""
         if self.video is not None:
             return int(self.video.shape[2]), int(self.video.shape[1])
         if self.image is not None:
@@ -66,56 +70,58 @@ class Query:
         return 640, 480
 
 
-def video_question(path: Path, text: str = "") -> Query:
-    """A film in which a part moves.
+def video_query(path: Path, text: str = "") -> Query:
+    """Read a video in which a part moves.
 
     Raises:
-        UsageError: It cannot be read, is empty or of one frame, or nothing moves in it.
+        UsageError: It cannot be read, has fewer than two frames, or shows no motion.
     """
     _is_file(path)
-    clip = read_video(path, VideoReadOptions(longest_side_px=LONGEST_SIDE_PX, most_frames=MOST_FRAMES))
-    check_motion(clip.frames, str(path))
+    video = read_video(
+        path, VideoReadOptions(longest_side_px=LONGEST_SIDE_PX, most_frames=MAX_FRAMES)
+    )
+    check_motion(video.frames, str(path))
     return Query(
         modality="video",
-        told=f"the clip {path.name}",
-        video=clip.frames,
-        times_s=clip.times_s,
+        description=f"the video {path.name}",
+        video=video.frames,
+        times_s=video.times_s,
         text=text,
     )
 
 
-def image_question(path: Path, text: str = "") -> Query:
-    """A picture of the object.
+def image_query(path: Path, text: str = "") -> Query:
+    """Read an image of the object.
 
     Raises:
-        UsageError: It cannot be read, or shows nothing.
+        UsageError: It cannot be read, or shows no object.
     """
     if not _is_file(path):
-        raise UsageError(f"{path}: no such file; give a picture, e.g. a .png")
+        raise UsageError(f"{path}: no such file; give an image, e.g. a .png")
     if path.stat().st_size == 0:
-        raise UsageError(f"{path}: is empty; give a picture of the object")
-    read = _decoded(path)
-    factor = LONGEST_SIDE_PX / max(read.shape[:2])
-    if min(1.0, factor) * min(read.shape[:2]) < LEAST_SIDE_PX:
+        raise UsageError(f"{path}: is empty; give an image of the object")
+    pixels = _decode_image(path)
+    factor = LONGEST_SIDE_PX / max(pixels.shape[:2])
+    if min(1.0, factor) * min(pixels.shape[:2]) < MIN_SIDE_PX:
         raise UsageError(
-            f"{path}: has {read.shape[1]}x{read.shape[0]} px, too narrow a picture; give one of "
-            "the whole object"
+            f"{path}: has {pixels.shape[1]}x{pixels.shape[0]} px, which is too narrow; give an "
+            "image of the entire object"
         )
     if factor < 1.0:
-        read = cv2.resize(read, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-    picture = np.asarray(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), dtype=np.uint8)
-    share = float(foreground(picture).mean())
-    if share < LEAST_SHARE:
+        pixels = cv2.resize(pixels, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+    image = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    share = float(foreground(image).mean())
+    if share < MIN_SHARE:
         raise UsageError(
-            f"{path}: shows no object ({share:.2%} of it differ from its rim); give a picture of "
-            "the object"
+            f"{path}: shows no object ({share:.2%} of it differ from its border); give an image "
+            "of the object"
         )
-    return Query(modality="image", told=f"the picture {path.name}", image=picture, text=text)
+    return Query(modality="image", description=f"the image {path.name}", image=image, text=text)
 
 
-def _decoded(path: Path) -> np.ndarray:
-    """The picture in BGR (H, W, 3), refused by its size before it is decoded."""
-    content = path.read_bytes()
+def _decode_image(path: Path) -> np.ndarray:
+    """Decode an image to BGR (H, W, 3); its size is checked before."""
+    content = read_bounded(path, MAX_IMAGE_BYTES)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -124,82 +130,83 @@ def _decoded(path: Path) -> np.ndarray:
     except Image.DecompressionBombError:
         raise UsageError(f"{path}: {_TOO_LARGE}") from None
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
-        raise UsageError(f"{path}: {_NO_PICTURE}") from None
-    if width * height > MOST_PIXELS:
+        raise UsageError(f"{path}: {_NO_IMAGE}") from None
+    if width * height > MAX_PIXELS:
         raise UsageError(f"{path}: {_TOO_LARGE}")
     try:
-        read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:
-        read = None
-    if read is None:
-        raise UsageError(f"{path}: {_NO_PICTURE}")
-    return np.asarray(read)
+        pixels = None
+    if pixels is None:
+        raise UsageError(f"{path}: {_NO_IMAGE}")
+    return np.asarray(pixels)
 
 
-_NO_PICTURE = "cannot be read as a picture; .png and .jpg can"
-_TOO_LARGE = f"has more than {MOST_PIXELS // 1_000_000} million pixels; give a smaller picture"
+_NO_IMAGE = "cannot be read as an image; .png and .jpg are supported"
+_TOO_LARGE = f"has more than {MAX_PIXELS // 1_000_000} million pixels; give a smaller image"
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is a file; UsageError if the path is none, as one that is too long."""
+    """Return whether the file exists; reject paths that cannot exist, as one that is too long."""
     try:
         return path.is_file()
     except OSError as error:
-        raise UsageError(f"{path}: cannot be read ({error.strerror}); give another path") from None
+        where = shorten(path)
+        raise UsageError(f"{where}: cannot be read ({error.strerror}); give another path") from None
 
 
-def text_question(text: str) -> Query:
-    """A sentence about the object.
+def text_query(text: str) -> Query:
+    """Check a text about the object.
 
     Raises:
-        ConfigError: It says nothing, or too much.
+        ConfigError: It is empty, too long, or not UTF-8.
     """
     if not text.isprintable() and any("\ud800" <= letter <= "\udfff" for letter in text):
         raise ConfigError("--text holds bytes that are not UTF-8; write it in UTF-8")
-    said = " ".join(text.split())
-    if not any(letter.isalpha() for letter in said):
-        raise ConfigError('--text is empty; say what the object is, e.g. "a cabinet with a drawer"')
-    if len(said) > MOST_LETTERS:
+    words = " ".join(text.split())
+    if not any(letter.isalpha() for letter in words):
+        raise ConfigError('--text is empty; describe the object, e.g. "a cabinet with a drawer"')
+    if len(words) > MAX_CHARACTERS:
         raise ConfigError(
-            f"--text has {len(said)} letters; at most {MOST_LETTERS} are read: say it shorter"
+            f"--text has {len(words)} characters; at most {MAX_CHARACTERS} are accepted: shorten it"
         )
-    return Query(modality="text", told=f'"{said}"', text=said)
+    return Query(modality="text", description=f'"{shorten(words)}"', text=words)
 
 
-def foreground(picture: Pixels) -> np.ndarray:
-    """Where a picture (H, W, 3) differs from what its rim mostly shows, (H, W)."""
-    rim = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
-    usual = np.median(rim.astype(np.float64), axis=0)
-    return np.asarray(np.abs(picture - usual).max(axis=-1) > PLAIN)
+def foreground(image: Pixels) -> np.ndarray:
+    """Return where an image (H, W, 3) differs from the median of its border, a mask (H, W)."""
+    border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    median = np.median(border.astype(np.float64), axis=0)
+    return np.asarray(np.abs(image - median).max(axis=-1) > BACKGROUND_CHANGE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
-    """Where the camera of clip or picture stands, in the frame of the parts."""
+class QueryCamera:
+    """Camera of a video or image, in the frame of the parts."""
 
     file: Path | None = None
-    """JSON file with width_px, height_px, fx_px, fy_px, cx_px, cy_px and T_oc, which places
-    OpenCV's axes in the frame of the parts; the other flags are not heeded then."""
+    """JSON file with width_px, height_px, fx_px, fy_px, cx_px, cy_px and T_oc, the pose of OpenCV's
+    camera axes in the frame of the parts; it replaces the other fields."""
     eye: tuple[float, float, float] = FRONT_EYE_W
     """Position of the camera [m]."""
     target: tuple[float, float, float] = FRONT_TARGET_W
-    """Point that is seen in the middle [m]."""
+    """Point in the centre of the image [m]."""
     fovy: float = float(np.degrees(FRONT_FOVY_RAD))
-    """Angle of view, from top to bottom [deg]."""
+    """Vertical field of view [deg]."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no camera."""
+        """Check the field of view."""
         if not 1.0 <= self.fovy <= 170.0:
             raise ConfigError(f"--camera.fovy is {self.fovy:g} degrees; it must lie in [1, 170]")
 
     def camera(self, width_px: int, height_px: int) -> Camera:
-        """The camera of pictures of this size.
+        """Return the camera for images of this size.
 
         Raises:
-            ConfigError: The file is no camera, or of pictures of another shape.
+            ConfigError: The file is invalid, or for images of another shape.
         """
         if self.file is not None:
-            return _fitting(camera_in(self.file), width_px, height_px, self.file)
+            return _fitting(read_camera(self.file), width_px, height_px, self.file)
         return pinhole(
             width_px=width_px,
             height_px=height_px,
@@ -208,14 +215,17 @@ class View:
         )
 
 
-def camera_in(path: Path) -> Camera:
-    """The camera that a JSON file says.
+def read_camera(path: Path) -> Camera:
+    """Read a camera from a JSON file.
 
     Raises:
-        ConfigError: It says none.
+        ConfigError: It is not a camera.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = load_json_object(path, limit_bytes=100_000, error=ConfigError)
+    except ConfigError as error:
+        raise ConfigError(f"--camera.file {error}") from None
+    try:
         T_oc = np.array(content["T_oc"], dtype=np.float64)
         if T_oc.shape != (4, 4) or not np.isfinite(T_oc).all():
             raise ValueError("T_oc is not a pose of 4x4 numbers")
@@ -226,30 +236,30 @@ def camera_in(path: Path) -> Camera:
         if not np.allclose(T_oc[3], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
             raise ValueError("the last row of T_oc is not 0, 0, 0, 1")
         sizes = [int(content[name]) for name in ("width_px", "height_px")]
+        if not all(1 <= size <= MAX_SIDE_PX for size in sizes):
+            raise ValueError(f"width_px and height_px must be 1 to {MAX_SIDE_PX}")
         focal = [_finite(content, name) for name in ("fx_px", "fy_px")]
-        middle = [_finite(content, name) for name in ("cx_px", "cy_px")]
+        centre = [_finite(content, name) for name in ("cx_px", "cy_px")]
         return Camera(
             width_px=sizes[0],
             height_px=sizes[1],
             fx_px=focal[0],
             fy_px=focal[1],
-            cx_px=middle[0],
-            cy_px=middle[1],
+            cx_px=centre[0],
+            cy_px=centre[1],
             T_wc=T_oc,
         )
-    except RecursionError:
-        raise ConfigError(f"--camera.file {path}: is nested too deeply; give a camera") from None
-    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
-        told = f"no {error}" if isinstance(error, KeyError) else str(error)
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else shorten(error)
         raise ConfigError(
-            f"--camera.file {path}: not a camera ({told}); it holds width_px, height_px, fx_px, "
+            f"--camera.file {path}: not a camera ({reason}); it holds width_px, height_px, fx_px, "
             "fy_px, cx_px, cy_px and T_oc"
         ) from None
 
 
 def _finite(content: Mapping[str, Any], name: str) -> float:
     value = float(content[name])
-    if not math.isfinite(value):
+    if not np.isfinite(value):
         raise ValueError(f"{name} is {value}")
     return value
 
@@ -258,7 +268,7 @@ def _fitting(camera: Camera, width_px: int, height_px: int, path: Path) -> Camer
     factor = width_px / camera.width_px
     if abs(camera.height_px * factor - height_px) > 2.0:
         raise ConfigError(
-            f"--camera.file {path}: is for {camera.width_px}x{camera.height_px} px, and what is "
-            f"shown has {width_px}x{height_px}; give the camera of this clip or picture"
+            f"--camera.file {path}: is for {camera.width_px}x{camera.height_px} px, and the input "
+            f"has {width_px}x{height_px}; give the camera of this video or image"
         )
     return camera if width_px == camera.width_px else camera.scaled(factor)

@@ -1,4 +1,4 @@
-"""The object with its joints in motion, as a recording that rerun opens."""
+"""Recording of the object with moving joints, for rerun."""
 
 from __future__ import annotations
 
@@ -8,31 +8,34 @@ from typing import Any
 import numpy as np
 
 from articulate.files import atomic_write
-from articulate.reconstruct.images import only, poses_at
+from articulate.reconstruct.images import only_joint, poses_at
 from articulate.reconstruct.result import MakeRecord
 from articulate.transforms import Ints, matrix_to_quat
 
 STEPS = 30
-"""Positions on the way from closed to open."""
+"""Positions from closed to open."""
 STEP_S = 0.05
 
 
-def write_recording(path: Path, story: MakeRecord) -> bool:
-    """Write each joint in turn as a recording, whole or not at all; False without rerun."""
+def write_recording(path: Path, record: MakeRecord) -> bool:
+    """Write a recording in which each joint moves in turn; return False without rerun.
+
+    The file is written atomically.
+    """
     try:
-        import rerun  # heavy, and wanted for this alone
-    except ImportError:  # of one of its own modules, too
+        import rerun  # heavy, and needed only here
+    except ImportError:  # also of one of its modules
         return False
     with atomic_write(path) as temporary:
         stream = rerun.RecordingStream("articulate", send_properties=False)
         stream.save(temporary)
         stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        stream.log("program", rerun.TextDocument(story.program), static=True)
-        for k, step in enumerate(story.prediction.trace):
+        stream.log("program", rerun.TextDocument(record.program), static=True)
+        for k, step in enumerate(record.prediction.trace):
             text = f"{step.title}\n{step.text}"
             stream.log(f"trace/{k:02d}", rerun.TextDocument(text), static=True)
-        _log_question(rerun, stream, story)
-        for mesh in story.given.meshes:
+        _log_query(rerun, stream, record)
+        for mesh in record.part_set.meshes:
             corners: Ints = mesh.faces.reshape(-1)
             shape = rerun.Mesh3D(
                 vertex_positions=mesh.vertices[corners],
@@ -40,7 +43,7 @@ def write_recording(path: Path, story: MakeRecord) -> bool:
                 vertex_colors=mesh.rgb.repeat(3, axis=0),
             )
             stream.log(_entity(mesh.name), shape, static=True)
-        _log_motion(rerun, stream, story)
+        _log_motion(rerun, stream, record)
         stream.flush()
         stream.disconnect()
     return True
@@ -50,25 +53,27 @@ def _entity(name: str) -> str:
     return f"world/{name.replace('/', '_')}"
 
 
-def _log_question(rerun: Any, stream: Any, story: MakeRecord) -> None:
-    question = story.question
-    if question.image is not None:
-        stream.log("question", rerun.Image(question.image), static=True)
-    if question.video is not None and question.times_s is not None:
-        for t, frame in zip(question.times_s, question.video, strict=True):
+def _log_query(rerun: Any, stream: Any, record: MakeRecord) -> None:
+    query = record.query
+    if query.image is not None:
+        stream.log("query", rerun.Image(query.image), static=True)
+    if query.video is not None and query.times_s is not None:
+        for t, frame in zip(query.times_s, query.video, strict=True):
             stream.set_time("time", duration=float(t))
-            stream.log("question", rerun.Image(frame).compress(jpeg_quality=80))
+            stream.log("query", rerun.Image(frame).compress(jpeg_quality=80))
 
 
-def _log_motion(rerun: Any, stream: Any, story: MakeRecord) -> None:
-    tick = 0
-    for joint in story.moving:
+def _log_motion(rerun: Any, stream: Any, record: MakeRecord) -> None:
+    step = 0
+    for joint in record.moving:
         for share in np.linspace(0.0, 1.0, STEPS):
-            stream.set_time("time", duration=tick * STEP_S)
-            poses = poses_at(story.given.meshes, only(story.held, joint.part), float(share))
-            for mesh, T in zip(story.given.meshes, poses, strict=True):
+            stream.set_time("time", duration=step * STEP_S)
+            poses = poses_at(
+                record.part_set.meshes, only_joint(record.part_joints, joint.part), float(share)
+            )
+            for mesh, T in zip(record.part_set.meshes, poses, strict=True):
                 w, *xyz = matrix_to_quat(T[:3, :3])
-                turned = rerun.Quaternion(xyzw=[*xyz, w])
-                pose = rerun.Transform3D(translation=T[:3, 3], quaternion=turned)
+                rotation = rerun.Quaternion(xyzw=[*xyz, w])
+                pose = rerun.Transform3D(translation=T[:3, 3], quaternion=rotation)
                 stream.log(_entity(mesh.name), pose)
-            tick += 1
+            step += 1

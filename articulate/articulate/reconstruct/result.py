@@ -1,4 +1,4 @@
-"""What was asked for, what happened, and what came of it."""
+"""Request, record and result of a reconstruction."""
 
 from __future__ import annotations
 
@@ -13,45 +13,46 @@ from articulate.reconstruct.part_set import PartSet
 from articulate.reconstruct.query import Query
 from articulate.render.camera import Camera
 
-Verdict = Literal["passed", "doubtful", "unproven"]
-SCHEMA, SCHEMA_VERSION = "articulate.made", 1
+Verdict = Literal["passed", "doubtful", "rejected", "undecided"]
+"""``doubtful``: the checks passed, but it may not be the intended object."""
+SCHEMA, SCHEMA_VERSION = "articulate.made", 2
 MADE_FILE, TRACE_FILE, RECORDING_FILE = "made.json", "trace.html", "trace.rrd"
 URDF_FILE = "object.urdf"
 PROGRAM_FOLDER = "program"
-"""Folder for the program and what was compiled from it."""
+"""Folder for the program and its URDF."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MakeRequest:
-    """What is to be made, and how."""
+    """Settings of a reconstruction."""
 
     out: Path
-    """Folder that is made; an earlier result there is replaced."""
+    """Folder of the result; an earlier result there is replaced."""
     cache: Path
-    """Where proofs are kept."""
+    """Folder of the cache for checked assets."""
     actor: str = "auto"
-    """Name of the actor; ``auto``: by what was given."""
+    """Name of the actor; ``auto``: the default of the modality."""
     joint: str = "auto"
-    """``auto``: the one that a clip shows, else all; ``all``; or the part whose joint is meant."""
+    """``auto``: joints in the video, else all; ``all``; or the part whose joint is requested."""
     iterations: int | None = None
-    """Most proposals of the actor; None: its own number."""
+    """Most proposals of the actor; None: its default."""
     limit_s: float = 300.0
-    """Time after which the proof is given up [s]."""
+    """Processor time after which the check ends as undecided [s]."""
     seed: int = 0
-    """Seed of all that is random."""
+    """Seed of all random numbers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MakeRecord:
-    """All that happened, for the page."""
+    """Inputs and intermediate results, for the trace."""
 
-    given: PartSet
-    question: Query
+    part_set: PartSet
+    query: Query
     camera: Camera
     actor: str
     prediction: Prediction
     root: str
-    held: Mapping[str, PredictedJoint]
+    part_joints: Mapping[str, PredictedJoint]
     """The joint of every part but the root."""
     program: str
     layers: tuple[str, ...]
@@ -62,28 +63,27 @@ class MakeRecord:
     @property
     def moving(self) -> list[PredictedJoint]:
         """Joints that move."""
-        return [joint for joint in self.held.values() if joint.kind != "fixed"]
+        return [joint for joint in self.part_joints.values() if joint.kind != "fixed"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MakeResult:
-    """What came of it."""
+    """Result of a reconstruction."""
 
     verdict: Verdict
-    """``doubtful``: proven, but it may not be the object that was shown."""
     reasons: tuple[str, ...]
-    """Why it is not proven, or doubtful."""
+    """Reasons for a verdict other than ``passed``."""
     out: Path
     joints: tuple[PredictedJoint, ...]
     check_report: CheckReport
     rating: float | None
-    """The critic's rating; None without one."""
+    """Rating of the critic; None without a critic."""
     seconds: float
     recording: bool = False
-    """Whether there is a recording for rerun."""
+    """True if there is a recording for rerun."""
 
     def content(self) -> dict[str, Any]:
-        """What ``made.json`` holds and ``--json`` prints."""
+        """Return the content of ``made.json`` and of ``--json``."""
         return {
             "schema": SCHEMA,
             "schema_version": SCHEMA_VERSION,
@@ -92,7 +92,7 @@ class MakeResult:
             "asset": str(self.out),
             "urdf": str(self.out / URDF_FILE) if self.check_report.is_usable else None,
             "program": str(self.out / PROGRAM_FOLDER / "program.py"),
-            "proof": str(self.out / "check_report.html"),
+            "check_report": str(self.out / "check_report.html"),
             "trace": str(self.out / TRACE_FILE),
             "recording": str(self.out / RECORDING_FILE) if self.recording else None,
             "check_verdict": self.check_report.verdict,

@@ -1,4 +1,4 @@
-"""What a sentence counts: "a cabinet with two drawers" says that there are two."""
+"""Numbers of parts in a text: "a cabinet with two drawers" has two drawers."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ PARTS = frozenset(
 )
 """Words that are counted."""
 BETWEEN = 3
-"""Most words between a number and what it counts: "two small upper drawers"."""
+"""Most words between a number and its part: "two small upper drawers"."""
 
-OWNING = r"\b(?:with|that|which|whose|having|has|of)\b|[,;:.]"
-"""What stands between the object itself and its parts: "a light switch with two levers"."""
+SEPARATOR = r"\b(?:with|that|which|whose|having|has|of)\b|[,;:.]"
+"""Separates the object from its parts: "a light switch with two levers"."""
 
 
 def counts_in(text: str) -> dict[str, int]:
-    """How many of each part a sentence says there are, where it says a number."""
+    """Return the number of each part that a text gives."""
     words = re.findall(r"[a-z]+|\d+", text.lower())
     found: dict[str, int] = {}
     for k, word in enumerate(words):
@@ -62,20 +62,21 @@ def counts_in(text: str) -> dict[str, int]:
     return found
 
 
-def miscounted(text: str, labels: Iterable[str]) -> list[str]:
-    """Where parts are not as many as a sentence says, one clause each."""
-    there = Counter(singular(label.split()[-1]) for label in labels if label)
-    head = re.split(OWNING, text.lower(), maxsplit=1)[0]
+def count_mismatch(text: str, labels: Iterable[str]) -> list[str]:
+    """Describe each difference between the numbers in a text and the labelled parts."""
+    labelled = Counter(singular(label.split()[-1]) for label in labels if label)
+    head = re.split(SEPARATOR, text.lower(), maxsplit=1)[0]
     itself = counts_in(re.sub(r"\b(?:one|single|1)\b", "", head))  # "a switch", not "one door"
     return [
-        f"the text says {number} {part}{'s' * (number != 1)}, and the parts hold {there[part]}"
+        f"the text names {number} {part}{'s' * (number != 1)}, the parts include {labelled[part]}"
         for part, number in counts_in(text).items()
-        if there[part] != number and not (there[part] == 0 and itself.get(part) == number == 1)
+        if labelled[part] != number
+        and not (labelled[part] == 0 and itself.get(part) == number == 1)
     ]
 
 
 def singular(word: str) -> str:
-    """A word without the ending of many, as far as parts need it."""
+    """Return the singular of a part's name."""
     if word.endswith("shelves"):
         return "shelf"
     if word.endswith(("ches", "shes", "xes")):

@@ -16,10 +16,10 @@ from articulate.commands import console
 from articulate.commands import make as module
 from articulate.commands.make import MakeFlags, main
 from articulate.reconstruct import query
-from articulate.reconstruct.images import view_of
+from articulate.reconstruct.images import view_camera
 from articulate.reconstruct.make import overlap
 from articulate.reconstruct.program.program_parts import parts_of
-from articulate.reconstruct.program.result import Built
+from articulate.reconstruct.program.result import ProgramObject
 from articulate.reconstruct.program.run import run_program
 from articulate.render.camera import FRONT_EYE_W, FRONT_TARGET_W
 from articulate.render.scene import PartScene
@@ -39,7 +39,7 @@ def _here(tmp_path, monkeypatch, cache):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def result(tmp_path_factory):
     """A drawer of the library, made from a sentence; exit code, folder, what was printed."""
     out = tmp_path_factory.mktemp("made") / "asset"
     with pytest.MonkeyPatch.context() as patch:
@@ -49,8 +49,8 @@ def made(tmp_path_factory):
     return code, out
 
 
-def test_a_proven_urdf_is_made_with_its_proof_and_its_trace(made):
-    code, out = made
+def test_a_proven_urdf_is_made_with_its_proof_and_its_trace(result):
+    code, out = result
     assert code == 0
     asset = load_asset(out)
     assert [joint.kind for joint in asset.joints] == ["slide"]
@@ -64,33 +64,35 @@ def test_a_proven_urdf_is_made_with_its_proof_and_its_trace(made):
     assert [joint["type"] for joint in content["joints"]] == ["prismatic"]
 
 
-def test_the_program_beside_it_compiles_to_the_same_joints(made):
-    _, out = made
+def test_the_program_beside_it_compiles_to_the_same_joints(result):
+    _, out = result
     source = (out / "program" / "program.py").read_text()
     built = run_program(source, parts_of(out / "program" / "object.urdf"))
-    assert isinstance(built, Built)
+    assert isinstance(built, ProgramObject)
     assert [(j.kind, j.child) for j in built.joints] == [("prismatic", "drawer_0")]
 
 
-def test_the_trace_needs_no_other_file_and_links_to_the_proof(made):
-    _, out = made
+def test_the_trace_needs_no_other_file_and_links_to_the_proof(result):
+    _, out = result
     text = (out / "trace.html").read_text()
     assert set(re.findall(r'href="([^"]*)"', text)) == {"check_report.html", "program/program.py"}
     assert not re.search(r'(src|url)=?[("\']+(?!data:)\w', text)
-    for said in ("What was given", "prismatic", "sandbox", "root(", "The proof", "geometric-text"):
+    for said in ("Input", "prismatic", "sandbox", "root(", "Checks of the asset", "geometric-text"):
         assert said in text
     assert text.count("data:image/png") >= 1
 
 
-def test_a_wrong_count_makes_it_doubtful_and_an_earlier_result_is_replaced(made, tmp_path, capsys):
-    shutil.copytree(made[1], tmp_path / "asset")
+def test_a_wrong_count_makes_it_doubtful_and_an_earlier_result_is_replaced(
+    result, tmp_path, capsys
+):
+    shutil.copytree(result[1], tmp_path / "asset")
     words = ["--text", "a cabinet with four drawers", "--library", "cabinet:3"]
     assert main([*words, "--out", "asset", "--json"]) == 3
     content = json.loads(capsys.readouterr().out)
     assert content == json.loads((tmp_path / "asset" / "made.json").read_text())
     assert content["verdict"] == "doubtful"
-    assert content["reasons"] == ["the text says 4 drawers, and the parts hold 1"]
-    assert "may not be the object" in (tmp_path / "asset" / "trace.html").read_text()
+    assert content["reasons"] == ["the text names 4 drawers, the parts include 1"]
+    assert "may not be the intended one" in (tmp_path / "asset" / "trace.html").read_text()
 
 
 def box(low, high):
@@ -117,7 +119,7 @@ def stuck(tmp_path):
 def test_a_drawer_that_runs_into_its_case_is_doubtful(tmp_path):
     assert main(["--text", "a case", "--parts", "parts", "--out", "asset", "-q"]) == 3
     content = json.loads((tmp_path / "asset" / "made.json").read_text())
-    assert content["reasons"] == ["the actor is not sure of drawer (0.20)"]
+    assert content["reasons"] == ["the actor has little confidence in drawer (0.20)"]
 
 
 def test_what_cannot_be_proven_is_written_and_marked(tmp_path, capsys):
@@ -125,25 +127,25 @@ def test_what_cannot_be_proven_is_written_and_marked(tmp_path, capsys):
     box((-0.3, -0.3, 0.0), (0.3, 0.3, 0.3)).export(tmp_path / "parts" / "body.obj")
     box((-0.3, -0.3, 0.31), (0.3, 0.3, 0.5)).export(tmp_path / "parts" / "drawer.obj")
     words = ["--text", "a box", "--parts", "parts", "--out", "asset", "-q"]
-    assert main([*words, "--actor", "tests.articulate.make.downwards:Downwards"]) == 3
-    assert "asset: unproven" in capsys.readouterr().out
+    assert main([*words, "--actor", "tests.articulate.reconstruct.downwards:Downwards"]) == 3
+    assert "asset: rejected" in capsys.readouterr().out
     content = json.loads((tmp_path / "asset" / "made.json").read_text())
-    assert content["verdict"] == "unproven"
+    assert content["verdict"] == "rejected"
     assert content["urdf"] is None
     assert "drawer" in content["reasons"][0]
     assert (tmp_path / "asset" / "program" / "object.urdf").is_file()
-    assert "not proven" in (tmp_path / "asset" / "trace.html").read_text()
+    assert "failed its checks" in (tmp_path / "asset" / "trace.html").read_text()
 
 
 def test_a_picture_is_compared_with_the_parts(capsys):
-    given = module._given(MakeFlags(text="x", library="cabinet:3"))
-    camera = view_of(given.meshes, {})
-    cv2.imwrite("seen.png", PartScene(given.meshes).render_image(camera)[..., ::-1])
-    question = query.image_question(Path("seen.png"))
-    assert overlap(question, given, camera) > 0.95
+    part_set = module._given(MakeFlags(text="x", library="cabinet:3"))
+    camera = view_camera(part_set.meshes, {})
+    cv2.imwrite("seen.png", PartScene(part_set.meshes).render_image(camera)[..., ::-1])
+    seen = query.image_query(Path("seen.png"))
+    assert overlap(seen, part_set, camera) > 0.95
     # The benchmark's camera, which is the usual one, did not take it.
     assert main(["--image", "seen.png", "--library", "cabinet:3", "--out", "asset", "-q"]) == 3
-    assert "picture and parts overlap" in capsys.readouterr().out
+    assert "image and parts overlap" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -229,4 +231,4 @@ def test_every_flag_has_a_word_of_help(capsys):
 def test_the_camera_that_is_written_out_for_help_is_the_benchmarks():
     assert module.FRONT_EYE == FRONT_EYE_W
     assert module.FRONT_TARGET == FRONT_TARGET_W
-    assert pytest.approx(query.View().fovy) == module.FRONT_FOVY
+    assert pytest.approx(query.QueryCamera().fovy) == module.FRONT_FOVY

@@ -7,8 +7,13 @@ import pytest
 
 from articulate.assets.check_report import Check, CheckReport
 from articulate.reconstruct.actors.protocol import PredictedJoint
-from articulate.reconstruct.hinge_adjustment import STEP, graze_m, relieved, told
-from articulate.reconstruct.make import _Bench
+from articulate.reconstruct.hinge_adjustment import (
+    STEP,
+    adjust_hinge,
+    describe_adjustment,
+    penetration_m,
+)
+from articulate.reconstruct.make import _ProgramChecker
 from articulate.render.parts import plain_part
 
 SIZE_M = 2.0
@@ -17,7 +22,7 @@ FREE = np.array([0.5 + 1.2 * STEP_M, 0.2, 0.3 - 1.2 * STEP_M])
 """Where the hinge has to be."""
 
 
-def held(kind="revolute"):
+def part_joints(kind="revolute"):
     lid = PredictedJoint(
         part="lid", parent="box", kind=kind, axis_o=(0.0, 1.0, 0.0), pivot_o=(0.5, 0.2, 0.3)
     )
@@ -51,25 +56,25 @@ class RepairSession:
 
 
 def first(bench):
-    return refused(grazes(float(np.linalg.norm(np.subtract(held()["lid"].pivot_o, FREE)))))
+    return refused(grazes(float(np.linalg.norm(np.subtract(part_joints()["lid"].pivot_o, FREE)))))
 
 
 def test_hinge_is_moved_where_that_helps():
     bench = RepairSession(0.4 * STEP_M)
-    found = relieved(held(), first(bench), bench, SIZE_M)
+    found = adjust_hinge(part_joints(), first(bench), bench, SIZE_M)
     assert found is not None
     np.testing.assert_allclose(found["lid"].pivot_o, (0.5 + STEP_M, 0.2, 0.3 - STEP_M))
-    assert found["foot"] == held()["foot"]
+    assert found["foot"] == part_joints()["foot"]
     assert len(bench.pivots) == 5
-    ((part, off),) = told(held(), found).figures.items()
+    ((part, off),) = describe_adjustment(part_joints(), found).figures.items()
     assert part == "lid"
     assert off == pytest.approx(np.sqrt(2.0) * STEP_M)
 
 
 def test_it_is_given_up_within_half_a_per_cent():
     bench = RepairSession(0.0)
-    assert relieved(held(), first(bench), bench, SIZE_M) is None
-    far = [np.linalg.norm(np.subtract(p, held()["lid"].pivot_o)) for p in bench.pivots]
+    assert adjust_hinge(part_joints(), first(bench), bench, SIZE_M) is None
+    far = [np.linalg.norm(np.subtract(p, part_joints()["lid"].pivot_o)) for p in bench.pivots]
     assert len(far) == 6
     assert max(far) <= 0.005 * SIZE_M
 
@@ -81,7 +86,7 @@ def test_what_nothing_helps_is_tried_in_four_directions_alone():
         asked.append(joints)
         return refused(grazes(1.0))
 
-    assert relieved(held(), refused(grazes(0.01)), run_checks, SIZE_M) is None
+    assert adjust_hinge(part_joints(), refused(grazes(0.01)), run_checks, SIZE_M) is None
     assert len(asked) == 4
 
 
@@ -98,17 +103,17 @@ def test_nothing_else_is_tried(kind, check_report):
     def run_checks(joints):
         raise AssertionError
 
-    assert relieved(held(kind), check_report, run_checks, SIZE_M) is None
+    assert adjust_hinge(part_joints(kind), check_report, run_checks, SIZE_M) is None
 
 
 def test_depths_are_by_part():
-    assert graze_m(refused(grazes(0.01), grazes(0.02, "door"))) == {"lid": 0.01, "door": 0.02}
+    assert penetration_m(refused(grazes(0.01), grazes(0.02, "door"))) == {"lid": 0.01, "door": 0.02}
 
 
 @pytest.mark.parametrize("helps", [True, False])
 def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_path, helps):
     """Trials lie apart: what is handed over is made in its own place at the end."""
-    said = held()
+    said = part_joints()
     asked = []
 
     def check_report(self, source, work):
@@ -118,12 +123,14 @@ def test_make_takes_the_moved_hinge_only_where_it_is_proven(monkeypatch, tmp_pat
             CheckReport(asset="box", verdict="passed") if moved and helps else refused(grazes(0.01))
         )
 
-    monkeypatch.setattr(_Bench, "check_report", check_report)
+    monkeypatch.setattr(_ProgramChecker, "check", check_report)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]])
-    given = types.SimpleNamespace(meshes=[plain_part("lid", corners, np.array([[0, 1, 2]]))])
-    bench = _Bench(given=given, order=None, actor="me")  # type: ignore[arg-type]  # all it asks for
-    found, told_ = bench.eased(said, lambda joints: str(joints["lid"].pivot_o), tmp_path)
-    assert told_.verdict == ("passed" if helps else "rejected")
+    part_set = types.SimpleNamespace(meshes=[plain_part("lid", corners, np.array([[0, 1, 2]]))])
+    checker = _ProgramChecker(part_set=part_set, request=None, actor="me")  # type: ignore[arg-type]  # it needs no more
+    found, report = checker.check_or_adjust(
+        said, lambda joints: str(joints["lid"].pivot_o), tmp_path
+    )
+    assert report.verdict == ("passed" if helps else "rejected")
     assert (found is said) is not helps
     places = [place for _, place in asked]
     trials = ["trial", tmp_path.name] if helps else ["trial"] * 4

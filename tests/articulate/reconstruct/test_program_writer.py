@@ -32,8 +32,8 @@ def joint(part, parent, kind="revolute", **more):
 
 
 def built(joints):
-    root, held = tree_of(joints, meshes())
-    found = run_program(program_of(root, held, actor="me", question="a\nquestion"), parts())
+    root, part_joints = tree_of(joints, meshes())
+    found = run_program(program_of(root, part_joints, actor="me", query="a\nquestion"), parts())
     assert isinstance(found, ProgramObject), found
     return found
 
@@ -75,9 +75,9 @@ def test_knob_that_goes_along_with_its_door_turns_on_it(order):
         joint("door", "body", axis_o=(0.0, 0.0, 1.0)),
         PredictedJoint(part="knob", parent="door", kind="fixed"),
     ]
-    _, held = tree_of(said[::order], meshes())
-    assert (held["knob"].kind, held["knob"].parent) == ("continuous", "door")
-    assert (held["door"].kind, held["door"].parent) == ("revolute", "body")
+    _, part_joints = tree_of(said[::order], meshes())
+    assert (part_joints["knob"].kind, part_joints["knob"].parent) == ("continuous", "door")
+    assert (part_joints["door"].kind, part_joints["door"].parent) == ("revolute", "body")
 
 
 def test_if_all_parts_are_said_to_move_the_largest_stands_still():
@@ -98,22 +98,22 @@ def test_turning_without_limits_is_turning_without_end():
     )
 )
 def test_whatever_hangs_on_whatever_it_becomes_a_tree(pairs):
-    root, held = tree_of([joint(part, parent) for part, parent in pairs], meshes())
-    assert set(held) == set(NAMES) - {root}
-    for name in held:
+    root, part_joints = tree_of([joint(part, parent) for part, parent in pairs], meshes())
+    assert set(part_joints) == set(NAMES) - {root}
+    for name in part_joints:
         at: str | None = name
         steps = 0
         while at != root:
             assert at is not None
-            at, steps = held[at].parent, steps + 1
+            at, steps = part_joints[at].parent, steps + 1
             assert steps <= len(NAMES)
 
 
 def test_names_and_questions_are_text_whatever_they_hold():
     name = "a'); root('b\"\n# é"
     mesh = [plain_part(n, *arrays()) for n in (name, "body")]
-    root, held = tree_of([joint(name, "body")], mesh)
-    text = program_of(root, held, actor="me", question="x\nroot('door')\u2028y")
+    root, part_joints = tree_of([joint(name, "body")], mesh)
+    text = program_of(root, part_joints, actor="me", query="x\nroot('door')\u2028y")
     assert text.isascii()
     assert len(text.splitlines()) == 3
 
@@ -125,6 +125,6 @@ def arrays():
 
 @pytest.mark.parametrize("name", ["coding=1.mp4", "encoding:utf-7.png", "a coding: x"])
 def test_a_question_that_reads_like_an_encoding_is_no_declaration_of_one(name):
-    root, held = tree_of([joint("door", "body")], meshes())
-    source = program_of(root, held, actor="me", question=f"the clip {name}")
+    root, part_joints = tree_of([joint("door", "body")], meshes())
+    source = program_of(root, part_joints, actor="me", query=f"the clip {name}")
     assert isinstance(run_program(source, parts()), ProgramObject)

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from articulate.reconstruct.text_counts import counts_in, miscounted
+from articulate.reconstruct.text_counts import count_mismatch, counts_in
 
 
 @pytest.mark.parametrize(
@@ -23,9 +23,11 @@ def test_numbers_are_read_where_they_stand_before_a_part(text, counts):
 
 def test_only_parts_of_that_name_are_counted():
     labels = ["cabinet body", "drawer", "drawer", "drawer handle"]
-    assert miscounted("a cabinet with two drawers", labels) == []
-    assert miscounted("three drawers", labels) == ["the text says 3 drawers, and the parts hold 2"]
-    assert len(miscounted("one door", labels)) == 1
+    assert count_mismatch("a cabinet with two drawers", labels) == []
+    assert count_mismatch("three drawers", labels) == [
+        "the text names 3 drawers, the parts include 2"
+    ]
+    assert len(count_mismatch("one door", labels)) == 1
 
 
 @pytest.mark.parametrize(
@@ -34,12 +36,12 @@ def test_only_parts_of_that_name_are_counted():
         ("a light switch", ["plate", "lever", "lever"], []),
         ("a light switch with two levers", ["plate", "lever", "lever"], []),
         ("a sliding window, one sash", ["frame", "sash"], []),
-        ("a light switch with one lever", ["plate", "lever", "lever"], ["1 lever, .* hold 2"]),
-        ("an oven with a door", ["body", "knob"], ["1 door, .* hold 0"]),
-        ("a door", ["leaf", "door", "door"], ["1 door, .* hold 2"]),
+        ("a light switch with one lever", ["plate", "lever", "lever"], ["1 lever, .* include 2"]),
+        ("an oven with a door", ["body", "knob"], ["1 door, .* include 0"]),
+        ("a door", ["leaf", "door", "door"], ["1 door, .* include 2"]),
     ],
 )
 def test_a_word_that_names_the_object_itself_is_no_count_of_its_parts(text, labels, wrong):
-    found = miscounted(text, labels)
+    found = count_mismatch(text, labels)
     assert len(found) == len(wrong)
     assert all(re.search(pattern, said) for pattern, said in zip(wrong, found, strict=True))

@@ -11,7 +11,7 @@ from articulate.reconstruct.actors.protocol import Actor
 ACTORS = {
     "geometric-video": "articulate.reconstruct.actors.geometric.video:video_actor",
     "geometric-image": "articulate.reconstruct.actors.placement.actor:PlacingActor",
-    "geometric-text": "articulate.reconstruct.actors.semantic.actor:NamedActor",
+    "geometric-text": "articulate.reconstruct.actors.semantic.actor:SemanticActor",
     "prior": "articulate.reconstruct.actors.prior:PriorActor",
     "vlm": "articulate.reconstruct.actors.vlm.actor:vlm_actor",
     "hybrid": "articulate.reconstruct.actors.vlm.actor:hybrid_actor",
