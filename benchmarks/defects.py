@@ -32,11 +32,11 @@ from lxml import etree
 
 from articulate.assets.asset import load_asset
 from articulate.assets.check_report import CheckReport
+from articulate.checks.run_checks import run_checks
 from articulate.checks.source import Origin, origin_of_reading
 from articulate.conversion.convert import read_input
 from articulate.formats.config import ConvertConfig
 from articulate.preparation.batch import Item
-from articulate.preparation.prepare import run_checks
 from assets import items_of
 from planted import KINDS, Damaged, Names
 

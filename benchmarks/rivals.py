@@ -36,12 +36,12 @@ from lxml import etree
 from articulate.assets.asset import Asset, load_asset, save_asset
 from articulate.assets.check_report import CheckReport
 from articulate.checks.forward_kinematics import InputFrame
+from articulate.checks.run_checks import run_checks
 from articulate.checks.source import origin_of_reading
 from articulate.conversion.convert import read_input
 from articulate.errors import AssetError
 from articulate.files import write_json
 from articulate.formats.config import ConvertConfig
-from articulate.preparation.prepare import run_checks
 from articulate.simulator import mujoco
 from articulate.transforms import matrix_to_quat
 from assets import items_of

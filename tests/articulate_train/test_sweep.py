@@ -17,7 +17,7 @@ from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate_train.asset_patterns import is_many, objects_of
 from articulate_train.compare import compare
 from articulate_train.config import PpoConfig, TrainConfig
-from articulate_train.sweep import cells_of, folder_names, merged, told, train_many
+from articulate_train.sweep import describe_progress, folder_names, jobs_of, merged, train_many
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_a_pattern_that_fits_nothing_is_told_in_one_line(error_line):
 
 def test_every_object_and_seed_is_a_command_line_of_its_own(folder, tmp_path):
     config = TrainConfig(asset=str(folder), seeds=(3, 5))
-    cells = cells_of(config, objects_of(config.asset), tmp_path / "out")
+    cells = jobs_of(config, objects_of(config.asset), tmp_path / "out")
     names = [cell.job.name for cell in cells]
     assert names == ["a-seed-3", "a-seed-5", "b-seed-3", "b-seed-5"]
     job = cells[1].job
@@ -67,8 +67,8 @@ def test_every_object_and_seed_is_a_command_line_of_its_own(folder, tmp_path):
     assert job.start[job.start.index("--seeds") + 1] == "5"
     assert job.start[job.start.index("--asset") + 1] == str(folder / "a")
     assert job.start[-1] == made
-    assert job.go_on[4:] == ("--resume", "--out", made)
-    assert str(job.made) == made
+    assert job.resume_command[4:] == ("--resume", "--out", made)
+    assert str(job.run_folder) == made
 
 
 def test_no_two_objects_share_a_folder():
@@ -95,7 +95,7 @@ def test_reports_of_seeds_become_one(tmp_path):
     assert both["info"]["seconds"] == pytest.approx(400.0)
     assert both["info"]["steps_per_s"] == pytest.approx(1250.0)
     row = compare([both]).rows[0]
-    assert (row.name, row.seeds, row.success.episodes) == ("cabinet", 4, 160)
+    assert (row.name, row.seeds, row.success.n) == ("cabinet", 4, 160)
     assert row.success.value == pytest.approx(0.85)
     assert row.reasons == {"success": 136, "force": 24}
     assert row.worst_seed == min(one["worst_seed_success_rate"], two["worst_seed_success_rate"])
@@ -108,7 +108,7 @@ def test_progress_is_one_line():
         "b": State(phase="running", attempts=(attempt,)),
         "c": State(),
     }
-    assert told(Progress(states)) == "1 done, 1 running, 1 waiting of 3; now b"
+    assert describe_progress(Progress(states)) == "1 done, 1 running, 1 waiting of 3; now b"
 
 
 def tiny(asset):
@@ -120,7 +120,7 @@ def tiny(asset):
         steps=64,
         jobs=1,
         episodes=2,
-        ppo=PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=1, net=(8, 8)),
+        ppo=PpoConfig(n_envs=4, n_steps=8, batch_size=16, n_epochs=1, net_arch=(8, 8)),
     )
 
 

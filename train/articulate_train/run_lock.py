@@ -1,4 +1,8 @@
-"""A run is trained by one call of ``train`` at a time."""
+"""Lock of a run folder: one call of ``train`` works on a run at a time.
+
+The seeds of a run inherit the descriptor, so the lock lasts until the last of them has ended. The
+locks of ``filelock`` cannot be inherited.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +15,21 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from articulate.errors import RunError
-from articulate.jobs.process_identity import is_here, runs, this_process
+from articulate.jobs.process_identity import is_local, is_running, this_process
 
 LOCK = ".lock"
-"""File of a run's folder that is locked, and says by whom."""
+"""Lock file of a run; it holds the process that has the lock."""
 ORPHANS_S = 120.0
-"""So long seeds are waited for whose ``train`` was killed: they stop after an update [s]."""
-LOOK_S = 0.1
-"""Time between looks at the lock meanwhile [s]."""
+"""Longest wait for the seeds of a killed ``train``; they stop after an update [s]."""
+POLL_S = 0.1
+"""Time between attempts to get the lock [s]."""
 
 
 @contextmanager
-def alone(folder: Path) -> Iterator[int]:
-    """Have the run in ``folder`` for this process, and for children that inherit the descriptor.
+def lock_run(folder: Path) -> Iterator[int]:
+    """Lock the run in ``folder``; yield the descriptor of the lock, which children may inherit.
 
-    The kernel frees the lock when the last of them has ended, in whatever way.
+    The kernel releases the lock when the last process that has the descriptor ends.
 
     Raises:
         RunError: Another process has it, or the folder cannot be written.
@@ -49,22 +53,22 @@ def _wait_for(lock: TextIO, folder: Path) -> None:
             return fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             holder = _holder(lock)
-            if _is_led(holder) or time.monotonic() > end:
+            if _may_run(holder) or time.monotonic() > end:
                 who = f"process {holder.get('pid', '?')} of {holder.get('host', '?')}"
                 raise RunError(
                     f"{folder}: is being trained already, by {who}; wait for it, or stop it first"
                 ) from None
-        time.sleep(LOOK_S)
+        time.sleep(POLL_S)
 
 
 def _holder(lock: TextIO) -> dict[str, Any]:
     lock.seek(0)
     try:
         return dict(json.load(lock))
-    except ValueError:  # it has the lock, and has not said who it is yet
+    except ValueError:  # the process has the lock and has not written its name yet
         return {}
 
 
-def _is_led(holder: dict[str, Any]) -> bool:
-    """Whether the ``train`` that took the lock still runs, as far as can be told from here."""
-    return not is_here(holder) or runs(holder)
+def _may_run(holder: dict[str, Any]) -> bool:
+    """Return whether the ``train`` that took the lock runs, or may run on another machine."""
+    return not is_local(holder) or is_running(holder)

@@ -1,11 +1,11 @@
-"""Many runs: every object times every seed as a job, and one comparison of what came of them.
+"""Train every object with every seed as a separate job, and compare the results.
 
 ::
 
-    <out>/config.yaml                  what all jobs share
+    <out>/config.yaml                  common configuration of all jobs
     <out>/<object>-seed-<K>/           a job: articulate.jobs.job
     <out>/<object>-seed-<K>/run/       its run
-    <out>/comparison.json, .html       all objects side by side
+    <out>/comparison.json, .html       comparison of all objects
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of many runs."""
+    """Result of several runs."""
 
     progress: Progress
     comparison: Comparison | None
@@ -59,35 +59,38 @@ class Outcome:
 
     @property
     def complete(self) -> bool:
-        """Whether every job is done."""
+        """True if every job is done."""
         return self.progress.count("done") == len(self.progress.states)
 
     def text(self) -> str:
-        """A few lines for a terminal: the table, then what did not end well."""
+        """Return the table and the jobs that are not done, for the terminal."""
         lines = [self.comparison.text()] if self.comparison else []
         for name, state in self.progress.states.items():
             if state.phase != "done":
                 tries = len(state.attempts)
-                lines.append(f"{name}: {state.phase} after {tries} attempts: {state.words}")
+                lines.append(f"{name}: {state.phase} after {tries} attempts: {state.message}")
         if self.html_path:
             lines.append(f"comparison: {self.html_path}")
         return "\n".join(lines)
 
     def content(self) -> dict[str, Any]:
-        """The same for JSON."""
+        """Return the result as a JSON object."""
         return {
             "comparison": self.comparison.content() if self.comparison else None,
             "jobs": {k: dataclasses.asdict(v) for k, v in self.progress.states.items()},
         }
 
 
-def cells_of(config: TrainConfig, items: Sequence[Item], out: Path) -> list[Cell]:
-    """A job for each object and seed; each is a command line that anyone can type.
+def jobs_of(
+    config: TrainConfig, items: Sequence[Item], out: Path, more: tuple[str, ...] = ()
+) -> list[Cell]:
+    """Return a job, a ``train`` command line, for each object and seed.
 
     Args:
-        config: What all share; its ``asset`` and ``seeds`` are taken apart.
-        items: The objects.
-        out: Folder of all.
+        config: Common configuration; ``asset`` and ``seeds`` are set for each job.
+        items: Objects.
+        out: Folder of all jobs.
+        more: Further flags of each ``train``.
     """
     cells = []
     names = folder_names([item.name for item in items])
@@ -101,21 +104,22 @@ def cells_of(config: TrainConfig, items: Sequence[Item], out: Path) -> list[Cell
                 *("--config", str((out / CONFIG).absolute())),
                 *("--asset", str(item.file.absolute())),
                 *("--seeds", str(seed), "--jobs", "1", "--out", made),
+                *more,
             ]
             job = Job(
                 folder=folder,
-                start=tuple(start),
-                go_on=(*train, "--resume", "--out", made),
-                accepted=(DONE, MISSED),
+                start_command=tuple(start),
+                resume_command=(*train, "--resume", "--out", made),
+                accepted_codes=(DONE, MISSED),
             )
             cells.append(Cell(item, seed, job))
     return cells
 
 
 def folder_names(items: Sequence[str]) -> dict[str, str]:
-    """A name of a folder for each object, no two alike: ``a/b`` gives way to ``a-b``.
+    """Return a unique folder name for each object; ``a/b`` becomes ``a-b``, with a hash if taken.
 
-    It is the same whatever the order, so that jobs are found again.
+    Names do not depend on the order, so that jobs are found again.
     """
     plain = {item: item.replace("/", "-") for item in items}
     count = Counter(plain.values())
@@ -130,32 +134,40 @@ def _digest(name: str) -> str:
 
 
 def train_many(
-    config: TrainConfig, out: Path, launcher: str, command: str, say: Callable[[str], None]
+    config: TrainConfig,
+    out: Path,
+    launcher: str,
+    command: str,
+    show_progress: Callable[[str], None],
+    more: tuple[str, ...] = (),
 ) -> Outcome:
-    """Train every object with every seed as a job of its own, and compare what came of it.
+    """Train every object with every seed as a separate job, and compare the results.
 
-    Called again with the same folder, it goes on with what is not done, whichever launcher left
-    it; jobs that failed by themselves are tried once more.
+    A second call with the same folder continues the jobs that are not done, with any launcher;
+    failed jobs are tried once more.
 
     Args:
-        config: What all share; ``jobs`` of them run side by side.
-        out: Folder of all.
+        config: Common configuration; ``jobs`` of the jobs run in parallel.
+        out: Folder of all jobs.
         launcher: local, slurm or ray.
-        command: What repeats it, for the page.
-        say: Told how far the jobs are.
+        command: Command that repeats it, for the page.
+        show_progress: Called with one line of progress.
+        more: Further flags of each ``train``.
 
     Raises:
         UsageError: No object, no such launcher, or ``out`` holds other jobs.
     """
     items = objects_of(config.asset)
     shared = yaml.safe_load(to_yaml(config))
-    for own in ("asset", "seeds", "jobs"):
-        del shared[own]
-    cells = cells_of(config, items, out)
-    # First what may be missing on this machine: where it is, nothing is written.
+    for key in ("asset", "seeds", "jobs"):
+        del shared[key]
+    cells = jobs_of(config, items, out, more)
+    # Nothing is written if the launcher is not available on this machine.
     with closing(make_launcher(launcher, config.jobs or processors(), out)) as runner:
         _keep(out / CONFIG, yaml.safe_dump(shared, sort_keys=False))
-        progress = run_jobs([cell.job for cell in cells], runner, lambda p: say(told(p)))
+        progress = run_jobs(
+            [cell.job for cell in cells], runner, lambda p: show_progress(describe_progress(p))
+        )
     reports = grouped(cells)
     if not reports:
         return Outcome(progress, None, None, None)
@@ -164,7 +176,7 @@ def train_many(
 
 
 def _keep(path: Path, text: str) -> None:
-    """Write what all jobs share, or see that it is the same as before."""
+    """Write the common configuration, or check that it is unchanged."""
     if not path.exists():
         write_text(path, text)
     elif path.read_text(encoding="utf-8") != text:
@@ -173,8 +185,8 @@ def _keep(path: Path, text: str) -> None:
         )
 
 
-def told(progress: Progress) -> str:
-    """One line on how far many jobs are."""
+def describe_progress(progress: Progress) -> str:
+    """Describe the state of all jobs in one line."""
     phases = ("done", "running", "waiting", "failed", "lost")
     counts = [f"{n} {phase}" for phase in phases if (n := progress.count(phase))]
     running = [name for name, state in progress.states.items() if state.phase == "running"]
@@ -184,25 +196,25 @@ def told(progress: Progress) -> str:
 
 
 def grouped(cells: Sequence[Cell]) -> list[dict[str, Any]]:
-    """For each object one report over all of its seeds that have one."""
+    """Return one report for each object, over all its seeds with a report."""
     groups: dict[str, list[dict[str, Any]]] = {}
     for cell in cells:
-        if (cell.job.made / "report.json").exists():
-            content = read_report(cell.job.made)
+        if (cell.job.run_folder / "report.json").exists():
+            content = read_report(cell.job.run_folder)
             groups.setdefault(cell.item.name, []).append(content)
     return [merged(name, reports) for name, reports in groups.items()]
 
 
 def _pace(reports: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Seconds of all the runs together, and ticks of experience in one of them."""
+    """Return the time of all runs [s], and control steps per second."""
     infos = [report["info"] for report in reports]
     seconds = sum(float(info["seconds"]) for info in infos)
-    ticks = sum(float(info["seconds"]) * float(info["steps_per_s"]) for info in infos)
-    return {"seconds": seconds, "steps_per_s": ticks / seconds if seconds else 0.0}
+    steps = sum(float(info["seconds"]) * float(info["steps_per_s"]) for info in infos)
+    return {"seconds": seconds, "steps_per_s": steps / seconds if seconds else 0.0}
 
 
 def merged(name: str, reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """One report of runs that differ in their seed alone."""
+    """Merge the reports of runs that differ only in their seed."""
     nominal = [r["nominal_success_rate"] for r in reports if r["nominal_success_rate"] is not None]
     reasons: dict[str, int] = {}
     for report in reports:

@@ -1,4 +1,4 @@
-"""Pictures of an asset, drawn without a screen: closed, with each joint open, see-through."""
+"""Render images of an asset without a screen: closed, each joint open, collision shapes."""
 
 from __future__ import annotations
 
@@ -13,81 +13,80 @@ from articulate.asset_page.views import AZIMUTH_OFF_FRONT_DEG, ELEVATION_DEG, fr
 from articulate.assets.asset import Asset, Joint
 from articulate.checks.model import ObjectModel
 from articulate.checks.triangles import PALETTE
-from articulate.errors import AssetError
+from articulate.errors import AssetError, shorten
 from articulate.render.canvas import Canvas, Pixels
 from articulate.render.view_camera import Viewpoint, fit_viewpoint
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 SIZE = (640, 520)
-"""Width and height of a picture [px]."""
+"""Width and height of an image [px]."""
 THUMBNAIL_SIZE = (208, 169)
-"""Width and height of the small picture for a list [px]."""
-MOST_OPEN = 12
-"""Joints that get a picture of their own; what hundreds of keys do is seen on a few."""
+"""Width and height of the small image for a list [px]."""
+MAX_OPEN = 12
+"""Largest number of joints with a separate image."""
 FIELD_OF_VIEW_DEG = 30.0
 FLOOR_RGB = (0.87, 0.885, 0.89)
 HORIZON_RGB, ZENITH_RGB = (0.95, 0.96, 0.965), (0.80, 0.85, 0.89)
-SHOWN, HIDDEN = 2, 5
-"""Geom groups that are drawn and not drawn."""
+VISIBLE, HIDDEN = 2, 5
+"""Geom groups that are rendered and not rendered."""
 GHOST = 0.16
-"""Opacity of the visual geometry where collision shapes are shown."""
+"""Opacity of the visual geometry in the image of collision shapes."""
 SOLID = 0.62
 """Opacity of a collision shape."""
 SHADOW_REACH = 2.0
-"""How far from the object's middle shadows are drawn, in units of its diagonal."""
+"""Distance from the object's centre up to which shadows are rendered, in its diagonals."""
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
-    """One picture and what is to be seen on it."""
+class AssetImage:
+    """One image and its caption."""
 
     caption: str
     webp: bytes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pictures:
-    """What a page shows of an asset."""
+class AssetImages:
+    """Images of an asset for its page."""
 
-    closed: Picture
-    opened: tuple[Picture, ...]
-    """One for each joint, :data:`MOST_OPEN` at most."""
-    all_open: Picture | None
-    """All joints open; None where there is one joint or none."""
-    collision: Picture
-    """Collision shapes in colours, the visual geometry see-through."""
+    closed: AssetImage
+    opened: tuple[AssetImage, ...]
+    """One for each joint, at most :data:`MAX_OPEN`."""
+    all_open: AssetImage | None
+    """All joints open; None if there are fewer than two joints."""
+    collision: AssetImage
+    """Collision shapes in colours, with transparent visual geometry."""
     thumbnail: bytes
-    """WebP of the object partly open, for a list."""
+    """WebP of the object half open, for a list."""
 
     @property
-    def in_order(self) -> tuple[Picture, ...]:
-        """All of them as a page shows them."""
+    def in_order(self) -> tuple[AssetImage, ...]:
+        """All images in the order of the page."""
         last = () if self.all_open is None else (self.all_open,)
         return (self.closed, *self.opened, *last, self.collision)
 
 
-def draw_pictures(
+def render_images(
     subject: ObjectModel, needs: Mapping[str, tuple[str, ...]] | None = None
-) -> Pictures:
-    """Draw the pictures of an asset.
+) -> AssetImages:
+    """Render the images of an asset, each framed for its own pose.
 
     Args:
-        subject: The asset and its model.
+        subject: Asset and its model.
         needs: Joints that must be open before others move, by joint; they are opened too.
 
     Raises:
-        MissingError: Nothing can be drawn here.
+        MissingError: There is no OpenGL driver.
     """
     needs = needs or {}
     with _Studio(subject.asset) as studio:
         joints = [subject.asset.joint(name) for name in subject.free_joints]
         everything = {joint.name: joint.open for joint in joints}
-        studio.choose_view([{}, everything])
         opened = tuple(
-            Picture(caption=_open_caption(joint, more), webp=studio.picture(q))
-            for joint in joints[:MOST_OPEN]
+            AssetImage(caption=_open_caption(joint, more), webp=studio.image(q))
+            for joint in joints[:MAX_OPEN]
             for more in [needs.get(joint.name, ())]
             for q in [
                 {name: everything[name] for name in (joint.name, *more) if name in everything}
@@ -95,55 +94,54 @@ def draw_pictures(
         )
         all_open = None
         if len(joints) > 1:
-            all_open = Picture(caption="All joints open", webp=studio.picture(everything))
+            all_open = AssetImage(caption="All joints open", webp=studio.image(everything))
         partly = {joint.name: joint.closed + 0.5 * joint.span for joint in joints}
-        collision = studio.picture(partly, see_through=True)
+        collision = studio.image(partly, see_through=True)
         shapes = sum(len(subject.collision_geoms(link.name)) for link in subject.asset.links)
-        return Pictures(
-            closed=Picture(caption="Closed", webp=studio.picture({})),
+        return AssetImages(
+            closed=AssetImage(caption="Closed", webp=studio.image({})),
             opened=opened,
             all_open=all_open,
-            collision=Picture(
+            collision=AssetImage(
                 caption=f"The {shapes} collision shapes" + (", joints half open" if joints else ""),
                 webp=collision,
             ),
-            thumbnail=studio.thumbnail(partly),
+            thumbnail=studio.image(partly, size=THUMBNAIL_SIZE),
         )
 
 
 def _open_caption(joint: Joint, needs: Sequence[str]) -> str:
     if joint.kind == "slide":
-        way = f"{1000.0 * abs(joint.span):.0f} mm"
+        travel = f"{1000.0 * abs(joint.span):.0f} mm"
     else:
-        way = f"{np.degrees(abs(joint.span)):.0f}°"
-    text = f"{joint.name} open by {way}"
+        travel = f"{np.degrees(abs(joint.span)):.0f}°"
+    text = f"{joint.name} open by {travel}"
     return f"{text}, with {' and '.join(needs)} open" if needs else text
 
 
 class _Studio:
-    """An asset alone on a floor, with light and a camera; use it in a ``with`` block."""
+    """Scene with an asset, a floor, lights and a camera; use it in a ``with`` block."""
 
     def __init__(self, asset: Asset) -> None:
         spec = mujoco.MjSpec.from_file(str(asset.mjcf_path))
-        self._size = (
-            2 * SIZE[0],
-            2 * SIZE[1],
-        )  # made half as large after, so that edges are smooth
+        # Rendered at twice the size and reduced, so that edges are smooth.
+        self._size = (2 * SIZE[0], 2 * SIZE[1])
         _set_stage(spec, asset, self._size)
         try:
             self._model = spec.compile()
         except ValueError as error:
-            raise AssetError(f"{asset.mjcf_path}: MuJoCo refuses it on a stage: {error}") from None
+            raise AssetError(f"{asset.mjcf_path}: MuJoCo rejects it: {shorten(error)}") from None
         self._subject = ObjectModel(asset, self._model)
         self._data = self._subject.data()
-        self._touching = np.concatenate(
+        self._colliding = np.concatenate(
             [self._subject.collision_geoms(link.name) for link in asset.links]
         )
-        self._seen = np.concatenate([self._subject.visual_geoms(link.name) for link in asset.links])
+        self._visible = np.concatenate(
+            [self._subject.visual_geoms(link.name) for link in asset.links]
+        )
         self._rgba = np.array(self._model.geom_rgba)
         self._materials = np.array(self._model.geom_matid)
         self._canvas = Canvas(self._model, self._size, shadows=True)
-        self._view: Viewpoint | None = None
 
     def __enter__(self) -> _Studio:
         return self
@@ -151,57 +149,49 @@ class _Studio:
     def __exit__(self, *_: object) -> None:
         self._canvas.close()
 
-    def choose_view(self, positions: Sequence[Mapping[str, float]]) -> None:
-        """Look at the front, so that the object is seen whole in all ``positions``."""
-        points = []
-        for q in positions:
-            self._subject.set_joints(self._data, q)
-            points.append(self._corners())
-        self._view = self._fitted(np.concatenate(points), self._size[0] / self._size[1])
+    def image(
+        self,
+        q: Mapping[str, float],
+        *,
+        see_through: bool = False,
+        size: tuple[int, int] = SIZE,
+    ) -> bytes:
+        """Render the object at positions ``q`` [m or rad] as WebP of ``size`` [px].
 
-    def picture(self, q: Mapping[str, float], *, see_through: bool = False) -> bytes:
-        """The object at positions ``q`` as WebP; joints not named are closed."""
-        return _webp(self._frame(q, self._view, see_through=see_through), SIZE)
-
-    def thumbnail(self, q: Mapping[str, float]) -> bytes:
-        """The object at positions ``q`` alone in the middle, small."""
+        The object fills the image in this pose. Joints that are not named are closed.
+        """
+        self._set_appearance(see_through=see_through)
         self._subject.set_joints(self._data, q)
         view = self._fitted(self._corners(), self._size[0] / self._size[1])
-        return _webp(self._frame(q, view, see_through=False), THUMBNAIL_SIZE)
-
-    def _frame(self, q: Mapping[str, float], view: Viewpoint | None, *, see_through: bool) -> Pixels:
-        assert view is not None, "choose_view comes first"
-        self._dress(see_through=see_through)
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FREE
         camera.lookat[:] = view.lookat_w
         camera.distance = view.distance_m
         camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
-        self._subject.set_joints(self._data, q)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        return self._canvas.draw(self._data, camera, (SHOWN,))
+        return _webp(self._canvas.render(self._data, camera, (VISIBLE,)), size)
 
-    def _dress(self, *, see_through: bool) -> None:
-        """Show the visual geometry, or collision shapes in it; the latter where it is all."""
+    def _set_appearance(self, *, see_through: bool) -> None:
+        """Show the visual geometry, with collision shapes inside if transparent or empty."""
         m = self._model
         m.geom_rgba[:] = self._rgba
         m.geom_matid[:] = self._materials
-        only = len(self._seen) == 0
-        m.geom_group[self._touching] = SHOWN if see_through or only else HIDDEN
-        m.geom_group[self._seen] = SHOWN
+        only = len(self._visible) == 0
+        m.geom_group[self._colliding] = VISIBLE if see_through or only else HIDDEN
+        m.geom_group[self._visible] = VISIBLE
         if see_through:
-            m.geom_matid[self._seen] = -1
-            m.geom_rgba[self._seen] = (0.6, 0.63, 0.66, GHOST)
-            for k, geom in enumerate(self._touching):
+            m.geom_matid[self._visible] = -1
+            m.geom_rgba[self._visible] = (0.6, 0.63, 0.66, GHOST)
+            for k, geom in enumerate(self._colliding):
                 m.geom_matid[geom] = -1
                 m.geom_rgba[geom] = (*PALETTE[k % len(PALETTE)], SOLID)
 
     def _corners(self) -> Array:
-        """Corners of the boxes around all geoms of the object (P, 3) [m]."""
+        """Return the corners (P, 3) of the bounding boxes of all geoms of the object [m]."""
         m, data = self._model, self._data
         out = []
-        for i in (*self._touching, *self._seen):
+        for i in (*self._colliding, *self._visible):
             corners = m.geom_aabb[i, :3] + m.geom_aabb[i, 3:] * CORNERS
             out.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
         return np.concatenate(out)
@@ -217,7 +207,7 @@ class _Studio:
 
 
 def _set_stage(spec: mujoco.MjSpec, asset: Asset, size: tuple[int, int]) -> None:
-    """Give the object a floor, a sky and two lights."""
+    """Add a floor, a sky and two lights."""
     low, high = (np.asarray(corner) for corner in asset.bounds_o)
     extent = max(float(np.linalg.norm(high - low)), 1e-3)
     spec.add_texture(
@@ -233,7 +223,7 @@ def _set_stage(spec: mujoco.MjSpec, asset: Asset, size: tuple[int, int]) -> None
     floor.size = [0.0, 0.0, 0.05]
     floor.pos = [0.0, 0.0, float(low[2]) - 0.002 * extent]
     floor.rgba = [*FLOOR_RGB, 1.0]
-    floor.contype, floor.conaffinity, floor.group = 0, 0, SHOWN
+    floor.contype, floor.conaffinity, floor.group = 0, 0, VISIBLE
     head = spec.visual.headlight
     head.ambient, head.diffuse, head.specular = [0.40] * 3, [0.22] * 3, [0.0] * 3
     for light in list(spec.lights):

@@ -1,4 +1,4 @@
-"""The page of many proofs: verdicts at a glance, sorted and filtered where it is opened."""
+"""Write the page that lists many check reports, to be sorted and filtered in the browser."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 from articulate.asset_page.page import ReportPage, escaped
 from articulate.assets.check_report import CheckReport, Verdict
+from articulate.errors import shorten
 from articulate.page import Tile
 
 VERDICT_TEXT: dict[Verdict, str] = {
@@ -21,29 +22,29 @@ VERDICT_TEXT: dict[Verdict, str] = {
     "repaired": "repaired",
     "passed": "passed",
 }
-"""In the order in which rows stand: what wants a look comes first."""
+"""In the order of the rows: objects that require attention come first."""
 LONGEST_REASON = 240
-"""Letters of a reason that are shown in the list; the page of the object has all."""
+"""Characters of a reason in the list; the page of the object has all."""
 HEADER = ("", "object", "verdict", "category", "why", "joints", "collision shapes", "seconds")
 
 
 @dataclass(frozen=True, kw_only=True)
 class IndexRow:
-    """One proof in the list."""
+    """One check report in the list."""
 
     check_report: CheckReport
     category: str = "unknown"
     """Category of the object."""
     page: Path | None = None
-    """Its page; a picture of the same name that ends in ``.webp`` is shown."""
+    """Its page; an image of the same name with the suffix ``.webp`` is included."""
 
 
 def write_index(rows: Sequence[IndexRow], path: Path, *, title: str = "Check reports") -> None:
-    """Write the page that lists ``rows``, with links to their pages, whole or not at all.
+    """Write the page that lists ``rows``, with links to their pages, completely or not at all.
 
     Args:
-        rows: What is listed; refused ones come first, then by name.
-        path: File that is written. Pictures are put into it, links are relative to it.
+        rows: Entries; rejected ones come first, then by name.
+        path: File that is written. Images are embedded, links are relative to it.
         title: Headline.
     """
     counts = Counter(row.check_report.verdict for row in rows)
@@ -102,7 +103,7 @@ def _row(row: IndexRow, folder: Path) -> str:
     if row.page is not None:
         name = f'<a href="{escaped(_address(row.page, folder))}">{name}</a>'
     cells = [
-        _picture(row.page),
+        _image(row.page),
         name,
         f'<span class="mark {"passed" if check_report.is_usable else "failed"}">'
         f"{VERDICT_TEXT[check_report.verdict]}</span>",
@@ -135,14 +136,14 @@ def _row(row: IndexRow, folder: Path) -> str:
 def _why(check_report: CheckReport) -> str:
     if check_report.verdict == "passed":
         return ""
-    told = check_report.repairs if check_report.is_usable else check_report.reasons
-    if not told:
+    texts = check_report.repairs if check_report.is_usable else check_report.reasons
+    if not texts:
         return ""
-    first = told[0] if len(told[0]) <= LONGEST_REASON else f"{told[0][: LONGEST_REASON - 1]}…"
-    return first if len(told) == 1 else f"{first} (+ {len(told) - 1} more)"
+    first = shorten(texts[0], LONGEST_REASON)
+    return first if len(texts) == 1 else f"{first} (+ {len(texts) - 1} more)"
 
 
-def _picture(page: Path | None) -> str:
+def _image(page: Path | None) -> str:
     path = None if page is None else page.with_suffix(".webp")
     if path is None or not path.is_file():
         return '<span class="blank"></span>'

@@ -1,4 +1,4 @@
-"""The page of one proof: the verdict in words, the object to play with, and all the evidence."""
+"""Write the page of one check report: verdict, 3-D view, images and all measurements."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
-from articulate.asset_page.images import MOST_OPEN, Picture, Pictures, draw_pictures
+from articulate.asset_page.images import MAX_OPEN, AssetImage, AssetImages, render_images
 from articulate.asset_page.viewer import viewer_html
 from articulate.assets.asset import Asset
 from articulate.assets.check_report import Check, CheckReport, JointCheck
@@ -18,10 +18,16 @@ from articulate.files import write_bytes
 from articulate.page import Page, Tile
 from articulate.page.numbers import shown
 
-OUTCOME_TEXT = {"passed": "holds", "failed": "fails", "not_applicable": "does not apply"}
+OUTCOME_TEXT = {
+    "passed": "passed",
+    "failed": "failed",
+    "warning": "warning",
+    "undecided": "undecided",
+    "not_applicable": "not applicable",
+}
 THIN = "\N{NARROW NO-BREAK SPACE}"
 FEW = 12
-"""Lists of at most so many lines are shown as they are; longer ones are folded away."""
+"""Longer lists are collapsed."""
 
 
 def write_page(
@@ -31,34 +37,34 @@ def write_page(
     *,
     meanings: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the page of ``check_report`` to ``path``, and a small picture beside it as ``.webp``.
+    """Write the page of ``check_report`` to ``path``, and a thumbnail beside it as ``.webp``.
 
-    The page needs no other file. Where nothing can be drawn it has no pictures and says so.
+    The page needs no other file. Without an OpenGL driver it has no images.
 
     Args:
-        proof: What is shown.
-        asset: The object it is about; None where none could be made.
-        path: File that is written, whole or not at all.
-        meanings: What each clause means, by its name, in a sentence.
+        check_report: Content of the page.
+        asset: Checked asset; None if none could be made.
+        path: File that is written, completely or not at all.
+        meanings: Meaning of each check by its name, one sentence.
     """
     page = ReportPage(check_report.asset, _lead(check_report, asset))
     page.verdict(check_report)
     if asset is None:
-        page.text("No object could be made of the input, so there is nothing to show.")
+        page.text("No asset could be made of the input.")
     else:
-        drawn = _show(page, check_report, asset)
-        if drawn is not None:
-            write_bytes(path.with_suffix(".webp"), drawn.thumbnail)
+        images = _show(page, check_report, asset)
+        if images is not None:
+            write_bytes(path.with_suffix(".webp"), images.thumbnail)
     _figures(page, check_report)
     _joints(page, check_report)
-    _clauses(page, check_report.checks, meanings or {})
+    _checks(page, check_report.checks, meanings or {})
     _repairs(page, check_report)
     _origin(page, check_report, asset)
     page.save(path)
 
 
 class ReportPage(Page):
-    """A page with what only proofs need: verdicts, marks, small pictures, lists, folds."""
+    """Page with the elements of check reports: verdicts, marks, images, lists, collapsed parts."""
 
     def __init__(self, title: str, lead: str = "") -> None:
         super().__init__(title, lead)
@@ -66,7 +72,7 @@ class ReportPage(Page):
         self._add(f"<style>{assets.joinpath('check_report.css').read_text('utf-8')}</style>")
 
     def verdict(self, check_report: CheckReport) -> None:
-        """Add what came of it, in words."""
+        """Add the verdict and its reasons."""
         title, text = verdict_text(check_report)
         reasons = "".join(f"<li>{escaped(reason)}</li>" for reason in check_report.reasons)
         self._add(
@@ -78,15 +84,15 @@ class ReportPage(Page):
         """Add a 3-D view; ``inner`` is HTML."""
         self._add(inner)
 
-    def pictures(self, pictures: Iterable[Picture]) -> None:
-        """Add pictures side by side."""
+    def images(self, images: Iterable[AssetImage]) -> None:
+        """Add images side by side."""
         figures = "".join(
             f'<figure><img alt="{escaped(p.caption)}" loading="lazy" '
             f'src="data:image/webp;base64,{base64.b64encode(p.webp).decode("ascii")}">'
             f"<figcaption>{escaped(p.caption)}</figcaption></figure>"
-            for p in pictures
+            for p in images
         )
-        self._add(f'<div class="pictures">{figures}</div>')
+        self._add(f'<div class="images">{figures}</div>')
 
     def lines(self, lines: Sequence[str]) -> None:
         """Add a list of sentences."""
@@ -94,14 +100,14 @@ class ReportPage(Page):
         self._add(f'<ul class="plain">{items}</ul>')
 
     def fold(self, title: str) -> None:
-        """Begin what is shown on request; :meth:`unfold` ends it."""
+        """Begin a collapsed part; :meth:`unfold` ends it."""
         self._add(f"<details><summary>{escaped(title)}</summary>")
 
     def unfold(self) -> None:
-        """End what :meth:`fold` began."""
+        """End the collapsed part."""
         self._add("</details>")
 
-    def clause_table(
+    def outcome_table(
         self,
         header: Sequence[str],
         rows: Sequence[tuple[str, Sequence[str]]],
@@ -114,8 +120,8 @@ class ReportPage(Page):
         Args:
             header: Titles of the columns.
             rows: Outcome and cells of each row.
-            name: What the table shows, for those who cannot see it.
-            wide: Set each row as a card where the window is narrow.
+            name: Description of the table for screen readers.
+            wide: Show each row as a card if the window is narrow.
         """
         head = "".join(f'<th scope="col">{escaped(title)}</th>' for title in header)
         body = "".join(
@@ -130,7 +136,7 @@ class ReportPage(Page):
 
 
 def verdict_text(check_report: CheckReport) -> tuple[str, str]:
-    """Verdict of ``check_report`` as a headline and a sentence."""
+    """Return the verdict of ``check_report`` as a headline and a sentence."""
     counted = [c for c in check_report.checks if c.outcome != "not_applicable"]
     held = sum(c.outcome == "passed" for c in counted)
     if not check_report.is_usable:
@@ -138,9 +144,12 @@ def verdict_text(check_report: CheckReport) -> tuple[str, str]:
         if not counted:
             return headline, "It was not measured:"
         return headline, f"{held} of {len(counted)} measurements passed. Reasons:"
+    warnings = sum(c.outcome == "warning" for c in counted)
     what = (
         f"All {len(counted)} measurements passed." if counted else "There was nothing to measure."
     )
+    if warnings:
+        what = f"{held} of {len(counted)} measurements passed, {warnings} with an accepted warning."
     if not check_report.joints:
         what = f"It has no movable joint and was checked as a rigid object. {what}"
     if check_report.verdict == "passed":
@@ -150,7 +159,7 @@ def verdict_text(check_report: CheckReport) -> tuple[str, str]:
 
 
 def amount(value: float | None, unit: str) -> str:
-    """A figure with its unit as people read it: millimetres, degrees, per cent."""
+    """Return a figure with a readable unit: millimetres, degrees or per cent."""
     if value is None:
         return ""
     factor, name = {"m": (1000.0, "mm"), "rad": (57.29577951308232, "°"), "1": (100.0, "%")}.get(
@@ -160,21 +169,21 @@ def amount(value: float | None, unit: str) -> str:
 
 
 def bound(checks: Sequence[Check]) -> str:
-    """``"≤"`` or ``"≥"``: how measured and allowed values of one clause are compared.
+    """Return ``"≤"`` or ``"≥"``, the comparison of measured and allowed values of one check.
 
-    Outcomes tell: what passes below the allowed value passes by being small.
+    It is derived from outcomes: a measurement that passed below the limit has an upper limit.
     """
     for check in checks:
         if check.measured is None or check.allowed is None or check.measured == check.allowed:
             continue
-        if check.outcome != "not_applicable":
+        if check.outcome in ("passed", "failed"):
             small = (check.measured < check.allowed) == (check.outcome == "passed")
             return "≤" if small else "≥"
     return ""
 
 
 def escaped(text: object) -> str:
-    """``text`` so that it is shown as it is."""
+    """Return ``text`` with the special characters of HTML escaped."""
     return html.escape(str(text), quote=True)
 
 
@@ -190,31 +199,33 @@ def _lead(check_report: CheckReport, asset: Asset | None) -> str:
     return " · ".join(known)
 
 
-def _show(page: ReportPage, check_report: CheckReport, asset: Asset) -> Pictures | None:
-    """Add the 3-D view and the pictures, or why there are none."""
+def _show(page: ReportPage, check_report: CheckReport, asset: Asset) -> AssetImages | None:
+    """Add the 3-D view and the images, or the reason why there are none."""
     try:
         subject = load_model(asset)
     except AssetError as error:
-        page.text(f"There is no 3-D view and no picture: {error}.")
+        page.text(f"There is no 3-D view and no image: {error}.")
         return None
     needs = {joint.name: joint.needs for joint in check_report.joints if joint.needs}
     page.view(viewer_html(subject, needs))
-    return _pictures(page, subject, needs)
+    return _images(page, subject, needs)
 
 
-def _pictures(
+def _images(
     page: ReportPage, subject: ObjectModel, needs: Mapping[str, tuple[str, ...]]
-) -> Pictures | None:
-    page.section("Pictures")
+) -> AssetImages | None:
+    page.section("Images")
     try:
-        drawn = draw_pictures(subject, needs)
+        images = render_images(subject, needs)
     except (MissingError, AssetError) as error:
-        page.text(f"They were left out: {error}.")
+        page.text(f"No images: {error}.")
         return None
-    page.pictures(drawn.in_order)
-    if len(subject.free_joints) > MOST_OPEN:
-        page.text(f"Of {len(subject.free_joints)} joints the first {MOST_OPEN} are shown open.")
-    return drawn
+    page.images(images.in_order)
+    if len(subject.free_joints) > MAX_OPEN:
+        page.text(
+            f"Of {len(subject.free_joints)} joints the images show the first {MAX_OPEN} open."
+        )
+    return images
 
 
 def _figures(page: ReportPage, check_report: CheckReport) -> None:
@@ -222,23 +233,23 @@ def _figures(page: ReportPage, check_report: CheckReport) -> None:
     held = sum(c.outcome == "passed" for c in counted)
     tiles = []
     if counted:
-        tiles.append(_share_tile(held, len(counted), "measurements hold"))
+        tiles.append(_share_tile(held, len(counted), "measurements passed"))
     if check_report.joints:
         free = sum(not joint.blocked for joint in check_report.joints)
-        tiles.append(_share_tile(free, len(check_report.joints), "joints go through their range"))
-    tried = [c for c in counted if c.name == "open"]
+        tiles.append(_share_tile(free, len(check_report.joints), "joints move through their range"))
+    tried = [c for c in counted if c.name == "opening"]
     if tried:
         opened = sum(c.outcome == "passed" for c in tried)
-        tiles.append(_share_tile(opened, len(tried), "joints open under a hand's force"))
+        tiles.append(_share_tile(opened, len(tried), "joints open under 30 N"))
     tiles.append(Tile(value=check_report.colliders, label="collision shapes"))
     if check_report.step_us is not None:
         tiles.append(Tile(value=float(f"{check_report.step_us:.3g}"), label="physics step [µs]"))
     page.tiles(*tiles)
 
 
-def _share_tile(part: int, whole: int, label: str) -> Tile:
+def _share_tile(part: int, total: int, label: str) -> Tile:
     return Tile(
-        value=f"{part}{THIN}/{THIN}{whole}", label=label, tone="good" if part == whole else "bad"
+        value=f"{part}{THIN}/{THIN}{total}", label=label, tone="good" if part == total else "bad"
     )
 
 
@@ -247,8 +258,8 @@ def _joints(page: ReportPage, check_report: CheckReport) -> None:
         return
     page.section("Joints")
     rows = [(_joint_outcome(joint), _joint_cells(joint)) for joint in check_report.joints]
-    header = ["joint", "moves", "free of others", "opened by a hand", "needs"]
-    page.clause_table(header, rows, "joints", wide=False)
+    header = ["joint", "moves", "free of others", "opened by 30 N", "needs"]
+    page.outcome_table(header, rows, "joints", wide=False)
 
 
 def _joint_outcome(joint: JointCheck) -> str:
@@ -256,49 +267,48 @@ def _joint_outcome(joint: JointCheck) -> str:
 
 
 def _joint_cells(joint: JointCheck) -> list[str]:
-    way = amount(abs(joint.span), "m" if joint.kind == "slide" else "rad")
+    travel = amount(abs(joint.span), "m" if joint.kind == "slide" else "rad")
     kind = "slides" if joint.kind == "slide" else "turns"
-    free = f"{100.0 * joint.swept:.0f}{THIN}% of its way"
+    free = f"{100.0 * joint.swept:.0f}{THIN}% of its travel"
     if joint.blocked:
         free = f'<span class="mark failed">blocked</span><small>{free} is free</small>'
     opened = "not tried" if joint.opened is None else f"{100.0 * joint.opened:.0f}{THIN}%"
     needs = f"{escaped(', '.join(joint.needs))} open" if joint.needs else "–"
-    return [f"<b>{escaped(joint.name)}</b>", f"{kind} {way}", free, opened, needs]
+    return [f"<b>{escaped(joint.name)}</b>", f"{kind} {travel}", free, opened, needs]
 
 
-def _clauses(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, str]) -> None:
+def _checks(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, str]) -> None:
     if not checks:
         return
-    page.section("What was measured")
+    page.section("Checks")
     names = list(dict.fromkeys(check.name for check in checks))
     names.sort(key=lambda name: not any(c.outcome == "failed" for c in checks if c.name == name))
     rows: list[tuple[str, list[str]]] = []
     for name in names:
-        rows += _clause_rows([c for c in checks if c.name == name], meanings.get(name, ""))
-    header = ["clause", "outcome", "measured", "allowed", "what was found"]
-    page.clause_table(header, rows, "checks")
-    page.text("What a clause means, why it matters and how to mend it is said by "
-              "`check-asset --explain CLAUSE`.")  # fmt: skip
+        rows += _check_rows([c for c in checks if c.name == name], meanings.get(name, ""))
+    header = ["check", "outcome", "measured", "allowed", "result"]
+    page.outcome_table(header, rows, "checks")
+    page.text("`check-asset --explain CHECK` explains a check: meaning, importance and remedy.")
     page.fold(f"All {len(checks)} measurements")
     every = [
         (c.outcome, [escaped(c.name), escaped(c.subject or "–"), *_measured_cells(c, checks)])
         for c in checks
     ]
-    page.clause_table(["clause", "about", "outcome", "measured", "allowed", "what was found"],
-                      every, "all measurements")  # fmt: skip
+    header = ["check", "subject", "outcome", "measured", "allowed", "result"]
+    page.outcome_table(header, every, "all measurements")
     page.unfold()
 
 
-def _clause_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[str]]]:
-    """Every failure of one clause, and one row for all that holds or does not apply."""
+def _check_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[str]]]:
+    """Return a row for every failure of one check, and one row for all that passed."""
     title = f"<b>{escaped(group[0].name)}</b>"
-    failed = [c for c in group if c.outcome == "failed"]
+    failed = [c for c in group if c.outcome in ("failed", "warning", "undecided")]
     passed = [c for c in group if c.outcome == "passed"]
-    rows = []
+    rows: list[tuple[str, list[str]]] = []
     for check in failed:
         about = f"<b>{escaped(check.subject)}</b>: " if check.subject else ""
         *figures, message = _measured_cells(check, group)
-        rows.append(("failed", [title, *figures, about + message]))
+        rows.append((check.outcome, [title, *figures, about + message]))
     if passed:
         sign = bound(group)
         mark, measured, allowed, message = _measured_cells(_worst(passed, sign), group)
@@ -324,7 +334,7 @@ def _clause_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[s
 
 
 def _worst(passed: Sequence[Check], sign: str) -> Check:
-    """The measurement that comes nearest to what is allowed."""
+    """Return the measurement closest to the limit."""
     known = [c for c in passed if c.measured is not None]
     if not known or not sign:
         return (known or list(passed))[0]
@@ -332,7 +342,7 @@ def _worst(passed: Sequence[Check], sign: str) -> Check:
 
 
 def _measured_cells(check: Check, peers: Sequence[Check]) -> list[str]:
-    """Outcome, measured, allowed and message of a clause as HTML."""
+    """Return outcome, measured value, limit and message of a check as HTML."""
     mark = f'<span class="mark {check.outcome}">{OUTCOME_TEXT[check.outcome]}</span>'
     sign = bound([c for c in peers if c.name == check.name])
     allowed = amount(check.allowed, check.unit)
@@ -343,9 +353,9 @@ def _measured_cells(check: Check, peers: Sequence[Check]) -> list[str]:
 
 
 def _repairs(page: ReportPage, check_report: CheckReport) -> None:
-    page.section("What was changed")
+    page.section("Changes")
     if not check_report.repairs:
-        page.text("Nothing.")
+        page.text("None.")
         return
     if len(check_report.repairs) > FEW:
         page.fold(f"{len(check_report.repairs)} changes")
@@ -355,7 +365,7 @@ def _repairs(page: ReportPage, check_report: CheckReport) -> None:
 
 
 def _origin(page: ReportPage, check_report: CheckReport, asset: Asset | None) -> None:
-    page.section("Where it came from")
+    page.section("Source")
     if check_report.counts is not None:
         counts = check_report.counts
         page.table(
@@ -367,7 +377,7 @@ def _origin(page: ReportPage, check_report: CheckReport, asset: Asset | None) ->
         )
     about = {"source": check_report.source, "licence": check_report.licence}
     if asset is not None:
-        about["size"] = asset.size_rule or "as given"
+        about["size"] = asset.size_rule or "as in the input"
         about["mass"] = f"{sum(link.mass_kg for link in asset.links):.3g} kg"
     page.pairs(about)
 

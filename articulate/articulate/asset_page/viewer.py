@@ -1,4 +1,4 @@
-"""A 3-D view of an asset for a page: every joint has a slider, every part can be dragged."""
+"""3-D view of an asset for a page: every joint has a slider, every part can be dragged."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ FULL_TURN = 2.0 * np.pi
 
 
 def viewer_html(subject: ObjectModel, needs: Mapping[str, tuple[str, ...]] | None = None) -> str:
-    """The view with its data and scripts, to be put into a page once.
+    """Return the view with its data and scripts as HTML, for one use in a page.
 
     Args:
-        subject: The asset and its model.
+        subject: Asset and its model.
         needs: Joints that must be open before others move, by joint.
     """
     asset = subject.asset
@@ -34,7 +34,7 @@ def viewer_html(subject: ObjectModel, needs: Mapping[str, tuple[str, ...]] | Non
         for joint in asset.joints
     )
     content = json.dumps(viewer_content(subject), allow_nan=False, separators=(",", ":"))
-    # A name of a link must not be able to end the element it stands in.
+    # A name of a link must not be able to end the script element.
     content = content.replace("<", "\\u003c").replace("\u2028", " ").replace("\u2029", " ")
     buttons = "".join(
         f'<button type="button" data-do="{do}"{extra}>{label}</button>'
@@ -48,7 +48,7 @@ def viewer_html(subject: ObjectModel, needs: Mapping[str, tuple[str, ...]] | Non
         f'<p class="hint">{_hint(asset)}</p></div>'
         f'<div class="sliders">{sliders}</div>'
         '<p class="trouble" hidden></p>'
-        "<noscript><p>The 3-D view needs JavaScript; the pictures do not.</p></noscript></section>"
+        "<noscript><p>The 3-D view needs JavaScript; the images do not.</p></noscript></section>"
         f'<script type="application/json" id="viewer-data">{content}</script>'
         f"<script>{_script('three.min.js')}</script>"
         f"<script>{_script('viewer.js')}</script>"
@@ -56,9 +56,9 @@ def viewer_html(subject: ObjectModel, needs: Mapping[str, tuple[str, ...]] | Non
 
 
 def viewer_content(subject: ObjectModel) -> dict[str, Any]:
-    """What the script is told: links, joints, followers, surfaces and where to look from.
+    """Return the data of the script: links, joints, followers, surfaces and view direction.
 
-    Everything is given in the object frame with every joint at 0 [m, rad]; poses are rows of
+    All values are in the object frame with every joint at 0 [m, rad]; poses are rows of
     4 x 4 matrices.
     """
     asset = subject.asset
@@ -105,7 +105,7 @@ def _follower_content(follower: Follower) -> dict[str, Any]:
 
 
 def slider_range(joint: Joint) -> tuple[float, float]:
-    """Lowest and highest position that a slider gives ``joint``: one turn if it has no end."""
+    """Return the range of a slider [m or rad]: the limits, or one turn without limits."""
     if joint.lower is not None and joint.upper is not None:
         return joint.lower, joint.upper
     turn = FULL_TURN if joint.kind == "hinge" else 1.0
@@ -121,7 +121,7 @@ def _slider(joint: Joint, leader: str | None, needs: tuple[str, ...]) -> str:
     elif needs:
         note = f"free once {' and '.join(needs)} {'is' if len(needs) == 1 else 'are'} open"
     name = _text(joint.name)
-    # Closed is where the slider begins, whichever way the joint opens.
+    # The slider begins at the closed position, in whichever direction the joint opens.
     direction = ' dir="rtl"' if joint.span < 0 else ""
     disabled = " disabled" if leader is not None else ""
     small = f"<small>{_text(note)}</small>" if note else ""

@@ -22,9 +22,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from articulate.errors import AssetError, field_error, nearest
+from articulate.errors import AssetError, field_error, nearest, quote
 from articulate.files import write_text
 from articulate.transforms import Array, axis_angle_to_matrix, pose, quat_to_matrix
+from articulate.untrusted import load_json_object
 
 SCHEMA = "articulate.asset"
 SCHEMA_VERSION = 2
@@ -54,6 +55,8 @@ class Link:
     """Number of visual geoms."""
     collisions: int = 0
     """Number of collision geoms."""
+    trimmed: float = 0.0
+    """Fraction of its collision volume that repairs cut away, in [0, 1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,10 +114,11 @@ class Handle:
     """Unit long axis, perpendicular to ``normal_l``; fingers close along normal x along."""
     extent: Vec3
     """Size along ``along_l``, along the closing axis, and along ``normal_l`` [m]."""
-    kind: Literal["bar", "knob", "edge"]
-    """``bar`` is long and free behind, ``knob`` is compact, ``edge`` is the rim of a panel."""
+    kind: Literal["bar", "knob", "edge", "none"]
+    """``bar`` is long and free behind, ``knob`` is compact, ``edge`` is the rim of a panel,
+    ``none`` is the outermost point of a part without a graspable handle."""
     source: Literal["name", "geometry", "edge", "given"]
-    """What it was found by."""
+    """How it was found: by name, by its shape, as an edge, or given by the user."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +143,8 @@ class Asset:
     """Licence of the object; what is made from it inherits it."""
     repairs: tuple[str, ...] = ()
     """Everything that was changed on the way from the input, one sentence each."""
+    accepted: tuple[str, ...] = ()
+    """Names of checks whose failure is accepted as a warning."""
     size_rule: str = ""
     """How the metric size was found, in words."""
     folder: Path = Path()
@@ -200,7 +206,7 @@ class Asset:
             raise AssetError(f"{self.name}: joint {joint_name} has no handle; take another joint")
         return self.T_ol(joint_name, q) @ handle_frame(handle)
 
-    def handle_way(self, joint_name: str) -> float | None:
+    def handle_travel(self, joint_name: str) -> float | None:
         """How far the handle of ``joint_name`` goes from closed to open [m]; None without one."""
         handle, joint = self.handle_of(joint_name), self.joint(joint_name)
         if handle is None or joint.kind == "slide":
@@ -253,12 +259,9 @@ def load_asset(folder: Path) -> Asset:
         AssetError: There is none, or it is of another schema.
     """
     path = folder / "asset.json"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise AssetError(
-            f"{folder}: not an asset folder ({error}); make one with check-asset"
-        ) from None
+    if not path.exists():
+        raise AssetError(f"{folder}: not an asset folder; make one with check-asset")
+    content = load_json_object(path, error=AssetError)
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
         raise AssetError(
             f"{path}: not an asset of schema {SCHEMA} {SCHEMA_VERSION}; make it with check-asset"
@@ -267,24 +270,62 @@ def load_asset(folder: Path) -> Asset:
 
 
 def _decode(content: dict[str, Any], folder: Path, path: Path) -> Asset:
-    def tuples(value: Any) -> Any:  # JSON knows lists only
-        return tuple(tuples(v) for v in value) if isinstance(value, list) else value
-
     def parts(cls: type[Any], key: str) -> tuple[Any, ...]:
-        return tuple(cls(**{k: tuples(v) for k, v in item.items()}) for item in content[key])
+        return tuple(cls(**_fields(cls, item)) for item in content[key])
 
     try:
-        plain = {
-            f.name: tuples(content[f.name])
-            for f in dataclasses.fields(Asset)
-            if f.name not in {"links", "joints", "handles", "folder"}
-        }
+        names = {f.name for f in dataclasses.fields(Asset)} - {"links", "joints", "handles"}
+        own = {name: content[name] for name in names - {"folder"}}
         return Asset(
             links=parts(Link, "links"),
             joints=parts(Joint, "joints"),
             handles=parts(Handle, "handles"),
             folder=folder,
-            **plain,
+            **_fields(Asset, own),
         )
     except (KeyError, TypeError) as error:
         raise AssetError(f"{path}: {field_error(error)}; make it with check-asset") from None
+
+
+def _fields(cls: type[Any], item: Any) -> dict[str, Any]:
+    """Return the fields of ``cls`` in a JSON object with lists as tuples.
+
+    Raises:
+        TypeError: A value is of another type than its field.
+    """
+    if not isinstance(item, dict):
+        raise TypeError(f"{quote(item)} where an object was expected")
+    types = {f.name: str(f.type) for f in dataclasses.fields(cls)}
+    found = {name: _as_tuples(value) for name, value in item.items()}
+    for name, value in found.items():
+        if name in types and not _matches(value, types[name]):
+            raise TypeError(f"{name} is {quote(value)}, not {types[name]}")
+    return found
+
+
+def _as_tuples(value: Any) -> Any:
+    return tuple(_as_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def _matches(value: Any, kind: str) -> bool:
+    """Return whether ``value`` fits the annotation ``kind`` of a field of this module."""
+    if kind.endswith(" | None"):
+        return value is None or _matches(value, kind.removesuffix(" | None"))
+    if kind.startswith("Literal["):
+        return isinstance(value, str) and repr(value) in kind.replace('"', "'")
+    if kind in {"str", "int"}:
+        return type(value).__name__ == kind
+    if kind == "float":
+        return type(value) in {int, float}
+    if kind == "tuple[str, ...]":
+        return isinstance(value, tuple) and all(isinstance(v, str) for v in value)
+    if kind == "tuple[Vec3, Vec3]":
+        return (
+            isinstance(value, tuple) and len(value) == 2 and all(_matches(v, "Vec3") for v in value)
+        )
+    sizes = {"Vec3": 3, "Quat": 4}
+    return (
+        isinstance(value, tuple)
+        and len(value) == sizes[kind]
+        and all(_matches(v, "float") for v in value)
+    )

@@ -21,8 +21,8 @@ from lxml import etree
 from articulate.assets.asset import handle_frame
 from articulate.assets.check_report import Check
 from articulate.checks.model import Model, ObjectModel
-from articulate.formats.read_mjcf_files import is_mjcf
-from articulate.formats.read_mjcf_text import read_text
+from articulate.formats.read_source import format_of
+from articulate.formats.reduce_mjcf import read_text
 from articulate.simulator import mujoco
 from articulate.suppress_output import suppress_output
 from articulate.transforms import Array, inverse, normalised, pose, quat_to_matrix
@@ -264,7 +264,7 @@ def mjcf_judge(path: Path) -> Judge:
 
 def _read(path: Path) -> tuple[Model, list[str], list[str]]:
     """What MuJoCo makes of a file, with the names of its bodies and of its joints."""
-    if not is_mjcf(path):
+    if format_of(path) != "mjcf":
         model = mujoco.MjModel.from_xml_path(str(path))
         return model, *_own_names(model)
     known = etree.fromstring(read_text(path).text)

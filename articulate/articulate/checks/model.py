@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from articulate.assets.asset import Asset
-from articulate.errors import AssetError, nearest
+from articulate.assets.asset_files import check_asset_files
+from articulate.errors import AssetError, nearest, shorten
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints, inverse, pose
 
@@ -160,13 +161,14 @@ def load_model(asset: Asset) -> ObjectModel:
         AssetError: MuJoCo does not accept it, or it lacks a link or joint of the asset.
     """
     path = asset.mjcf_path
+    check_asset_files(asset.folder)
     if not path.is_file():
         raise AssetError(f"{path}: does not exist; make the asset again with check-asset")
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
-        reason = " ".join(str(error).split())
-        raise AssetError(f"{path}: MuJoCo refuses it: {reason}") from None
+        reason = shorten(" ".join(str(error).split()))
+        raise AssetError(f"{path}: MuJoCo rejects it: {reason}") from None
     return ObjectModel(asset, model)
 
 

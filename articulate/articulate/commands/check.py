@@ -12,14 +12,14 @@ from typing import Annotated, Any, Literal
 
 from articulate.assets.check_report import VERDICTS
 from articulate.cache import cache_folder, cache_in_use
-from articulate.checks.descriptions import explained, explained_content
+from articulate.checks.descriptions import explain, explanation_content
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
 from articulate.files import require_space
-from articulate.preparation.batch import Batch, Checked, Item, is_there, items_in, write_junit
+from articulate.preparation.batch import Batch, Checked, Item, items_in, path_exists, write_junit
 from articulate.preparation.check_report_file import PAGE_FILE, content_of
 
 MOST_LIMIT_S = 1e6
@@ -49,7 +49,7 @@ class CheckFlags:
     jobs: int = 1
     """Objects that are checked side by side; 0: one for each processor."""
     limit: float = 300.0
-    """Time after which an object is refused [s]."""
+    """Processor time after which the check of an object ends as undecided [s]."""
     against: Path | None = None
     """Input that an asset folder was made from: it is compared with it."""
     fresh: bool = False
@@ -74,6 +74,9 @@ class CheckFlags:
     """Further folders in which meshes are looked for."""
     max_geoms: int | None = None
     """Largest number of collision geoms of one link."""
+    accept: tuple[str, ...] = ()
+    """Checks whose failure is only a warning: authored_overlap, for authored parts that run through
+    each other although every joint opens and closes."""
     licence: str | None = None
     """Licence of the object, where the source does not say it."""
 
@@ -103,6 +106,7 @@ class CheckFlags:
             "collada_up": None if self.collada_up == "auto" else self.collada_up,
             "mesh_dirs": [str(path.resolve()) for path in self.mesh_dirs] or None,
             "max_geoms": self.max_geoms,
+            "accept": list(self.accept) or None,
             "licence": self.licence,
         }
         return {key: value for key, value in given.items() if value is not None}
@@ -116,9 +120,9 @@ def main(argv: Sequence[str]) -> int:
     flags = parse(CheckFlags, argv, prog="check-asset")
     if flags.explain is not None:
         if flags.json:
-            console.emit_json(explained_content(flags.explain))
+            console.emit_json(explanation_content(flags.explain))
         else:
-            console.emit(explained(flags.explain))
+            console.emit(explain(flags.explain))
         return 0
     assert flags.asset is not None
     from articulate.conversion.metric_size import check_category  # heavy; --help does without
@@ -126,8 +130,8 @@ def main(argv: Sequence[str]) -> int:
     check_category(flags.category)
     for path in (flags.asset, flags.out, flags.junit):
         if path is not None:
-            is_there(path)  # before any work, where it could not even be looked up
-    if flags.against is not None and not is_there(flags.against):
+            path_exists(path)  # before any work, where it could not even be looked up
+    if flags.against is not None and not path_exists(flags.against):
         raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
     out = flags.out or Path("checked") / _name(flags.asset)
     items, single = items_in(flags.asset, out)
@@ -167,7 +171,11 @@ def _require_of_use(flags: CheckFlags, items: Sequence[Item]) -> None:
             "leave it out"
         )
     if flags.against is None and all(folders):
-        names = [name.removesuffix("_m").replace("_", "-") for name in flags.options()]
+        names = [
+            name.removesuffix("_m").replace("_", "-")
+            for name in flags.options()
+            if name != "accept"  # it applies to asset folders as well
+        ]
         if names:
             raise ConfigError(
                 f"--{names[0]}: {flags.asset} is made already and is proven as it is; give the "

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from articulate.jobs.process_identity import end_with_parent
 from articulate.simulator import mujoco
 
 MAX_MEMORY = 4_000_000_000
@@ -306,6 +307,7 @@ def answer(text: str, meshes: dict[str, str]) -> dict[str, Any]:
 
 def main(job_path: Path, result_path: Path) -> None:
     """Read the job, write the result."""
+    end_with_parent()
     limit()
     job = json.loads(job_path.read_text(encoding="utf-8"))
     result = answer(job["text"], job["meshes"])

@@ -1,1 +1,1 @@
-"""Many jobs: each a command line and a folder; here, under Slurm, or on a Ray cluster."""
+"""Jobs (a command line and a folder) on this machine, Slurm or Ray; isolated child processes."""

@@ -2,19 +2,18 @@
 
 ::
 
-    job.json      what is to be run
-    state.json    waiting, running, done, failed or lost, and every attempt so far
-    lease.json    who runs it now; old when nobody renewed it for a while
-    log.txt       what the command said
-    run/          what the command makes
+    job.json      command lines
+    state.json    phase (waiting, running, done, failed or lost) and all attempts
+    lease.json    process that runs the job; expired if it was not renewed for a while
+    log.txt       output of the command
+    run/          results of the command
 
-Nothing else knows about a job, so that any launcher can go on with what another one left.
+There is no other state, so any launcher can continue what another one left.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import json
 import os
 import time
@@ -22,22 +21,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from articulate.errors import RunError
+from filelock import FileLock
+
+from articulate.errors import RunError, quote
 from articulate.files import write_json
-from articulate.jobs.process_identity import is_here, runs, this_process
+from articulate.jobs.process_identity import is_local, is_running, this_process
 
 SCHEMA = "articulate.job"
-SCHEMA_VERSION = 1
-JOB, STATE, LOG, MADE = "job.json", "state.json", "log.txt", "run"
+SCHEMA_VERSION = 2
+JOB, STATE, LOG, RUN = "job.json", "state.json", "log.txt", "run"
 LEASE, LOCK = "lease.json", ".lease.lock"
 LEASE_S = 60.0
-"""A lease that is older was left by a machine that is gone [s]."""
+"""Age above which a lease of another machine has expired [s]."""
 Stamp = tuple[int, int, int]
-"""Time, number and size of a file."""
+"""Modification time, inode and size of a file."""
 NEVER: Stamp = (-1, -1, -1)
-"""The stamp of a file that was not looked at."""
+"""Stamp of a file that was not read yet."""
 Phase = Literal["waiting", "running", "done", "failed", "lost"]
-"""``failed`` ended by itself and would fail again; ``lost`` was ended by something else."""
+"""``failed`` ended by itself and would fail again; ``lost`` was ended from outside."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +47,11 @@ class Job:
 
     folder: Path
     """Folder of the job."""
-    start: tuple[str, ...]
-    """Begins it; what it makes goes into ``run/`` of the folder."""
-    go_on: tuple[str, ...]
-    """Goes on with what is in ``run/`` already."""
-    accepted: tuple[int, ...] = (0,)
+    start_command: tuple[str, ...]
+    """Begins the job; its results go into ``run/`` of the folder."""
+    resume_command: tuple[str, ...]
+    """Continues with what ``run/`` holds already."""
+    accepted_codes: tuple[int, ...] = (0,)
     """Exit statuses of a job that is done."""
 
     @property
@@ -59,19 +60,19 @@ class Job:
         return self.folder.name
 
     @property
-    def made(self) -> Path:
-        """What the command makes."""
-        return self.folder / MADE
+    def run_folder(self) -> Path:
+        """Folder of the results."""
+        return self.folder / RUN
 
     @property
     def command(self) -> tuple[str, ...]:
-        """What is to be run now."""
-        return self.go_on if self.made.exists() else self.start
+        """Command for the next attempt."""
+        return self.resume_command if self.run_folder.exists() else self.start_command
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """One time that the command ran."""
+    """One execution of the command."""
 
     host: str
     pid: int
@@ -81,36 +82,36 @@ class Attempt:
     """Unix time [s]; None while it runs, or if its machine was lost."""
     code: int | None = None
     """Exit status; negative for a signal; None as above."""
-    words: str = ""
-    """The last line that it said."""
+    message: str = ""
+    """Last line of its output."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """How far a job is."""
+    """Phase of a job and its attempts."""
 
     phase: Phase = "waiting"
     attempts: tuple[Attempt, ...] = ()
 
     @property
-    def words(self) -> str:
-        """The last line of the last attempt."""
-        return self.attempts[-1].words if self.attempts else ""
+    def message(self) -> str:
+        """Last line of output of the last attempt."""
+        return self.attempts[-1].message if self.attempts else ""
 
 
 def save_job(job: Job) -> Job:
-    """Write ``job.json``, and keep what it holds if it is there already.
+    """Write ``job.json``, or keep it if it already describes this job.
 
     Raises:
-        RunError: The folder is another job's.
+        RunError: The folder belongs to another job.
     """
     path = job.folder / JOB
     content = {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
-        "start": list(job.start),
-        "go_on": list(job.go_on),
-        "accepted": list(job.accepted),
+        "start_command": list(job.start_command),
+        "resume_command": list(job.resume_command),
+        "accepted_codes": list(job.accepted_codes),
     }
     if path.exists():
         if load_job(job.folder) != job:
@@ -123,56 +124,54 @@ def save_job(job: Job) -> Job:
 
 
 def load_job(folder: Path) -> Job:
-    """The job in ``folder``.
+    """Read the job in ``folder``.
 
     Raises:
-        RunError: There is none.
+        RunError: There is none, or it was written by another version.
     """
     content = _read(folder / JOB)
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
-        raise RunError(f"{folder / JOB}: not a job of schema {SCHEMA} {SCHEMA_VERSION}")
+        raise RunError(
+            f"{folder / JOB}: not a job of schema {SCHEMA} {SCHEMA_VERSION}; choose a new --out"
+        )
     return Job(
         folder=folder,
-        start=tuple(content["start"]),
-        go_on=tuple(content["go_on"]),
-        accepted=tuple(content["accepted"]),
+        start_command=tuple(content["start_command"]),
+        resume_command=tuple(content["resume_command"]),
+        accepted_codes=tuple(content["accepted_codes"]),
     )
 
 
 def load_state(folder: Path) -> State:
-    """How far the job in ``folder`` is; one whose runner is gone is lost."""
+    """Read the state of the job in ``folder``; it is lost if its runner has disappeared."""
     if not (folder / STATE).exists():
         return State()
     content = _read(folder / STATE)
     state = State(phase=content["phase"], attempts=tuple(Attempt(**a) for a in content["attempts"]))
     if state.phase == "running" and not is_leased(folder):
-        words = f"{state.attempts[-1].host} is gone: killed, restarted or out of memory"
-        last = dataclasses.replace(state.attempts[-1], words=words)
+        message = f"{state.attempts[-1].host} disappeared: killed, restarted or out of memory"
+        last = dataclasses.replace(state.attempts[-1], message=message)
         return State(phase="lost", attempts=(*state.attempts[:-1], last))
     return state
 
 
 def state_stamp(folder: Path) -> Stamp | None:
-    """What changes whenever :func:`save_state` writes; None before it did."""
+    """Return a value that changes whenever :func:`save_state` writes; None before that."""
     try:
-        stat = os.stat(f"{folder}/{STATE}")  # noqa: PTH116  ten thousand jobs are looked at often
+        stat = os.stat(f"{folder}/{STATE}")  # noqa: PTH116  ten thousand jobs are polled often
     except FileNotFoundError:
         return None
     return stat.st_mtime_ns, stat.st_ino, stat.st_size
 
 
 def save_state(folder: Path, state: State) -> None:
-    """Write how far the job in ``folder`` is, whole or not at all."""
+    """Write the state of the job in ``folder``, completely or not at all."""
     write_json(folder / STATE, dataclasses.asdict(state))
 
 
 def take_lease(folder: Path) -> bool:
-    """Take the job in ``folder`` for this process; False if another one has it.
-
-    Looking and taking are one step under a lock that the kernel frees with its holder.
-    """
-    with (folder / LOCK).open("a") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    """Take the job in ``folder`` for this process; return False if another process has it."""
+    with FileLock(folder / LOCK):
         if is_leased(folder):
             return False
         write_json(folder / LEASE, this_process())
@@ -180,20 +179,20 @@ def take_lease(folder: Path) -> bool:
 
 
 def renew_lease(folder: Path) -> None:
-    """Say that this process still runs the job in ``folder``."""
+    """Record that this process still runs the job in ``folder``."""
     os.utime(folder / LEASE)
 
 
 def end_lease(folder: Path) -> None:
-    """Give the job in ``folder`` back."""
+    """Release the job in ``folder``."""
     (folder / LEASE).unlink(missing_ok=True)
 
 
 def is_leased(folder: Path) -> bool:
-    """Whether some process runs the job in ``folder``.
+    """Return whether a process runs the job in ``folder``.
 
-    On this machine its process is looked for; on another one, or from before this one was
-    restarted, the age of the lease counts.
+    A holder on this machine is looked up by its process; on another machine, or from before a
+    restart of this one, the age of the lease decides.
     """
     path = folder / LEASE
     try:
@@ -201,14 +200,14 @@ def is_leased(folder: Path) -> bool:
         holder = json.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):
         return False
-    return runs(holder) if is_here(holder) else age_s < LEASE_S
+    return is_running(holder) if is_local(holder) else age_s < LEASE_S
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RunError(f"{path}: cannot be read ({error})") from None
     if not isinstance(content, dict):
-        raise RunError(f"{path}: holds no object")
+        raise RunError(f"{path}: must hold a JSON object, not {quote(content)}")
     return content

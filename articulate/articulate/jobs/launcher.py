@@ -1,4 +1,4 @@
-"""Launcher: where jobs run. The protocol, the loop over many jobs, and the choice by name."""
+"""Launcher: protocol of the places where jobs run, and the loop over many jobs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from articulate.jobs.job import (
     state_stamp,
 )
 
-LOOK_S, LEAST_LOOK_S = 0.5, 0.02
-"""Time between looks at the jobs while nothing happens, and after something did [s]."""
-MOST_LOSSES = 3
-"""A job is taken up again after so many losses in a row, and no more."""
+POLL_S, MIN_POLL_S = 0.5, 0.02
+"""Time between polls while nothing changes, and after a change [s]."""
+MAX_LOSSES = 3
+"""A job is restarted after at most so many losses in a row."""
 LAUNCHERS = {
     "local": "articulate.jobs.local:LocalLauncher",
     "slurm": "articulate.jobs.slurm:SlurmLauncher",
@@ -34,40 +34,40 @@ LAUNCHERS = {
 
 
 class Launcher(Protocol):
-    """Starts workers and says which of them still run."""
+    """Starts workers and reports which of them still run."""
 
-    def room(self) -> int:
-        """How many more jobs it takes now; a cluster keeps a queue of its own and takes all."""
+    def free_slots(self) -> int:
+        """Return how many more jobs it accepts now; a cluster queues them and accepts all."""
         ...
 
     def submit(self, folder: Path) -> Any:
-        """Start ``articulate.jobs.worker`` on the job in ``folder``, or have a cluster do it."""
+        """Start ``articulate.jobs.worker`` on the job in ``folder``, or queue it on a cluster."""
         ...
 
-    def is_over(self, handle: Any) -> bool:
-        """Whether the worker has ended, in whatever way."""
+    def has_ended(self, handle: Any) -> bool:
+        """Return whether the worker has ended, for whatever reason."""
         ...
 
     def stop(self, handle: Any) -> None:
-        """Ask the worker to keep what it has done and stop."""
+        """Request that the worker saves its progress and stops."""
         ...
 
     def close(self) -> None:
-        """Give back what was taken."""
+        """Release all resources."""
         ...
 
 
 def make_launcher(name: str, slots: int, folder: Path) -> Launcher:
-    """The launcher called ``name``.
+    """Return the launcher called ``name``.
 
     Args:
         name: local, slurm or ray.
-        slots: Jobs side by side.
-        folder: Where it may keep files of its own.
+        slots: Jobs in parallel.
+        folder: Folder for the launcher's files.
 
     Raises:
         UsageError: There is no such launcher.
-        MissingError: What it needs is not installed.
+        MissingError: A package that it requires is not installed.
     """
     if name not in LAUNCHERS:
         raise UsageError(f"--launcher {name}: unknown{nearest(name, LAUNCHERS)}")
@@ -78,44 +78,44 @@ def make_launcher(name: str, slots: int, folder: Path) -> Launcher:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far many jobs are."""
+    """States of many jobs."""
 
     states: dict[str, State]
     """State of each job by name."""
 
     def count(self, phase: str) -> int:
-        """Number of jobs in ``phase``."""
+        """Return the number of jobs in ``phase``."""
         return sum(state.phase == phase for state in self.states.values())
 
 
 def run_jobs(
     jobs: Sequence[Job], launcher: Launcher, on_change: Callable[[Progress], None]
 ) -> Progress:
-    """Run all jobs that are not done, and return how they ended.
+    """Run all jobs that are not done, and return their final states.
 
-    Jobs that another launcher left are taken up where they stand; those that run elsewhere now
-    are waited for. A job that fails by itself is not run again; one that is lost with its machine
-    is, a few times. KeyboardInterrupt stops the workers, which keep what they have done.
+    Jobs that another launcher left are resumed; jobs that run elsewhere now are waited for. A job
+    that fails by itself is not run again; one that is lost with its machine is, a few times.
+    KeyboardInterrupt stops the workers, which save their progress.
 
     Args:
-        jobs: With distinct folders.
-        launcher: Where they run.
-        on_change: Called after each look at which a job changed its phase.
+        jobs: Jobs with distinct folders.
+        launcher: Place where they run.
+        on_change: Called after each poll in which a job changed its phase.
     """
     for job in jobs:
         save_job(job)
     loop = _Loop(jobs, launcher)
-    pause_s = LEAST_LOOK_S
+    pause_s = MIN_POLL_S
     try:
         on_change(loop.progress())
         while True:
-            if loop.look():
+            if loop.poll():
                 on_change(loop.progress())
-                pause_s = LEAST_LOOK_S
-            if loop.is_over:
+                pause_s = MIN_POLL_S
+            if loop.has_ended:
                 return loop.progress()
             time.sleep(pause_s)
-            pause_s = min(2.0 * pause_s, LOOK_S)
+            pause_s = min(2.0 * pause_s, POLL_S)
     except BaseException:
         loop.stop()
         raise
@@ -124,14 +124,14 @@ def run_jobs(
 
 
 class _Loop:
-    """What :func:`run_jobs` knows between two looks, each as dear as the jobs that run now."""
+    """State of :func:`run_jobs` between two polls, whose cost depends on the running jobs only."""
 
     def __init__(self, jobs: Sequence[Job], launcher: Launcher) -> None:
         self._launcher = launcher
         self._queue = deque(jobs)
-        """Not looked at yet: there was no room."""
+        """Jobs that were not polled yet for lack of slots."""
         self._open: dict[str, Job] = {}
-        """Handed to the launcher, or run by another one."""
+        """Jobs of this launcher, or run by another one."""
         self._handles: dict[str, Any] = {}
         self._losses = Counter[str]()
         self._stamps: dict[str, Stamp | None] = {}
@@ -139,38 +139,38 @@ class _Loop:
         self._failed_before = {n for n, state in self._states.items() if state.phase == "failed"}
 
     @property
-    def is_over(self) -> bool:
-        """Whether nothing runs and nothing is to be run."""
+    def has_ended(self) -> bool:
+        """True if nothing runs and nothing is left to run."""
         return not self._queue and not self._open
 
     def progress(self) -> Progress:
-        """How far all are."""
+        """Return the states of all jobs."""
         return Progress(dict(self._states))
 
-    def look(self) -> bool:
-        """Take up what is due and drop what is over; whether any state changed."""
+    def poll(self) -> bool:
+        """Start jobs that are due and drop those that have ended; return whether any changed."""
         changed = False
         for job in list(self._open.values()):
-            changed |= self._look_at(job)
-        while self._queue and self._launcher.room() > 0:
+            changed |= self._poll_job(job)
+        while self._queue and self._launcher.free_slots() > 0:
             job = self._queue.popleft()
             self._open[job.name] = job
-            changed |= self._look_at(job)
+            changed |= self._poll_job(job)
         return changed
 
     def stop(self) -> None:
         """Stop all workers and wait until they have ended."""
         for handle in self._handles.values():
             self._launcher.stop(handle)
-        while not all(self._launcher.is_over(handle) for handle in self._handles.values()):
-            time.sleep(LOOK_S)
+        while not all(self._launcher.has_ended(handle) for handle in self._handles.values()):
+            time.sleep(POLL_S)
 
-    def _look_at(self, job: Job) -> bool:
+    def _poll_job(self, job: Job) -> bool:
         handle = self._handles.get(job.name)
-        over = handle is not None and self._launcher.is_over(handle)
+        ended = handle is not None and self._launcher.has_ended(handle)
         before = self._states[job.name]
         state = self._read(job, before)
-        if over:
+        if ended:
             del self._handles[job.name]
             self._losses[job.name] += state.phase in ("lost", "waiting")
         if job.name not in self._handles and not is_leased(job.folder):
@@ -183,7 +183,7 @@ class _Loop:
         return state != before
 
     def _read(self, job: Job, before: State) -> State:
-        """The state of ``job``, read anew if its file is another one or its runner may be gone."""
+        """Return the state of ``job``, read again if its file changed or its runner may be dead."""
         stamp = state_stamp(job.folder)
         if before.phase != "running" and self._stamps.get(job.name, NEVER) == stamp:
             return before
@@ -191,7 +191,7 @@ class _Loop:
         return load_state(job.folder)
 
     def _is_due(self, name: str, state: State) -> bool:
-        """Whether it is to be run: not done, not failed in this call, not lost too often."""
-        if self._losses[name] > MOST_LOSSES:
+        """Return whether to run it: not done, not failed in this call, not lost too often."""
+        if self._losses[name] > MAX_LOSSES:
             return False
         return state.phase in ("waiting", "lost") or name in self._failed_before

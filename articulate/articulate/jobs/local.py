@@ -11,15 +11,15 @@ Worker = subprocess.Popen[bytes]
 
 
 class LocalLauncher:
-    """So many workers side by side. See :class:`Launcher`."""
+    """Runs a fixed number of workers in parallel. See :class:`Launcher`."""
 
     def __init__(self, slots: int, folder: Path) -> None:
-        """Start nothing yet; ``folder`` is not needed."""
+        """Start nothing yet; ``folder`` is not used."""
         self._slots = slots
         self._running: list[Worker] = []
 
-    def room(self) -> int:
-        """How many of the slots are free."""
+    def free_slots(self) -> int:
+        """Return the number of free slots."""
         self._running = [worker for worker in self._running if worker.poll() is None]
         return self._slots - len(self._running)
 
@@ -35,13 +35,13 @@ class LocalLauncher:
         self._running.append(worker)
         return worker
 
-    def is_over(self, handle: Worker) -> bool:
-        """Whether the worker has ended."""
+    def has_ended(self, handle: Worker) -> bool:
+        """Return whether the worker has ended."""
         return handle.poll() is not None
 
     def stop(self, handle: Worker) -> None:
-        """End a worker."""
+        """Send SIGTERM to a worker."""
         handle.terminate()
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resources are held."""

@@ -1,7 +1,7 @@
-"""Children: a module run in processes of its own, several side by side, each with a time limit.
+"""Run a function in child processes, several in parallel, each with a limit on processor time.
 
-What a child is asked is JSON on its standard input; what it answers stands on its standard output.
-A child that crashes or hangs costs its own request; it is ended with all that it started.
+A child that crashes or hangs costs only its own request. It is killed with all processes that it
+started, and it ends when its parent ends, for whatever reason.
 """
 
 from __future__ import annotations
@@ -13,70 +13,132 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Environment of every child: more threads fight with the children beside it."""
-MOST_LETTERS = 300
-"""Letters that are kept of a child's last words."""
+from articulate.errors import UsageError
+from articulate.jobs.child import REQUEST_EXIT, USAGE_EXIT
+from articulate.jobs.process_identity import processor_time_s
 
-Asked = TypeVar("Asked")
-Result = TypeVar("Result")
+THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment of every child: more threads compete with the children beside it."""
+MAX_LINE = 300
+"""Characters of a child's last line of standard error that are kept."""
+POLL_S = 0.2
+"""Time between measurements of processor time [s]."""
+MIN_IDLE_S = 5.0
+"""Least time without any processor time after which a child counts as stuck [s]."""
+
+Key = TypeVar("Key", bound=Hashable)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
-    """What became of a child."""
+class ChildResult:
+    """Result of a child process."""
 
     code: int | None
-    """Its exit status, below 0 the signal that ended it; None: it took too long."""
-    told: str
-    """What it wrote to its standard output."""
-    complained: str
-    """What it wrote to its standard error."""
+    """Exit status; negative for a signal; None if the time limit ended it."""
+    stdout: str = ""
+    stderr: str = ""
+    processor_s: float = 0.0
+    """Processor time that it had used when the time limit ended it [s]."""
+    idle: bool = False
+    """True if it was ended because it used no processor time any more."""
 
     @property
-    def last_words(self) -> str:
-        """The last line it complained of."""
-        return (self.complained.strip().splitlines() or ["it said nothing"])[-1][:MOST_LETTERS]
+    def value(self) -> str:
+        """Last line of standard output."""
+        return (self.stdout.strip().splitlines() or [""])[-1]
 
     @property
-    def signal_name(self) -> str:
-        """The signal that ended it; empty if none did."""
-        return "" if self.code is None or self.code >= 0 else signal.Signals(-self.code).name
+    def last_line(self) -> str:
+        """Last line of standard error, shortened."""
+        return (self.stderr.strip().splitlines() or ["no message"])[-1][:MAX_LINE]
 
+    @property
+    def is_undecided(self) -> bool:
+        """True if it ended for a reason outside its request: time or memory."""
+        return self.code in (None, -signal.SIGKILL)
 
-class ProcessPool:
-    """Runs ``python -m module`` for one request after another."""
-
-    def __init__(self, module: str, limit_s: float) -> None:
-        """Nothing is started yet.
+    def failure(self, limit_s: float) -> str:
+        """Return the reason why there is no result, one sentence; empty if there is one.
 
         Args:
-            module: Module that children run.
-            limit_s: A child that takes longer is ended [s].
+            limit_s: Limit on processor time [s], for the sentence.
+
+        Raises:
+            UsageError: The settings are wrong for every request.
         """
+        if self.code is None and self.idle:
+            return f"got stuck after {self.processor_s:.1f} s of processor time"
+        if self.code is None:
+            return (
+                f"took {self.processor_s:.1f} s of processor time, more than the limit of "
+                f"{limit_s:g} s"
+            )
+        if self.code == USAGE_EXIT:
+            raise UsageError(self.last_line)
+        if self.code == REQUEST_EXIT:
+            return self.last_line
+        if self.code > 0:
+            return f"its process ended with {self.code}: {self.last_line}"
+        if self.code == -signal.SIGKILL:
+            return "its process was killed; was there enough memory?"
+        if self.code < 0:
+            name = signal.Signals(-self.code).name
+            return f"a library crashed on it ({name}); look for a damaged file in it"
+        return ""
+
+
+def run_isolated(
+    module: str, items: Sequence[tuple[Key, Mapping[str, Any]]], jobs: int, limit_s: float
+) -> Iterator[tuple[Key, ChildResult]]:
+    """Handle requests in child processes and yield the results in the order in which they end.
+
+    All children are killed when the loop over the results is left, also by an error.
+
+    Args:
+        module: Module whose function ``run`` handles a request; see :mod:`articulate.jobs.child`.
+        items: Key and request, a JSON object, of each item.
+        jobs: Number of children in parallel.
+        limit_s: Processor time of one child with all that it starts [s].
+    """
+    children = _Children(module, limit_s)
+    done: queue.SimpleQueue[tuple[Key, Future[ChildResult]]] = queue.SimpleQueue()
+    with ThreadPoolExecutor(jobs) as threads:
+        try:
+            for key, request in items:
+                future = threads.submit(children.handle, request)
+                future.add_done_callback(lambda f, key=key: done.put((key, f)))  # type: ignore[misc]
+            for _ in items:
+                key, future = done.get()
+                yield key, future.result()
+        finally:
+            children.stop()
+            threads.shutdown(wait=True, cancel_futures=True)
+
+
+class _Children:
+    """Running child processes of one module, used by several threads."""
+
+    def __init__(self, module: str, limit_s: float) -> None:
         self.module = module
         self.limit_s = limit_s
         self._running: set[subprocess.Popen[str]] = set()
         self._lock = threading.Lock()
         self._stopped = False
 
-    def ask(self, request: Mapping[str, Any]) -> Answer:
-        """What a new child makes of ``request``; may be called by several threads.
-
-        Raises:
-            KeyboardInterrupt: :meth:`stop` was called.
-        """
+    def handle(self, request: Mapping[str, Any]) -> ChildResult:
+        """Start a child for ``request`` and wait for its result."""
         with self._lock:
             if self._stopped:
                 raise KeyboardInterrupt
             process = subprocess.Popen(
-                [sys.executable, "-m", self.module],
+                [sys.executable, "-m", "articulate.jobs.child", self.module, str(os.getpid())],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
@@ -87,47 +149,49 @@ class ProcessPool:
             )
             self._running.add(process)
         try:
-            told, complained = process.communicate(json.dumps(request), timeout=self.limit_s)
-        except subprocess.TimeoutExpired:
-            return Answer(code=None, told="", complained="")
+            return self._result(process, json.dumps(request))
         finally:
-            _end(process)
+            _kill(process)
             with self._lock:
                 self._running.discard(process)
-        return Answer(code=process.returncode, told=told, complained=complained)
 
-    def side_by_side(
-        self, asked: Sequence[Asked], make: Callable[[Asked], Result], jobs: int
-    ) -> Iterator[Result]:
-        """What ``make`` gives for each of ``asked``, ``jobs`` at a time, in the order they end.
+    def _result(self, process: subprocess.Popen[str], request: str | None) -> ChildResult:
+        """Wait for a child, and give up when its time limit is reached or it is stuck.
 
-        All children are ended when the loop over it is left, by an error too.
+        On systems without ``/proc`` wall-clock time is used.
         """
-        done: queue.SimpleQueue[Future[Result]] = queue.SimpleQueue()
-        with ThreadPoolExecutor(jobs) as pool:
+        begun = progress = time.monotonic()
+        used_s = 0.0
+        while True:
             try:
-                for one in asked:
-                    pool.submit(make, one).add_done_callback(done.put)
-                for _ in asked:
-                    yield done.get().result()
-            finally:
-                self.stop()
-                pool.shutdown(wait=True, cancel_futures=True)
+                stdout, stderr = process.communicate(request, timeout=POLL_S)
+            except subprocess.TimeoutExpired:
+                request = None  # it was sent
+            else:
+                return ChildResult(code=process.returncode, stdout=stdout, stderr=stderr)
+            now = time.monotonic()
+            measured_s = processor_time_s(process.pid)
+            measured_s = now - begun if measured_s is None else measured_s
+            if measured_s > used_s:
+                used_s, progress = measured_s, now
+            idle = now - progress > max(self.limit_s, MIN_IDLE_S)
+            if idle or used_s > self.limit_s:
+                return ChildResult(code=None, processor_s=used_s, idle=idle)
 
     def stop(self) -> None:
-        """End all children; none is started from now on."""
+        """Kill all children; no further one is started."""
         with self._lock:
             self._stopped = True
             for process in self._running:
-                _end(process)
+                _kill(process)
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a child and what it started."""
+def _kill(process: subprocess.Popen[str]) -> None:
+    """Kill a child and everything in its process group."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     for stream in (process.stdin, process.stdout, process.stderr):
         if stream is not None:
-            with suppress(OSError):
+            with suppress(OSError, ValueError):
                 stream.close()

@@ -1,7 +1,7 @@
 """Jobs of a Ray cluster: ``RAY_ADDRESS`` names it; without it Ray starts on this machine.
 
-The folder of the jobs must be on a file system that all nodes share. What is sent is the path of
-a folder; the package must be installed on every node.
+The folder of the jobs must be on a file system that all nodes share. Only the path of a folder is
+sent; the package must be installed on every node.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from articulate.errors import MissingError
-from articulate.jobs.worker import die_with_parent
+from articulate.jobs.process_identity import end_with_parent
 
 
 def work(folder: str) -> int:
-    """Run the job in ``folder`` in a process of its own, so that signals reach it alone."""
+    """Run the job in ``folder`` in a separate process, so that only that one receives signals."""
     worker = subprocess.Popen(
         [sys.executable, "-m", "articulate.jobs.worker", folder],
-        preexec_fn=die_with_parent,  # noqa: PLW1509  # what is lost must not go on unseen
+        preexec_fn=end_with_parent,  # noqa: PLW1509  # a lost task must not continue unnoticed
     )
     try:
         return worker.wait()
@@ -30,7 +30,7 @@ def work(folder: str) -> int:
 
 
 class RayLauncher:
-    """One task a job, a processor each; see :class:`Launcher`."""
+    """Runs each job as one task with one processor; see :class:`Launcher`."""
 
     def __init__(self, slots: int, folder: Path) -> None:
         """Connect to the cluster, or start one here with ``slots`` processors.
@@ -51,25 +51,25 @@ class RayLauncher:
                 ray.init(address="auto", log_to_driver=False)
             except ConnectionError:
                 ray.init(num_cpus=slots, include_dashboard=False, log_to_driver=False)
-        # A lost machine is the loop's to mend: it looks at the folder first.
+        # After the loss of a machine the loop restarts the job, as it checks the folder first.
         self._work = ray.remote(max_retries=0, num_cpus=1)(work)
 
-    def room(self) -> int:
-        """The cluster keeps a queue of its own."""
+    def free_slots(self) -> int:
+        """Return no limit: the cluster queues tasks."""
         return sys.maxsize
 
     def submit(self, folder: Path) -> Any:
-        """Hand the job in ``folder`` to the cluster."""
+        """Submit the job in ``folder`` to the cluster."""
         return self._work.remote(str(folder.absolute()))
 
-    def is_over(self, handle: Any) -> bool:
-        """Whether its task has ended, be it with its node."""
+    def has_ended(self, handle: Any) -> bool:
+        """Return whether its task has ended, also if its node was lost."""
         ready, _ = self._ray.wait([handle], timeout=0.0)
         return bool(ready)
 
     def stop(self, handle: Any) -> None:
         """Cancel its task."""
-        with contextlib.suppress(Exception):  # whatever Ray raises, it is over
+        with contextlib.suppress(Exception):  # whatever Ray raises, the task has ended
             self._ray.cancel(handle)
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
 """Jobs of a Slurm cluster, through submitit.
 
-The folder of the jobs must be on a file system that all nodes share. What submitit sends is the
-name of a function of this package and the path of a folder.
+The folder of the jobs must be on a file system that all nodes share. submitit sends only the name
+of a function of this package and the path of a folder.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from articulate.errors import MissingError, UsageError
 from articulate.jobs.worker import run_job
 
 TIMEOUT_MIN = 24 * 60
-"""Longest time of a job in the queue's terms [min]; a job that is cut off goes on in the next."""
+"""Time limit of one Slurm job [min]; a job that reaches it is resumed by the next one."""
 
 
 class SlurmLauncher:
-    """Submits every job at once and lets Slurm decide; see :class:`Launcher`."""
+    """Submits all jobs and lets Slurm schedule them; see :class:`Launcher`."""
 
     def __init__(self, slots: int, folder: Path, *, cluster: str = "slurm") -> None:
         """Open the executor.
 
         Args:
-            slots: Not heeded: each job is submitted by itself, Slurm decides how many run.
-            folder: Where submitit keeps its scripts and logs.
-            cluster: ``slurm``, or ``local`` for submitit's own stand-in.
+            slots: Parallelism of a job array; each job is submitted separately.
+            folder: Folder for scripts and logs of submitit.
+            cluster: ``slurm``, or ``local`` for submitit's local executor.
 
         Raises:
             MissingError: submitit is not installed.
@@ -43,7 +43,7 @@ class SlurmLauncher:
         except RuntimeError:
             raise UsageError(
                 "--launcher slurm: srun is not found on this machine; "
-                "run it on a node that submits, or take --launcher local"
+                "run it on a login node, or use --launcher local"
             ) from None
         self._executor.update_parameters(
             name="articulate",
@@ -52,21 +52,21 @@ class SlurmLauncher:
             **({"slurm_array_parallelism": slots} if cluster == "slurm" else {}),
         )
 
-    def room(self) -> int:
-        """The cluster keeps a queue of its own."""
+    def free_slots(self) -> int:
+        """Return no limit: Slurm queues jobs."""
         return sys.maxsize
 
     def submit(self, folder: Path) -> Any:
-        """Put the job in ``folder`` into the queue."""
+        """Submit the job in ``folder``."""
         return self._executor.submit(run_job, folder.absolute())
 
-    def is_over(self, handle: Any) -> bool:
-        """Whether it left its result, or Slurm, asked once a minute, says that it ended."""
+    def has_ended(self, handle: Any) -> bool:
+        """Return whether its result exists or Slurm, polled once a minute, reports its end."""
         return bool(handle.paths.result_pickle.exists() or handle.done())
 
     def stop(self, handle: Any) -> None:
-        """Cancel it: Slurm sends SIGTERM first, on which the command keeps what it has done."""
+        """Cancel it: Slurm sends SIGTERM first, on which the command saves its progress."""
         handle.cancel(check=False)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resources are held."""

@@ -1,13 +1,12 @@
-"""``python -m articulate.jobs.worker FOLDER``: run the job in a folder, here and now.
+"""Run the job in a folder: ``python -m articulate.jobs.worker FOLDER``.
 
-Launchers start this and nothing else. SIGTERM and SIGINT are handed to the command as SIGINT, so
-that it can keep what it has done; the job can then be taken up again.
+All launchers start this module. SIGTERM and SIGINT are forwarded to the command as SIGINT, so that
+it can save its progress; the job can be resumed later.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import dataclasses
 import os
 import signal
@@ -32,29 +31,28 @@ from articulate.jobs.job import (
     save_state,
     take_lease,
 )
+from articulate.jobs.process_identity import end_with_parent
 
 RENEW_S = 10.0
-"""Time between signs of life [s]."""
-STEP_S = 0.1
-"""Time between looks at the command [s]."""
+"""Time between renewals of the lease [s]."""
+POLL_S = 0.1
+"""Time between polls of the command [s]."""
 INTERRUPTED = 130
 SIGNALLED = 128
-"""Statuses above it: a shell, or a command that passes it on, tells of a signal so."""
-PR_SET_PDEATHSIG = 1
-"""From ``linux/prctl.h``."""
+"""Exit statuses above this stand for a signal, as in a shell."""
 LEASED = 75
-"""Exit status where another process has the job (EX_TEMPFAIL of sysexits.h)."""
+"""Exit status if another process has the job (EX_TEMPFAIL of sysexits.h)."""
 
 
 def run_job(folder: Path) -> int:
-    """Run the job in ``folder`` and return the exit status of its command; 75 if another does."""
+    """Run the job in ``folder`` and return its exit status; 75 if another process runs it."""
     job = load_job(folder)
     if not take_lease(folder):
         return LEASED
     try:
         state = load_state(folder)
         if state.phase == "done":
-            return job.accepted[0]
+            return job.accepted_codes[0]
         return _attempt(job, state)
     finally:
         end_lease(folder)
@@ -70,41 +68,38 @@ def _attempt(job: Job, state: State) -> int:
             stdout=log,
             stderr=log,
             start_new_session=True,
-            preexec_fn=_prepared,  # noqa: PLW1509  # one thread, and it asks for nothing
+            preexec_fn=_prepare,  # noqa: PLW1509  # there is one thread
         )
-        code = _watched(process, job.folder)
+        code = _watch(process, job.folder)
     ended = dataclasses.replace(
-        attempt, ended=time.time(), code=code, words=_last_words(job.folder / LOG)
+        attempt, ended=time.time(), code=code, message=_last_line(job.folder / LOG)
     )
     phase = phase_of(job, code)
     save_state(job.folder, State(phase=phase, attempts=(*state.attempts, ended)))
     return code
 
 
-def die_with_parent() -> None:
-    """Let the kernel kill this process with its parent, so that no job ever runs twice."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+def _prepare() -> None:
+    """End with the parent, so that no job runs twice, and accept SIGINT.
 
-
-def _prepared() -> None:
-    """End with the parent, and hear SIGINT even if a shell started all of this to ignore it."""
-    die_with_parent()
+    A shell may have started this process with SIGINT ignored.
+    """
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def _watched(process: subprocess.Popen[bytes], folder: Path) -> int:
-    """Exit status of ``process``; signals to this process are handed on to all of its group."""
+def _watch(process: subprocess.Popen[bytes], folder: Path) -> int:
+    """Return the exit status of ``process``; forward signals to its process group."""
 
-    def hand_on(*_: Any) -> None:
+    def forward(*_: Any) -> None:
         os.killpg(process.pid, signal.SIGINT)
 
-    before = {s: signal.signal(s, hand_on) for s in (signal.SIGTERM, signal.SIGINT)}
+    before = {s: signal.signal(s, forward) for s in (signal.SIGTERM, signal.SIGINT)}
     renewed = time.monotonic()
     try:
         while process.poll() is None:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(STEP_S)
+                process.wait(POLL_S)
             if time.monotonic() - renewed > RENEW_S:
                 renew_lease(folder)
                 renewed = time.monotonic()
@@ -117,16 +112,16 @@ def _watched(process: subprocess.Popen[bytes], folder: Path) -> int:
 
 
 def phase_of(job: Job, code: int) -> Phase:
-    """What an exit status means: done, stopped or killed from outside, or failed by itself."""
-    if code in job.accepted:
+    """Return the phase after an exit status: done, stopped or killed from outside, or failed."""
+    if code in job.accepted_codes:
         return "done"
     if code == INTERRUPTED:
         return "waiting"
     return "lost" if code < 0 or code > SIGNALLED else "failed"
 
 
-def _last_words(path: Path) -> str:
-    """The last line that is not empty, cut to what a table holds."""
+def _last_line(path: Path) -> str:
+    """Return the last line that is not empty, shortened for a table."""
     with path.open("rb") as stream:
         stream.seek(max(0, path.stat().st_size - 4096))
         lines = stream.read().decode("utf-8", "replace").strip().splitlines()

@@ -1,16 +1,16 @@
-"""``check_report.json``: a proof as a file, and back."""
+"""Read and write ``check_report.json``."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
 
-from articulate.assets.check_report import Check, CheckReport, Counts, JointCheck
-from articulate.errors import AssetError
+from articulate.assets.check_report import VERDICTS, Check, CheckReport, Counts, JointCheck
+from articulate.errors import AssetError, field_error, quote
 from articulate.files import write_json
+from articulate.untrusted import load_json_object
 
 CHECK_REPORT_FILE = "check_report.json"
 PAGE_FILE = "check_report.html"
@@ -19,7 +19,7 @@ SCHEMA_VERSION = 2
 
 
 def content_of(check_report: CheckReport) -> dict[str, Any]:
-    """What ``check_report.json`` holds: the verdict and its figures first, then all that was measured."""
+    """Return the content of ``check_report.json``: verdict and figures, then all measurements."""
     joints = [
         {
             "name": joint.name,
@@ -32,6 +32,7 @@ def content_of(check_report: CheckReport) -> dict[str, Any]:
         }
         for joint in check_report.joints
     ]
+    counts = check_report.counts
     content = {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
@@ -47,7 +48,7 @@ def content_of(check_report: CheckReport) -> dict[str, Any]:
         "colliders": check_report.colliders,
         "step_us": check_report.step_us,
         "seconds": check_report.seconds,
-        "counts": None if check_report.counts is None else dataclasses.asdict(check_report.counts),
+        "counts": None if counts is None else dataclasses.asdict(counts),
         "source": check_report.source,
         "licence": check_report.licence,
         "checks": [dataclasses.asdict(check) for check in check_report.checks],
@@ -64,7 +65,7 @@ def _extreme(check_report: CheckReport, names: tuple[str, ...], choose: Any) -> 
 
 
 def _finite(value: Any) -> Any:
-    """``value`` with null for numbers that JSON cannot say."""
+    """Replace numbers that JSON cannot hold by null."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -73,33 +74,36 @@ def _finite(value: Any) -> Any:
 
 
 def save_check_report(check_report: CheckReport, folder: Path) -> Path:
-    """Write ``check_report.json`` into ``folder``, whole or not at all, and return its path."""
+    """Write ``check_report.json`` into ``folder``, completely or not at all; return its path."""
     path = folder / CHECK_REPORT_FILE
     write_json(path, content_of(check_report))
     return path
 
 
 def load_check_report(folder: Path) -> CheckReport:
-    """Read the proof that lies in ``folder``.
+    """Read the check report in ``folder``.
 
     Raises:
-        AssetError: There is none, or it is of another schema.
+        AssetError: There is none, or it was written by another version.
     """
     path = folder / CHECK_REPORT_FILE
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise AssetError(f"{path}: no proof ({error}); make one with check-asset") from None
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise AssetError(f"{path}: not a proof of schema {SCHEMA} {SCHEMA_VERSION}")
+    content = load_json_object(path, error=AssetError)
+    if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
+        raise AssetError(
+            f"{path}: not a check report of schema {SCHEMA} {SCHEMA_VERSION}; "
+            "make it with check-asset"
+        )
     try:
         return _decoded(content)
-    except (KeyError, TypeError) as error:
-        raise AssetError(f"{path}: field missing or not known: {error}") from None
+    except (KeyError, TypeError, AttributeError) as error:
+        reason = quote(str(error)) if isinstance(error, AttributeError) else field_error(error)
+        raise AssetError(f"{path}: {reason}; make it with check-asset") from None
 
 
 def _decoded(content: dict[str, Any]) -> CheckReport:
     counts = content["counts"]
+    if content["verdict"] not in VERDICTS:
+        raise TypeError(f"verdict {quote(content['verdict'])}")
     return CheckReport(
         asset=content["asset"],
         verdict=content["verdict"],

@@ -22,7 +22,6 @@ from articulate.conversion.convert import (
     Reading,
     input_key,
     read_input,
-    urdf_in,
     write_asset,
 )
 from articulate.conversion.counts import counts_of
@@ -30,8 +29,9 @@ from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError, UsageError
 from articulate.files import copy_writable
 from articulate.formats.config import ConvertConfig
-from articulate.formats.mesh_file import named_by
 from articulate.formats.mesh_paths import AbsentMesh
+from articulate.formats.read_source import find_source
+from articulate.formats.textures import named_files
 from articulate.geometry.time_budget import Budget
 from articulate.preparation import store
 from articulate.preparation.check_report_file import (
@@ -120,7 +120,7 @@ def load_checked_asset(source: Path, cache: Path, config: ConvertConfig | None =
 
 def _source_of(source: Path) -> Path:
     """Return an asset folder itself, else the object file that ``source`` is or holds."""
-    return source if (source / "asset.json").is_file() else urdf_in(source)
+    return source if (source / "asset.json").is_file() else find_source(source)
 
 
 def options_of(config: ConvertConfig) -> dict[str, Any]:
@@ -198,7 +198,7 @@ def _copied(
     inputs: list[Path] = []
     origin = None
     if against is not None:
-        reading = read_input(urdf_in(against), config)
+        reading = read_input(find_source(against), config)
         inputs = [reading.source.path, *_inputs(reading)]
         origin = origin_of_reading(reading, config)
     asset = load_asset(folder)
@@ -316,7 +316,7 @@ def reject(
 def _inputs(reading: Reading) -> list[Path]:
     """Return the files that were read, and files with metadata beside the source."""
     found = set(reading.files.values())
-    found |= {other for path in found for other in named_by(path)}
+    found |= {other for path in found for other in named_files(path)}
     folder = reading.source.path.parent
     found |= {folder / name for name in ("meta.json", "semantics.txt", ORIGIN_FILE)}
     return [path for path in found if path.is_file()]

@@ -1,8 +1,8 @@
-"""What was checked before, by content: found again without loading a mesh or a simulator.
+"""Find earlier results by content, without loading a mesh or a simulator.
 
-A record lies in ``checks/`` of the cache. Its name is a hash of the source file, the options and
-this package's own code; it says which other files were read and what their hashes were, and in
-which folder of the cache the result lies. The result counts only while all of that still holds.
+A record is a file in ``checks/`` of the cache. Its name is a hash of the source file, the options
+and the code of this package; it lists the other files that were read with their hashes, and the
+folder of the cache with the result. The result is valid only while all of them are unchanged.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from articulate.files import (
     copy_writable,
     has_schema,
     is_asset,
+    read_json_object,
     replace_directory,
     sha256,
     write_json,
@@ -42,24 +43,24 @@ CODE = (
     "simulator.py",
     "transforms.py",
 )
-"""What decides about a verdict, inside the package."""
-JUDGES = ("mujoco", "pybullet")
-"""Packages whose version, or absence, decides about a verdict as well."""
+"""Parts of the package that a verdict depends on."""
+SIMULATORS = ("mujoco", "pybullet")
+"""Packages on whose version, or absence, a verdict depends as well."""
 PACKAGES_VARIABLE = "ROS_PACKAGE_PATH"
-"""Names folders in which meshes are looked for."""
-MOST_NAMES = 5000
-"""So many file names beside a source are looked at for files that came or went."""
-MOST_BYTES = 64_000_000
-"""Larger source files are not read here."""
+"""Environment variable with folders in which meshes are searched."""
+MAX_NAMES = 5000
+"""Number of file names beside a source that are compared."""
+MAX_BYTES = 64_000_000
+"""Larger files are identified by size and date instead of content."""
 
 
 default_cache = cache_folder
-"""Where results are kept."""
+"""Folder of the results."""
 
 
 @functools.cache
 def code_id() -> str:
-    """Hash of the code that converts and proves."""
+    """Hash the code that converts and checks."""
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
     for name in CODE:
@@ -72,10 +73,10 @@ def code_id() -> str:
 
 
 @functools.cache
-def judges() -> tuple[str, ...]:
-    """Names and versions of the simulators that judge, told without importing them."""
+def simulator_versions() -> tuple[str, ...]:
+    """Return names and versions of the simulators without importing them."""
     found = []
-    for name in JUDGES:
+    for name in SIMULATORS:
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
@@ -84,15 +85,15 @@ def judges() -> tuple[str, ...]:
 
 
 def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
-    """Folder with the result of an earlier check of ``source``, or None.
+    """Return the folder with the result of an earlier check of ``source``, or None.
 
     Args:
-        source: File or asset folder that is checked.
-        options: All that the result depends on besides.
+        source: File or asset folder.
+        options: Everything else that the result depends on.
         cache: Cache folder.
     """
     try:
-        record = json.loads(_record(source, options, cache).read_text(encoding="utf-8"))
+        record = read_json_object(_record(source, options, cache))
         folder = cache / str(record["folder"])
         if (
             record["listing"] != _listing(source, dated=record["dated"])
@@ -108,7 +109,7 @@ def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
     return folder
 
 
-def keep(
+def save(
     source: Path,
     options: Mapping[str, Any],
     cache: Path,
@@ -117,16 +118,16 @@ def keep(
     *,
     dated: bool = False,
 ) -> None:
-    """Note that the result of ``source`` lies in ``folder`` of the cache.
+    """Record that ``folder`` of the cache holds the result of ``source``.
 
     Args:
-        source: File or asset folder that was checked.
-        options: All that the result depends on besides.
+        source: File or asset folder.
+        options: Everything else that the result depends on.
         cache: Cache folder.
         inputs: Further files that were read.
         folder: Folder below ``cache``.
-        dated: The files beside and below ``source`` have to keep their dates, too: nobody knows
-            which of them was read when reading ended in an error.
+        dated: Compare the dates of the files beside and below ``source`` as well, because it is
+            unknown which of them were read when reading ended in an error.
     """
     known = {}
     for path in sorted(set(inputs)):
@@ -143,25 +144,26 @@ def keep(
     write_json(_record(source, options, cache), content)
 
 
-def ticket(source: Path, options: Mapping[str, Any]) -> str:
-    """Hash of ``source``, where it lies, the ``options``, the code and what it runs with."""
+def record_key(source: Path, options: Mapping[str, Any]) -> str:
+    """Hash ``source``, its path, the ``options``, the code and the versions of simulators."""
     packages = os.environ.get(PACKAGES_VARIABLE, "")
-    around = "\0".join((code_id(), *judges(), packages, str(source.resolve())))
-    digest = hashlib.sha256(f"{around}\0".encode(errors="surrogateescape"))
+    context = "\0".join((code_id(), *simulator_versions(), packages, str(source.resolve())))
+    digest = hashlib.sha256(f"{context}\0".encode(errors="surrogateescape"))
     digest.update(json.dumps(dict(options), sort_keys=True, default=str).encode() + b"\0")
     if source.is_dir():
         for path in sorted(p for p in source.rglob("*") if p.is_file()):
-            digest.update(f"{path.relative_to(source)}\0{sha256(path)}\0".encode())
+            name = path.relative_to(source).as_posix().encode(errors="surrogateescape")
+            digest.update(name + b"\0" + hashlib.sha256(_content(path)).digest())
     else:
         digest.update(_content(source))
     return digest.hexdigest()
 
 
 def _content(source: Path) -> bytes:
-    """Bytes of a file; what is too large to be an object is told by its size and date."""
+    """Return the bytes of a file, or of one that is too large its size and date."""
     try:
         state = source.stat()
-        return source.read_bytes() if state.st_size <= MOST_BYTES else _size_and_date(source)
+        return source.read_bytes() if state.st_size <= MAX_BYTES else _size_and_date(source)
     except OSError as error:
         return f"unreadable: {error.errno}".encode()
 
@@ -175,16 +177,14 @@ def _size_and_date(path: Path) -> bytes:
 
 
 def _record(source: Path, options: Mapping[str, Any], cache: Path) -> Path:
-    return cache / "checks" / f"{ticket(source, options)[:32]}.json"
+    return cache / "checks" / f"{record_key(source, options)[:32]}.json"
 
 
 def _listing(source: Path, *, dated: bool) -> str:
-    """Hash of the names beside and below ``source``: a mesh that was absent may have come.
+    """Hash the names beside and below ``source``, as an absent mesh may have been added.
 
-    With sizes and dates if ``dated``: one that was damaged may have been mended.
-
-    Names are taken from the top folder on: who asks may write the path to it in another way than
-    who kept the result.
+    With ``dated``, sizes and dates are included, as a damaged file may have been corrected. Names
+    are relative to the top folder, whose path may be written in different ways.
     """
     digest = hashlib.sha256()
     count = 0
@@ -198,13 +198,13 @@ def _listing(source: Path, *, dated: bool) -> str:
             if dated:
                 digest.update(_size_and_date(Path(base, name)))
         count += len(files)
-        if count > MOST_NAMES:
+        if count > MAX_NAMES:
             break
     return digest.hexdigest()
 
 
-def hand_over(folder: Path, out: Path) -> None:
-    """Copy ``folder`` to ``out``, whole or not at all; an earlier result there is replaced.
+def export(folder: Path, out: Path) -> None:
+    """Copy ``folder`` to ``out``, completely or not at all; an earlier result is replaced.
 
     Raises:
         UsageError: ``out`` is something else, or cannot be written.
@@ -226,12 +226,12 @@ def hand_over(folder: Path, out: Path) -> None:
 
 
 def _is_result(folder: Path) -> bool:
-    """Whether an asset or a proof lies in ``folder``."""
+    """Return whether ``folder`` holds an asset or a check report."""
     return is_asset(folder) or has_schema(folder / CHECK_REPORT_FILE, CHECK_REPORT_SCHEMA)
 
 
 def check_out(out: Path) -> None:
-    """Refuse an ``out`` that holds something other than an earlier result.
+    """Reject an ``out`` that holds something other than an earlier result.
 
     Raises:
         UsageError: It does.

@@ -12,7 +12,7 @@ from tests.articulate.asset_page.browser import Browser
 from tests.articulate.checks.objects import Part, make_object
 from tests.assets import make_cabinet
 
-from articulate.asset_page.images import SIZE, THUMBNAIL_SIZE, draw_pictures
+from articulate.asset_page.images import SIZE, THUMBNAIL_SIZE, render_images
 from articulate.asset_page.index import IndexRow, write_index
 from articulate.asset_page.page import amount, bound, verdict_text, write_page
 from articulate.assets.check_report import Check, CheckReport, Counts, JointCheck
@@ -92,22 +92,22 @@ def test_outcomes_tell_how_measured_and_allowed_are_compared(measured, outcome, 
 
 def test_verdicts_are_said_in_words(cabinet):
     assert verdict_text(check_report_of(cabinet)) == (
-        "Proven",
-        "All 3 measurements hold. Nothing had to be repaired.",
+        "Passed",
+        "All 3 measurements passed. Nothing had to be repaired.",
     )
     repaired = check_report_of(cabinet, "repaired", repairs=("a", "b"))
-    assert verdict_text(repaired)[0] == "Proven after 2 repairs"
+    assert verdict_text(repaired)[0] == "Passed after 2 repairs"
     rigid = check_report_of(cabinet, joints=())
-    assert "no movable joint and is proven as a rigid object" in verdict_text(rigid)[1]
+    assert "no movable joint and was checked as a rigid object" in verdict_text(rigid)[1]
     unread = check_report_of(cabinet, "rejected", checks=(), reasons=("no mesh",))
-    assert verdict_text(unread) == ("Refused", "It was not measured:")
+    assert verdict_text(unread) == ("Rejected", "It was not measured:")
 
 
 def test_page_holds_everything_and_needs_nothing(cabinet, tmp_path, no_driver):
     path = tmp_path / "check_report.html"
     write_page(check_report_of(cabinet, "repaired", repairs=("axis turned",)), cabinet, path)
     text = path.read_text(encoding="utf-8")
-    for said in ("Proven after 1 repair", "axis turned", "made for tests", "MIT", "drawer_2_slide"):
+    for said in ("Passed after 1 repair", "axis turned", "made for tests", "MIT", "drawer_2_slide"):
         assert said in text
     assert len(text.encode()) < MOST_BYTES
     assert text.count("Copyright 2010-2023 Three.js Authors") == 1
@@ -121,7 +121,7 @@ def test_page_without_a_driver_says_that_it_has_no_pictures(cabinet, tmp_path, n
     path = tmp_path / "check_report.html"
     write_page(check_report_of(cabinet), cabinet, path)
     text = path.read_text(encoding="utf-8")
-    assert "They were left out: no pictures here" in text
+    assert "No images: " in text
     assert "data:image" not in text
     assert 'id="viewer"' in text
     assert not path.with_suffix(".webp").exists()
@@ -146,7 +146,7 @@ def test_failures_come_first_and_the_least_clear_success_is_shown(cabinet, tmp_p
     path = tmp_path / "check_report.html"
     write_page(check_report, cabinet, path, meanings={"opening": "A hand opens it."})
     text = path.read_text(encoding="utf-8").replace("\u202f", " ").replace("&nbsp;", " ")
-    table = text[text.index("What was measured") : text.index("All 4 measurements")]
+    table = text[text.index("<h2>Checks") : text.index("All 4 measurements")]
     assert table.index("stops at 40 %") < table.index("drawer_2_slide goes through its range")
     assert "drawer_0_slide goes" not in table
     assert "A hand opens it." in table
@@ -181,8 +181,8 @@ def test_a_broken_model_costs_the_view_and_not_the_page(cabinet, tmp_path):
     cabinet.mjcf_path.write_text("<mujoco><worldbody>", encoding="utf-8")
     write_page(check_report_of(cabinet), cabinet, tmp_path / "check_report.html")
     text = (tmp_path / "check_report.html").read_text(encoding="utf-8")
-    assert "There is no 3-D view and no picture" in text
-    assert "MuJoCo refuses it" in text
+    assert "There is no 3-D view and no image" in text
+    assert "not XML" in text
 
 
 def test_list_shows_refused_first_and_links_to_pages(cabinet, tmp_path):
@@ -204,7 +204,7 @@ def test_list_shows_refused_first_and_links_to_pages(cabinet, tmp_path):
         "b%201/check_report.html",
     ]
     assert text.count("data:image/webp") == 3
-    assert "2 of 3 objects are proven" in text
+    assert "2 of 3 objects passed" in text
     assert "too tight" in text
 
 
@@ -215,11 +215,11 @@ def test_an_empty_list_is_a_page_too(tmp_path):
 
 @pytest.mark.render
 def test_pictures_show_each_joint_open_and_the_collision_shapes(cabinet):
-    drawn = draw_pictures(load_model(cabinet), {"drawer_0_slide": ("drawer_1_slide",)})
-    pictures = [Image.open(BytesIO(p.webp)).convert("L") for p in drawn.in_order]
+    rendered = render_images(load_model(cabinet), {"drawer_0_slide": ("drawer_1_slide",)})
+    pictures = [Image.open(BytesIO(p.webp)).convert("L") for p in rendered.in_order]
     assert [image.size for image in pictures] == [SIZE] * 6
-    assert Image.open(BytesIO(drawn.thumbnail)).size == THUMBNAIL_SIZE
-    assert drawn.opened[0].caption == "drawer_0_slide open by 280 mm, with drawer_1_slide open"
+    assert Image.open(BytesIO(rendered.thumbnail)).size == THUMBNAIL_SIZE
+    assert rendered.opened[0].caption == "drawer_0_slide open by 280 mm, with drawer_1_slide open"
     contents = {image.tobytes() for image in pictures}
     assert len(contents) == 6  # no two alike
     assert np.ptp(np.asarray(pictures[0])) > 60  # something stands out
@@ -257,6 +257,6 @@ def test_the_list_sorts_and_filters_in_a_browser(cabinet, tmp_path):
         assert browser.run(shown) == "cab"
         browser.run("document.querySelector('th[data-column=\"7\"] button').click()")
         assert browser.run(shown) == "bca"
-        browser.run("document.querySelector('[data-verdict=proven]').click()")
+        browser.run("document.querySelector('[data-verdict=passed]').click()")
         assert browser.run(shown) == "ba"
         assert browser.problems == []

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import os
 
 import numpy as np
 import pytest
@@ -103,13 +104,13 @@ def test_hand_frame_of_a_handle_approaches_against_its_normal(tmp_path):
 
 def test_the_way_of_a_handle_is_that_of_its_joint_or_an_arc(tmp_path):
     asset = box(tmp_path)
-    assert asset.handle_way("slide") == pytest.approx(0.4)
-    assert asset.handle_way("hinge") is None
+    assert asset.handle_travel("slide") == pytest.approx(0.4)
+    assert asset.handle_travel("hinge") is None
     on_door = dataclasses.replace(
         asset.handles[0], link="door", joint="hinge", pos_l=(0.3, -0.4, 7.0)
     )
     asset = dataclasses.replace(asset, handles=(on_door,))
-    assert asset.handle_way("hinge") == pytest.approx(0.5 * np.pi / 2)  # 0.5 m from its axis
+    assert asset.handle_travel("hinge") == pytest.approx(0.5 * np.pi / 2)  # 0.5 m from its axis
 
 
 def test_span_has_the_sign_of_opening(tmp_path):
@@ -131,7 +132,7 @@ def test_folder_without_an_asset_is_refused(tmp_path):
 
 def test_asset_of_another_schema_is_refused(tmp_path, error_line):
     path = save_asset(box(tmp_path))
-    path.write_text(path.read_text().replace('"schema_version": 1', '"schema_version": 99'))
+    path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 99'))
     error_line("load_asset(folder)  # schema_version 99", lambda: load_asset(tmp_path))
 
 
@@ -150,3 +151,60 @@ def test_content_id_changes_with_content_and_with_names(tmp_path):
     second = asset.content_id()
     (tmp_path / "meshes" / "a.obj").rename(tmp_path / "meshes" / "b.obj")
     assert len({first, second, asset.content_id()}) == 3
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]",
+        '"a"',
+        "[" * 100_000,
+        '{"a": ' * 100_000,
+        "\xff",
+        '{"schema": NaN}',
+        '{"schema": 1e999}',
+        '{"schema": "articulate.asset", "schema": "articulate.asset"}',
+    ],
+)
+def test_hostile_asset_files_are_rejected_in_one_short_line(tmp_path, text):
+    (tmp_path / "asset.json").write_text(text, encoding="latin-1")
+    with pytest.raises(AssetError) as caught:
+        load_asset(tmp_path)
+    line = str(caught.value).replace(str(tmp_path), "")
+    assert "\n" not in line
+    assert len(line) < 300
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("name", 5),
+        ("joints", {"a": 1}),
+        ("joints", [5]),
+        ("joints", 5),
+        ("links", [{}]),
+        ("bounds_o", [[0, 0], [1, 1]]),
+        ("repairs", [1]),
+        ("category", "x" * 60_000),
+    ],
+)
+def test_values_of_another_type_are_rejected(tmp_path, field, value):
+    path = save_asset(box(tmp_path))
+    content = json.loads(path.read_text()) | {field: value}
+    path.write_text(json.dumps(content))
+    if field == "category":
+        assert load_asset(tmp_path).category == value
+        return
+    with pytest.raises(AssetError) as caught:
+        load_asset(tmp_path)
+    assert len(str(caught.value).replace(str(tmp_path), "")) < 300
+
+
+def test_a_fifo_or_a_link_to_a_device_is_rejected(tmp_path):
+    os.mkfifo(tmp_path / "asset.json")
+    with pytest.raises(AssetError, match="not a regular file"):
+        load_asset(tmp_path)
+    (tmp_path / "asset.json").unlink()
+    (tmp_path / "asset.json").symlink_to("/dev/zero")
+    with pytest.raises(AssetError, match="not a regular file"):
+        load_asset(tmp_path)

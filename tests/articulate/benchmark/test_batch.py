@@ -80,7 +80,7 @@ def test_a_crash_costs_one_object(tmp_path, monkeypatch):
 
 def test_an_object_that_takes_too_long_is_lost(tmp_path):
     run = batch(tmp_path, ("a",), limit_s=0.2)
-    assert "took longer than 0.2 s" in run.one("a")["error"]
+    assert "more than the limit of 0.2 s" in run.one("a")["error"]
 
 
 def test_a_run_goes_on_where_it_was_unless_the_settings_changed(tmp_path):

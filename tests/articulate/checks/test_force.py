@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from articulate.assets.check_report import Check, JointCheck
 from scipy.optimize import brentq
 from tests.articulate.checks.objects import Box, Part, make_object
 from tests.assets import make_cabinet, make_cupboard
 
 from articulate.assets.asset import Asset
+from articulate.assets.check_report import Check, JointCheck
 from articulate.checks.force import (
     CHECK_STEPS,
     ENOUGH,

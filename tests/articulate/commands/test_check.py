@@ -94,7 +94,7 @@ def test_a_folder_of_objects_ends_with_a_table_and_an_index(objects, call, tmp_p
 def test_an_unreadable_object_is_refused_with_three(objects, call):
     code, out, _ = call(objects / "in" / "letter.urdf", "--out", "letter")
     assert code == 3
-    assert "letter: refused" in out
+    assert "letter: rejected" in out
     assert "no XML in it" in out
 
 
@@ -113,8 +113,8 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
         (("x" * 300,), "cannot be looked up (File name too long)"),
         (("x" * 300, "--out", "x"), "cannot be looked up (File name too long)"),
         ((".", "--out", "x", "--against", "x" * 300), "cannot be looked up (File name too long)"),
-        (("--explain", "opennes", "--json"), "did you mean cavities?"),
-        (("--explain", "opennes"), "did you mean cavities?"),
+        (("--explain", "cavitis", "--json"), "did you mean cavities?"),
+        (("--explain", "cavitis"), "did you mean cavities?"),
         (("nowhere.urdf", "--ot", "x"), "did you mean --out?"),
     ],
 )
@@ -156,9 +156,9 @@ def test_a_clause_is_explained(call):
     code, out, _ = call("--explain", "cavities")
     assert code == 0
     assert [p.split(".")[0] for p in out.split("\n\n")[1:]] == [
-        "What it means",
-        "Why it matters",
-        "How to mend it",
+        "Meaning",
+        "Importance",
+        "Remedy",
     ]
 
 
@@ -166,6 +166,6 @@ def test_a_clause_is_explained_to_programs(call):
     code, out, _ = call("--explain", "joint_sweep", "--json")
     content = json.loads(out)
     assert code == 0
-    assert list(content) == ["clause", "means", "matters", "mend"]
-    assert content["clause"] == "joint_sweep"
-    assert content["means"].startswith("Each joint goes through its whole range")
+    assert list(content) == ["check", "means", "matters", "remedy"]
+    assert content["check"] == "joint_sweep"
+    assert content["means"].startswith("Each joint moves through its range")

@@ -33,7 +33,7 @@ from articulate.jobs.job import (
     save_state,
     take_lease,
 )
-from articulate.jobs.launcher import MOST_LOSSES, Progress, make_launcher, run_jobs
+from articulate.jobs.launcher import MAX_LOSSES, Progress, make_launcher, run_jobs
 from articulate.jobs.local import LocalLauncher
 from articulate.jobs.process_identity import this_process
 from articulate.jobs.worker import LEASED, phase_of, run_job
@@ -45,9 +45,14 @@ def python(code: str, *arguments: str | Path) -> tuple[str, ...]:
     return (sys.executable, "-c", code, *map(str, arguments))
 
 
-def job_of(folder: Path, start: str = MAKE, go_on: str = "", **options) -> Job:
+def job_of(folder: Path, start: str = MAKE, resume: str = "", **options) -> Job:
     made = folder / "run"
-    return Job(folder=folder, start=python(start, made), go_on=python(go_on, made), **options)
+    return Job(
+        folder=folder,
+        start_command=python(start, made),
+        resume_command=python(resume, made),
+        **options,
+    )
 
 
 def run_all(jobs, slots=2):
@@ -61,7 +66,7 @@ def test_jobs_run_and_their_folders_say_so(tmp_path):
     assert progress.count("done") == 3
     assert seen[-1].count("done") == 3
     for job in jobs:
-        assert (job.made / "x").read_text() == "a"
+        assert (job.run_folder / "x").read_text() == "a"
         (attempt,) = load_state(job.folder).attempts
         assert (attempt.code, attempt.host) == (0, socket.gethostname())
         assert attempt.ended is not None
@@ -82,7 +87,7 @@ def test_a_failed_job_costs_only_itself_and_is_tried_again_by_the_next_call_alon
     good = job_of(tmp_path / "good")
     progress, _ = run_all([bad, good], slots=1)
     assert progress.count("failed") == progress.count("done") == 1
-    assert progress.states["bad"].words == "it is broken"
+    assert progress.states["bad"].message == "it is broken"
     assert len(progress.states["bad"].attempts) == 1
     progress, _ = run_all([bad, good], slots=1)
     assert len(progress.states["bad"].attempts) == 2
@@ -95,14 +100,14 @@ def test_a_job_killed_from_outside_is_taken_up_again_where_it_stands(tmp_path):
     progress, _ = run_all([job])
     assert progress.count("done") == 1
     assert [a.code for a in progress.states["a"].attempts] == [-9, 0]
-    assert (job.made / "y").read_text() == "went on"
+    assert (job.run_folder / "y").read_text() == "went on"
 
 
 def test_a_job_that_is_lost_again_and_again_is_given_up(tmp_path):
     job = job_of(tmp_path / "a", "import os; os.kill(os.getpid(), 9)")
     progress, _ = run_all([job])
     assert progress.count("lost") == 1
-    assert len(progress.states["a"].attempts) == MOST_LOSSES + 1
+    assert len(progress.states["a"].attempts) == MAX_LOSSES + 1
 
 
 def test_a_worker_that_is_killed_takes_its_command_along_and_the_job_goes_on(tmp_path):
@@ -111,16 +116,16 @@ def test_a_worker_that_is_killed_takes_its_command_along_and_the_job_goes_on(tmp
     worker = subprocess.Popen(
         [sys.executable, "-m", "articulate.jobs.worker", str(job.folder)], start_new_session=True
     )
-    until(job.made.exists)
+    until(job.run_folder.exists)
     assert load_state(job.folder).phase == "running"
     worker.kill()
     worker.wait()
     assert load_state(job.folder).phase == "lost"
-    assert "is gone" in load_state(job.folder).words
+    assert "disappeared" in load_state(job.folder).message
     until(lambda: not command_runs(job))
     progress, _ = run_all([job])
     assert progress.count("done") == 1
-    assert progress.states["a"].words == "went on"
+    assert progress.states["a"].message == "went on"
 
 
 def test_a_worker_that_is_told_to_stop_lets_its_command_keep_what_it_has(tmp_path):
@@ -132,11 +137,11 @@ def test_a_worker_that_is_told_to_stop_lets_its_command_keep_what_it_has(tmp_pat
     )
     job = save_job(job_of(tmp_path / "a", keep))
     worker = subprocess.Popen([sys.executable, "-m", "articulate.jobs.worker", str(job.folder)])
-    until(job.made.exists)
+    until(job.run_folder.exists)
     time.sleep(0.2)  # into its sleep
     worker.terminate()
     assert worker.wait() == 130
-    assert (job.made / "kept").exists()
+    assert (job.run_folder / "kept").exists()
     assert load_state(job.folder).phase == "waiting"
 
 
@@ -144,7 +149,7 @@ def test_one_job_has_one_worker(tmp_path):
     wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(60)"
     job = save_job(job_of(tmp_path / "a", wait))
     worker = subprocess.Popen([sys.executable, "-m", "articulate.jobs.worker", str(job.folder)])
-    until(job.made.exists)
+    until(job.run_folder.exists)
     assert run_job(job.folder) == LEASED
     worker.terminate()
     worker.wait()
@@ -176,7 +181,11 @@ def test_a_lease_of_another_machine_is_old_by_its_age(tmp_path):
 
 def test_a_lease_whose_number_another_process_has_now_is_over(tmp_path):
     """A container that is restarted gives the same small numbers again."""
-    held = {**this_process(), "pid": os.getppid(), "start": process_identity.started(os.getppid())}
+    held = {
+        **this_process(),
+        "pid": os.getppid(),
+        "start": process_identity.start_time(os.getppid()),
+    }
     write_json(tmp_path / LEASE, held)
     assert is_leased(tmp_path)
     write_json(tmp_path / LEASE, held | {"start": held["start"] - 1})
@@ -200,7 +209,7 @@ def test_a_lease_that_tells_the_number_alone_is_believed_while_that_lives(tmp_pa
 
 def test_where_nothing_tells_of_processes_their_numbers_decide(tmp_path, monkeypatch):
     monkeypatch.setattr(process_identity, "BOOT", tmp_path / "none")
-    monkeypatch.setattr(process_identity, "started", lambda _: None)
+    monkeypatch.setattr(process_identity, "start_time", lambda _: None)
     assert take_lease(tmp_path)
     assert json.loads((tmp_path / LEASE).read_text())["start"] is None
     assert is_leased(tmp_path)
@@ -211,29 +220,32 @@ def test_the_start_of_a_process_is_read_whatever_its_name(tmp_path):
     program.symlink_to(shutil.which("sleep"))
     child = subprocess.Popen([program, "60"])
     try:
-        start, own = process_identity.started(child.pid), process_identity.started(os.getpid())
+        start, own = (
+            process_identity.start_time(child.pid),
+            process_identity.start_time(os.getpid()),
+        )
         assert start is not None
         assert own is not None
         assert start >= own
     finally:
         child.kill()
         child.wait()
-    assert process_identity.started(child.pid) is None
+    assert process_identity.start_time(child.pid) is None
 
 
 def test_another_launcher_adopts_what_one_left(tmp_path):
-    job = save_job(job_of(tmp_path / "a", go_on="print('adopted')"))
-    job.made.mkdir()
+    job = save_job(job_of(tmp_path / "a", resume="print('adopted')"))
+    job.run_folder.mkdir()
     left = State(phase="running", attempts=(Attempt(host="elsewhere", pid=1, begun=1.0),))
     save_state(job.folder, left)
     assert load_state(job.folder).phase == "lost"
     progress, _ = run_all([job])
-    assert progress.states["a"].words == "adopted"
+    assert progress.states["a"].message == "adopted"
 
 
 def test_a_folder_of_another_job_is_refused(tmp_path, error_line):
     job = save_job(job_of(tmp_path / "a"))
-    other = dataclasses.replace(job, start=("true",))
+    other = dataclasses.replace(job, start_command=("true",))
     error_line("save_job(job)  # its folder holds another", lambda: save_job(other))
     (tmp_path / "a" / "job.json").write_text("{")
     with pytest.raises(RunError, match="cannot be read"):
@@ -241,7 +253,7 @@ def test_a_folder_of_another_job_is_refused(tmp_path, error_line):
 
 
 def test_exit_statuses_have_meanings():
-    job = Job(folder=Path("x"), start=("a",), go_on=("a",), accepted=(0, 3))
+    job = Job(folder=Path("x"), start_command=("a",), resume_command=("a",), accepted_codes=(0, 3))
     phases = {code: phase_of(job, code) for code in (0, 3, 1, 2, 128, 130)}
     assert phases == dict.fromkeys((0, 3), "done") | dict.fromkeys((1, 2, 128), "failed") | {
         130: "waiting"
@@ -250,7 +262,7 @@ def test_exit_statuses_have_meanings():
 
 @pytest.mark.parametrize("code", [-9, -15, 137, 143])
 def test_a_job_that_a_signal_ended_is_lost_told_by_a_shell_too(code):
-    job = Job(folder=Path("x"), start=("a",), go_on=("a",))
+    job = Job(folder=Path("x"), start_command=("a",), resume_command=("a",))
     assert phase_of(job, code) == "lost"
 
 
@@ -270,7 +282,7 @@ class AtOnce:
     def __init__(self):
         self.most, self.running = 0, {}
 
-    def room(self):
+    def free_slots(self):
         return 2 - len(self.running)
 
     def submit(self, folder):
@@ -278,7 +290,7 @@ class AtOnce:
         self.most = max(self.most, len(self.running))
         return folder
 
-    def is_over(self, handle):
+    def has_ended(self, handle):
         self.running[handle] -= 1
         if self.running[handle] == 0:
             save_state(handle, State(phase="done"))
@@ -303,7 +315,7 @@ def test_a_look_costs_what_runs_and_not_what_waits_or_is_done(tmp_path, monkeypa
         return load_state(folder)
 
     monkeypatch.setattr("articulate.jobs.launcher.load_state", counted)
-    monkeypatch.setattr("articulate.jobs.launcher.LEAST_LOOK_S", 0.0)
+    monkeypatch.setattr("articulate.jobs.launcher.MIN_POLL_S", 0.0)
     launcher = AtOnce()
     progress = run_jobs(jobs, launcher, lambda _: None)
     assert progress.count("done") == 60
@@ -316,7 +328,7 @@ def test_a_job_that_runs_elsewhere_is_waited_for_and_takes_no_room(tmp_path):
     wait = "import pathlib, sys, time; pathlib.Path(sys.argv[1]).mkdir(); time.sleep(1)"
     other = save_job(job_of(tmp_path / "c", wait))
     worker = subprocess.Popen([sys.executable, "-m", "articulate.jobs.worker", str(other.folder)])
-    until(other.made.exists)
+    until(other.run_folder.exists)
     progress, _ = run_all([other, mine], slots=1)
     assert progress.count("done") == 2
     assert worker.wait() == 0
@@ -328,12 +340,12 @@ def test_interrupting_the_loop_stops_the_workers(tmp_path):
     jobs = [job_of(tmp_path / name, wait) for name in "abc"]
 
     def interrupt(progress):
-        if progress.count("running") == 1 and jobs[0].made.exists():
+        if progress.count("running") == 1 and jobs[0].run_folder.exists():
             raise KeyboardInterrupt
 
     launcher = LocalLauncher(1, tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        run_jobs(jobs, launcher, Repeated(interrupt, jobs[0].made))
+        run_jobs(jobs, launcher, Repeated(interrupt, jobs[0].run_folder))
     assert not is_leased(jobs[0].folder)
     assert not (jobs[1].folder / STATE).exists()
     assert (jobs[0].folder / LOG).exists()
@@ -354,7 +366,9 @@ class Repeated:
 def command_runs(job: Job) -> bool:
     """Whether a process with the job's command line runs."""
     found = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
-    return any(str(job.made) in line and "time.sleep" in line for line in found.stdout.splitlines())
+    return any(
+        str(job.run_folder) in line and "time.sleep" in line for line in found.stdout.splitlines()
+    )
 
 
 def until(there, limit_s=20.0):

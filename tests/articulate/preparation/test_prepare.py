@@ -12,11 +12,12 @@ from tests.articulate.conversion.cabinets import write_cabinet
 from articulate.assets.asset import load_asset
 from articulate.assets.check_report import Check, CheckReport
 from articulate.checks.descriptions import CHECKS
+from articulate.checks.run_checks import run_checks
 from articulate.conversion import ConvertConfig
 from articulate.errors import UsageError
-from articulate.preparation import prepare as proving
+from articulate.preparation import prepare
 from articulate.preparation.check_report_file import load_check_report
-from articulate.preparation.prepare import check_asset, run_checks, wrong_after
+from articulate.preparation.prepare import check_asset, links_to_refine
 from articulate.preparation.refine_colliders import Refined
 from articulate.preparation.repair import RepairResult
 
@@ -63,7 +64,7 @@ def test_a_cabinet_is_proven_with_all_its_evidence(checked):
 @pytest.mark.render
 def test_the_same_input_is_not_checked_twice(checked, tmp_path, monkeypatch):
     source, out, check_report, config = checked
-    monkeypatch.setattr(proving, "checked", None)
+    monkeypatch.setattr(prepare, "prepare_in_cache", None)
     assert check_asset(source, tmp_path / "again", config) == check_report
     assert (tmp_path / "again" / "object.xml").read_bytes() == (out / "object.xml").read_bytes()
 
@@ -120,7 +121,7 @@ def test_a_source_that_does_not_exist_and_an_out_in_the_way_are_usage_errors(tmp
         check_asset(tmp_path / "none.urdf", tmp_path / "full", CONFIG)
 
 
-def test_a_failed_clause_refuses_with_its_name_and_joint(tmp_path):
+def test_a_failed_check_rejects_with_its_name_and_joint(tmp_path):
     box = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
     wall = ((0.4, 0.0, 0.0), (0.05, 0.2, 0.2))
     part = Part(name="drawer", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(box,))
@@ -128,7 +129,7 @@ def test_a_failed_clause_refuses_with_its_name_and_joint(tmp_path):
     check_report = run_checks(asset)
     assert check_report.verdict == "rejected"
     assert any(
-        reason.startswith("sweep_authored of drawer_joint: ") for reason in check_report.reasons
+        reason.startswith("authored_overlap of drawer_joint: ") for reason in check_report.reasons
     )
     assert {c.name for c in check_report.checks} <= set(CHECKS)
     assert check_report.joints[0].blocked
@@ -151,21 +152,22 @@ def test_a_model_that_does_not_load_is_refused(tmp_path):
     assert check_report.reasons[0].startswith("loads: ")
 
 
-def test_a_clause_that_cannot_be_measured_refuses_and_leaves_the_others(tmp_path, monkeypatch):
+def test_a_check_that_cannot_be_measured_is_undecided_and_leaves_the_others(tmp_path, monkeypatch):
     def broken(model):
         raise RuntimeError("over\nthere")
 
-    monkeypatch.setattr(proving, "inertia", broken)
+    monkeypatch.setattr("articulate.checks.run_checks.check_inertia", broken)
     check_report = run_checks(make_object(tmp_path / "object"))
+    assert [c.outcome for c in check_report.checks if c.name == "inertia"] == ["undecided"]
     assert any(
         "could not be measured (RuntimeError: over there)" in r for r in check_report.reasons
     )
     assert any(c.name == "collision_coverage" for c in check_report.checks)
 
 
-def test_every_clause_is_explained_in_three_parts():
+def test_every_check_is_explained_in_three_parts():
     for check in CHECKS.values():
-        assert all(len(text) > 30 for text in (check.means, check.matters, check.mend))
+        assert all(len(text) > 30 for text in (check.means, check.matters, check.remedy))
 
 
 LEAF = """<robot name="leaf"><link name="body">{box}<visual><geometry>
@@ -176,10 +178,10 @@ BOX = '<visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>'
 @pytest.fixture
 def unmeasured(monkeypatch):
     """Objects are converted, and taken as proven."""
-    monkeypatch.setattr(proving, "write_page", lambda *_, **__: None)
+    monkeypatch.setattr(prepare, "write_page", lambda *_, **__: None)
     monkeypatch.setattr(
-        proving,
-        "prove",
+        prepare,
+        "run_checks",
         lambda asset, _: CheckReport(asset=asset.name, verdict="passed", repairs=asset.repairs),
     )
 
@@ -213,7 +215,7 @@ def test_a_refusal_that_no_file_elsewhere_would_mend_is_kept(tmp_path, monkeypat
     source.write_text("")
     config = dataclasses.replace(CONFIG, cache_dir=tmp_path / "cache")
     first = check_asset(source, tmp_path / "out", config)
-    monkeypatch.setattr(proving, "checked", None)
+    monkeypatch.setattr(prepare, "prepare_in_cache", None)
     assert check_asset(source, tmp_path / "out", config) == first
 
 
@@ -248,7 +250,7 @@ def test_one_content_at_two_paths_is_written_by_one_call_at_a_time(tmp_path, mon
             pass
         return CheckReport(asset=asset.name, verdict="passed")
 
-    monkeypatch.setattr(proving, "prove", meet)
+    monkeypatch.setattr(prepare, "run_checks", meet)
     with ThreadPoolExecutor(2) as pool:
         outs = list(
             pool.map(lambda s: check_asset(s, s.parent.parent / "out", config).verdict, sources)
@@ -292,9 +294,9 @@ def test_wrong_after_repairs_is_what_is_stuck_and_what_cuts_have_spoiled(
             for link in failed.get(model, ())
         ]
 
-    monkeypatch.setattr(proving, "failed_shapes", failing)
+    monkeypatch.setattr(prepare, "failed_shapes", failing)
     made = Refined(asset=cast(Any, None), bodies=[], mimics=[], model=cast(Any, "it"))
-    assert wrong_after(made, _mended(made, cut=cut, stuck=stuck)) == wrong
+    assert links_to_refine(made, _mended(made, cut=cut, stuck=stuck)) == wrong
 
 
 @pytest.mark.dataset

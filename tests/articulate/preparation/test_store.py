@@ -16,7 +16,7 @@ def kept(tmp_path):
     folder = tmp_path / "cache" / "assets" / "a"
     folder.mkdir(parents=True)
     (folder / "check_report.json").write_text('{"schema": "articulate.check_report"}')
-    store.keep(source, {}, tmp_path / "cache", [mesh], folder)
+    store.save(source, {}, tmp_path / "cache", [mesh], folder)
     return source, mesh, tmp_path / "cache", folder
 
 
@@ -58,19 +58,19 @@ def test_how_the_path_is_written_does_not_matter(kept, monkeypatch, tmp_path):
     assert store.find(tmp_path / "link", {}, cache) == folder
 
 
-def test_where_packages_lie_and_what_judges_are_part_of_the_key(kept, monkeypatch):
+def test_package_folders_and_simulator_versions_are_part_of_the_key(kept, monkeypatch):
     source = kept[0]
-    first = store.ticket(source, {})
+    first = store.record_key(source, {})
     monkeypatch.setenv("ROS_PACKAGE_PATH", "/elsewhere")
-    second = store.ticket(source, {})
-    monkeypatch.setattr(store, "judges", lambda: ("mujoco 0.0.1", "pybullet absent"))
-    assert len({first, second, store.ticket(source, {})}) == 3
+    second = store.record_key(source, {})
+    monkeypatch.setattr(store, "simulator_versions", lambda: ("mujoco 0.0.1", "pybullet absent"))
+    assert len({first, second, store.record_key(source, {})}) == 3
 
 
-def test_judges_are_told_by_version_or_as_absent(monkeypatch):
-    assert store.judges()[0] == f"mujoco {version('mujoco')}"
-    monkeypatch.setattr(store, "JUDGES", ("no-such-judge",))
-    assert store.judges.__wrapped__() == ("no-such-judge absent",)
+def test_simulators_have_a_version_or_are_absent(monkeypatch):
+    assert store.simulator_versions()[0] == f"mujoco {version('mujoco')}"
+    monkeypatch.setattr(store, "SIMULATORS", ("no-such-simulator",))
+    assert store.simulator_versions.__wrapped__() == ("no-such-simulator absent",)
 
 
 def test_a_source_that_is_gone_is_not_found(kept):
@@ -82,35 +82,35 @@ def test_a_source_that_is_gone_is_not_found(kept):
 def test_handing_over_replaces_an_earlier_result_and_nothing_else(kept, tmp_path):
     folder = kept[3]
     out = tmp_path / "out"
-    store.hand_over(folder, out)
+    store.export(folder, out)
     (out / "old").write_text("")
-    store.hand_over(folder, out)
+    store.export(folder, out)
     assert [p.name for p in out.iterdir()] == ["check_report.json"]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "in", "out"]
     with pytest.raises(UsageError, match="is not an asset"):
-        store.hand_over(folder, kept[0].parent)
+        store.export(folder, kept[0].parent)
     for name in ("asset.json", "check_report.json"):
         (kept[0].parent / name).write_text("{}")  # of another program
     with pytest.raises(UsageError, match="is not an asset"):
-        store.hand_over(folder, kept[0].parent)
+        store.export(folder, kept[0].parent)
     assert kept[0].is_file()
 
 
 def test_a_very_large_source_is_not_read(tmp_path):
     path = tmp_path / "large.urdf"
     with path.open("wb") as stream:
-        stream.truncate(store.MOST_BYTES + 1)
-    first = store.ticket(path, {})
+        stream.truncate(store.MAX_BYTES + 1)
+    first = store.record_key(path, {})
     with path.open("ab") as stream:
-        stream.truncate(store.MOST_BYTES + 2)
-    assert store.ticket(path, {}) != first
+        stream.truncate(store.MAX_BYTES + 2)
+    assert store.record_key(path, {}) != first
 
 
 def test_an_out_with_too_long_a_name_is_refused_in_one_line(kept, tmp_path):
     with pytest.raises(UsageError, match="cannot be written"):
-        store.hand_over(kept[3], tmp_path / ("x" * 300))
+        store.export(kept[3], tmp_path / ("x" * 300))
 
 
 def test_an_out_may_have_the_longest_name_that_the_disk_takes(kept, tmp_path):
-    store.hand_over(kept[3], tmp_path / ("x" * 255))
+    store.export(kept[3], tmp_path / ("x" * 255))
     assert (tmp_path / ("x" * 255) / "check_report.json").is_file()

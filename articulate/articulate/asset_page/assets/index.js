@@ -1,4 +1,4 @@
-/* Sorting and filtering of the list of proofs. */
+/* Sorting and filtering of the list of check reports. */
 (() => {
   "use strict";
   const table = document.querySelector(".index table"), body = table.tBodies[0];

@@ -452,6 +452,6 @@
     root.classList.add("flat");
     const trouble = root.querySelector(".trouble");
     trouble.hidden = false;
-    trouble.textContent = `This browser draws no 3-D here (${error.message}); the pictures show the object.`;
+    trouble.textContent = `This browser draws no 3-D here (${error.message}); the images show the object.`;
   }
 })();
