@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from articulate.errors import UsageError
-from articulate.video.observe import watch
+from articulate.video.observe import observe_joint
 from articulate.video.read_video import VideoReadOptions, read_video
 
 WITHIN_DEG = 30.0
@@ -26,7 +26,7 @@ def judged(entry: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Whether kind and axis are right, and what was said."""
     clip = read_video(folder / entry["file"], VideoReadOptions(longest_side_px=480, most_frames=72))
     try:
-        seen = watch(clip, entry["id"])
+        seen = observe_joint(clip, entry["id"])
     except UsageError as error:
         return {"id": entry["id"], "kind_right": False, "axis_right": False, "said": str(error)}
     truth = np.asarray(entry["axis_image"], dtype=float)

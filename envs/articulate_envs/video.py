@@ -118,7 +118,7 @@ class SceneRenderer:
         camera.distance = chosen.distance_m
         camera.azimuth, camera.elevation = chosen.azimuth_deg, chosen.elevation_deg
         self._set_positions(qpos)
-        return self._canvas.draw(self._data, camera)
+        return self._canvas.render(self._data, camera)
 
     def frames(self, qpos: Array) -> Iterator[Pixels]:
         """Yield an image for each row of positions (T, nq) [m or rad]."""

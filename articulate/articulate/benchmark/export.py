@@ -24,7 +24,7 @@ from articulate.benchmark.truth import TrueObject
 from articulate.files import atomic_write, write_bytes, write_json
 from articulate.reconstruct.actors.protocol import Evidence
 from articulate.render.camera import Camera
-from articulate.render.joint_video import Video, write_video
+from articulate.render.joint_video import Video
 from articulate.render.parts import PartMesh
 
 
@@ -54,7 +54,7 @@ def write_evidence(evidence: Evidence, folder: Path) -> Path:
         write_bytes(folder / "parts" / f"{part.name}.glb", glb(part))
     write_json(folder / "labels.json", dict(evidence.labels))
     if evidence.video is not None and evidence.times_s is not None:
-        write_video(folder / "clip.mp4", Video(frames=evidence.video, times_s=evidence.times_s))
+        Video(frames=evidence.video, times_s=evidence.times_s).write(folder / "clip.mp4")
     if evidence.image is not None:
         with atomic_write(folder / "picture.png") as path:
             Image.fromarray(evidence.image).save(path, "PNG")

@@ -47,15 +47,17 @@ FLAGS = ObserveFlags
 def main(argv: Sequence[str]) -> int:
     """Watch and print."""
     flags = parse(ObserveFlags, argv, prog="articulate observe")
-    from articulate.video.observe import watch
+    from articulate.video.observe import observe_joint
     from articulate.video.read_video import (  # OpenCV; --help does without
         VideoReadOptions,
         read_video,
     )
 
-    clip = read_video(flags.clip, VideoReadOptions(longest_side_px=flags.side, most_frames=flags.frames))
+    clip = read_video(
+        flags.clip, VideoReadOptions(longest_side_px=flags.side, most_frames=flags.frames)
+    )
     console.show_progress(f"{flags.clip}: following points over {len(clip.frames)} frames")
-    seen = watch(clip, str(flags.clip))
+    seen = observe_joint(clip, str(flags.clip))
     console.emit_json(seen.as_json()) if flags.json else console.emit(_told(seen))
     if seen.doubtful:
         console.show_progress(

@@ -1,1 +1,1 @@
-"""Pictures without a screen: where a camera stands, and what it sees of parts or a model."""
+"""Render parts and MuJoCo models without a display; encode images and videos."""

@@ -1,8 +1,8 @@
-"""Canvas: where MuJoCo draws without a screen.
+"""Off-screen rendering with MuJoCo.
 
-``mujoco.Renderer`` draws by what ``MUJOCO_GL`` names when MuJoCo is imported first, and that
-import fails where the library named is missing. A canvas asks for a driver when it is made, so
-that everything but pictures works without one.
+``mujoco.Renderer`` uses the driver that ``MUJOCO_GL`` names when MuJoCo is first imported, and that
+import fails if its library is missing. A canvas loads the driver when it is created, so that
+everything except images works without one.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ from articulate.simulator import mujoco
 
 Pixels = NDArray[np.uint8]
 DRIVER = "MUJOCO_GL"
-"""Environment variable that names the driver: egl (the default on Linux), osmesa or glfw."""
+"""Environment variable with the driver: egl (default on Linux), osmesa or glfw."""
 GEOM_GROUPS = (0, 1, 2)
-"""Groups of geoms that are drawn by default."""
+"""Groups of geoms that are rendered by default."""
 
 
 class Canvas:
-    """An off-screen buffer for one model; close it when it is not needed any more."""
+    """Off-screen buffer for one model; call ``close`` when it is no longer needed."""
 
     def __init__(self, model: mujoco.MjModel, size: tuple[int, int], *, shadows: bool) -> None:
-        """Make a buffer.
+        """Create a buffer.
 
         Args:
-            model: What is drawn; its off-screen buffer is large enough.
+            model: Model to render; its off-screen buffer must be large enough.
             size: Width and height [px].
-            shadows: Draw shadows; a frame then takes some five times as long.
+            shadows: Render shadows; a frame then takes about five times as long.
 
         Raises:
-            MissingError: Nothing can be drawn here.
+            MissingError: This machine cannot render.
         """
         self._model = model
         self._size = size
         self._gl, self._context = open_context(model, size)
-        # One that nobody closed goes before its driver does: what is registered last ends first.
+        # Close a forgotten canvas before its driver: handlers run in reverse order of registration.
         self._at_exit = functools.partial(_close_late, weakref.ref(self))
         atexit.register(self._at_exit)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
@@ -59,13 +59,13 @@ class Canvas:
         flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         flags[mujoco.mjtRndFlag.mjRND_HAZE] = 1
 
-    def draw(
+    def render(
         self,
         data: mujoco.MjData,
         camera: mujoco.MjvCamera,
         groups: Sequence[int] = GEOM_GROUPS,
     ) -> Pixels:
-        """What ``camera`` sees of the geoms in ``groups``, shape (height, width, 3)."""
+        """Render the geoms in ``groups`` as an image (height, width, 3)."""
         width, height = self._size
         self._option.geomgroup[:] = [int(g in groups) for g in range(mujoco.mjNGROUP)]
         self._gl.make_current()
@@ -78,21 +78,21 @@ class Canvas:
         return pixels[::-1]  # OpenGL counts rows from below
 
     def close(self) -> None:
-        """Give back the buffer; closing twice is no harm."""
+        """Free the buffer; it may be called twice."""
         atexit.unregister(self._at_exit)
         self._context.free()
         self._gl.free()
 
 
 def _close_late(canvas: weakref.ref[Canvas]) -> None:
-    """Close a canvas that is still there at the end of the process."""
+    """Close a canvas that is still open at the end of the process."""
     left = canvas()
     if left is not None:
         left.close()
 
 
 def open_context(model: mujoco.MjModel, size: tuple[int, int]) -> tuple[Any, mujoco.MjrContext]:
-    """A current OpenGL context, and the model in it.
+    """Return a current OpenGL context with the model loaded.
 
     Raises:
         MissingError: There is no driver.
@@ -101,17 +101,17 @@ def open_context(model: mujoco.MjModel, size: tuple[int, int]) -> tuple[Any, muj
     try:
         kind = importlib.import_module(f"mujoco.{name}").GLContext
         gl = kind.__new__(kind)
-        gl._context = None  # its __del__ asks for it even where __init__ failed
+        gl._context = None  # its __del__ reads it even if __init__ failed
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # GLFW warns where there is no display
             gl.__init__(*size)
-        if not gl._context:  # MuJoCo must not be asked: it ends the process the second time
+        if not gl._context:  # MuJoCo must not be called: it ends the process the second time
             raise RuntimeError("no display")
         gl.make_current()
         return gl, mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except Exception as error:  # noqa: BLE001  drivers raise what they like, and pictures are extra
         what = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise MissingError(
-            f"no pictures here ({DRIVER} {name}: {what}); install Debian's libegl1, libegl-mesa0 "
+            f"cannot render here ({DRIVER} {name}: {what}); install Debian's libegl1, libegl-mesa0 "
             f"and libgl1-mesa-dri, and leave {DRIVER} unset or set it to egl"
         ) from None

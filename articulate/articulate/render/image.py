@@ -1,4 +1,4 @@
-"""Single pictures as PNG."""
+"""Encode images as PNG."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 from articulate.render.canvas import Pixels
 
 
-def png(picture: Pixels) -> bytes:
-    """A picture (H, W, 3) as PNG."""
-    good, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+def png(image: Pixels) -> bytes:
+    """Encode an image (H, W, 3), 0 to 255, as PNG."""
+    good, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     assert good
     return bytes(data.tobytes())
 
 
 def as_png(content: bytes) -> bytes:
-    """A PNG of a picture that may be a WebP."""
+    """Convert a PNG or WebP to PNG."""
     if content.startswith(b"\x89PNG"):
         return content
     read = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)

@@ -1,4 +1,4 @@
-"""Clips: a joint that goes from end to end, drawn frame by frame, and written as a film."""
+"""Videos of a joint that moves from one limit to the other."""
 
 from __future__ import annotations
 
@@ -8,20 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.errors import ConfigError, MissingError
-from articulate.files import atomic_write
+from articulate.errors import ConfigError
 from articulate.render.camera import Camera
+from articulate.render.encode_video import write_video
 from articulate.render.raster import Pixels
 from articulate.render.scene import PartScene
 from articulate.transforms import Array
 
 FULL_TURN_RAD = 2.0 * np.pi + 0.5
-"""A joint without limits is turned by this much: less than a whole turn would hide its kind."""
-CODECS = {
-    ".mp4": ("libx264", "-f mp4 -crf 18 -preset veryfast -movflags +faststart"),
-    ".webm": ("libvpx-vp9", "-f webm -crf 24 -b:v 0 -deadline realtime"),
-}
-"""Codec and what it is told, by the ending of the file's name."""
+"""Travel of a joint without limits [rad]: less than a full turn would hide its kind."""
+SUFFIXES = (".mp4", ".webm")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,29 +25,46 @@ class Video:
     """Frames and their times."""
 
     frames: Pixels
-    """Frames (T, H, W, 3)."""
+    """Colours (T, H, W, 3), 0 to 255."""
     times_s: Array
     """Time of each frame (T,) [s]."""
 
     @property
     def fps(self) -> float:
-        """Frames in a second, in the mean; 0 for a single frame."""
+        """Mean frame rate [1/s]; 0 for a single frame."""
         if len(self.times_s) < 2:
             return 0.0
         return float((len(self.times_s) - 1) / (self.times_s[-1] - self.times_s[0]))
 
+    def write(self, path: Path) -> Path:
+        """Write the video to ``path`` as ``.mp4`` (H.264) or ``.webm`` (VP9) and return the path.
+
+        Raises:
+            ConfigError: The path has another suffix.
+            MissingError: The encoder is not installed.
+        """
+        if path.suffix.lower() not in SUFFIXES:
+            raise ConfigError(f"{path}: videos are written as {' or '.join(SUFFIXES)}")
+        size = (self.frames.shape[2], self.frames.shape[1])
+        return write_video(path, self.frames, size, self.fps or 1.0, "faithful")
+
+    def subsample(self, n_frames: int) -> Video:
+        """Return at most ``n_frames`` frames, evenly spread, first and last included."""
+        keep = np.unique(np.linspace(0, len(self.frames) - 1, n_frames).round().astype(int))
+        return Video(frames=self.frames[keep], times_s=self.times_s[keep])
+
 
 def sweep_positions(lower: float | None, upper: float | None, n_frames: int) -> Array:
-    """Positions (T,) [m or rad] of a joint from one end to the other, both included.
+    """Return positions (T,) [m or rad] of a joint from one limit to the other, both included.
 
-    Where the range reaches below 0 it goes from upper to lower, else from lower to upper, as
-    Articulate-Anything does; without limits from 0 on by a full turn and half a radian.
+    A range that reaches below 0 is traversed from upper to lower, others from lower to upper, as in
+    Articulate-Anything; a joint without limits from 0 by a full turn and half a radian.
 
     Raises:
-        ConfigError: One limit is given alone, or there is no frame for each end.
+        ConfigError: Only one limit is given, or there are fewer than two frames.
     """
     if n_frames < 2:
-        raise ConfigError(f"a clip of {n_frames} frames shows no motion; at least 2 are needed")
+        raise ConfigError(f"a video of {n_frames} frames shows no motion; at least 2 are needed")
     if (lower is None) != (upper is None):
         raise ConfigError(f"limits {lower} and {upper}: give both, or none for a joint without")
     if lower is None or upper is None:
@@ -63,69 +76,25 @@ def sweep_positions(lower: float | None, upper: float | None, n_frames: int) -> 
 def render_video(
     scene: PartScene, camera: Camera, poses_w: Array, *, fps: float = 24.0, samples: int = 2
 ) -> Video:
-    """The parts in motion.
+    """Render parts in motion.
 
     Args:
         scene: The parts.
-        camera: Where from.
-        poses_w: What is done to each part at each frame (T, P, 4, 4).
-        fps: Frames in a second.
-        samples: As in :meth:`PartScene.picture`.
+        camera: Camera of the video.
+        poses_w: Motion of each part at each frame (T, P, 4, 4), homogeneous.
+        fps: Frame rate [1/s].
+        samples: As in :meth:`PartScene.render_image`.
     """
     frames = np.stack([scene.render_image(camera, pose, samples=samples) for pose in poses_w])
     return Video(frames=frames, times_s=np.arange(len(frames)) / fps)
 
 
 def poses_of_parts(n_parts: int, moving: Sequence[int], motion_w: Array) -> Array:
-    """Poses (T, P, 4, 4) in which the parts ``moving`` do ``motion_w`` (T, 4, 4), others none."""
+    """Return poses (T, P, 4, 4): ``motion_w`` (T, 4, 4) for the parts ``moving``, else identity.
+
+    All are homogeneous.
+    """
     poses = np.broadcast_to(np.eye(4), (len(motion_w), n_parts, 4, 4)).copy()
     for index in moving:
         poses[:, index] = motion_w
     return poses
-
-
-def write_video(path: Path, clip: Video) -> Path:
-    """Write ``clip`` to ``path`` as ``.mp4`` (H.264) or ``.webm`` (VP9), whole or not at all.
-
-    Frames of an odd width or height lose their last column or row: the codecs want even ones.
-
-    Raises:
-        ConfigError: The name ends otherwise.
-        MissingError: There is no encoder.
-    """
-    if path.suffix.lower() not in CODECS:
-        raise ConfigError(
-            f"{path}: clips are written as {' or '.join(CODECS)}; give it such a name"
-        )
-    try:
-        # Brings an encoder of its own; wanted for clips alone.
-        import imageio_ffmpeg  # type: ignore[import-untyped]  # it ships no annotations
-    except ImportError:
-        raise MissingError(
-            "no clips without imageio-ffmpeg; run: pip install imageio-ffmpeg"
-        ) from None
-    codec, told = CODECS[path.suffix.lower()]
-    height, width = clip.frames.shape[1] // 2 * 2, clip.frames.shape[2] // 2 * 2
-    with atomic_write(path) as temporary:
-        writer = imageio_ffmpeg.write_frames(
-            str(temporary),
-            (width, height),
-            fps=clip.fps or 1.0,
-            codec=codec,
-            macro_block_size=2,
-            quality=None,
-            output_params=told.split(),
-        )
-        writer.send(None)
-        try:
-            for frame in clip.frames:
-                writer.send(np.ascontiguousarray(frame[:height, :width]))
-        finally:
-            writer.close()
-    return path
-
-
-def subsample(clip: Video, n_frames: int) -> Video:
-    """At most ``n_frames`` of the clip, evenly spread, first and last included."""
-    keep = np.unique(np.linspace(0, len(clip.frames) - 1, n_frames).round().astype(int))
-    return Video(frames=clip.frames[keep], times_s=clip.times_s[keep])

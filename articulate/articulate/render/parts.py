@@ -1,4 +1,4 @@
-"""PartMesh: one rigid part as triangles, and what a picture needs to know of it."""
+"""Triangle meshes of rigid parts for rendering."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from articulate.errors import AssetError
 from articulate.transforms import Array, Ints, apply
 
 GREY = 0.7
-"""Albedo of faces of which no colour is known."""
+"""Albedo of faces without a known colour."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartMesh:
-    """Triangles of one rigid part, in the frame of the scene, every joint at 0."""
+    """Triangles of one rigid part in the scene frame, all joints at 0."""
 
     name: str
-    """Name of the part, unique among those it is drawn or judged with."""
+    """Name of the part, unique in its scene."""
     vertices: Array
-    """Corners (V, 3) [m], or in units of the data set where that knows no metres."""
+    """Vertices (V, 3) [m], or in units of the data set if it has no metric scale."""
     faces: Ints
-    """Indices of corners (F, 3)."""
+    """Indices of vertices (F, 3)."""
     rgb: Array
-    """Albedo of each face (F, 3), each value in [0, 1]; times the texture where there is one."""
+    """Albedo of each face (F, 3), in [0, 1]; multiplied by the texture, if any."""
     uv: Array | None = None
     """Texture coordinates of each corner of each face (F, 3, 2), v up; None without a texture."""
     texture: NDArray[np.uint8] | None = None
-    """Picture (H, W, 3) that ``uv`` refers to."""
+    """Texture image (H, W, 3), 0 to 255."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be drawn."""
+        """Reject arrays that cannot be rendered."""
         n = len(self.faces)
         if self.vertices.ndim != 2 or self.vertices.shape[1] != 3 or self.faces.shape != (n, 3):
             raise AssetError(
@@ -47,21 +47,21 @@ class PartMesh:
 
     @property
     def bounds(self) -> Array:
-        """Lowest and highest corner (2, 3)."""
+        """Lowest and highest corner (2, 3) [m]."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     @property
     def centre(self) -> Array:
-        """Middle of the box around the part (3,)."""
+        """Centre of the bounding box (3,) [m]."""
         low, high = self.bounds
         return np.asarray(0.5 * (low + high))
 
     def moved(self, T: Array) -> PartMesh:
-        """The same part, its corners taken along by the rigid transform ``T`` (4, 4)."""
+        """Return the part transformed by the rigid transform ``T`` (4, 4, homogeneous)."""
         return self.with_vertices(apply(T, self.vertices))
 
     def with_vertices(self, vertices: Array) -> PartMesh:
-        """The same part with other corners (V, 3)."""
+        """Return the part with other vertices (V, 3) [m]."""
         return PartMesh(
             name=self.name,
             vertices=vertices,
@@ -72,7 +72,7 @@ class PartMesh:
         )
 
     def renamed(self, name: str) -> PartMesh:
-        """The same part under another name."""
+        """Return the part under another name."""
         return PartMesh(
             name=name,
             vertices=self.vertices,
@@ -86,7 +86,14 @@ class PartMesh:
 def plain_part(
     name: str, vertices: Array, faces: Ints, rgb: Sequence[float] = (GREY, GREY, GREY)
 ) -> PartMesh:
-    """A part of one colour."""
+    """Create a part of one colour.
+
+    Args:
+        name: Name of the part.
+        vertices: Vertices (V, 3) [m].
+        faces: Indices of vertices (F, 3).
+        rgb: Albedo (3,), in [0, 1].
+    """
     faces = np.asarray(faces, dtype=np.int64)
     colours = np.broadcast_to(np.asarray(rgb, dtype=np.float64), (len(faces), 3)).copy()
     return PartMesh(
@@ -95,6 +102,6 @@ def plain_part(
 
 
 def joint_bounds(parts: Sequence[PartMesh]) -> Array:
-    """Lowest and highest corner of all parts together (2, 3)."""
+    """Return the lowest and highest corner of all parts together (2, 3) [m]."""
     boxes = np.stack([part.bounds for part in parts])
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

@@ -1,7 +1,7 @@
-"""Triangles to pixels on one core: which face is seen where, how far away, in which colour.
+"""Triangle rasterizer on one core: face, depth and colour of every pixel.
 
-Compiled by numba on first use. Faces are seen from both sides: meshes of data sets are wound as
-they come. Inverse depth is linear on the picture, so that is what is interpolated and compared.
+Compiled by numba on first use. Faces are two-sided, since the winding of meshes in data sets is
+arbitrary. Inverse depth is linear in the image, so it is interpolated and compared.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ Ids = NDArray[np.int32]
 Pixels = NDArray[np.uint8]
 
 NEAR_M = 1e-3
-"""Nothing nearer to the camera than this is seen."""
+"""Distance of the near plane [m]."""
 NO_TEXTURE = -1
 FLAT = 1e-12
-"""A barycentric coordinate that changes by less along a row does not change."""
+"""Barycentric coordinates with a smaller slope along a row are constant."""
 EDGE_PX = 1e-7
-"""Room at the end of a row, so that rounding leaves no crack between two faces [px]."""
+"""Tolerance at the end of a row, so that rounding leaves no gap between two faces [px]."""
 
 
 @numba.njit(cache=True, nogil=True)
-def _copy(values: Array, into: Array) -> None:
-    """Copy three numbers; what numpy would do costs more to compile."""
+def _copy3(values: Array, into: Array) -> None:
+    """Copy three numbers; numpy's copy takes longer to compile."""
     for k in range(3):
         into[k] = values[k]
 
 
 @numba.njit(cache=True, nogil=True)
 def _corners(vertices_c: Array, face: Ints, corners: Array) -> None:
-    """Write the corners of ``face`` (3,) to ``corners`` (3, 3)."""
+    """Write the vertices of ``face`` (3,) to ``corners`` (3, 3)."""
     for k in range(3):
-        _copy(vertices_c[face[k]], corners[k])
+        _copy3(vertices_c[face[k]], corners[k])
 
 
 @numba.njit(cache=True, nogil=True)
-def carry(vertices: Array, part_of_vertex: Ints, T_cp: Array) -> Array:
-    """Corners (V, 3) in the camera's frame; ``T_cp`` (P, 4, 4) takes those of a part there."""
+def transform_vertices(vertices: Array, part_of_vertex: Ints, T_cp: Array) -> Array:
+    """Transform vertices (V, 3) [m] to the camera frame by the poses of their parts (P, 4, 4)."""
     out = np.empty_like(vertices)
     for i in range(len(vertices)):
         T = T_cp[part_of_vertex[i]]
@@ -55,7 +55,7 @@ def carry(vertices: Array, part_of_vertex: Ints, T_cp: Array) -> Array:
 def _fill(
     corners_c: Array, face: int, intrinsics: Array, inverse_depth: Depths, face_ids: Ids
 ) -> None:
-    """Draw one triangle (3, 3) that lies wholly before the near plane."""
+    """Rasterize one triangle (3, 3) that is entirely in front of the near plane."""
     height, width = inverse_depth.shape
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     w0, w1, w2 = 1.0 / corners_c[0, 2], 1.0 / corners_c[1, 2], 1.0 / corners_c[2, 2]
@@ -99,13 +99,13 @@ def _fill(
 
 @numba.njit(cache=True, nogil=True)
 def _before_near(corners_c: Array) -> tuple[Array, int]:
-    """Corners (4, 3) of what lies before the near plane of a triangle (3, 3), and their number."""
+    """Clip a triangle (3, 3) at the near plane; return vertices (4, 3) and their number."""
     cut = np.empty((4, 3))
     n = 0
     for k in range(3):
         a, b = corners_c[k], corners_c[(k + 1) % 3]
         if a[2] >= NEAR_M:
-            _copy(a, cut[n])
+            _copy3(a, cut[n])
             n += 1
         if (a[2] >= NEAR_M) != (b[2] >= NEAR_M):
             share = (NEAR_M - a[2]) / (b[2] - a[2])
@@ -120,24 +120,24 @@ def _before_near(corners_c: Array) -> tuple[Array, int]:
 def fill(
     vertices_c: Array,
     faces: Ints,
-    drawn: NDArray[np.bool_],
+    enabled: NDArray[np.bool_],
     intrinsics: Array,
     inverse_depth: Depths,
     face_ids: Ids,
 ) -> None:
-    """Draw faces onto ``inverse_depth`` [1/m] and ``face_ids``, both (H, W), in place.
+    """Rasterize faces into ``inverse_depth`` [1/m] and ``face_ids``, both (H, W), in place.
 
     Args:
-        vertices_c: Corners in the camera's frame (V, 3).
-        faces: Indices of corners (F, 3).
-        drawn: Which faces are drawn (F,).
+        vertices_c: Vertices in the camera frame (V, 3) [m].
+        faces: Indices of vertices (F, 3).
+        enabled: Faces to rasterize (F,), boolean.
         intrinsics: fx, fy, cx, cy [px].
-        inverse_depth: What is seen so far; 0 where nothing is.
-        face_ids: Index of the face that is seen; -1 where none is.
+        inverse_depth: Depth buffer (H, W); 0 for background.
+        face_ids: Face of each pixel (H, W); -1 for background.
     """
     corners = np.empty((3, 3))
     for f in range(len(faces)):
-        if not drawn[f]:
+        if not enabled[f]:
             continue
         before = 0
         _corners(vertices_c, faces[f], corners)
@@ -149,13 +149,13 @@ def fill(
             rest, n = _before_near(corners)
             _fill(rest[:3], f, intrinsics, inverse_depth, face_ids)
             if n == 4:
-                _copy(rest[0], rest[1])
+                _copy3(rest[0], rest[1])
                 _fill(rest[1:], f, intrinsics, inverse_depth, face_ids)
 
 
 @numba.njit(cache=True, nogil=True)
 def _dot(a: Array, b: Array) -> float:
-    """Inner product of (3,); written out, since numba takes seconds to compile numpy's."""
+    """Return the inner product of (3,); numba takes seconds to compile numpy's."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
@@ -163,7 +163,9 @@ def _dot(a: Array, b: Array) -> float:
 def _texel(
     point: Array, corners: Array, uv: Array, texture: Pixels, size: Ints, albedo: Array
 ) -> None:
-    """Multiply by the texture where ``point`` (3,) of the triangle ``corners`` (3, 3) is."""
+    """Multiply ``albedo`` (3,) by the texture at ``point`` (3,) of the triangle ``corners`` (3,
+    3).
+    """
     a, b, p = np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
         a[k], b[k] = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k]
@@ -184,14 +186,14 @@ def _texel(
 
 @numba.njit(cache=True, nogil=True)
 def _add(colour: Array, light: float, total: Array) -> None:
-    """Add ``colour`` (3,) under ``light`` to ``total`` (3,)."""
+    """Add ``colour`` (3,) times ``light`` to ``total`` (3,)."""
     for k in range(3):
         total[k] += min(1.0, colour[k] * light)
 
 
 @numba.njit(cache=True, nogil=True)
 def _point(u: int, v: int, inverse_depth: float, intrinsics: Array, point: Array) -> None:
-    """Write what is seen at a pixel, in the camera's frame, to ``point`` (3,)."""
+    """Write the point at a pixel in the camera frame to ``point`` (3,) [m]."""
     z = 1.0 / inverse_depth
     point[0] = (u - intrinsics[2]) / intrinsics[0] * z
     point[1] = (v - intrinsics[3]) / intrinsics[1] * z
@@ -200,7 +202,7 @@ def _point(u: int, v: int, inverse_depth: float, intrinsics: Array, point: Array
 
 @numba.njit(cache=True, nogil=True)
 def _brightness(corners: Array, light: Array) -> float:
-    """Light on a face: ambient, from one direction, and from the camera; both sides alike."""
+    """Return the brightness of a face: ambient, directional and head light, two-sided."""
     a, b, middle, normal = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
         a[k], b[k] = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k]
@@ -233,23 +235,23 @@ def shade(
     face_ids: Ids,
     samples: int,
 ) -> Pixels:
-    """Picture (H / samples, W / samples, 3) of what was filled, each face flat.
+    """Return the image (H / samples, W / samples, 3) of the rasterized faces, with flat shading.
 
     Args:
-        vertices_c: Corners in the camera's frame (V, 3).
-        faces: Indices of corners (F, 3).
-        rgb: Albedo of each face (F, 3).
+        vertices_c: Vertices in the camera frame (V, 3) [m].
+        faces: Indices of vertices (F, 3).
+        rgb: Albedo of each face (F, 3), in [0, 1].
         uv: Texture coordinates (F, 3, 2).
         texture_of_face: Index of the texture of each face (F,), -1 for none.
-        textures: All textures, each in the corner of a common size (K, H, W, 3).
-        texture_sizes: Height and width of each texture (K, 2).
+        textures: All textures, padded to a common size (K, H, W, 3).
+        texture_sizes: Height and width of each texture (K, 2) [px].
         intrinsics: fx, fy, cx, cy [px].
-        light: Towards the light in the camera's frame (3,), then ambient, directional and head
-            light (3,).
-        background: Colour where nothing is (3,).
-        inverse_depth: What was filled (H, W) [1/m].
-        face_ids: What was filled (H, W).
-        samples: Points each way that make a pixel.
+        light: Unit vector towards the light in the camera frame (3,), then ambient, directional and
+            head light (3,).
+        background: Background colour (3,), in [0, 1].
+        inverse_depth: Rasterized depth (H, W) [1/m].
+        face_ids: Rasterized faces (H, W).
+        samples: Samples per pixel in each direction.
     """
     height, width = face_ids.shape[0] // samples, face_ids.shape[1] // samples
     out = np.empty((height, width, 3), dtype=np.uint8)
@@ -259,7 +261,7 @@ def shade(
     share = 255.0 / (samples * samples)
     for row in range(height):
         for column in range(width):
-            _copy(black, total)
+            _copy3(black, total)
             for v in range(row * samples, (row + 1) * samples):
                 for u in range(column * samples, (column + 1) * samples):
                     f = face_ids[v, u]
@@ -271,7 +273,7 @@ def shade(
                         _corners(vertices_c, faces[f], corners)
                     if brightness[f] < 0.0:
                         brightness[f] = _brightness(corners, light)
-                    _copy(rgb[f], albedo)
+                    _copy3(rgb[f], albedo)
                     if texture >= 0:
                         _point(u, v, inverse_depth[v, u], intrinsics, point)
                         size = texture_sizes[texture]
@@ -283,8 +285,8 @@ def shade(
 
 
 @numba.njit(cache=True, nogil=True)
-def parts_of(face_ids: Ids, part_of_face: Ints) -> Ids:
-    """Index of the part at each pixel (H, W); -1 where none is."""
+def parts_of_faces(face_ids: Ids, part_of_face: Ints) -> Ids:
+    """Return the part of each pixel (H, W), -1 for background, from its face (H, W, indices)."""
     out = np.empty_like(face_ids)
     height, width = face_ids.shape
     for v in range(height):

@@ -1,4 +1,4 @@
-"""PartScene: parts before a camera, drawn at any poses: colour, which part is where, how far."""
+"""Render parts at any poses: colour images, part masks and depth."""
 
 from __future__ import annotations
 
@@ -12,11 +12,20 @@ from numpy.typing import NDArray
 from articulate.errors import ConfigError
 from articulate.render.camera import Camera
 from articulate.render.parts import PartMesh
-from articulate.render.raster import NO_TEXTURE, Depths, Ids, Pixels, carry, fill, parts_of, shade
+from articulate.render.raster import (
+    NO_TEXTURE,
+    Depths,
+    Ids,
+    Pixels,
+    fill,
+    parts_of_faces,
+    shade,
+    transform_vertices,
+)
 from articulate.transforms import Array, normalised
 
-NOTHING = -1
-"""Index of the part where none is seen."""
+NO_PART = -1
+"""Part index of background pixels."""
 Shape = tuple[int, int]
 
 
@@ -25,41 +34,41 @@ class Light:
     """Light of a scene."""
 
     direction_w: tuple[float, float, float] = (0.0, 1.0, -1.0)
-    """Where the light of a far lamp goes to, as in Articulate-Anything's simulator."""
+    """Direction of the directional light, as in Articulate-Anything's simulator."""
     ambient: float = 0.42
-    """Share of the albedo that is seen where no lamp shines."""
+    """Ambient light, as a share of the albedo."""
     directional: float = 0.36
-    """Share that the far lamp adds to a face turned towards it."""
+    """Directional light on a face that is perpendicular to it."""
     head: float = 0.30
-    """Share that a lamp at the camera adds to a face turned towards it."""
+    """Light from the camera on a face that is perpendicular to it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderBuffers:
-    """What a camera sees, before any light."""
+    """Part, face and depth of every pixel."""
 
     part_ids: Ids
-    """Index of the part seen at each pixel (H, W); -1 where there is none."""
+    """Part of each pixel (H, W); -1 for background."""
     face_ids: Ids
-    """Index of the face among all faces of the scene (H, W); -1 where there is none."""
+    """Face of the scene at each pixel (H, W); -1 for background."""
     inverse_depth: Depths
-    """One over the depth along the optical axis (H, W) [1/m]; 0 where nothing is."""
+    """Inverse depth along the optical axis (H, W) [1/m]; 0 for background."""
 
     @property
     def depth_m(self) -> Depths:
-        """Depth along the optical axis (H, W) [m]; infinite where nothing is."""
+        """Depth along the optical axis (H, W) [m]; infinite for background."""
         with np.errstate(divide="ignore"):
             return np.asarray(1.0 / self.inverse_depth, dtype=np.float32)
 
 
 class PartScene:
-    """Parts that can be drawn quickly, again and again, at poses that change."""
+    """Parts that are rendered repeatedly at changing poses."""
 
     def __init__(self, parts: Sequence[PartMesh], light: Light | None = None) -> None:
-        """Gather the parts.
+        """Collect the parts.
 
         Args:
-            parts: Parts in the frame of the scene; their order gives the indices in pictures.
+            parts: Parts in the scene frame; their order gives the part indices.
             light: Light of the scene.
 
         Raises:
@@ -83,7 +92,7 @@ class PartScene:
 
     @property
     def part_of_face(self) -> NDArray[np.int64]:
-        """Index of the part of each face of the scene (F,)."""
+        """Part of each face of the scene (F,)."""
         return self._part_of_face
 
     def rasterize(
@@ -94,19 +103,21 @@ class PartScene:
         only: Iterable[int] | None = None,
         onto: RenderBuffers | None = None,
     ) -> RenderBuffers:
-        """What ``camera`` sees.
+        """Rasterize the scene for ``camera``.
 
         Args:
-            camera: Where from.
-            poses_w: What is done to each part (P, 4, 4), identity if None.
-            only: Indices of the parts that are drawn; all if None.
-            onto: What is there already, drawn by this scene with this camera: the rest of the
-                object, say, while one part is tried at many poses. It is not changed.
+            camera: The camera.
+            poses_w: Motion of each part (P, 4, 4), homogeneous; identity if None.
+            only: Indices of the parts to rasterize; all if None.
+            onto: Buffers of this scene and camera to add to, for example those of the other parts
+                while one part is tried at many poses. They are not changed.
         """
         shape = (camera.height_px, camera.width_px)
-        vertices_c = self._carried(camera, poses_w)
-        inverse_depth, face_ids = self._filled(vertices_c, _intrinsics(camera), shape, only, onto)
-        part_ids = parts_of(face_ids, self._part_of_face)
+        vertices_c = self._camera_vertices(camera, poses_w)
+        inverse_depth, face_ids = self._fill_buffers(
+            vertices_c, _intrinsics(camera), shape, only, onto
+        )
+        part_ids = parts_of_faces(face_ids, self._part_of_face)
         return RenderBuffers(part_ids=part_ids, face_ids=face_ids, inverse_depth=inverse_depth)
 
     def render_image(
@@ -117,20 +128,19 @@ class PartScene:
         samples: int = 2,
         background: Sequence[float] = (1.0, 1.0, 1.0),
     ) -> Pixels:
-        """A colour picture (H, W, 3).
+        """Render a colour image (H, W, 3), 0 to 255.
 
         Args:
-            camera: Where from.
-            poses_w: What is done to each part (P, 4, 4), identity if None.
-            samples: Each pixel is the mean of this number of points each way, so that edges are
-                smooth.
-            background: Colour where nothing is, each value in [0, 1].
+            camera: The camera.
+            poses_w: Motion of each part (P, 4, 4), homogeneous; identity if None.
+            samples: Samples per pixel in each direction, for smooth edges.
+            background: Background colour, in [0, 1].
         """
         fine = camera.scaled(samples) if samples > 1 else camera
-        vertices_c = self._carried(fine, poses_w)
+        vertices_c = self._camera_vertices(fine, poses_w)
         intrinsics = _intrinsics(fine)
         shape = (fine.height_px, fine.width_px)
-        inverse_depth, face_ids = self._filled(vertices_c, intrinsics, shape, None, None)
+        inverse_depth, face_ids = self._fill_buffers(vertices_c, intrinsics, shape, None, None)
         pixels: Pixels = shade(
             vertices_c,
             self._faces,
@@ -148,15 +158,15 @@ class PartScene:
         )
         return pixels
 
-    def _carried(self, camera: Camera, poses_w: Array | None) -> Array:
+    def _camera_vertices(self, camera: Camera, poses_w: Array | None) -> Array:
         n = len(self.parts)
         poses = np.broadcast_to(np.eye(4), (n, 4, 4)) if poses_w is None else poses_w
         if poses.shape != (n, 4, 4):
             raise ConfigError(f"poses of shape {poses.shape} for {n} parts; ({n}, 4, 4) is needed")
         T_cp = np.ascontiguousarray(camera.T_cw @ poses)
-        return np.asarray(carry(self._vertices, self._part_of_vertex, T_cp))
+        return np.asarray(transform_vertices(self._vertices, self._part_of_vertex, T_cp))
 
-    def _filled(
+    def _fill_buffers(
         self,
         vertices_c: Array,
         intrinsics: Array,
@@ -166,14 +176,14 @@ class PartScene:
     ) -> tuple[Depths, Ids]:
         if onto is None:
             inverse_depth = np.zeros(shape, dtype=np.float32)
-            face_ids = np.full(shape, NOTHING, dtype=np.int32)
+            face_ids = np.full(shape, NO_PART, dtype=np.int32)
         else:
             inverse_depth, face_ids = onto.inverse_depth.copy(), onto.face_ids.copy()
         if only is None:
-            drawn = np.ones(len(self._faces), dtype=np.bool_)
+            enabled = np.ones(len(self._faces), dtype=np.bool_)
         else:
-            drawn = np.isin(self._part_of_face, list(only))
-        fill(vertices_c, self._faces, drawn, intrinsics, inverse_depth, face_ids)
+            enabled = np.isin(self._part_of_face, list(only))
+        fill(vertices_c, self._faces, enabled, intrinsics, inverse_depth, face_ids)
         return inverse_depth, face_ids
 
     def _light_c(self, camera: Camera) -> Array:
@@ -182,7 +192,7 @@ class PartScene:
         return np.concatenate([camera.T_cw[:3, :3] @ towards_w, strengths])
 
     def _gather_textures(self) -> None:
-        """Lay all textures into one array, as compiled code wants them."""
+        """Pack all textures into one array for the compiled code."""
         found = [p.texture for p in self.parts if p.texture is not None and p.uv is not None]
         height = max([1, *(t.shape[0] for t in found)])
         width = max([1, *(t.shape[1] for t in found)])
@@ -199,7 +209,7 @@ class PartScene:
             self._texture_sizes[k] = (h, w)
             mine = self._part_of_face == i
             self._uv[mine] = part.uv
-            # A face without coordinates of its own is NaN: it keeps its plain colour.
+            # Faces without texture coordinates are NaN: they keep their plain colour.
             self._texture_of_face[mine] = np.where(
                 np.isfinite(part.uv).all(axis=(1, 2)), k, NO_TEXTURE
             )
@@ -207,13 +217,15 @@ class PartScene:
 
 
 def segmentation_palette(n: int) -> Pixels:
-    """Colours (n, 3) that are easily told apart: hues in equal steps, as in the released code."""
+    """Return ``n`` distinct colours (n, 3): hues in equal steps, as in Articulate-Anything's
+    code.
+    """
     hues = [colorsys.hsv_to_rgb(i / max(n, 1), 0.9, 0.9) for i in range(n)]
     return np.rint(255.0 * np.array(hues).reshape(n, 3)).astype(np.uint8)
 
 
 def segmentation_image(seen: RenderBuffers, n_parts: int) -> Pixels:
-    """Picture (H, W, 3) in which each part has a colour of its own, on white."""
+    """Return an image (H, W, 3) with one colour per part, on white."""
     palette = np.concatenate(
         [segmentation_palette(n_parts), np.full((1, 3), 255, dtype=np.uint8)]
     )  # the last one is for NOTHING, which is index -1

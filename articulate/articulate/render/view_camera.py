@@ -1,4 +1,4 @@
-"""Views: where a camera stands so that what matters is seen."""
+"""Viewpoints that show given points completely."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ import numpy as np
 from articulate.transforms import Array
 
 MARGIN = 1.06
-"""Room left around what is to be seen."""
+"""Margin around the points, as a factor on the distance."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Viewpoint:
-    """Where the camera stands."""
+    """Position and direction of a camera, in MuJoCo's convention."""
 
     lookat_w: tuple[float, float, float]
-    """Point in the middle of the picture [m]."""
+    """Point at the image centre [m]."""
     distance_m: float
-    """From the camera to that point [m]."""
+    """Distance from the camera to that point [m]."""
     azimuth_deg: float
-    """Direction of view about the vertical; 0 looks along +x, 90 along +y, as MuJoCo has it."""
+    """Direction of view about the vertical [deg]; 0 looks along +x, 90 along +y."""
     elevation_deg: float
-    """Direction of view over the horizon; negative looks down."""
+    """Direction of view above the horizon [deg]; negative looks down."""
 
 
 def fit_viewpoint(
     points_w: Array, *, azimuth_deg: float, elevation_deg: float, fov_deg: float, aspect: float
 ) -> Viewpoint:
-    """The view in a given direction that just shows all points, in the middle.
+    """Return the closest viewpoint in a given direction that shows all points.
 
     Args:
-        points_w: What is to be seen (P, 3) [m].
-        azimuth_deg: Direction about the vertical.
-        elevation_deg: Direction over the horizon.
-        fov_deg: Height of the picture as an angle.
-        aspect: Width of the picture over its height.
+        points_w: Points to show (P, 3) [m].
+        azimuth_deg: Direction about the vertical [deg].
+        elevation_deg: Direction above the horizon [deg].
+        fov_deg: Vertical field of view [deg].
+        aspect: Width of the image over its height.
     """
     ahead, right, up = camera_axes(azimuth_deg, elevation_deg)
     tangent = np.tan(np.deg2rad(fov_deg) / 2.0)
@@ -60,7 +60,7 @@ def fit_viewpoint(
 
 
 def camera_axes(azimuth_deg: float, elevation_deg: float) -> tuple[Array, Array, Array]:
-    """Unit vectors of a camera in the world frame: ahead, right, up."""
+    """Return unit vectors (3,) of a camera in the world frame: forward, right, up."""
     a, e = np.deg2rad(azimuth_deg), np.deg2rad(elevation_deg)
     ahead = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([np.sin(a), -np.cos(a), 0.0])

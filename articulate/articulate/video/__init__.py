@@ -1,1 +1,1 @@
-"""Clips: reading them, following points through them, and what moves in them."""
+"""Read videos, track points and observe joint motion."""

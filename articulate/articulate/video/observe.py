@@ -1,11 +1,11 @@
-"""Watch: from a film alone, how the part that is operated moves in the picture.
+"""Estimate joint type and axis of the operated part from a video without geometry.
 
-No geometry is known. Points are followed and the camera's motion is taken away; what is left tells
-three things. The direction in which most of it goes is the direction of a slide, or lies across
-the axis of a hinge. Points that flee from, or run to, one spot are of a part that slides along the
-line of sight. And of a part that turns about an axis in the picture, points first come nearer and
-then go away, or the other way round, so that how fast the picture of it widens across its motion
-changes in time; of a part that slides it does not.
+Points are tracked and the camera's motion is removed; the rest gives three
+cues. The main direction of the motion is that of a slide, or is perpendicular to the axis of a
+hinge. Points that move away from one spot, or towards it, belong to a part that slides along the
+line of sight. And a part that rotates about an axis in the image plane first approaches the camera
+and then recedes, or the reverse, so that the expansion of its image across its motion changes over
+time; that of a sliding part does not.
 """
 
 from __future__ import annotations
@@ -23,52 +23,53 @@ from articulate.video.moving_region import MovingPoints, moving_points
 from articulate.video.read_video import check_motion
 from articulate.video.tracks import Tracking, follow_points
 
-FOCAL = 1.1
-"""Focal length in units of the larger side of the picture: a phone's, held upright."""
-STEPS = (2, 4, 8, 12)
-"""Frames between which motion is measured; the first that is long enough."""
-LONG = 0.03
-"""Median motion that is long enough, as a share of the larger side."""
-SHORT = 0.008
-"""Points that move less between two frames are left out, as a share of the larger side."""
-FEWEST = 10
-"""Fewer points in two frames say nothing."""
-FLEEING = 0.65
-"""A slide along the line of sight: what a growing picture does not explain is less than this share
-of what a shift alone does not."""
-WIDENS = 0.48
-"""Spread over time of how fast the picture of the part widens, per motion of one larger side, from
-which on it turns. This and ``FLEEING`` were chosen on 17 filmed clips, by looking at them."""
-FURTHEST = 4.0
-"""Such rates beyond this are cut."""
-DOUBTFUL = 0.1
-"""Less confidence is doubt: what was measured lies within a tenth of the border between kinds."""
+FOCAL_RATIO = 1.1
+"""Focal length in units of the larger side of the image: a phone's, held upright."""
+FRAME_GAPS = (2, 4, 8, 12)
+"""Frames between which motion is measured; the first gap with enough motion is used."""
+MIN_STEP_MOTION = 0.03
+"""Median motion that is enough, as a share of the larger side."""
+MIN_POINT_MOTION = 0.008
+"""Points that move less between two frames are ignored, as a share of the larger side."""
+MIN_POINTS = 10
+"""Fewer points in two frames are ignored."""
+MAX_DEPTH_RATIO = 0.65
+"""Motion that shift and scaling leave unexplained, as a share of what a shift leaves, below which a
+part slides along the line of sight."""
+MIN_EXPANSION = 0.48
+"""Spread over time of the expansion rate, per motion of one larger side, above which a part
+rotates. This and ``MAX_DEPTH_RATIO`` were chosen by inspection on 17 recorded videos
+(``benchmarks/filmed_clips.py`` evaluates them)."""
+MAX_RATE = 4.0
+"""Largest such rate; larger ones are clipped."""
+MIN_CONFIDENCE = 0.1
+"""Confidence below which the kind is doubtful: a measured cue is within a tenth of the border."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """What is seen of a joint."""
+    """Joint type and axis estimated from a video."""
 
     kind: Literal["revolute", "prismatic"]
     axis_c: tuple[float, float, float]
-    """Direction of the axis, or of sliding along the motion, in the camera's frame (x right, y
-    down, z ahead), of unit length."""
+    """Unit vector of the axis, or of sliding along the motion, in the camera frame (x right, y
+    down, z forward)."""
     path_px: tuple[tuple[float, float], ...]
-    """Way of the point that was followed farthest, in the picture of the first frame."""
+    """Path of the point that moved farthest, in pixels of the first frame."""
     box_px: tuple[float, float, float, float]
-    """Left, right, top, bottom of what moves, in the picture of the first frame."""
+    """Left, right, top, bottom of the moving region, in pixels of the first frame."""
     confidence: float
-    """How clear the kind is, in [0, 1]: the distance from the border between kinds."""
+    """Distance of the cues from the border between the kinds, in [0, 1]."""
     figures: Mapping[str, float]
-    """What was measured."""
+    """The measured cues."""
 
     @property
     def doubtful(self) -> bool:
-        """Whether the other kind is nearly as likely."""
-        return self.confidence < DOUBTFUL
+        """The other kind is nearly as likely."""
+        return self.confidence < MIN_CONFIDENCE
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values."""
+        """Return plain values for JSON."""
         return {
             "kind": self.kind,
             "axis_camera": list(self.axis_c),
@@ -81,20 +82,24 @@ class Observation:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """How points moved between two frames."""
+class FlowStep:
+    """Motion of points between two frames."""
 
     at: Array
-    """Middle of the motion of each point, from the middle of the picture (N, 2) [px]."""
+    """Midpoint of the motion of each point, relative to the image centre (N, 2) [px]."""
     by: Array
     """Motion of each point (N, 2) [px]."""
 
 
-def watch(clip: Video, source: str) -> Observation:
-    """How the part that is operated moves.
+def observe_joint(clip: Video, source: str) -> Observation:
+    """Estimate how the operated part moves.
+
+    Args:
+        clip: The video.
+        source: Its name, for messages.
 
     Raises:
-        UsageError: Nothing moves, or too little of it can be followed.
+        UsageError: Nothing moves, or too few moving points can be tracked.
     """
     check_motion(clip.frames, source)
     height, width = clip.frames.shape[1:3]
@@ -104,50 +109,61 @@ def watch(clip: Video, source: str) -> Observation:
     steps = steps_of(moving, np.array([width, height]) / 2.0, side)
     if not steps:
         raise UsageError(
-            f"{source}: too few points of what moves can be followed; give a film with more light, "
+            f"{source}: too few moving points can be tracked; give a video with more light, "
             "a larger part or a slower motion"
         )
     return _observed(steps, moving, side)
 
 
-def steps_of(moving: MovingPoints, middle: Array, side: float) -> list[Step]:
-    """The motion between frames that are far enough apart, one for each frame that allows it."""
+def steps_of(moving: MovingPoints, middle: Array, side: float) -> list[FlowStep]:
+    """Return the motion between frames that are far enough apart, one for each frame that has one.
+
+    Args:
+        moving: Moving points.
+        middle: Image centre (2,) [px].
+        side: Larger side of the image [px].
+    """
     found = []
-    for t in range(len(moving.uv) - STEPS[0]):
+    for t in range(len(moving.uv) - FRAME_GAPS[0]):
         best = None
-        for step in STEPS:
+        for step in FRAME_GAPS:
             if t + step >= len(moving.uv):
                 break
             both = moving.visible[t] & moving.visible[t + step]
             here, there = moving.uv[t][both], moving.uv[t + step][both]
             far = np.linalg.norm(there - here, axis=1)
-            if (far > SHORT * side).sum() < FEWEST:
+            if (far > MIN_POINT_MOTION * side).sum() < MIN_POINTS:
                 continue
-            chosen = far > SHORT * side
-            best = Step(0.5 * (here[chosen] + there[chosen]) - middle, there[chosen] - here[chosen])
-            if np.median(far[chosen]) > LONG * side:
+            chosen = far > MIN_POINT_MOTION * side
+            best = FlowStep(
+                0.5 * (here[chosen] + there[chosen]) - middle, there[chosen] - here[chosen]
+            )
+            if np.median(far[chosen]) > MIN_STEP_MOTION * side:
                 break
         if best is not None:
             found.append(best)
     return found
 
 
-def _observed(steps: list[Step], moving: MovingPoints, side: float) -> Observation:
+def _observed(steps: list[FlowStep], moving: MovingPoints, side: float) -> Observation:
     along = main_direction(steps)
     axis: Array
     across = np.array([-along[1], along[0]])
-    shift, grown = _unexplained(steps, side)
-    widening = _widening(steps, along, across, side)
-    fleeing = grown / max(shift, 1e-12)
-    figures = {"fleeing": fleeing, "widening": widening, "steps": float(len(steps))}
+    shift, grown = _residual_motion(steps, side)
+    expanding = _expansion(steps, along, across, side)
+    moving_away = grown / max(shift, 1e-12)
+    figures = {"moving_away": moving_away, "expanding": expanding, "steps": float(len(steps))}
     path, box = _path_and_box(moving)
-    if fleeing < FLEEING or widening < WIDENS:
+    if moving_away < MAX_DEPTH_RATIO or expanding < MIN_EXPANSION:
         kind: Literal["revolute", "prismatic"] = "prismatic"
-        axis = _slide_direction(steps, side, depth=fleeing < FLEEING, along=along)
+        axis = _slide_direction(steps, side, depth=moving_away < MAX_DEPTH_RATIO, along=along)
     else:
         kind, axis = "revolute", np.array([across[0], across[1], 0.0])
-    # It turns if both figures are beyond their borders, and slides if either is not.
-    beyond = min((fleeing - FLEEING) / FLEEING, (widening - WIDENS) / WIDENS)
+    # It rotates if both cues are beyond their borders, otherwise it slides.
+    beyond = min(
+        (moving_away - MAX_DEPTH_RATIO) / MAX_DEPTH_RATIO,
+        (expanding - MIN_EXPANSION) / MIN_EXPANSION,
+    )
     return Observation(
         kind=kind,
         axis_c=(float(axis[0]), float(axis[1]), float(axis[2])),
@@ -158,8 +174,8 @@ def _observed(steps: list[Step], moving: MovingPoints, side: float) -> Observati
     )
 
 
-def main_direction(steps: list[Step]) -> Array:
-    """Unit vector (2,) along which most of the motion goes, sign aside."""
+def main_direction(steps: list[FlowStep]) -> Array:
+    """Return the unit vector (2,) along which most of the motion goes, up to sign."""
     tensor = np.zeros((2, 2))
     for step in steps:
         length = np.linalg.norm(step.by, axis=1)
@@ -169,7 +185,11 @@ def main_direction(steps: list[Step]) -> Array:
 
 
 def robust_lines(rows: Array, values: Array, soft: float) -> Array:
-    """Coefficients (P,) of ``rows`` (N, P) that give ``values`` (N,) with least absolute errors."""
+    """Fit coefficients (P,) of ``rows`` (N, P) to ``values`` (N,), least absolute errors.
+
+    Iteratively reweighted least squares; errors below ``soft`` (in the unit of the values, here
+    [px]) are squared.
+    """
     weight: Array = np.ones(len(values))
     solution: Array = np.zeros(rows.shape[1])
     for _ in range(8):
@@ -180,16 +200,16 @@ def robust_lines(rows: Array, values: Array, soft: float) -> Array:
     return solution
 
 
-def _flow_rows(step: Step) -> Array:
-    """Rows (2 N, 3) of a motion that is a shift and a growth."""
+def _flow_rows(step: FlowStep) -> Array:
+    """Return rows (2 N, 3) of a motion by shift and scaling."""
     rows = np.zeros((len(step.at), 2, 3))
     rows[:, 0, 0] = rows[:, 1, 1] = 1.0
     rows[:, :, 2] = step.at
     return rows.reshape(-1, 3)
 
 
-def _unexplained(steps: list[Step], side: float) -> tuple[float, float]:
-    """Motion that neither a shift, nor a shift and a growth, explains [px]."""
+def _residual_motion(steps: list[FlowStep], side: float) -> tuple[float, float]:
+    """Return the motion that a shift, and a shift with scaling, leave unexplained [px]."""
     shift, grown = 0.0, 0.0
     for step in steps:
         rows, values = _flow_rows(step), step.by.reshape(-1)
@@ -204,20 +224,20 @@ def _unexplained(steps: list[Step], side: float) -> tuple[float, float]:
     return shift, grown
 
 
-def _widening(steps: list[Step], along: Array, across: Array, side: float) -> float:
-    """Spread over time of how fast the picture of the part widens across its motion."""
+def _expansion(steps: list[FlowStep], along: Array, across: Array, side: float) -> float:
+    """Return the spread over time of the expansion rate of the part across its motion."""
     rates, weights = [], []
     for step in steps:
-        way = step.by @ along
-        middle = float(np.median(way))
-        same = np.sign(way) == np.sign(middle)
-        if same.sum() < FEWEST - 2 or abs(middle) < 1e-9:
+        travel = step.by @ along
+        middle = float(np.median(travel))
+        same = np.sign(travel) == np.sign(middle)
+        if same.sum() < MIN_POINTS - 2 or abs(middle) < 1e-9:
             continue
         at, by = step.at[same], step.by[same]
         x, y = at @ along, at @ across
         rows = np.stack([np.ones(len(at)), y - y.mean(), x - x.mean()], axis=1)
         rate = robust_lines(rows, by @ across, 0.002 * side)[1]
-        rates.append(float(np.clip(side * rate / abs(middle), -FURTHEST, FURTHEST)))
+        rates.append(float(np.clip(side * rate / abs(middle), -MAX_RATE, MAX_RATE)))
         weights.append(len(at) * abs(middle))
     if not rates:
         return 0.0
@@ -225,32 +245,34 @@ def _widening(steps: list[Step], along: Array, across: Array, side: float) -> fl
     return float(np.sqrt(np.average((np.array(rates) - mean) ** 2, weights=weights)))
 
 
-def _slide_direction(steps: list[Step], side: float, *, depth: bool, along: Array) -> Array:
-    """Direction of a slide (3,) in the camera's frame, along the motion."""
+def _slide_direction(steps: list[FlowStep], side: float, *, depth: bool, along: Array) -> Array:
+    """Return the direction of a slide (3,) in the camera frame, along the motion."""
     total = np.zeros(3)
     for step in steps:
         total += len(step.at) * robust_lines(_flow_rows(step), step.by.reshape(-1), 1.0)
-    if depth:  # what comes nearer grows: the way is that of a shift over the focal length
+    if depth:  # an approaching part grows: the direction is shift over focal length
         return np.asarray(
-            normalised([total[0] / (FOCAL * side), total[1] / (FOCAL * side), -total[2]])
+            normalised(
+                [total[0] / (FOCAL_RATIO * side), total[1] / (FOCAL_RATIO * side), -total[2]]
+            )
         )
-    way = sum(float((step.by @ along).sum()) for step in steps)
-    return np.array([along[0], along[1], 0.0]) * (1.0 if way >= 0.0 else -1.0)
+    travel = sum(float((step.by @ along).sum()) for step in steps)
+    return np.array([along[0], along[1], 0.0]) * (1.0 if travel >= 0.0 else -1.0)
 
 
 def _path_and_box(
     moving: MovingPoints,
 ) -> tuple[tuple[tuple[float, float], ...], tuple[float, float, float, float]]:
-    """The farthest way of one point, and the box around all."""
+    """Return the longest path of a point, and the box around all points."""
     best, best_far = 0, -1.0
     for n in range(moving.uv.shape[1]):
-        way = moving.uv[moving.visible[:, n], n]
-        far = float(np.linalg.norm(way[-1] - way[0]))
+        travel = moving.uv[moving.visible[:, n], n]
+        far = float(np.linalg.norm(travel[-1] - travel[0]))
         if far > best_far:
             best, best_far = n, far
-    way = moving.uv[moving.visible[:, best], best]
+    travel = moving.uv[moving.visible[:, best], best]
     seen = moving.uv[moving.visible]
     left, top = np.percentile(seen, 2, axis=0)
     right, bottom = np.percentile(seen, 98, axis=0)
-    path = tuple((float(u), float(v)) for u, v in way)
+    path = tuple((float(u), float(v)) for u, v in travel)
     return path, (float(left), float(right), float(top), float(bottom))

@@ -1,10 +1,8 @@
-"""Tracks: points followed through a clip by Lucas and Kanade, forth and back, and sown again."""
+"""Point tracks: Lucas-Kanade optical flow with a forward-backward check, and regular reseeding."""
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -18,15 +16,15 @@ from articulate.transforms import Array
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointTracks:
-    """Points followed through a clip."""
+    """Points tracked through a video."""
 
     uv: Array
     """Pixels (T, N, 2), OpenCV's coordinates."""
     visible: NDArray[np.bool_]
-    """Whether the point is seen (T, N)."""
+    """Visibility (T, N), boolean."""
 
     def __post_init__(self) -> None:
-        """Refuse shapes that do not belong together."""
+        """Check that the shapes match."""
         if self.uv.ndim != 3 or self.uv.shape[2] != 2 or self.visible.shape != self.uv.shape[:2]:
             raise UsageError(
                 f"tracks of shape {self.uv.shape} with visibility {self.visible.shape}; "
@@ -36,31 +34,31 @@ class PointTracks:
 
 @dataclass(frozen=True, kw_only=True)
 class Tracking:
-    """How points are followed."""
+    """Parameters of point tracking."""
 
     most_points: int = 600
-    """Points that are alive at a time."""
+    """Points tracked at a time."""
     every: int = 5
-    """Frames after which points are sown where there are none."""
+    """Frames after which new points are added."""
     spacing_px: int = 6
-    """Least distance between points when sown."""
+    """Least distance of new points to others [px]."""
     quality: float = 0.002
-    """Least corner strength, as a share of the strongest; low, for surfaces are plain."""
+    """Least corner strength, as a share of the strongest; low, since surfaces are plain."""
     back_px: float = 0.7
-    """Farthest a point may come back from where it started when followed backwards."""
+    """Largest forward-backward error [px]."""
     window_px: int = 15
-    """Side of the window that is compared."""
+    """Side of the window that is compared [px]."""
 
 
 def follow_points(
     frames: Pixels, tracking: Tracking | None = None, mask: NDArray[np.bool_] | None = None
 ) -> PointTracks:
-    """Points followed from where they are sown to where they are lost.
+    """Track points from where they are added to where they are lost.
 
     Args:
-        frames: (T, H, W, 3).
-        tracking: How.
-        mask: Where points are sown (H, W); everywhere if None.
+        frames: Colours (T, H, W, 3), 0 to 255.
+        tracking: Parameters.
+        mask: Where points are added (H, W), boolean; everywhere if None.
     """
     how = tracking or Tracking()
     grey = [cv2.GaussianBlur(cv2.cvtColor(f, cv2.COLOR_RGB2GRAY), (0, 0), 0.8) for f in frames]
@@ -68,10 +66,10 @@ def follow_points(
     alive: list[list[tuple[int, float, float]]] = []
     for t, image in enumerate(grey):
         if t:
-            alive = _followed(grey[t - 1], image, t, alive, done, how)
+            alive = _track_points(grey[t - 1], image, t, alive, done, how)
         if t % how.every == 0 and len(alive) < how.most_points:
             spots = np.array([track[-1][1:] for track in alive], dtype=np.float64).reshape(-1, 2)
-            alive += [[(t, u, v)] for u, v in _sown(image, spots, how, mask)]
+            alive += [[(t, u, v)] for u, v in _new_points(image, spots, how, mask)]
     done += alive
     done = [track for track in done if len(track) > 1]
     uv = np.zeros((len(frames), len(done), 2))
@@ -82,30 +80,7 @@ def follow_points(
     return PointTracks(uv=uv, visible=visible)
 
 
-def read_tracks(path: Path, n_frames: int) -> PointTracks:
-    """Tracks that another program computed: an ``.npz`` with ``tracks`` and ``visibility``.
-
-    Raises:
-        UsageError: It cannot be read, or the arrays are not those of a clip of ``n_frames``.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as content:
-            missing = {"tracks", "visibility"} - set(content.files)
-            if missing:
-                raise UsageError(f"{path}: has no array {', '.join(sorted(missing))}")
-            uv = np.asarray(content["tracks"], dtype=np.float64)
-            visible = np.asarray(content["visibility"]).astype(np.bool_)
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise UsageError(
-            f"{path}: cannot be read as tracks ({error}); an .npz of plain arrays tracks (T, N, 2) "
-            "and visibility (T, N) can"
-        ) from None
-    if len(uv) != n_frames:
-        raise UsageError(f"{path}: tracks of {len(uv)} frames; the clip has {n_frames}")
-    return PointTracks(uv=uv, visible=visible & np.isfinite(uv).all(axis=-1))
-
-
-def _followed(
+def _track_points(
     before: Pixels,
     after: Pixels,
     t: int,
@@ -113,12 +88,12 @@ def _followed(
     done: list[list[tuple[int, float, float]]],
     how: Tracking,
 ) -> list[list[tuple[int, float, float]]]:
-    """The tracks that go on; the others are moved to ``done``."""
+    """Return the tracks that continue; the others are moved to ``done``."""
     if not alive:
         return alive
     window = (how.window_px, how.window_px)
     old = np.array([track[-1][1:] for track in alive], dtype=np.float32).reshape(-1, 1, 2)
-    flow: Any = cv2.calcOpticalFlowPyrLK  # its stub forbids the None its manual asks for
+    flow: Any = cv2.calcOpticalFlowPyrLK  # its stub forbids the None that its manual requires
     new, good, _ = flow(before, after, old, None, winSize=window, maxLevel=3)
     back, again, _ = flow(after, before, new, None, winSize=window, maxLevel=3)
     off = np.linalg.norm((back - old).reshape(-1, 2), axis=1)
@@ -136,17 +111,17 @@ def _followed(
     return kept
 
 
-def _sown(
-    image: Pixels, taken: Array, how: Tracking, mask: NDArray[np.bool_] | None
+def _new_points(
+    image: Pixels, occupied: Array, how: Tracking, mask: NDArray[np.bool_] | None
 ) -> NDArray[np.float64]:
-    """New points (N, 2) away from those at ``taken`` (M, 2)."""
+    """Return new points (N, 2) away from those at ``occupied`` (M, 2)."""
     free = (
         np.full(image.shape, 255, dtype=np.uint8) if mask is None else mask.astype(np.uint8) * 255
     )
-    for u, v in taken:
+    for u, v in occupied:
         cv2.circle(free, (round(float(u)), round(float(v))), how.spacing_px, 0, -1)
-    n = max(1, how.most_points - len(taken))
-    corners: Any = cv2.goodFeaturesToTrack  # None where there are none, which its stub hides
+    n = max(1, how.most_points - len(occupied))
+    corners: Any = cv2.goodFeaturesToTrack  # returns None without corners, which its stub hides
     found = corners(image, n, how.quality, how.spacing_px, mask=free)
     if found is None:
         return np.empty((0, 2))

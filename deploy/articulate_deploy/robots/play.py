@@ -150,7 +150,7 @@ def _frames(model: mujoco.MjModel, qpos: Array) -> Iterator[Pixels]:
         camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
         for q in qpos:
             _place(model, data, q)
-            yield canvas.draw(data, camera)
+            yield canvas.render(data, camera)
     finally:
         canvas.close()
 

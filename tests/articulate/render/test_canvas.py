@@ -52,7 +52,7 @@ def test_what_is_high_is_drawn_high_and_what_is_hidden_is_not_drawn():
     camera = mujoco.MjvCamera()
     camera.distance, camera.elevation = 3.0, 0.0
     canvas = Canvas(model, (64, 48), shadows=False)
-    pixels = canvas.draw(data, camera).astype(int)
+    pixels = canvas.render(data, camera).astype(int)
     canvas.close()
     assert pixels.shape == (48, 64, 3)
     red = np.argwhere(pixels[..., 0] > pixels[..., 2] + 50)

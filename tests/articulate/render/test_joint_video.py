@@ -12,9 +12,7 @@ from articulate.render.joint_video import (
     Video,
     poses_of_parts,
     render_video,
-    subsample,
     sweep_positions,
-    write_video,
 )
 from articulate.render.parts import plain_part
 from articulate.render.scene import PartScene
@@ -37,12 +35,12 @@ def test_a_joint_without_limits_turns_by_more_than_a_whole_turn():
     assert pytest.approx(2.0 * np.pi + 0.5) == FULL_TURN_RAD
 
 
-def test_one_limit_alone_is_refused(error_line):
-    error_line("sweep(0.0, None, 10)", lambda: sweep_positions(0.0, None, 10))
+def test_a_single_limit_is_rejected(error_line):
+    error_line("sweep_positions(0.0, None, 10)", lambda: sweep_positions(0.0, None, 10))
 
 
-def test_a_clip_of_one_frame_is_refused(error_line):
-    error_line("sweep(0.0, 1.0, 1)", lambda: sweep_positions(0.0, 1.0, 1))
+def test_a_video_of_one_frame_is_rejected(error_line):
+    error_line("sweep_positions(0.0, 1.0, 1)", lambda: sweep_positions(0.0, 1.0, 1))
 
 
 def sliding_square() -> Video:
@@ -54,7 +52,7 @@ def sliding_square() -> Video:
     return render_video(scene, camera, poses_of_parts(1, [0], pose(ways)), fps=12.0)
 
 
-def test_a_film_shows_the_part_where_it_is_at_each_time():
+def test_a_video_shows_the_part_at_its_position_in_each_frame():
     clip = sliding_square()
     columns = [np.flatnonzero(frame[24, :, 1] < 100).mean() for frame in clip.frames]
     assert np.all(np.diff(columns) > 1.0)  # seen from +x, +y is to the right
@@ -62,9 +60,9 @@ def test_a_film_shows_the_part_where_it_is_at_each_time():
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".webm"])
-def test_a_clip_is_read_back_as_it_was_written(tmp_path, suffix):
+def test_a_video_is_read_back_as_written(tmp_path, suffix):
     clip = sliding_square()
-    path = write_video(tmp_path / f"clip{suffix}", clip)
+    path = clip.write(tmp_path / f"clip{suffix}")
     reader, frames = cv2.VideoCapture(str(path)), []
     while (read := reader.read())[0]:
         frames.append(read[1][..., ::-1])
@@ -75,11 +73,11 @@ def test_a_clip_is_read_back_as_it_was_written(tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_a_clip_of_another_format_is_refused(error_line):
-    error_line('write_clip("clip.gif")', lambda: write_video(Path("clip.gif"), sliding_square()))
+def test_a_video_of_another_format_is_rejected(error_line):
+    error_line('Video.write("clip.gif")', lambda: sliding_square().write(Path("clip.gif")))
 
 
-def test_a_thinned_clip_keeps_its_ends():
-    thin = subsample(sliding_square(), 4)
+def test_a_subsampled_video_keeps_its_ends():
+    thin = sliding_square().subsample(4)
     assert len(thin.frames) == 4
     assert (thin.times_s[0], thin.times_s[-1]) == (0.0, pytest.approx(11.0 / 12.0))

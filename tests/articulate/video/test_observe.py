@@ -1,4 +1,4 @@
-"""Kind and axis of what moves, from pictures whose motion is known."""
+"""Joint type and axis from images of known motion."""
 
 import json
 
@@ -8,11 +8,11 @@ import pytest
 
 from articulate.commands.observe import main
 from articulate.errors import UsageError
-from articulate.render.joint_video import Video, write_video
-from articulate.video.observe import watch
+from articulate.render.joint_video import Video
+from articulate.video.observe import observe_joint
 
 SIDE = 240
-FOCAL = 1.1 * SIDE
+FOCAL_RATIO = 1.1 * SIDE
 
 
 def textured(seed, size=SIDE):
@@ -21,7 +21,7 @@ def textured(seed, size=SIDE):
     return cv2.resize(coarse, (size, size), interpolation=cv2.INTER_NEAREST)
 
 
-def filmed(pose_of, n_frames=24):
+def video_of(pose_of, n_frames=24):
     """A textured square of side 1, three away, moved by ``pose_of(share)``, before a wall."""
     wall, patch = textured(0), textured(1, 160)
     square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
@@ -29,11 +29,11 @@ def filmed(pose_of, n_frames=24):
     frames = []
     for t in range(n_frames):
         points = pose_of(square, t / (n_frames - 1)) + np.array([0.0, 0.0, 3.0])
-        uv = (FOCAL * points[:, :2] / points[:, 2:] + SIDE / 2).astype(np.float32)
+        uv = (FOCAL_RATIO * points[:, :2] / points[:, 2:] + SIDE / 2).astype(np.float32)
         H = cv2.getPerspectiveTransform(source, uv)
-        drawn = cv2.warpPerspective(patch, H, (SIDE, SIDE))
+        warped = cv2.warpPerspective(patch, H, (SIDE, SIDE))
         mask = cv2.warpPerspective(np.full((160, 160), 255, np.uint8), H, (SIDE, SIDE))
-        frames.append(np.where(mask[..., None] > 127, drawn, wall))
+        frames.append(np.where(mask[..., None] > 127, warped, wall))
     return Video(frames=np.stack(frames), times_s=np.arange(n_frames) / 20.0)
 
 
@@ -43,66 +43,70 @@ def hinged(square, share):
     return np.column_stack([arm * np.cos(turn) - 0.5, square[:, 1], -arm * np.sin(turn)])
 
 
-def test_a_part_that_slides_across_the_picture_slides_along_its_way():
-    seen = watch(filmed(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0])), "clip")
+def test_a_part_that_slides_across_the_image_slides_along_its_path():
+    seen = observe_joint(
+        video_of(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0])), "clip"
+    )
     assert seen.kind == "prismatic"
     assert seen.axis_c[1] > 0.97  # down, as it goes
 
 
-def test_a_part_that_comes_nearer_slides_along_the_line_of_sight():
-    seen = watch(filmed(lambda square, s: square + np.array([0.0, 0.0, -1.2 * s])), "clip")
+def test_a_part_that_approaches_slides_along_the_line_of_sight():
+    seen = observe_joint(
+        video_of(lambda square, s: square + np.array([0.0, 0.0, -1.2 * s])), "clip"
+    )
     assert seen.kind == "prismatic"
     assert seen.axis_c[2] < -0.97
 
 
 def test_a_door_turns_about_the_vertical():
-    seen = watch(filmed(hinged), "clip")
+    seen = observe_joint(video_of(hinged), "clip")
     assert seen.kind == "revolute"
     assert abs(seen.axis_c[1]) > 0.97
 
 
-def test_a_clip_in_which_nothing_moves_is_refused():
+def test_a_video_without_motion_is_rejected():
     with pytest.raises(UsageError, match="clip: nothing moves"):
-        watch(filmed(lambda square, s: square), "clip")
+        observe_joint(video_of(lambda square, s: square), "clip")
 
 
-def test_the_command_prints_what_was_seen(tmp_path, capsys):
-    path = write_video(
-        tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
-    )
+def test_the_command_prints_the_observation(tmp_path, capsys):
+    path = video_of(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0])).write(tmp_path / "a.mp4")
     assert main([str(path)]) == 0
     assert capsys.readouterr().out.startswith("prismatic: a part slides along (1.00, ")
 
 
 def test_a_kind_next_to_the_border_is_doubtful_and_exits_3(tmp_path, capsys, monkeypatch):
-    path = write_video(
-        tmp_path / "a.mp4", filmed(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0]))
-    )
+    path = video_of(lambda q, s: q + np.array([0.7 * s - 0.3, 0.0, 0.0])).write(tmp_path / "a.mp4")
     assert main([str(path), "--json"]) == 0
-    widening = json.loads(capsys.readouterr().out)["figures"]["widening"]
-    monkeypatch.setattr("articulate.video.observe.WIDENS", widening * 1.02 + 1e-6)
+    expanding = json.loads(capsys.readouterr().out)["figures"]["expanding"]
+    monkeypatch.setattr("articulate.video.observe.MIN_EXPANSION", expanding * 1.02 + 1e-6)
     assert main([str(path), "--json"]) == 3
-    told = capsys.readouterr()
-    assert json.loads(told.out)["doubtful"] is True
-    assert "doubtful" in told.err
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["doubtful"] is True
+    assert "doubtful" in printed.err
 
 
-def test_confidence_heeds_the_nearer_of_the_two_borders(monkeypatch):
+def test_confidence_is_that_of_the_nearer_of_the_two_borders(monkeypatch):
     """A door far beyond one border and next to the other may be a slide after all."""
-    clip = filmed(hinged)
-    seen = watch(clip, "clip")
+    clip = video_of(hinged)
+    seen = observe_joint(clip, "clip")
     assert not seen.doubtful
-    monkeypatch.setattr("articulate.video.observe.FLEEING", 0.99 * seen.figures["fleeing"])
-    near = watch(clip, "clip")
+    monkeypatch.setattr(
+        "articulate.video.observe.MAX_DEPTH_RATIO", 0.99 * seen.figures["moving_away"]
+    )
+    near = observe_joint(clip, "clip")
     assert (near.kind, near.doubtful) == ("revolute", True)
     assert near.confidence == pytest.approx(0.01 / 0.99)
 
 
-def test_a_slide_by_either_figure_is_as_clear_as_the_clearer_one(monkeypatch):
-    clip = filmed(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0]))
-    seen = watch(clip, "clip")
-    widening = 1.0 - seen.figures["widening"] / 0.48
-    monkeypatch.setattr("articulate.video.observe.FLEEING", 1.01 * seen.figures["fleeing"])
-    near = watch(clip, "clip")
+def test_a_slide_by_either_cue_is_as_clear_as_the_clearer_one(monkeypatch):
+    clip = video_of(lambda square, s: square + np.array([0.0, 0.7 * s - 0.3, 0.0]))
+    seen = observe_joint(clip, "clip")
+    expanding = 1.0 - seen.figures["expanding"] / 0.48
+    monkeypatch.setattr(
+        "articulate.video.observe.MAX_DEPTH_RATIO", 1.01 * seen.figures["moving_away"]
+    )
+    near = observe_joint(clip, "clip")
     assert near.kind == "prismatic"
-    assert near.confidence == pytest.approx(max(widening, 0.01 / 1.01))
+    assert near.confidence == pytest.approx(max(expanding, 0.01 / 1.01))

@@ -1,11 +1,11 @@
-"""Points followed through frames whose motion is known."""
+"""Point tracks in frames of known motion."""
 
 import numpy as np
 import pytest
 
 from articulate.errors import UsageError
 from articulate.video.moving_region import camera_motion, moving_points
-from articulate.video.tracks import PointTracks, follow_points, read_tracks
+from articulate.video.tracks import PointTracks, follow_points
 
 
 def textured(height, width, seed):
@@ -25,7 +25,7 @@ def sliding(n_frames=8, step=3, camera=0):
     return np.stack(frames)
 
 
-def test_followed_points_move_as_the_picture_does():
+def test_tracked_points_move_as_the_image_does():
     frames = np.stack([textured(100, 160, 2)[:, 3 * t : 120 + 3 * t] for t in range(6)])
     tracks = follow_points(frames)
     both = tracks.visible[0] & tracks.visible[5]
@@ -40,50 +40,23 @@ def test_plain_frames_have_no_points():
 
 
 @pytest.mark.parametrize("camera", [0, 2])
-def test_what_moves_is_told_from_the_camera(camera):
+def test_moving_points_are_separated_from_the_camera(camera):
     frames = sliding(camera=camera)
     moving = moving_points(follow_points(frames), (140, 120))
     assert moving.uv.shape[1] > 10
-    ways = []
+    steps = []
     for n in range(moving.uv.shape[1]):
         seen = moving.uv[moving.visible[:, n], n]
-        ways.append((seen[-1] - seen[0]) / (len(seen) - 1))
-    assert np.allclose(np.median(ways, axis=0), [3.0, 0.0], atol=0.3)
+        steps.append((seen[-1] - seen[0]) / (len(seen) - 1))
+    assert np.allclose(np.median(steps, axis=0), [3.0, 0.0], atol=0.3)
 
 
-def test_a_camera_that_stands_still_has_no_motion():
+def test_a_static_camera_has_no_motion():
     motion = camera_motion(follow_points(sliding()))
     centre = motion @ np.array([70.0, 60.0, 1.0])
     assert np.allclose(centre[:, :2], [70.0, 60.0], atol=0.5)
 
 
-def test_tracks_of_another_program_come_back(tmp_path):
-    uv, visible = np.zeros((5, 3, 2)), np.ones((5, 3), dtype=bool)
-    uv[2, 1] = np.nan
-    np.savez(tmp_path / "t.npz", tracks=uv, visibility=visible)
-    tracks = read_tracks(tmp_path / "t.npz", 5)
-    assert not tracks.visible[2, 1]
-    assert tracks.visible.sum() == 14
-
-
-def test_pickled_tracks_are_refused(tmp_path):
-    np.savez(tmp_path / "t.npz", tracks=np.array([{"a": 1}], dtype=object), visibility=np.ones(1))
-    with pytest.raises(UsageError, match="cannot be read as tracks"):
-        read_tracks(tmp_path / "t.npz", 5)
-
-
-def test_tracks_of_another_length_are_refused(tmp_path):
-    np.savez(tmp_path / "t.npz", tracks=np.zeros((4, 3, 2)), visibility=np.ones((4, 3)))
-    with pytest.raises(UsageError, match="tracks of 4 frames; the clip has 5"):
-        read_tracks(tmp_path / "t.npz", 5)
-
-
-def test_tracks_without_visibility_are_refused(tmp_path):
-    np.savez(tmp_path / "t.npz", tracks=np.zeros((5, 3, 2)))
-    with pytest.raises(UsageError, match="no array visibility"):
-        read_tracks(tmp_path / "t.npz", 5)
-
-
-def test_shapes_that_do_not_belong_together_are_refused():
+def test_shapes_that_do_not_belong_together_are_rejected():
     with pytest.raises(UsageError, match="were expected"):
         PointTracks(uv=np.zeros((5, 3, 2)), visible=np.ones((5, 4), dtype=bool))
