@@ -1,8 +1,8 @@
-"""Frozen dataclasses as configuration: YAML in, YAML out, closed sets of keys.
+"""Frozen dataclasses as configuration: read and written as YAML, with closed sets of keys.
 
 The order is: defaults in code, then ``configs/*.yaml``, then the command line. A field may be
 a bool, int, float, str, Path, ``Literal``, another dataclass, a tuple or a dict of these, or
-one of them or None. What is written by ``to_yaml`` reads back as an equal object.
+one of them or None. The output of ``to_yaml`` reads back as an equal object.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 _WORDS = {
     bool: "true or false",
-    int: "a whole number",
+    int: "an integer",
     float: "a number",
     str: "text",
     Path: "a path",
@@ -37,11 +37,11 @@ def load_config(
     source: Path | str | Mapping[str, Any] | None = None,
     overrides: Mapping[str, Any] | None = None,
 ) -> T:
-    """A ``cls`` from a YAML file, a preset's name or a mapping, on top of its defaults.
+    """Read a ``cls`` from a YAML file, a preset's name or a mapping, on top of its defaults.
 
     Args:
         cls: A frozen dataclass.
-        source: A path, a preset's name, a mapping, or None for the defaults alone.
+        source: A path, a preset's name, a mapping, or None for the defaults.
         overrides: Dotted keys and their values, on top of ``source``.
 
     Raises:
@@ -68,13 +68,13 @@ def load_config(
 def from_mapping(
     cls: type[T], mapping: Mapping[str, Any], where: str, *, base: T | None = None
 ) -> T:
-    """A ``cls`` of the values in ``mapping``, nested as its fields are.
+    """Decode a mapping, nested like its fields, into a ``cls``.
 
     Args:
         cls: A dataclass.
-        mapping: Names of fields and their values, as YAML gives them.
-        where: Where the values come from: a file's name, for messages.
-        base: Gives what ``mapping`` leaves out; without it the defaults of ``cls`` do.
+        mapping: Names of fields and their values, as read from YAML.
+        where: Origin of the values for messages, such as a file name.
+        base: Values of fields that ``mapping`` omits; None: the defaults of ``cls``.
 
     Raises:
         ConfigError: A key is not known, is missing, or its value is not accepted.
@@ -84,12 +84,12 @@ def from_mapping(
 
 
 def field_values(cls: type[Any], mapping: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """The decoded values of the fields of ``cls`` that ``mapping`` names; others may be missing."""
+    """Decode the fields of ``cls`` in ``mapping``; others may be missing."""
     return _Decoder(cls, where).fields(cls, mapping, "", None)
 
 
 def to_plain(value: Any) -> Any:
-    """``value`` as dicts, lists, numbers and text, for YAML and JSON alike."""
+    """Convert ``value`` to dicts, lists, numbers and text, for YAML and JSON."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {
             f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init
@@ -102,42 +102,44 @@ def to_plain(value: Any) -> Any:
 
 
 def to_yaml(config: Any) -> str:
-    """``config`` as YAML in the order of its fields; ``load_config`` gives an equal object."""
+    """Return ``config`` as YAML in the order of its fields."""
     # Escapes instead of letters beyond ASCII: PyYAML loses some of them (U+0085) otherwise.
     return str(yaml.safe_dump(to_plain(config), sort_keys=False, width=100))
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """The mapping that ``path`` holds; an empty file gives an empty one.
+    """Read the mapping in ``path``; an empty file gives an empty one.
 
     Raises:
-        ConfigError: It cannot be read, is not YAML, names a key twice, or is no mapping.
+        ConfigError: It cannot be read, is not YAML, has a duplicate key, or is not a mapping.
     """
     content = load_yaml(path, error=ConfigError)
     if content is None:
         return {}
     if not isinstance(content, dict):
-        raise ConfigError(f"{path}: holds {_shown(content)}; it must map names of fields to values")
+        raise ConfigError(
+            f"{path}: holds {_quoted(content)}; it must map names of fields to values"
+        )
     return content
 
 
 def preset_folder() -> Path:
-    """Where the presets lie: in the package when installed from a wheel, else in the checkout."""
+    """Folder of the presets: in the package if installed from a wheel, else in the checkout."""
     package = Path(__file__).resolve().parent
     installed = package / "_configs"
     return installed if installed.is_dir() else package.parents[1] / "configs"
 
 
 def preset_names() -> list[str]:
-    """Names of the presets, sorted."""
+    """Return the names of the presets, sorted."""
     return sorted(path.stem for path in preset_folder().glob("*.yaml"))
 
 
 def preset_path(name: str) -> Path:
-    """Path of the preset called ``name``.
+    """Return the path of the preset ``name``.
 
     Raises:
-        ConfigError: There is none; the message names the nearest.
+        ConfigError: It does not exist; the message lists the nearest.
     """
     known = preset_names()
     if name not in known:
@@ -146,7 +148,7 @@ def preset_path(name: str) -> Path:
 
 
 def find_config(source: Path | str) -> Path:
-    """The file ``source``, or the preset of that name.
+    """Return the file ``source``, or the preset of that name.
 
     Raises:
         ConfigError: It is neither.
@@ -161,7 +163,7 @@ def find_config(source: Path | str) -> Path:
 
 
 def known_keys(cls: type[Any], prefix: str = "") -> Iterator[str]:
-    """Dotted names of all fields of ``cls``, those of nested dataclasses after their own."""
+    """Yield the dotted names of all fields of ``cls``, those of nested dataclasses included."""
     for name, hint in _hints(cls).items():
         yield prefix + name
         for option in _options(hint):
@@ -170,7 +172,7 @@ def known_keys(cls: type[Any], prefix: str = "") -> Iterator[str]:
 
 
 class _Decoder:
-    """Decodes plain values into the fields of one dataclass tree, naming the key that fails."""
+    """Decoder of plain values into one dataclass tree; errors name the key that fails."""
 
     def __init__(self, root: type[Any], where: str) -> None:
         self.root = root
@@ -178,7 +180,7 @@ class _Decoder:
 
     def dataclass(self, cls: type[Any], mapping: Any, key: str, base: Any) -> Any:
         if not isinstance(mapping, Mapping):
-            raise self.refuse(key, mapping, f"a mapping of {', '.join(_hints(cls))}")
+            raise self.rejection(key, mapping, f"a mapping of {', '.join(_hints(cls))}")
         values = self.fields(cls, mapping, key, base)
         try:
             if base is not None:
@@ -211,22 +213,22 @@ class _Decoder:
             for choice in args:
                 if choice == value and type(choice) is type(value):
                     return choice
-            shown = ", ".join(map(str, args))
+            choices = ", ".join(map(str, args))
             close = nearest(value, map(str, args)) if isinstance(value, str) else ""
             close = close if "did you mean" in close else ""
-            raise self.refuse(key, value, f"one of {shown}{close}")
+            raise self.rejection(key, value, f"one of {choices}{close}")
         if origin is tuple:
             return self.tuple(args, value, key)
         if origin in (dict, Mapping):
             if not isinstance(value, Mapping):
-                raise self.refuse(key, value, "a mapping")
+                raise self.rejection(key, value, "a mapping")
             return {
                 self.value(args[0], k, key): self.value(args[1], v, _dotted(key, str(k)))
                 for k, v in value.items()
             }
         if dataclasses.is_dataclass(hint):
-            given = value if not isinstance(value, hint) else to_plain(value)  # type: ignore[arg-type]
-            return self.dataclass(hint, given, key, base if isinstance(base, hint) else None)  # type: ignore[arg-type]
+            plain = value if not isinstance(value, hint) else to_plain(value)  # type: ignore[arg-type]
+            return self.dataclass(hint, plain, key, base if isinstance(base, hint) else None)  # type: ignore[arg-type]
         return self.scalar(hint, value, key)
 
     def union(self, args: tuple[Any, ...], value: Any, key: str, base: Any) -> Any:
@@ -242,15 +244,15 @@ class _Decoder:
                 return self.value(option, value, key, base)
             except ConfigError:
                 continue
-        raise self.refuse(key, value, " or ".join(_WORDS.get(o, str(o)) for o in options))
+        raise self.rejection(key, value, " or ".join(_WORDS.get(o, str(o)) for o in options))
 
     def tuple(self, args: tuple[Any, ...], value: Any, key: str) -> tuple[Any, ...]:
         if not isinstance(value, (list, tuple)):
-            raise self.refuse(key, value, "a list")
+            raise self.rejection(key, value, "a list")
         if len(args) == 2 and args[1] is Ellipsis:
             args = (args[0],) * len(value)
         if len(args) != len(value):
-            raise self.refuse(key, value, f"a list of {len(args)}")
+            raise self.rejection(key, value, f"a list of {len(args)}")
         return tuple(
             self.value(a, v, f"{key}[{i}]")
             for i, (a, v) in enumerate(zip(args, value, strict=True))
@@ -271,11 +273,11 @@ class _Decoder:
             number = number_of(hint, value)
             if number is not None:
                 return number
-        raise self.refuse(key, value, _WORDS[hint])
+        raise self.rejection(key, value, _WORDS[hint])
 
-    def refuse(self, key: str, value: Any, accepted: str) -> ConfigError:
+    def rejection(self, key: str, value: Any, accepted: str) -> ConfigError:
         return ConfigError(
-            f"{self.where}: {key or 'content'} is {_shown(value)}; it must be {accepted}"
+            f"{self.where}: {key or 'content'} is {_quoted(value)}; it must be {accepted}"
         )
 
     def unknown(self, key: str, siblings: list[str]) -> ConfigError:
@@ -288,7 +290,7 @@ class _Decoder:
 
 
 def number_of(hint: type[Any], value: float | str) -> float | int | None:
-    """``value`` as a number, or None; YAML 1.1 takes ``1e-3`` for text, so text may be one."""
+    """Convert ``value`` to a number, or None; YAML 1.1 reads ``1e-3`` as text."""
     if hint is int and isinstance(value, int):
         return value
     if hint is int and isinstance(value, str):
@@ -330,6 +332,6 @@ def _dotted(prefix: str, name: str) -> str:
     return f"{prefix}.{name}" if prefix else name
 
 
-def _shown(value: Any) -> str:
+def _quoted(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

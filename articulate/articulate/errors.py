@@ -5,20 +5,19 @@
     ArticulateError
     ├── UsageError          bad input: one line on stderr, exit 2
     │   ├── ConfigError     a value in a configuration or on the command line
-    │   ├── AssetError      an object that cannot be read or refused with a reason
+    │   ├── AssetError      an object that cannot be read or is rejected
     │   ├── ReachError      a part that the arm cannot reach
     │   ├── RunError        a run folder that is absent, foreign or in the way
     │   ├── BundleError     a bundle that was changed or cannot be read
-    │   ├── EngineError     an environment asked for what it does not do
-    │   └── MissingError    an optional package, or a key, that is not there
-    ├── KilledError         a process of ours that was ended from outside, exit 128 + signal
+    │   ├── EngineError     a call that an environment does not support
+    │   └── MissingError    an optional package or a key that is missing
+    ├── KilledError         a child process that was killed, exit 128 + signal
     └── DivergedError       training produced values that are not finite
 
-Four more stand where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
+Four more are defined where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
 ``AbsentMesh``, an AssetError, and ``NotConnectedError``.
 
-Every message is one line: what was wrong with which value, where it came from, what would
-be accepted, what to do next.
+Every message is one line: the wrong value, its origin, the accepted values, the next step.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class ConfigError(UsageError):
 
 
 class AssetError(UsageError):
-    """An object that cannot be read, or that was refused."""
+    """An object that cannot be read or is rejected."""
 
 
 class ReachError(UsageError):
@@ -57,7 +56,7 @@ class BundleError(UsageError):
 
 
 class EngineError(UsageError):
-    """An environment asked for what it does not do: a wrong action, a step before a reset."""
+    """A call that an environment does not support: a wrong action, a step before a reset."""
 
 
 class MissingError(UsageError):
@@ -65,12 +64,12 @@ class MissingError(UsageError):
 
 
 class KilledError(ArticulateError):
-    """A process of ours was ended from outside: no bug, and worth another try."""
+    """A child process was killed from outside: not a bug, another try may succeed."""
 
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
         self.exit_code = 128 + number
-        """What a shell tells of a process that signal ``number`` has ended."""
+        """Exit code that shells report for a process killed by signal ``number``."""
 
 
 class DivergedError(ArticulateError):
@@ -100,7 +99,7 @@ def shorten(text: object, limit: int = MAX_QUOTED) -> str:
 
 
 def field_error(error: KeyError | TypeError) -> str:
-    """What a constructor or a look-up complained of, in words for those who wrote the file."""
+    """Describe the error of a constructor or look-up for the author of the file."""
     text = str(error)
     unknown = re.search(r"unexpected keyword argument '(\w+)'", text)
     if unknown:
@@ -114,11 +113,11 @@ def field_error(error: KeyError | TypeError) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """The sentence part ``"; did you mean X?"``, or the list of what exists.
+    """Return ``"; did you mean X?"``, or the list of the known words.
 
     Args:
-        word: What was given.
-        known: What would have been accepted.
+        word: The unknown word.
+        known: Accepted words.
     """
     options = sorted(known)
     close = difflib.get_close_matches(word, options, n=1, cutoff=0.6)

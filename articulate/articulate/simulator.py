@@ -1,15 +1,14 @@
-"""MuJoCo, as everything here imports it.
+"""MuJoCo with its warnings sent to a logger.
 
-Left to itself it writes its warnings to standard output and into ``MUJOCO_LOG.TXT`` in whatever
-folder a person stands in. Here they go to a logger instead; what matters of them is found by
-measuring (a state that diverges, a mass that is none).
+By default MuJoCo prints warnings and appends them to ``MUJOCO_LOG.TXT`` in the current folder.
+Problems that matter are detected by measurement (a diverging state, a missing mass).
 """
 
 from __future__ import annotations
 
 import logging
 
-import mujoco  # noqa: TID251  # the one place
+import mujoco  # noqa: TID251  # the only import
 
 __all__ = ["mujoco"]
 

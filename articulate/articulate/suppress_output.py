@@ -1,4 +1,4 @@
-"""Silence: what libraries print below Python, kept off the standard streams."""
+"""Suppress output that native libraries print below Python."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from contextlib import contextmanager
 
 @contextmanager
 def suppress_output() -> Iterator[None]:
-    """Lead descriptors 1 and 2 to nowhere while the block runs; no other thread may print."""
+    """Redirect file descriptors 1 and 2 to the null device; no other thread may print."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept = [os.dup(stream) for stream in (1, 2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    null = os.open(os.devnull, os.O_WRONLY)
     try:
         for stream in (1, 2):
-            os.dup2(nowhere, stream)
+            os.dup2(null, stream)
         yield
     finally:
-        ctypes.CDLL(None).fflush(None)  # what C has kept back goes nowhere, too
+        ctypes.CDLL(None).fflush(None)  # buffered output of C is discarded as well
         for stream, copy in zip((1, 2), kept, strict=True):
             os.dup2(copy, stream)
             os.close(copy)
-        os.close(nowhere)
+        os.close(null)

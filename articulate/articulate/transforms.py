@@ -15,14 +15,14 @@ Ints = NDArray[np.int64]
 
 
 def normalised(v: ArrayLike, *, axis: int = -1) -> Array:
-    """Unit vectors along ``v``; a zero vector stays zero."""
+    """Return unit vectors along ``v``; a zero vector stays zero. The shape is kept."""
     v = np.asarray(v, dtype=np.float64)
     length = np.linalg.norm(v, axis=axis, keepdims=True)
     return v / np.where(length > 0.0, length, 1.0)
 
 
 def quat_to_matrix(quat: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) of quaternions ``wxyz`` (..., 4); they are normalised first."""
+    """Return rotation matrices (..., 3, 3) of quaternions ``wxyz`` (..., 4), normalised first."""
     w, x, y, z = np.moveaxis(normalised(quat), -1, 0)
     out = np.empty((*w.shape, 3, 3))
     out[..., 0, 0] = 1 - 2 * (y * y + z * z)
@@ -38,7 +38,7 @@ def quat_to_matrix(quat: ArrayLike) -> Array:
 
 
 def matrix_to_quat(matrix: ArrayLike) -> Array:
-    """Quaternions ``wxyz`` (..., 4) with w >= 0 of rotation matrices (..., 3, 3).
+    """Return quaternions ``wxyz`` (..., 4) with w >= 0 of rotation matrices (..., 3, 3).
 
     The eigenvector form of I. Bar-Itzhack, "New method for extracting the quaternion from a
     rotation matrix", J. Guidance 23(6), 2000: stable for every angle.
@@ -61,7 +61,7 @@ def matrix_to_quat(matrix: ArrayLike) -> Array:
 
 
 def axis_angle_to_matrix(axis: ArrayLike, angle: ArrayLike) -> Array:
-    """Rotations (..., 3, 3) by ``angle`` [rad] (...) about unit ``axis`` (..., 3) (Rodrigues)."""
+    """Return rotation matrices (..., 3, 3) by ``angle`` (...) [rad] about a unit axis (..., 3)."""
     axis = np.asarray(axis, dtype=np.float64)
     half = np.asarray(angle, dtype=np.float64)[..., None] / 2.0
     quat = np.concatenate([np.cos(half) * np.ones_like(axis[..., :1]), np.sin(half) * axis], -1)
@@ -69,7 +69,7 @@ def axis_angle_to_matrix(axis: ArrayLike, angle: ArrayLike) -> Array:
 
 
 def rpy_to_matrix(rpy: ArrayLike) -> Array:
-    """Rotations (..., 3, 3) of URDF's fixed-axis roll, pitch, yaw [rad] (..., 3)."""
+    """Return rotation matrices (..., 3, 3) of URDF's fixed-axis roll, pitch, yaw (..., 3) [rad]."""
     rpy = np.asarray(rpy, dtype=np.float64)
     eye = np.eye(3)
     x, y, z = (axis_angle_to_matrix(eye[i], rpy[..., i]) for i in range(3))
@@ -77,13 +77,16 @@ def rpy_to_matrix(rpy: ArrayLike) -> Array:
 
 
 def matrix_to_rpy(matrix: ArrayLike) -> Array:
-    """URDF's roll, pitch, yaw [rad] (..., 3) of rotations (..., 3, 3); yaw 0 at gimbal lock."""
+    """Return URDF's roll, pitch, yaw (..., 3) [rad] of rotation matrices (..., 3, 3).
+
+    Yaw is 0 at gimbal lock.
+    """
     m = np.asarray(matrix, dtype=np.float64)
     cos_pitch = np.hypot(m[..., 0, 0], m[..., 1, 0])
     pitch = np.arctan2(-m[..., 2, 0], cos_pitch)
     yaw = np.where(cos_pitch < 1e-12, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
-    # Roll of what is left when yaw is taken off. Near gimbal lock yaw is mostly rounding; this
-    # roll makes up for it, so that the three together are the given rotation all the same.
+    # Roll of the rotation without yaw. Near gimbal lock yaw is mostly rounding error; this roll
+    # compensates it, so that the three angles together give the input rotation.
     sin, cos = np.sin(yaw), np.cos(yaw)
     roll = np.arctan2(
         sin * m[..., 0, 2] - cos * m[..., 1, 2], cos * m[..., 1, 1] - sin * m[..., 0, 1]
@@ -92,7 +95,10 @@ def matrix_to_rpy(matrix: ArrayLike) -> Array:
 
 
 def pose(pos: ArrayLike, rotation: ArrayLike | None = None) -> Array:
-    """Poses (..., 4, 4) of positions (..., 3) and rotations (..., 3, 3), identity by default."""
+    """Return poses (..., 4, 4) of positions (..., 3) [m] and rotation matrices (..., 3, 3).
+
+    The rotation is the identity by default.
+    """
     pos = np.asarray(pos, dtype=np.float64)
     rot = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
     batch = np.broadcast_shapes(pos.shape[:-1], rot.shape[:-2])
@@ -104,14 +110,14 @@ def pose(pos: ArrayLike, rotation: ArrayLike | None = None) -> Array:
 
 
 def inverse(T: ArrayLike) -> Array:
-    """Inverse poses (..., 4, 4) of rigid transforms."""
+    """Return the inverse of rigid transforms (..., 4, 4), homogeneous matrices."""
     T = np.asarray(T, dtype=np.float64)
     rot = np.swapaxes(T[..., :3, :3], -1, -2)
     return pose(-np.einsum("...ij,...j->...i", rot, T[..., :3, 3]), rot)
 
 
 def apply(T: ArrayLike, points: ArrayLike) -> Array:
-    """``points`` (..., 3) moved by rigid transforms ``T`` (..., 4, 4)."""
+    """Transform ``points`` (..., 3) [m] by rigid transforms ``T`` (..., 4, 4)."""
     T = np.asarray(T, dtype=np.float64)
     points = np.asarray(points, dtype=np.float64)
     moved: Array = np.einsum("...ij,...j->...i", T[..., :3, :3], points) + T[..., :3, 3]
@@ -119,7 +125,7 @@ def apply(T: ArrayLike, points: ArrayLike) -> Array:
 
 
 def angle_between(a: ArrayLike, b: ArrayLike) -> Array:
-    """Angle [rad] in [0, pi] between vectors (..., 3), exact near 0 and pi.
+    """Return the angle (...) [rad] in [0, pi] between vectors (..., 3), exact near 0 and pi.
 
     W. Kahan, "How futile are mindless assessments of roundoff", 2006: twice the arctangent of
     the half-difference over the half-sum of the unit vectors.
@@ -131,9 +137,10 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def rotation_angle(matrix: ArrayLike) -> Array:
-    """Angle [rad] in [0, pi] of rotations (..., 3, 3), exact near 0 and pi.
+    """Return the angle (...) [rad] in [0, pi] of rotation matrices (..., 3, 3).
 
-    The antisymmetric part has twice the sine, the trace twice the cosine and one.
+    It is exact near 0 and pi: the antisymmetric part has twice the sine, the trace is one plus
+    twice the cosine.
     """
     m = np.asarray(matrix, dtype=np.float64)
     x, y = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0]

@@ -12,7 +12,7 @@ from articulate.errors import AssetError, EngineError
 from articulate.robot.control import GripperState, filter_start, hand_start
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import WIDTH
-from articulate.task.object_placement import way_of
+from articulate.task.object_placement import handle_path_of
 from articulate.task.randomization import COLUMNS, EpisodeParams
 from articulate.task.randomization_config import MAX_DELAY_STEPS
 from articulate.transforms import Array, Ints, matrix_to_quat
@@ -89,7 +89,7 @@ class BufferedEngine(ABC):
         self._delay = np.zeros(n_envs, dtype=np.int64)
         self._due = np.zeros((n_envs, 7))
         self._shown = Shown(
-            part=part_of(way_of(scene.asset, scene.task.joint, flip=scene.place.flip)),
+            part=part_of(handle_path_of(scene.asset, scene.task.joint, flip=scene.place.flip)),
             T_wo=self._T_wo,
             scale=np.ones(n_envs),
             size=np.ones(n_envs),

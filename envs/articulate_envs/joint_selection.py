@@ -14,7 +14,7 @@ from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task, make_task, matching_joints, no_joint_error
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.placement_search import ObjectPlacement, find_placement, handle_way
+from articulate_envs.placement_search import ObjectPlacement, find_placement, handle_poses
 from articulate_envs.scene import build_scene
 
 HOME_HEIGHT_M = 0.78
@@ -74,7 +74,7 @@ def choose_joint(config: Wish, asset: Asset) -> tuple[Task, ObjectPlacement]:
         except ReachError as error:
             reasons.append(str(error).removeprefix(f"{asset.name}: "))
             continue
-        height = float(handle_way(asset, joint.name, np.zeros(()))[2, 3])
+        height = float(handle_poses(asset, joint.name, np.zeros(()))[2, 3])
         found.append((abs(height - HOME_HEIGHT_M), task, place))
     if not found:
         others = f"none of {len(reasons)} joints can be reached: " if len(reasons) > 1 else ""

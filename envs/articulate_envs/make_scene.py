@@ -38,8 +38,10 @@ class EnvConfig:
     """What is asked."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
-    closed: Literal["auto", "lower", "upper"] = "auto"
-    """Which limit of the joint is its closed end."""
+    closed: Literal["auto", "lower", "upper", "zero"] = "auto"
+    """Closed position: a joint limit, or 0 inside the range."""
+    up: Literal["z", "y"] = "z"
+    """Axis of the file that points up."""
     size: float | None = None
     """Longest side of the object [m]; by default its own size, or that of its category."""
     category: str | None = None
@@ -127,7 +129,9 @@ def make_scene(config: EnvConfig) -> Scene:
     Raises:
         UsageError: The object cannot be read, was refused, or cannot be reached.
     """
-    wish = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
+    wish = ConvertConfig(
+        size_m=config.size, category=config.category, closed=config.closed, up=config.up
+    )
     cache = cache_folder()
     with cache_in_use(cache):
         asset = load_checked_asset(Path(config.asset), cache, wish)

@@ -14,7 +14,7 @@ from articulate.robot.kinematics import joint_poses, manipulability, solve_ik, t
 from articulate.task.object_placement import (
     ObjectPlacement,
     handle_in_world,
-    handle_way,
+    handle_poses,
     object_pose,
     tilted,
 )
@@ -134,7 +134,7 @@ def find_placement(
             found
             for tilt_rad in stage.tilts_rad
             for flip in (False, True)
-            for yaw in _yaws(handle_way(asset, task.joint, np.zeros(()))[:3, 2])
+            for yaw in _yaws(handle_poses(asset, task.joint, np.zeros(()))[:3, 2])
             for y in Y_M
             for found in _places(
                 tilted(asset, task.joint, tilt_rad), task, arm, way, stage, flip, yaw, y, tilt_rad
@@ -147,7 +147,7 @@ def find_placement(
         if best is not None and best[0] >= GOOD:
             break
     if best is None:
-        handles = handle_way(asset, task.joint, way)[:, :3, 3]
+        handles = handle_poses(asset, task.joint, way)[:, :3, 3]
         travel = float(np.linalg.norm(np.ptp(handles, axis=0)))
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} cannot be followed over its {travel:.2f} m "
@@ -215,11 +215,11 @@ def _places(
     tilt_rad: float,
 ) -> list[tuple[float, ObjectPlacement]]:
     """Places from which the whole way can be followed, with their scores."""
-    closed, first = handle_way(asset, task.joint, np.array([0.0, task.begin[1]]), flip=flip)
+    closed, first = handle_poses(asset, task.joint, np.array([0.0, task.begin[1]]), flip=flip)
     turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), yaw)
     start_q = _start(arm, turn @ closed[:3, :3], stage.back_m)
     grid = np.array([(x - stage.back_m, y, z) for z in stage.z_m for x in stage.x_m])
-    way_o = handle_way(asset, task.joint, way, flip=flip)
+    way_o = handle_poses(asset, task.joint, way, flip=flip)
     way_o[:, :3, 3] -= first[:3, 3]
     score, margin, able = _scored(arm, way_o, turn, grid, start_q, stage.standoff_m)
     return [

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from articulate.robot.kinematics import relative, small_twist
-from articulate.task.object_placement import HandlePath, way_of
+from articulate.task.object_placement import HandlePath, handle_path_of
 from articulate.task.observation import ACTION
 from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array, Mask, pose, rotation_angle
@@ -153,7 +153,7 @@ class ScriptedExpert:
 def make_scripted_expert(scene: Scene) -> ScriptedExpert:
     """The guide of ``scene``."""
     task = scene.task
-    way = way_of(scene.asset, task.joint, flip=scene.place.flip)
+    way = handle_path_of(scene.asset, task.joint, flip=scene.place.flip)
     grasp = grasp_of(scene.asset.handle_of(task.joint))
     if task.closes:
         aim = SHUT * task.target

@@ -18,7 +18,7 @@ from articulate_envs.placement_search import (
     MIN_MANIPULABILITY,
     find_placement,
     handle_in_world,
-    handle_way,
+    handle_poses,
     object_pose,
 )
 
@@ -120,7 +120,7 @@ def test_object_that_stands_turned_is_turned_back(tmp_path, drawer):
         turned, make_task("open_drawer", turned, "drawer_2_slide"), PANDA, RandomizationConfig()
     )
     assert abs(place.yaw_rad) == pytest.approx(np.pi / 2)
-    way = place.T_wo() @ handle_way(turned, "drawer_2_slide", np.array([0.0, 1.0]))
+    way = place.T_wo() @ handle_poses(turned, "drawer_2_slide", np.array([0.0, 1.0]))
     assert_allclose(way[0, :3, 2], [1, 0, 0], atol=1e-9)
     assert_allclose(way[1, :3, 3] - way[0, :3, 3], [-0.28, 0, 0], atol=1e-9)
 
@@ -168,8 +168,8 @@ def test_closed_handle_stays_where_it_is_but_for_the_shift_whatever_size_and_tur
 
 def test_flipped_way_is_the_same_handle_turned_about_its_approach(drawer):
     opened = np.linspace(0, 1, 3)
-    plain = handle_way(drawer.asset, drawer.task.joint, opened)
-    flipped = handle_way(drawer.asset, drawer.task.joint, opened, flip=True)
+    plain = handle_poses(drawer.asset, drawer.task.joint, opened)
+    flipped = handle_poses(drawer.asset, drawer.task.joint, opened, flip=True)
     assert_allclose(flipped[:, :3, 2:], plain[:, :3, 2:])
     assert_allclose(flipped[:, :3, :2], -plain[:, :3, :2])
 

@@ -10,7 +10,7 @@ from tests.runs import JOINT, TINY_PPO
 
 from articulate.config import load_config
 from articulate.errors import AssetError, ReachError, RunError, UsageError
-from articulate.task.object_placement import handle_way
+from articulate.task.object_placement import handle_poses
 from articulate.task.randomization_config import RandomizationConfig
 from articulate_envs import joint_selection
 from articulate_envs.joint_selection import HOME_HEIGHT_M, choose_joint
@@ -18,12 +18,12 @@ from articulate_train import run as runs
 from articulate_train.config import CheckpointSelectionConfig, PpoConfig, TrainConfig
 from articulate_train.run import DONE, create_run, open_run, prepare_asset, resume_run, run_bytes
 
-DRAWS = dataclasses.replace(RandomizationConfig(), scales=3)
+RANGES = dataclasses.replace(RandomizationConfig(), scales=3)
 
 
-def wish(asset, **changes):
+def config_of(asset, **changes):
     return TrainConfig(
-        asset=str(asset.folder), randomization=DRAWS, ppo=TINY_PPO, steps=64, **changes
+        asset=str(asset.folder), randomization=RANGES, ppo=TINY_PPO, steps=64, **changes
     )
 
 
@@ -32,19 +32,19 @@ def without_handles(asset, *links):
     return dataclasses.replace(asset, handles=kept)
 
 
-def test_joint_that_is_named_is_taken(cabinet):
-    task, place = choose_joint(wish(cabinet, joint="drawer_1_slide"), cabinet)
+def test_a_named_joint_is_selected(cabinet):
+    task, place = choose_joint(config_of(cabinet, joint="drawer_1_slide"), cabinet)
     assert task.joint == "drawer_1_slide"
     assert place.reachable_share > 0.99
 
 
-def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_taken(cabinet):
+def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_used(cabinet):
     heights = {
-        joint.name: float(handle_way(cabinet, joint.name, np.zeros(()))[2, 3])
+        joint.name: float(handle_poses(cabinet, joint.name, np.zeros(()))[2, 3])
         for joint in cabinet.joints
     }
     nearest = min(heights, key=lambda name: abs(heights[name] - HOME_HEIGHT_M))
-    task, _ = choose_joint(wish(cabinet), cabinet)
+    task, _ = choose_joint(config_of(cabinet), cabinet)
     assert task.joint == nearest == JOINT
 
 
@@ -57,43 +57,43 @@ def test_of_several_joints_those_that_cannot_be_reached_are_passed_over(cabinet,
         return reached(config, asset, joint)
 
     monkeypatch.setattr(joint_selection, "_reached", picky)
-    assert choose_joint(wish(cabinet), cabinet)[0].joint == "drawer_1_slide"
+    assert choose_joint(config_of(cabinet), cabinet)[0].joint == "drawer_1_slide"
 
 
 def test_of_several_joints_those_without_a_handle_are_passed_over(cabinet):
     bare = without_handles(cabinet, "drawer_2", "drawer_0")
-    assert choose_joint(wish(cabinet), bare)[0].joint == "drawer_1_slide"
+    assert choose_joint(config_of(cabinet), bare)[0].joint == "drawer_1_slide"
 
 
 def test_joint_that_is_not_there_is_answered_with_those_that_match(cabinet, error_line):
     error_line(
         "choose_joint(--joint drawer_9_slide)",
-        lambda: choose_joint(wish(cabinet, joint="drawer_9_slide"), cabinet),
+        lambda: choose_joint(config_of(cabinet, joint="drawer_9_slide"), cabinet),
     )
 
 
 def test_no_joint_for_the_task_is_answered_with_what_there_is(cabinet, error_line, tmp_path):
 
     cupboard = make_cupboard(tmp_path / "cupboard")
-    error_line("choose_joint(cupboard)", lambda: choose_joint(wish(cupboard), cupboard))
-    named = wish(cupboard, joint="lid")
+    error_line("choose_joint(cupboard)", lambda: choose_joint(config_of(cupboard), cupboard))
+    named = config_of(cupboard, joint="lid")
     error_line("choose_joint(cupboard, --joint lid)", lambda: choose_joint(named, cupboard))
 
 
 def test_no_joint_that_can_be_reached_is_answered_with_the_reason_once(tmp_path, error_line):
     far = make_cabinet(tmp_path / "far", travel_m=2.0)
-    line = error_line("choose_joint(drawers of 2 m)", lambda: choose_joint(wish(far), far))
+    line = error_line("choose_joint(drawers of 2 m)", lambda: choose_joint(config_of(far), far))
     assert line.count("cabinet:") == 1
 
 
-def test_no_handle_at_all_is_said(cabinet, error_line):
+def test_no_handle_at_all_is_an_error(cabinet, error_line):
     bare = without_handles(cabinet, "drawer_0", "drawer_1", "drawer_2")
-    error_line("choose_joint(no handles)", lambda: choose_joint(wish(bare), bare))
+    error_line("choose_joint(no handles)", lambda: choose_joint(config_of(bare), bare))
 
 
-def test_drawn_poses_out_of_reach_are_refused(cabinet, error_line):
+def test_sampled_poses_out_of_reach_are_rejected(cabinet, error_line):
     wide = dataclasses.replace(
-        wish(cabinet), randomization=dataclasses.replace(DRAWS, position_m=0.4)
+        config_of(cabinet), randomization=dataclasses.replace(RANGES, position_m=0.4)
     )
     named = dataclasses.replace(wide, joint=JOINT)
     with pytest.raises(ReachError, match="drawn poses"):
@@ -101,23 +101,23 @@ def test_drawn_poses_out_of_reach_are_refused(cabinet, error_line):
 
 
 @pytest.fixture
-def proven(cabinet, monkeypatch):
-    """The cabinet is taken as proven: proving it takes its time."""
+def checked(cabinet, monkeypatch):
+    """The cabinet is not checked, which takes a while."""
     monkeypatch.setattr(runs, "prepare_asset", lambda *_: cabinet)
     return cabinet
 
 
-def test_a_refused_object_is_not_trained_on(tmp_path):
+def test_a_rejected_object_is_not_trained_on(tmp_path):
     far = make_cabinet(tmp_path / "far")
     (far.folder / "object.urdf").unlink()  # it belongs to an asset
     with pytest.raises(AssetError, match="refused: fk: yourdfpy does not read the canonical URDF"):
-        create_run(wish(far), tmp_path / "run", tmp_path / "cache")
+        create_run(config_of(far), tmp_path / "run", tmp_path / "cache")
     assert not (tmp_path / "run").exists()
 
 
-def test_run_that_is_made_is_the_run_that_is_opened(proven, tmp_path):
-    cabinet = proven
-    config = wish(cabinet, joint=JOINT, seeds=(3, 5))
+def test_run_that_is_made_is_the_run_that_is_opened(checked, tmp_path):
+    cabinet = checked
+    config = config_of(cabinet, joint=JOINT, seeds=(3, 5))
     made = create_run(config, tmp_path / "runs" / "one", tmp_path / "cache")
     assert made == open_run(made.folder)
     assert made.config == config
@@ -133,29 +133,29 @@ def test_folder_in_the_way_is_left_alone(cabinet, tmp_path, error_line):
     (tmp_path / "out" / "kept.txt").write_text("mine")
     error_line(
         "create_run(out that exists)",
-        lambda: create_run(wish(cabinet), tmp_path / "out", tmp_path / "cache"),
+        lambda: create_run(config_of(cabinet), tmp_path / "out", tmp_path / "cache"),
     )
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["kept.txt"]
 
 
-def test_an_empty_folder_is_taken(proven, tmp_path):
+def test_an_empty_folder_is_used(checked, tmp_path):
     folder = tmp_path / "empty"
     folder.mkdir()
-    create_run(wish(proven, joint=JOINT), folder, tmp_path / "cache")
+    create_run(config_of(checked, joint=JOINT), folder, tmp_path / "cache")
     assert open_run(folder).task.joint == JOINT
 
 
-def test_a_run_that_another_call_made_meanwhile_is_in_the_way(proven, tmp_path, monkeypatch):
+def test_a_run_that_another_call_made_meanwhile_is_in_the_way(checked, tmp_path, monkeypatch):
     folder = tmp_path / "race"
-    config = wish(proven, joint=JOINT)
+    config = config_of(checked, joint=JOINT)
     create_run(config, folder, tmp_path / "cache")
     monkeypatch.setattr(runs, "_check_free", lambda _: None)
-    with pytest.raises(RunError, match="exists; go on with --resume"):
+    with pytest.raises(RunError, match="exists; continue with --resume"):
         create_run(config, folder, tmp_path / "cache")
 
 
-def test_a_category_that_no_table_has_is_refused(cabinet, error_line):
-    config = wish(cabinet, category="Storagefurnitur")
+def test_a_category_that_no_table_has_is_rejected(cabinet, error_line):
+    config = config_of(cabinet, category="Storagefurnitur")
     error_line("prepare_asset(category)", lambda: prepare_asset(config, Path("cache")))
 
 
@@ -164,42 +164,44 @@ def test_file_above_the_run_is_said_before_any_work(cabinet, tmp_path, error_lin
     monkeypatch.setattr(runs, "prepare_asset", lambda *_: pytest.fail("worked in vain"))
     error_line(
         "create_run(below a file)",
-        lambda: create_run(wish(cabinet), tmp_path / "file" / "run", tmp_path / "cache"),
+        lambda: create_run(config_of(cabinet), tmp_path / "file" / "run", tmp_path / "cache"),
     )
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RunError("no")])
-def test_run_that_cannot_be_written_leaves_nothing(proven, tmp_path, monkeypatch, error):
+def test_run_that_cannot_be_written_leaves_nothing(checked, tmp_path, monkeypatch, error):
     def full(*_):
         raise error
 
     monkeypatch.setattr(runs, "write_scene", full)
-    config = wish(proven, joint=JOINT)
+    config = config_of(checked, joint=JOINT)
     with pytest.raises(UsageError):
         create_run(config, tmp_path / "runs" / "one", tmp_path / "cache")
     assert list((tmp_path / "runs").iterdir()) == []
 
 
-def test_folder_that_is_no_run_is_said(tmp_path, error_line):
+def test_folder_that_is_no_run_is_an_error(tmp_path, error_line):
     (tmp_path / "photos").mkdir()
     error_line("open_run(photos)", lambda: open_run(tmp_path / "photos"))
     error_line("open_run(none)", lambda: open_run(tmp_path / "none"))
 
 
-def test_folder_of_many_runs_is_said(tmp_path, error_line):
+def test_folder_of_many_runs_is_an_error(tmp_path, error_line):
     (tmp_path / "many").mkdir()
     (tmp_path / "many" / "config.yaml").write_text("steps: 64\n")
     error_line("open_run(many runs)", lambda: open_run(tmp_path / "many"))
 
 
-def test_run_of_before_there_were_members_has_one(tiny):
-    path = tiny.folder / "config.yaml"
-    lines = [line for line in path.read_text().splitlines() if not line.startswith("members")]
-    path.write_text("\n".join(lines))
-    assert open_run(tiny.folder).config.ensemble_size == 1
+def test_run_of_another_version_is_rejected_with_the_command_that_makes_it_anew(tiny, error_line):
+    path = tiny.folder / "scene.json"
+    content = json.loads(path.read_text())
+    del content["schema"], content["schema_version"]
+    path.write_text(json.dumps(content))
+    line = error_line("open_run(schema version 1)", lambda: open_run(tiny.folder))
+    assert f"--task open_drawer --joint {tiny.task.joint}" in line
 
 
-def test_run_that_is_not_whole_is_said(tiny, error_line):
+def test_run_that_is_damaged_is_an_error(tiny, error_line):
     (tiny.folder / "scene.json").write_text("{}")
     error_line("open_run(scene.json of {})", lambda: open_run(tiny.folder))
     (tiny.folder / "scene.json").write_text('{"task"')
@@ -212,14 +214,14 @@ def test_resuming_changes_nothing_of_the_run(tiny):
     assert (tiny.folder / "config.yaml").read_bytes() == before
 
 
-def test_resuming_may_ask_for_more_steps_and_keeps_them(tiny):
+def test_resuming_may_have_more_steps_and_keeps_them(tiny):
     more = dataclasses.replace(tiny.config, steps=640, jobs=2, episodes=9)
     assert resume_run(tiny.folder, more).config == more
     assert open_run(tiny.folder).config == more
     assert load_config(TrainConfig, tiny.folder / "config.yaml") == more
 
 
-def test_resuming_asks_for_no_fewer_steps_than_are_trained(tiny, error_line):
+def test_resuming_needs_at_least_the_trained_steps(tiny, error_line):
     ppo = tiny.config.ppo
     a_round = ppo.n_envs * ppo.n_steps * tiny.config.ensemble_size
     trained = 640 + a_round - 1  # updates are not cut
@@ -235,14 +237,17 @@ def test_resuming_asks_for_no_fewer_steps_than_are_trained(tiny, error_line):
 
 
 @pytest.mark.parametrize(
-    ("net_arch", "envs", "states", "seed_mb"),
+    ("net", "envs", "states", "seed_mb"),
     [((128, 128), 64, 10, 9.9), ((512, 512), 64, 10, 87), ((128, 128), 64, 100, 53)],
 )
 def test_disk_that_a_run_takes_is_no_less_than_it_was_measured_to(
     cabinet, net, envs, states, seed_mb
 ):
-    """Of a seed with two members."""
-    ppo, select = PpoConfig(net_arch=net, n_envs=envs), CheckpointSelectionConfig(n_checkpoints=states)
+    """The seed has two ensemble members."""
+    ppo, select = (
+        PpoConfig(net_arch=net, n_envs=envs),
+        CheckpointSelectionConfig(n_checkpoints=states),
+    )
     config = TrainConfig(asset="a", seeds=(0,), ppo=ppo, checkpoint_selection=select)
     two = dataclasses.replace(config, seeds=(0, 1))
     assert seed_mb < (run_bytes(two, cabinet) - run_bytes(config, cabinet)) / 1e6 < 1.5 * seed_mb

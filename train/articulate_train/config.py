@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from articulate.task.task import Task
 
 SEEDS = 2**32
-"""Upper bound of seeds: numpy's legacy generator, which Stable-Baselines3 seeds, accepts no more."""
+"""Upper bound of seeds, that of numpy's legacy generator, which Stable-Baselines3 seeds."""
 
 
 def check_least(least: int, values: Mapping[str, int]) -> None:
@@ -298,8 +298,10 @@ class TrainConfig:
     """Task; --list-tasks lists them."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
-    closed: Literal["auto", "lower", "upper"] = "auto"
-    """Joint limit that is the closed position."""
+    closed: Literal["auto", "lower", "upper", "zero"] = "auto"
+    """Closed position: a joint limit, or 0 inside the range."""
+    up: Literal["z", "y"] = "z"
+    """Axis of the file that points up."""
     size: float | None = None
     """Longest side of the object [m]; by default its size in the file, or that of its category."""
     category: str | None = None

@@ -41,7 +41,7 @@ class Learner:
         """Build everything from ``config``, ``seed`` and ``member`` without stepping."""
         self.config = config
         stream = np.random.SeedSequence([seed, TRAINING, member])
-        path_m = scene.asset.handle_way(scene.task.joint)
+        path_m = scene.asset.handle_travel(scene.task.joint)
         self.action_scaling = config.action_scaling.for_task(scene.task, path_m)
         ppo = config.ppo
         engine = ThreadEngine(scene, ppo.n_envs, threads=threads)

@@ -110,7 +110,9 @@ def versions() -> dict[str, str]:
 def prepare_asset(config: TrainConfig, cache: Path) -> Asset:
     """Convert and check the object of ``config``, or read it from the cache."""
     check_category(config.category)
-    options = ConvertConfig(size_m=config.size, category=config.category, closed=config.closed)
+    options = ConvertConfig(
+        size_m=config.size, category=config.category, closed=config.closed, up=config.up
+    )
     return load_checked_asset(Path(config.asset), cache, options)
 
 
@@ -174,7 +176,7 @@ def with_object(
         UsageError: The object cannot be read or reached, or has no such joint.
     """
     config = dataclasses.replace(
-        run.config, asset=asset, joint=joint, size=None, category=None, closed="auto"
+        run.config, asset=asset, joint=joint, size=None, category=None, closed="auto", up="z"
     )
     with cache_in_use(cache):
         other, task, placement = _place_object(config, cache, show_progress)

@@ -65,8 +65,11 @@ class CheckFlags:
     category: str | None = None
     """PartNet-Mobility's category, which decides size and weights; by default what the source
     says."""
-    closed: Literal["auto", "lower", "upper"] = "auto"
-    """Which limit is the closed position; auto: the one nearer to 0."""
+    closed: Literal["auto", "lower", "upper", "zero"] = "auto"
+    """Closed position of the joints: a limit, or 0 inside the range; auto: the limit nearer to 0,
+    inferred from geometry where 0 is inside the range."""
+    up: Literal["z", "y"] = "z"
+    """Axis of the file that points up."""
     collada_up: Literal["auto", "file", "y"] = "auto"
     """Whether COLLADA meshes with z up stand as in the file or are turned to y up, as Assimp reads
     them; auto: turned where leaves of doors would turn in their own plane otherwise."""
@@ -103,6 +106,7 @@ class CheckFlags:
             "size_m": self.size,
             "category": self.category,
             "closed": None if self.closed == "auto" else self.closed,
+            "up": None if self.up == "z" else self.up,
             "collada_up": None if self.collada_up == "auto" else self.collada_up,
             "mesh_dirs": [str(path.resolve()) for path in self.mesh_dirs] or None,
             "max_geoms": self.max_geoms,

@@ -1,7 +1,8 @@
-"""Fields of a dataclass as flags: one walk that parsing, ``--help`` and completion share.
+"""Fields of a dataclass as flags, for parsing, ``--help`` and completion.
 
-A field is a flag ``--name-of-field``; fields of a nested dataclass are ``--outer.inner``. A field
-``Annotated[Path, POSITIONAL]`` is an argument without a name.
+A field is a flag ``--name-of-field``; fields of a nested dataclass are ``--set outer.inner=value``. A
+field ``Annotated[Path, POSITIONAL]`` is an argument without a name, and one that is marked
+``ADVANCED`` is listed by ``--help-all`` only.
 """
 
 from __future__ import annotations
@@ -21,26 +22,33 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 from articulate.config import number_of
-from articulate.errors import ConfigError, nearest
+from articulate.errors import ConfigError, nearest, quote
 
 MISSING = dataclasses.MISSING
 _WORDS = {
-    int: ("INT", "a whole number"),
+    int: ("INT", "an integer"),
     float: ("NUMBER", "a number"),
+    bool: ("true|false", "true or false"),
     str: ("TEXT", "text"),
     Path: ("PATH", "a path"),
 }
 _ROLES = re.compile(r":\w+:`([^`]*)`|``?([^`]*)``?")
 
 
-class _Positional:
-    """Marks a field as an argument without a name."""
+class _Mark:
+    """Annotation of a field, compared by its name."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
 
     def __repr__(self) -> str:
-        return "Positional"
+        return self._name
 
 
-POSITIONAL = _Positional()
+POSITIONAL = _Mark("Positional")
+"""Marks a field as an argument without a name."""
+ADVANCED = _Mark("Advanced")
+"""Marks a flag that ``--help`` omits and ``--help-all`` lists."""
 
 
 @dataclass(frozen=True)
@@ -48,49 +56,61 @@ class Flag:
     """One flag or argument."""
 
     path: tuple[str, ...]
-    """Names of the fields that lead to it."""
+    """Names of the fields from the outermost to the innermost."""
     hint: Any
-    """Its type, without None and annotations."""
+    """Type, without None and annotations."""
     default: Any
-    """What it is if it is not given; MISSING where it must be."""
+    """Default value; MISSING if the flag is required."""
     positional: bool = False
     optional: bool = False
-    """It may be None."""
+    """True if it may be None."""
+    advanced: bool = False
+    """True if ``--help`` omits it."""
 
     @property
     def name(self) -> str:
-        """As it is typed: ``--ppo.batch-size``, or ``RUN``."""
+        """Text on the command line: ``--out``, ``--set ppo.batch_size`` or ``RUN``."""
         if self.positional:
             return self.path[-1].upper().replace("_", "-")
-        return "--" + ".".join(self.path).replace("_", "-")
+        return f"--set {self.key}" if self.is_nested else "--" + self.key.replace("_", "-")
+
+    @property
+    def key(self) -> str:
+        """Key of ``--set`` and of YAML files: ``ppo.batch_size``."""
+        return ".".join(self.path)
+
+    @property
+    def is_nested(self) -> bool:
+        """True for fields of nested dataclasses, which are set by ``--set``."""
+        return len(self.path) > 1
 
     @property
     def is_switch(self) -> bool:
-        """It takes no value."""
+        """True if it has no value."""
         return self.hint is bool
 
     @property
     def items(self) -> tuple[Any, ...] | None:
-        """Types of its values where it takes a fixed number of several; None otherwise."""
+        """Types of its values if it has a fixed number of several; None otherwise."""
         args = typing.get_args(self.hint)
         fixed = typing.get_origin(self.hint) is tuple and args[-1] is not Ellipsis
         return args if fixed else None
 
     @property
     def is_list(self) -> bool:
-        """It takes as many values as are given."""
+        """True if it has any number of values."""
         args = typing.get_args(self.hint)
         return typing.get_origin(self.hint) is tuple and args[-1] is Ellipsis
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Values that are accepted where there are few."""
+        """Accepted values of a ``Literal``."""
         item = typing.get_args(self.hint)[0] if self.is_list else self.hint
         return tuple(map(str, typing.get_args(item))) if _is_literal(item) else ()
 
     @property
     def metavar(self) -> str:
-        """What stands for its value in ``--help``."""
+        """Placeholder of its value in ``--help``."""
         if self.is_switch:
             return ""
         if self.items is not None:
@@ -100,22 +120,32 @@ class Flag:
         return _metavar(self.hint)
 
     def value(self, words: list[str]) -> Any:
-        """What ``words`` say.
+        """Convert ``words`` to the value.
 
         Raises:
             ConfigError: They are not accepted.
         """
-        if self.optional and words == ["None"]:
+        if self.optional and words in (["None"], ["null"]):
             return None
         if self.items is not None:
             if len(words) != len(self.items):
-                shown = f"{len(words)} value{'s' * (len(words) != 1)}"
-                raise ConfigError(f"{self.name} has {shown}; it takes {len(self.items)}")
+                count = f"{len(words)} value{'s' * (len(words) != 1)}"
+                raise ConfigError(f"{self.name} has {count}; it takes {len(self.items)}")
             return tuple(self._one(i, w) for i, w in zip(self.items, words, strict=True))
         if self.is_list:
             item = typing.get_args(self.hint)[0]
             return tuple(self._one(item, word) for word in words)
         return self._one(self.hint, words[0])
+
+    def value_of_text(self, text: str) -> Any:
+        """Convert the text after ``--set key=``; several values are separated by commas or spaces.
+
+        Raises:
+            ConfigError: It is not accepted.
+        """
+        if self.items is None and not self.is_list:
+            return self.value([text])
+        return self.value(text.strip("[]()").replace(",", " ").split())
 
     def _one(self, hint: Any, word: str) -> Any:
         for option in _options(hint):
@@ -133,17 +163,16 @@ class Flag:
                 return word == "true"
         close = nearest(word, self.choices) if self.choices else ""
         close = close if "did you mean" in close else ""
-        raise ConfigError(f"{self.name} is {word!r}; it must be {_accepted(hint)}{close}")
+        raise ConfigError(f"{self.name} is {quote(word)}; it must be {_accepted(hint)}{close}")
 
 
 def flags_of(cls: type[Any], default: Any = None, path: tuple[str, ...] = ()) -> Iterator[Flag]:
-    """All flags of a dataclass, those of nested ones where these stand.
+    """Yield all flags of a dataclass, including those of nested dataclasses.
 
     Args:
         cls: The dataclass.
-        default: Gives the defaults in place of those of ``cls``: an instance, or a mapping of
-            some fields.
-        path: Fields that lead to it.
+        default: Replaces the defaults of ``cls``: an instance, or a mapping of some fields.
+        path: Names of the outer fields.
     """
     hints = typing.get_type_hints(cls, include_extras=True)
     for field in dataclasses.fields(cls):
@@ -161,11 +190,12 @@ def flags_of(cls: type[Any], default: Any = None, path: tuple[str, ...] = ()) ->
             default=value,
             positional=any(repr(mark) == "Positional" for mark in marks),
             optional=types.NoneType in _all_options(hint),
+            advanced=any(repr(mark) == "Advanced" for mark in marks),
         )
 
 
 def field_docs(cls: type[Any]) -> dict[str, str]:
-    """What the strings below the fields of ``cls`` say, bases included."""
+    """Return the docstrings of the fields of ``cls``, including those of bases."""
     docs: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         if dataclasses.is_dataclass(base):
@@ -174,13 +204,13 @@ def field_docs(cls: type[Any]) -> dict[str, str]:
 
 
 def default_of(field: dataclasses.Field[Any]) -> Any:
-    """What ``field`` is if nothing is given; MISSING where something must be."""
-    made = field.default_factory
-    return field.default if made is MISSING else made()
+    """Return the default of ``field``; MISSING if it is required."""
+    factory = field.default_factory
+    return field.default if factory is MISSING else factory()
 
 
 def flag_docs(cls: type[Any]) -> dict[tuple[str, ...], str]:
-    """What is said of each flag, and of each group of flags, by its path."""
+    """Return the documentation of each flag and group of flags by path."""
     docs: dict[tuple[str, ...], str] = {(n,): text for n, text in field_docs(cls).items()}
     for name, hint in typing.get_type_hints(cls).items():
         for option in _options(hint):
@@ -191,7 +221,7 @@ def flag_docs(cls: type[Any]) -> dict[tuple[str, ...], str]:
 
 @functools.cache
 def _docs_in(module: str) -> dict[str, dict[str, str]]:
-    """Strings below annotated names, by class and name; empty where there is no source."""
+    """Return the docstrings of fields by class and name; empty without source."""
     try:
         file = inspect.getsourcefile(sys.modules[module])
         tree = ast.parse(Path(file or "").read_text(encoding="utf-8"))
@@ -242,7 +272,7 @@ def _options(hint: Any) -> tuple[Any, ...]:
 
 
 def _without_none(hint: Any) -> Any:
-    """``hint`` without None, where one option is left."""
+    """Return ``hint`` without None if one option is left."""
     options = _options(hint)
     return options[0] if len(options) == 1 else hint
 

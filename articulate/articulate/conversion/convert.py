@@ -20,6 +20,7 @@ from articulate.conversion.joints import Travel, box_volume_of, travel_of
 from articulate.conversion.metric_size import category_of, is_normalised, scale_of
 from articulate.conversion.mimic import followed, with_followers
 from articulate.conversion.provenance import ORIGIN_FILE, origin_of
+from articulate.conversion.up_axis import Z_FROM_Y_UP, parts_opening_upwards
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
 from articulate.files import is_asset, replace_directory, write_text
@@ -37,12 +38,10 @@ from articulate.geometry.presets import joint_dynamics, joint_preset, weight
 from articulate.geometry.rays import NOTHING
 from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
-from articulate.transforms import Array, inverse, matrix_to_quat, pose
+from articulate.transforms import Array, inverse, matrix_to_quat
 
 VERSION = "29"
 """Enters every cache key; change it with anything that changes what is written."""
-Y_UP = pose(np.zeros(3), [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Turns a file with y up to z up (4, 4)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +176,7 @@ def placement_of(reading: Reading, config: ConvertConfig) -> Placement:
         if part.joint is not None
     }
     poses = poses_at(reading.parts, closed)
-    T_up = Y_UP if config.up == "y" else np.eye(4)
+    T_up = Z_FROM_Y_UP if config.up == "y" else np.eye(4)
     boxes = [bounds(reading.geometry[p.name], T_up @ poses[p.name]) for p in reading.parts]
     found = [box for box in boxes if box is not None]
     low = np.min([box[0] for box in found], axis=0)
@@ -245,6 +244,12 @@ def build_asset(
         size_rule=place.rule,
     )
     handles, closed_box = handles_of(asset, bodies, source.repairs)
+    upwards = parts_opening_upwards(asset) if config.up == "z" else ()
+    if upwards:
+        source.repairs.note(
+            f"the object may lie on its back: {', '.join(upwards[:3])} opens upwards; if y points "
+            "up in the file, read it with --up y"
+        )
     asset = replace(asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.sentences)
     return asset, bodies, mimics
 

@@ -71,7 +71,7 @@ def loaded(
     geometry = {part.name: loader.part(part) for part in parts}
     if config.collada_up != "auto" or not any(is_z_up(path) for path in loader.files.values()):
         return loader, geometry
-    flat = leaves_in_plane(parts, geometry) if has_y_up(parts) else ()
+    flat = leaves_in_plane(parts, geometry) if config.up == "y" or has_y_up(parts) else ()
     if not flat:
         return loader, geometry
     before = source.repairs.sentences

@@ -1,4 +1,4 @@
-"""Where an object stands in the world, and where that puts its handle."""
+"""Placement of an object in the world, and the path of its handle."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from articulate.transforms import Array, axis_angle_to_matrix, pose
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectPlacement:
-    """Where the object stands in the world and how the hand starts."""
+    """Pose of the object in the world and start pose of the arm."""
 
     pos_w: tuple[float, float, float]
     """Origin of the object frame in the world frame at nominal size [m]."""
     yaw_rad: float
     """Turn of the object about the vertical [rad]."""
     flip: bool
-    """The hand holds the handle turned by 180 degrees about its approach axis."""
+    """True for a gripper turned by 180 degrees about its approach axis."""
     start_q: tuple[float, ...]
-    """Start pose of the arm, its wrist turned as the handle asks (7,) [rad]."""
+    """Start pose of the arm, its wrist aligned with the handle (7,) [rad]."""
     joint_margin_rad: float
-    """Smallest distance to a joint limit along the nominal way [rad]."""
+    """Smallest distance to a joint limit along the nominal path [rad]."""
     manipulability: float
-    """Smallest singular value of the tool's Jacobian along the nominal way."""
+    """Smallest singular value of the tool's Jacobian along the nominal path."""
     reachable_share: float
-    """Share of drawn poses and sizes at which the whole way can be reached."""
+    """Fraction of sampled poses and sizes at which the complete path is reachable."""
     tilt_rad: float = 0.0
-    """The hand holds the handle turned by this about its long axis [rad]; see :func:`tilted`."""
+    """Turn of the gripper about the long axis of the handle [rad]; see :func:`tilted`."""
 
     def T_wo(self) -> Array:
         """Pose of the object in the world (4, 4)."""
         return pose(self.pos_w, axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), self.yaw_rad))
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return a JSON-compatible dictionary."""
         return asdict(self)
 
 
 def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
-    """``asset`` with the handle of ``joint`` turned by ``tilt_rad`` about its long axis.
+    """Return ``asset`` with the handle of ``joint`` turned by ``tilt_rad`` about its long axis.
 
-    Fingers hold a bar as well from a little above or from the side. Where the part turns, a hand
-    that begins turned the other way can follow farther. What is then between them is as thick as
-    what of the handle the pads reach, which are short.
+    Fingers can hold a bar from slightly above or from the side. On a hinge, a gripper that starts
+    turned the other way can follow the handle farther. The thickness between the fingers is that
+    of the section that the short pads reach.
     """
     if tilt_rad == 0.0:
         return asset
@@ -70,36 +70,36 @@ def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
 
 @dataclass(frozen=True)
 class HandlePath:
-    """How a handle moves in the frame of its object: what does not change is worked out once."""
+    """Path of a handle in the frame of its object, with its constant part precomputed."""
 
     joint: Joint
-    """The joint that moves it."""
+    """Joint that moves it."""
     T_oh: Array
-    """Its pose with that joint at 0 (4, 4)."""
+    """Pose of the handle with that joint at 0 (4, 4)."""
 
     def at(self, opened: Array) -> Array:
-        """Poses ``T_oh`` (..., 4, 4) at fractions ``opened`` (...)."""
+        """Return poses ``T_oh`` (..., 4, 4) [m] at open fractions ``opened`` (...)."""
         moved = joint_motion(self.joint, self.joint.closed + opened * self.joint.span)
         return np.asarray(moved @ self.T_oh)
 
     def in_world(self, *, T_wo: Array, scale: Array, opened: Array) -> Array:
-        """Poses ``T_wh`` (N, 4, 4) of objects of sizes ``scale`` (N,) at ``T_wo`` (N, 4, 4)."""
+        """Return poses ``T_wh`` (N, 4, 4) [m] of objects of sizes ``scale`` (N,) at ``T_wo``."""
         T_oh = self.at(opened)
         T_oh[..., :3, 3] *= np.asarray(scale)[..., None]
         return np.asarray(T_wo @ T_oh)
 
 
-def way_of(asset: Asset, joint: str, *, flip: bool = False) -> HandlePath:
-    """How the handle of ``joint`` moves; with ``flip`` as a hand turned by 180 degrees holds it."""
+def handle_path_of(asset: Asset, joint: str, *, flip: bool = False) -> HandlePath:
+    """Return the path of the handle of ``joint``, with ``flip`` for a gripper turned by 180 deg."""
     T_oh = asset.T_oh(joint, 0.0)
     if flip:
         T_oh = T_oh @ pose(np.zeros(3), np.diag([-1.0, -1.0, 1.0]))
     return HandlePath(asset.joint(joint), np.asarray(T_oh))
 
 
-def handle_way(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:
-    """Handle poses ``T_oh`` (..., 4, 4) in the object frame at fractions ``opened`` (...)."""
-    return way_of(asset, joint, flip=flip).at(opened)
+def handle_poses(asset: Asset, joint: str, opened: Array, *, flip: bool = False) -> Array:
+    """Return handle poses ``T_oh`` (..., 4, 4) [m] at open fractions ``opened`` (...)."""
+    return handle_path_of(asset, joint, flip=flip).at(opened)
 
 
 def handle_in_world(
@@ -111,27 +111,36 @@ def handle_in_world(
     opened: Array,
     flip: bool,
 ) -> Array:
-    """Handle poses ``T_wh`` (N, 4, 4) of objects of sizes ``scale`` (N,) at ``T_wo`` (N, 4, 4)."""
-    return way_of(asset, joint, flip=flip).in_world(T_wo=T_wo, scale=scale, opened=opened)
+    """Return handle poses ``T_wh`` (N, 4, 4) [m].
+
+    Args:
+        asset: The object.
+        joint: Joint that moves the handle.
+        T_wo: Poses of the objects (N, 4, 4) [m].
+        scale: Sizes relative to the asset (N,).
+        opened: Open fractions (N,).
+        flip: The gripper is turned by 180 degrees about its approach axis.
+    """
+    return handle_path_of(asset, joint, flip=flip).in_world(T_wo=T_wo, scale=scale, opened=opened)
 
 
 def object_pose(
     asset: Asset, joint: str, place: ObjectPlacement, *, scale: Array, shift: Array, yaw: Array
 ) -> Array:
-    """Poses ``T_wo`` (N, 4, 4) so that the closed handle stays where it is but for the shift.
+    """Return object poses ``T_wo`` (N, 4, 4) [m] with the closed handle in place but for a shift.
 
-    That is as seen from above: the object keeps its floor, and at another size its handle is
-    higher or lower.
+    The handle keeps its position seen from above; the object stays on its floor, so that at another
+    size its handle is higher or lower.
 
     Args:
         asset: The object.
         joint: Joint of the task.
-        place: Nominal place.
-        scale: Sizes (N,).
+        place: Nominal placement.
+        scale: Sizes relative to the asset (N,).
         shift: Shift of the closed handle along world x and y (N, 2) [m].
         yaw: Turn about the vertical through the closed handle (N,) [rad].
     """
-    grip_o = handle_way(asset, joint, np.zeros(1))[0, :3, 3]
+    grip_o = handle_poses(asset, joint, np.zeros(1))[0, :3, 3]
     nominal = place.T_wo()
     grip_w = nominal[:3, :3] @ grip_o + nominal[:3, 3]
     turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), place.yaw_rad + np.asarray(yaw))

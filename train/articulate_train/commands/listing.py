@@ -1,4 +1,4 @@
-"""``train --list-tasks`` and ``train --list-joints ASSET``: what can be asked, and of what."""
+"""``train --list-tasks`` and ``train --list-joints ASSET``."""
 
 from __future__ import annotations
 
@@ -8,45 +8,47 @@ from typing import TYPE_CHECKING, Literal
 
 from articulate.cache import cache_folder
 from articulate.commands import console
-from articulate.commands.flags import parse
+from articulate.commands.flags import HELP, parse
 
 if TYPE_CHECKING:
     from articulate_train.list_joints import JointRow
 
 LISTS = ("--list-tasks", "--list-joints")
-"""Flags that ask for a list instead of a training."""
+"""Flags that print a list instead of training."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ListFlags:
-    """List the tasks, or the joints of an object and the tasks that can be asked of them.
+    """List the tasks, or the joints of an object with their tasks and feasibility.
 
     Example: train --list-joints cabinet.urdf
     """
 
     list_tasks: bool = False
-    """Print the names of the tasks and what they ask."""
+    """List the tasks."""
     list_joints: str | None = None
-    """Print the joints of this object: URDF or MJCF file, a folder that holds one, or an asset
-    folder."""
-    closed: Literal["auto", "lower", "upper"] = "auto"
-    """Which limit of a joint is its closed end."""
+    """List the joints of this object: URDF, MJCF or SDF file, a folder that holds one, or an asset
+    folder. The feasibility is the success rate of the scripted expert."""
+    closed: Literal["auto", "lower", "upper", "zero"] = "auto"
+    """Closed position: a joint limit, or 0 inside the range."""
+    up: Literal["z", "y"] = "z"
+    """Axis of the file that points up."""
     size: float | None = None
-    """Longest side of the object [m]; by default its own size, or that of its category."""
+    """Longest side of the object [m]; by default its size in the file, or that of its category."""
     category: str | None = None
-    """Category of the object, for its size and material; by default what its folder says."""
+    """Category of the object, for its size and material; by default read from its folder."""
     json: bool = False
-    """Print the lists as JSON and nothing else on standard output."""
+    """Print only the lists, as JSON, on standard output."""
 
 
-def asks_for_a_list(argv: Sequence[str]) -> bool:
-    """Whether ``argv`` asks for a list and not for help."""
+def requests_list(argv: Sequence[str]) -> bool:
+    """Return whether ``argv`` has a list flag and no help flag."""
     flags = {word.split("=", 1)[0].replace("_", "-") for word in argv}
-    return not flags.isdisjoint(LISTS) and flags.isdisjoint(("--help", "-h"))
+    return not flags.isdisjoint(LISTS) and flags.isdisjoint(HELP)
 
 
 def show_list(argv: Sequence[str]) -> int:
-    """Print the lists that ``argv`` asks for."""
+    """Print the lists of the flags in ``argv``."""
     flags = parse(ListFlags, argv, prog="train")
     from articulate_train.list_joints import joint_rows, task_rows  # see commands/train.py
 
@@ -63,11 +65,12 @@ def show_list(argv: Sequence[str]) -> int:
         config = TrainConfig(
             asset=flags.list_joints,
             closed=flags.closed,
+            up=flags.up,
             size=flags.size,
             category=flags.category,
         )
         asset = prepare_asset(config, cache_folder())
-        rows = joint_rows(asset)
+        rows = joint_rows(asset, config, console.show_waiting)
         content |= {"asset": asset.name, "joints": [row.as_dict() for row in rows]}
         lines += [line(row) for row in rows] or [f"{asset.name} has no movable joint"]
     console.emit_json(content) if flags.json else console.emit("\n".join(lines))
@@ -75,8 +78,9 @@ def show_list(argv: Sequence[str]) -> int:
 
 
 def line(row: JointRow) -> str:
-    """A joint as people read it."""
+    """Format a joint as one line."""
     unit = "m" if row.kind == "slide" else "rad"
-    span = "without end" if row.lower is None else f"{row.lower:.3g} to {row.upper:.3g} {unit}"
+    span = "continuous" if row.lower is None else f"{row.lower:.3g} to {row.upper:.3g} {unit}"
     handle = "no handle" if row.handle is None else f"handle: {row.handle}"
-    return f"{row.name}  {row.kind}, {row.part}  {span}  {handle}  {' '.join(row.tasks)}"
+    text = f"{row.name}  {row.kind}, {row.part}  {span}  {handle}  {' '.join(row.tasks)}"
+    return f"{text}  {row.feasibility_text}".rstrip()
