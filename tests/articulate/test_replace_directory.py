@@ -14,10 +14,11 @@ from tests.articulate.conversion.boxes import BODY_BOX, made, written
 
 from articulate.assets.asset import load_asset
 from articulate.conversion import convert
-from articulate.conversion.convert import build_asset, read_input, urdf_in, write_asset
+from articulate.conversion.convert import build_asset, read_input, write_asset
 from articulate.errors import AssetError, UsageError
 from articulate.files import MAX_TRIES, replace_directory
 from articulate.formats.config import ConvertConfig
+from articulate.formats.read_source import find_source
 
 LONG = "x" * 300
 
@@ -129,7 +130,7 @@ def test_two_who_write_one_asset_do_not_meet(tmp_path: Path) -> None:
 
 def test_names_too_long_for_the_disk_are_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match=r"cannot be read \(File name too long\)") as caught:
-        urdf_in(tmp_path / LONG)
+        find_source(tmp_path / LONG)
     assert "\n" not in str(caught.value)
     with pytest.raises(UsageError, match=r"cannot be written \(File name too long\)"):
         convert(written(tmp_path), tmp_path / LONG)

@@ -38,7 +38,7 @@ JOINTS = ("joint", "freejoint")
 BASE = -1
 """PyBullet's index of the root link."""
 
-Judge = Callable[[Mapping[str, float]], dict[str, Array]]
+PoseReader = Callable[[Mapping[str, float]], dict[str, Array]]
 """From joint positions [m or rad] to poses (4, 4) of links, all in one frame."""
 
 
@@ -56,7 +56,7 @@ def check_forward_kinematics(model: ObjectModel) -> tuple[Check, ...]:
     """Compare the MJCF with yourdfpy and PyBullet on the URDF beside it, and with asset.json."""
     path = model.asset.folder / "object.urdf"
     checks = []
-    for name, make in (("yourdfpy", urdf_judge), ("PyBullet", bullet_judge)):
+    for name, make in (("yourdfpy", yourdfpy_reader), ("PyBullet", bullet_reader)):
         try:
             checks.append(_compared(model, make(path), f"{name} on the canonical URDF"))
         except ModuleNotFoundError as error:
@@ -114,16 +114,16 @@ def _noted(model: ObjectModel) -> Iterator[tuple[str, str, float]]:
             said = model.T_ol(data, handle.link) @ handle_frame(handle)
             yield handle.link, f"handle {handle.name}", _difference(own, said)
     for joint in asset.joints:
-        held = asset.handle_of(joint.name)
+        restrained_model = asset.handle_of(joint.name)
         for q in np.linspace(joint.closed, joint.open, NOTED_STATES):
             _only(model, data, {joint.name: float(q)})
             own = model.T_ol(data, joint.link)
             error = _difference(own, asset.T_ol(joint.name, q))
             yield joint.link, f"link {joint.link} with joint {joint.name} at {q:.3g}", error
-            if held is not None and held.name in sites:
-                own = _site(model, data, sites[held.name])
+            if restrained_model is not None and restrained_model.name in sites:
+                own = _site(model, data, sites[restrained_model.name])
                 error = _difference(own, asset.T_oh(joint.name, q))
-                yield joint.link, f"handle {held.name} with joint {joint.name} at {q:.3g}", error
+                yield joint.link, f"handle {restrained_model.name} with joint {joint.name} at {q:.3g}", error
 
 
 def _only(model: ObjectModel, data: Any, q: Mapping[str, float]) -> None:
@@ -150,21 +150,21 @@ def check_input_kinematics(
         source: URDF or MJCF that went in.
         frame: Scale and root frame, which conversion may choose.
     """
-    judges = {".xml": (("MuJoCo", mjcf_judge),)}.get(
-        source.suffix.lower(), (("yourdfpy", urdf_judge), ("MuJoCo", mjcf_judge))
+    readers = {".xml": (("MuJoCo", mujoco_reader),)}.get(
+        source.suffix.lower(), (("yourdfpy", yourdfpy_reader), ("MuJoCo", mujoco_reader))
     )
-    for name, make in judges:
+    for name, make in readers:
         try:
-            judge = make(source)
+            reader = make(source)
         except Exception as error:  # noqa: BLE001  the input may be anything
             reason = f"{name}: {_line(error)}"
             continue
-        return (_compared_input(model, judge, frame, f"{name} on the input"),)
+        return (_compared_input(model, reader, frame, f"{name} on the input"),)
     message = f"the input cannot be read as it is ({reason})"
     return (Check(name="input_kinematics", outcome="not_applicable", message=message),)
 
 
-def urdf_judge(path: Path) -> Judge:
+def yourdfpy_reader(path: Path) -> PoseReader:
     """Yourdfpy's poses of the links of a URDF, in the frame of its first root link."""
     with _quiet_log("yourdfpy"):
         robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
@@ -174,11 +174,11 @@ def urdf_judge(path: Path) -> Judge:
         joint.axis = normalised(joint.axis)
     _follow_the_first(robot.robot.joints)
     moving = set(robot.actuated_joint_names)
-    held = {j.name: float(j.limit.lower) for j in robot.robot.joints if _is_held(j)}
+    restrained_model = {j.name: float(j.limit.lower) for j in robot.robot.joints if _is_held(j)}
     links = [link.name for link in robot.robot.links if link.name not in unknown]
 
     def poses(q: Mapping[str, float]) -> dict[str, Array]:
-        q = {**held, **q}
+        q = {**restrained_model, **q}
         robot.update_cfg({name: float(q[name]) for name in moving if name in q})
         return {name: np.asarray(robot.get_transform(name)) for name in links}
 
@@ -204,7 +204,7 @@ def _is_held(joint: Any) -> bool:
     return bounded and joint.limit.lower is not None and joint.limit.lower == joint.limit.upper
 
 
-def bullet_judge(path: Path) -> Judge:
+def bullet_reader(path: Path) -> PoseReader:
     """PyBullet's poses of the links of a URDF, in its world frame."""
     with suppress_output():
         import pybullet  # announces itself below Python
@@ -233,7 +233,7 @@ def bullet_judge(path: Path) -> Judge:
     return poses
 
 
-def mjcf_judge(path: Path) -> Judge:
+def mujoco_reader(path: Path) -> PoseReader:
     """MuJoCo's own poses of the bodies of a file that it reads as it is, on their joints.
 
     The unit of angles, where the file names none, and names that it does not give are those that
@@ -314,12 +314,12 @@ def _anchor(model: Model, body: int) -> Array:
     return np.array(model.jnt_pos[hinges[-1]]) if hinges else np.zeros(3)
 
 
-def _compared(model: ObjectModel, judge: Judge, who: str) -> Check:
+def _compared(model: ObjectModel, reader: PoseReader, who: str) -> Check:
     """The clause ``check_forward_kinematics`` against one judge, which sees the same numbers as the model does."""
     names = [link.name for link in model.asset.links]
     error = np.zeros((0, len(names)))
     for q, own in _states(model):
-        theirs = judge(q)
+        theirs = reader(q)
         lost = [name for name in names if name not in theirs]
         if lost:
             message = f"{who} knows no link {', '.join(lost[:3])}"
@@ -329,20 +329,20 @@ def _compared(model: ObjectModel, judge: Judge, who: str) -> Check:
         T_root = inverse(theirs[model.root])
         row = [_difference(own[n], T_root @ theirs[n]) for n in names]
         error = np.vstack([error, row])
-    return _clause("forward_kinematics", model, names, error, who)
+    return _check_of("forward_kinematics", model, names, error, who)
 
 
-def _compared_input(model: ObjectModel, judge: Judge, frame: InputFrame, who: str) -> Check:
+def _compared_input(model: ObjectModel, reader: PoseReader, frame: InputFrame, who: str) -> Check:
     """The clause ``check_input_kinematics``: positions of slides and of links are scaled before comparing."""
     unit = {j.name: frame.scale if j.kind == "slide" else 1.0 for j in model.asset.joints}
-    known = judge({})
+    known = reader({})
     names = [x.name for x in model.asset.links if x.parent is not None and x.name in known]
     if not names:
         message = f"{who}: no moving link has kept its name"
         return Check(name="input_kinematics", outcome="not_applicable", message=message)
     error = np.zeros((0, len(names)))
     for q, own in _states(model):
-        theirs = judge({name: value / unit.get(name, 1.0) for name, value in q.items()})
+        theirs = reader({name: value / unit.get(name, 1.0) for name, value in q.items()})
         row = []
         for name in names:
             T_sl = np.array(theirs[name])
@@ -350,7 +350,7 @@ def _compared_input(model: ObjectModel, judge: Judge, frame: InputFrame, who: st
             row.append(_difference(own[name], frame.T_os @ T_sl))
         error = np.vstack([error, row])
     who = f"{who}, {len(names)} of {len(model.asset.links) - 1} moving links"
-    return _clause("input_kinematics", model, names, error, who)
+    return _check_of("input_kinematics", model, names, error, who)
 
 
 def _states(model: ObjectModel) -> Iterator[tuple[dict[str, float], dict[str, Array]]]:
@@ -370,7 +370,7 @@ def _difference(one: Array, other: Array) -> float:
     return float(np.maximum(distance, 2.0 * np.arcsin(np.minimum(chord, 1.0))))  # NaN stays NaN
 
 
-def _clause(name: str, model: ObjectModel, names: list[str], error: Array, who: str) -> Check:
+def _check_of(name: str, model: ObjectModel, names: list[str], error: Array, who: str) -> Check:
     """The clause about ``error`` (states, links), blamed on the first link that strays."""
     worst = error.max(axis=0, initial=0.0)
     largest = float(worst.max(initial=0.0))

@@ -1,61 +1,59 @@
-"""Reading a URDF into plain data, trusting nothing in it."""
+"""Read a URDF, which may be damaged or hostile, into plain data."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from lxml import etree
 
-from articulate.errors import AssetError
+from articulate.errors import AssetError, quote
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import (
     JOINT_KINDS,
     LARGEST,
-    MAX_LINKS,
+    Rgba,
     SourceGeometry,
     SourceInertial,
     SourceJoint,
     SourceLink,
     SourceObject,
+    check_counts,
     free_name,
 )
-from articulate.formats.xml_input import (
-    Element,
-    child_of,
-    children_of,
-    read_markup,
-    tag_of,
-)
+from articulate.formats.xml_input import Element, child_of, children_of, read_markup, tag_of
 from articulate.transforms import Array, pose, rpy_to_matrix
 
 _HASH = re.compile(r"(partnet_)?u?(?=[a-f-]*[0-9])[0-9a-f][0-9a-f-]{14,}")
-"""Names that say nothing to people, as PartNet-Mobility gives them to its robots."""
+"""Meaningless robot names, as in PartNet-Mobility."""
+HARMLESS_MACROS = frozenset({"property", "arg", "macro"})
+"""Elements of xacro that add nothing to the object where they are."""
 
 
 def read_urdf(path: Path) -> SourceObject:
-    """What stands in the URDF at ``path``.
+    """Read the URDF at ``path``.
 
     Raises:
-        AssetError: It cannot be read, is no URDF, or its tree is broken.
+        AssetError: It cannot be read, is not a URDF, or is a xacro that was not expanded.
     """
     repairs = Repairs()
     root = read_markup(path, repairs)
     if tag_of(root) != "robot":
         raise AssetError(
-            f"{path}: not a URDF: its root element is <{tag_of(root)}>, <robot> was expected"
+            f"{path}: not a URDF: its root element is <{tag_of(root)[:60]}>, <robot> was expected"
         )
+    _check_macros(path, root, repairs)
     reader = _Reader(path, root, repairs)
     links = _links(reader, root)
     joints = _joints(reader, root)
     for joint in joints:
         if joint.parent not in links and joint.parent.lower() == "world":
-            repairs.add(f"link {joint.parent} is not declared: taken as the ground")
+            repairs.add(f"link {joint.parent} is not declared: used as the ground")
             links[joint.parent] = SourceLink(name=joint.parent)
-    _note_macros(root, repairs)
     name = _object_name(path, root.get("name") or "")
     return SourceObject(name=name, path=path, links=links, joints=tuple(joints), repairs=repairs)
 
@@ -63,69 +61,84 @@ def read_urdf(path: Path) -> SourceObject:
 def _links(reader: _Reader, root: Element) -> dict[str, SourceLink]:
     links: dict[str, SourceLink] = {}
     elements: dict[str, Element] = {}
-    for element in children_of(root, "link"):
+    found = children_of(root, "link")
+    geometries = sum(len(children_of(e, tag)) for e in found for tag in ("visual", "collision"))
+    check_counts(reader.path, len(found), len(children_of(root, "joint")), geometries)
+    for element in found:
         link = reader.link(element)
         if link.name not in links:
             links[link.name], elements[link.name] = link, element
         elif _alike(element, elements[link.name]):
-            reader.repairs.add(f"link {link.name} stands twice in the file, alike: read once")
+            reader.repairs.add(f"link {link.name} is defined twice, identically: read once")
         else:
             raise AssetError(
-                f"{reader.at(element)}: a second link is called {link.name!r} and differs from the "
-                "first; rename one, and say in its joints which is meant"
+                f"{reader.at(element)}: a second link is called {quote(link.name)} and differs "
+                "from the first; rename one, and use its name in its joints"
             )
-    if not links and _macros(root):
-        raise AssetError(
-            f"{reader.path}: a xacro, not a URDF; expand it first: xacro {reader.path.name} > "
-            "object.urdf"
-        )
     if not links:
         raise AssetError(f"{reader.path}: not a URDF: it has no <link>")
-    if len(links) > MAX_LINKS:
-        raise AssetError(f"{reader.path}: {len(links)} links; at most {MAX_LINKS} are accepted")
     return links
 
 
 def _joints(reader: _Reader, root: Element) -> list[SourceJoint]:
     joints: dict[str, SourceJoint] = {}
     elements: dict[str, Element] = {}
-    taken = {(e.get("name") or "").strip() for e in children_of(root, "joint")}
+    used = {(e.get("name") or "").strip() for e in children_of(root, "joint")}
     for element in children_of(root, "joint"):
         joint = reader.joint(element)
         if joint.name in joints:
             if _alike(element, elements[joint.name]):
-                reader.repairs.add(f"joint {joint.name} stands twice in the file, alike: read once")
+                reader.repairs.add(f"joint {joint.name} is defined twice, identically: read once")
                 continue
-            name = free_name(joint.name, taken)
+            name = free_name(joint.name, used)
             reader.repairs.add(
                 f"a second joint is called {joint.name}: renamed {name} (line {element.sourceline})"
             )
             joint = replace(joint, name=name)
-        taken.add(joint.name)
+        used.add(joint.name)
         joints[joint.name], elements[joint.name] = joint, element
     return list(joints.values())
 
 
 def _alike(one: Element, two: Element) -> bool:
-    """Whether two elements say the same in the same words."""
+    """Return whether two elements are equal but for white space."""
     texts = [etree.tostring(element, with_tail=False) for element in (one, two)]
     return len({re.sub(rb"\s+", b"", text) for text in texts}) == 1
 
 
-def _macros(root: Element) -> list[str]:
-    """Elements that only the xacro program would expand, by name."""
-    names = (str(e.tag) for e in root.iter() if isinstance(e.tag, str))
-    return sorted({name.rsplit("}", 1)[-1] for name in names if "xacro" in name})
+def _check_macros(path: Path, root: Element, repairs: Repairs) -> None:
+    """Reject a xacro whose macros or includes leave parts out; note what else is left of one.
+
+    Raises:
+        AssetError: A macro is called, a file included or an element conditional.
+    """
+    names = list(_macros(root))
+    if not names:
+        return
+    listed = ", ".join(sorted(set(names))[:6])
+    message = f"macros are not expanded ({listed})"
+    if set(names) <= HARMLESS_MACROS:
+        repairs.add(f"{message}: run xacro on the file first")
+    else:
+        raise AssetError(
+            f"{path}: {message}: run xacro on the file first: xacro {path.name} > object.urdf"
+        )
 
 
-def _note_macros(root: Element, repairs: Repairs) -> None:
-    left = _macros(root)
-    if left:
-        repairs.add(f"macros are not expanded ({', '.join(left[:6])}): run xacro on the file first")
+def _macros(element: Element) -> Iterator[str]:
+    """Iterate over elements that only xacro expands, by name; not those inside definitions."""
+    for child in element:
+        if not isinstance(child.tag, str):
+            continue
+        name = tag_of(child).rsplit(":", 1)[-1][:60]
+        if "xacro" in child.tag or (name == "include" and tag_of(element) == "robot"):
+            yield name
+        if not ("xacro" in child.tag and name == "macro"):
+            yield from _macros(child)
 
 
 def _object_name(path: Path, robot: str) -> str:
-    """The robot's name, or one of the file's where that is absent or a number for machines."""
+    """Return the robot's name; the file's or folder's where it is absent or meaningless."""
     name = robot.strip()
     if path.name == "mobility.urdf" and (not name or _HASH.fullmatch(name)):
         name = f"partnet_{path.resolve().parent.name}"
@@ -140,12 +153,12 @@ def _texture(material: Element) -> str:
 
 
 class _Reader:
-    """Turns elements into source nouns, with file and line in every message."""
+    """Convert elements to plain data, with file and line in every message."""
 
     def __init__(self, path: Path, root: Element, repairs: Repairs) -> None:
         self.path = path
         self.repairs = repairs
-        self.colours: dict[str, tuple[float, float, float, float]] = {}
+        self.colours: dict[str, Rgba] = {}
         self.textures: dict[str, str] = {}
         for material in root.iter():
             if tag_of(material) == "material" and material.get("name"):
@@ -170,25 +183,23 @@ class _Reader:
         except ValueError:
             how = "; expand the xacro first" if "${" in text else ""
             raise AssetError(
-                f"{self.at(element)}: {key}={text!r} of <{tag_of(element)}> is not made of "
+                f"{self.at(element)}: {key}={quote(text)} of <{tag_of(element)}> is not made of "
                 f"numbers{how}"
             ) from None
         if len(values) != len(default):
             raise AssetError(
-                f"{self.at(element)}: {key}={text!r} of <{tag_of(element)}> has {len(values)} "
+                f"{self.at(element)}: {key}={quote(text)} of <{tag_of(element)}> has {len(values)} "
                 f"numbers; {len(default)} were expected"
             )
         return values
 
     def number(self, element: Element | None, key: str, most: float = math.inf) -> float | None:
-        """A single number, or None where it is absent, not finite or of size ``most``."""
+        """Return a number, or None where it is absent, not finite or of size ``most``."""
         if element is None or element.get(key) is None:
             return None
         value = self.numbers(element, key, (0.0,))[0]
         if not (math.isfinite(value) and abs(value) < most):
-            self.repairs.add(
-                f"{key}={element.get(key)} taken as absent (line {element.sourceline})"
-            )
+            self.repairs.add(f"{key}={element.get(key)[:60]} ignored (line {element.sourceline})")
             return None
         return value
 
@@ -196,8 +207,8 @@ class _Reader:
         values = self.numbers(element, key, default)
         if not all(math.isfinite(v) and abs(v) < 1e6 for v in values):
             raise AssetError(
-                f"{self.at(element)}: {key}={element.get(key)!r} of <{tag_of(element)}> is not "
-                "finite, or far beyond any object"
+                f"{self.at(element)}: {key}={quote(element.get(key))} of <{tag_of(element)}> is "
+                "not finite, or beyond the size of any object"
             )
         return values
 
@@ -252,10 +263,11 @@ class _Reader:
             size = self.finite(shape, "radius", (0.0,))
         elif kind != "mesh":
             raise AssetError(
-                f"{self.at(shape)}: geometry <{kind}> is not known; "
-                "mesh, box, cylinder, sphere and capsule are"
+                f"{self.at(shape)}: geometry <{kind[:60]}> is not known; "
+                "mesh, box, cylinder, sphere and capsule are accepted"
             )
-        if kind == "mesh" and not (shape.get("filename") or "").strip():
+        filename = (shape.get("filename") or "").strip()
+        if kind == "mesh" and not filename:
             raise AssetError(f"{self.at(shape)}: <mesh> without a filename")
         if any(side <= 0.0 for side in size):
             raise AssetError(f"{self.at(shape)}: <{kind}> has a side of {min(size)}")
@@ -264,20 +276,26 @@ class _Reader:
             shape.set("scale", " ".join(scale * 3))
         factors = self.finite(shape, "scale", (1.0, 1.0, 1.0))
         if any(abs(f) < 1e-9 for f in factors):
-            raise AssetError(f"{self.at(shape)}: scale={shape.get('scale')!r} flattens the mesh")
+            raise AssetError(
+                f"{self.at(shape)}: scale={quote(shape.get('scale'))} flattens the mesh"
+            )
+        if "${" in filename or "$(" in filename:
+            raise AssetError(
+                f"{self.at(shape)}: filename={quote(filename)} of <mesh>; expand the xacro first"
+            )
         return SourceGeometry(
             kind=kind,  # type: ignore[arg-type]  # checked above
             name=(element.get("name") or "").strip(),
             T_lg=self.origin(element),
             size=size,
-            filename=(shape.get("filename") or "").strip(),
+            filename=filename,
             scale=(factors[0], factors[1], factors[2]),
             rgba=self.colour(element),
             texture=self.texture(element),
             where=self.at(shape),
         )
 
-    def colour(self, element: Element) -> tuple[float, float, float, float] | None:
+    def colour(self, element: Element) -> Rgba | None:
         material = child_of(element, "material")
         if material is None:
             return None
@@ -290,7 +308,7 @@ class _Reader:
         own = _texture(material)
         return own or self.textures.get(material.get("name") or "", "")
 
-    def _rgba(self, material: Element) -> tuple[float, float, float, float] | None:
+    def _rgba(self, material: Element) -> Rgba | None:
         colour = child_of(material, "color")
         if colour is None or colour.get("rgba") is None:
             return None
@@ -316,26 +334,26 @@ class _Reader:
             xx, xy, xz, yy, yz, zz = (self.number(tensor, key, LARGEST) or 0.0 for key in keys)
             inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             return SourceInertial(mass=mass, T_li=self.origin(element), inertia=inertia)
-        except AssetError as error:  # it can be computed, so that nothing hangs on it
-            self.repairs.add(f"inertial of link {link.get('name')} left out: {error}")
+        except AssetError as error:  # it can be computed from the shapes
+            self.repairs.add(f"inertial of link {link.get('name')} ignored: {error}")
             return None
 
     def joint(self, element: Element) -> SourceJoint:
         name = self.name(element)
         kind = (element.get("type") or "").strip()
         if kind.lower() in JOINT_KINDS and kind not in JOINT_KINDS:
-            self.repairs.add(f"type {kind!r} of joint {name} read as {kind.lower()!r}")
+            self.repairs.add(f"type {quote(kind)} of joint {name} read as {kind.lower()!r}")
             kind = kind.lower()
         if kind not in JOINT_KINDS:
             hint = "; write a ball joint as three revolute ones" if "spher" in kind.lower() else ""
             raise AssetError(
-                f"{self.at(element)}: joint {name!r} is of type {kind!r}; "
+                f"{self.at(element)}: joint {quote(name)} is of type {quote(kind)}; "
                 f"{', '.join(JOINT_KINDS)} are accepted{hint}"
             )
         ends = [child_of(element, "parent"), child_of(element, "child")]
         parent, child = ("" if e is None else (e.get("link") or "").strip() for e in ends)
         if not parent or not child:
-            raise AssetError(f"{self.at(element)}: joint {name!r} lacks a parent or a child")
+            raise AssetError(f"{self.at(element)}: joint {quote(name)} lacks a parent or a child")
         axis = child_of(element, "axis")
         limit = child_of(element, "limit")
         dynamics = child_of(element, "dynamics")
@@ -358,7 +376,7 @@ class _Reader:
         )
 
     def pitch(self, element: Element) -> float | None:
-        """Way of a screw for one turn: ``<thread_pitch value="…"/>`` under any prefix."""
+        """Return the travel of a screw for one turn: ``<thread_pitch value="…"/>``, any prefix."""
         for child in element:
             if tag_of(child).rsplit(":", 1)[-1] in {"thread_pitch", "screw_thread_pitch"}:
                 if child.get("value") is None and child.text:

@@ -1,4 +1,4 @@
-"""Reading XML from strangers: bounded, without entities, and mended only where nothing is lost."""
+"""Read XML from untrusted files: bounded, without entities, repaired where nothing is lost."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 
 from lxml import etree
 
-from articulate.errors import AssetError
+from articulate.errors import AssetError, UsageError, quote, shorten
 from articulate.formats.repairs import Repairs
+from articulate.untrusted import open_regular, read_bounded
 
 MAX_BYTES = 20_000_000
 """Largest file that is read."""
@@ -31,79 +32,87 @@ MARKS = (
     (b"<\0", "utf-16-le"),
     (b"\0<", "utf-16-be"),
 )
-"""First bytes that tell the encoding."""
-DECLARATION = re.compile(r"<\?xml\b[^>]*\?>")
-MENDED = {
+"""First bytes of a file and the encoding they mark."""
+DECLARATION = re.compile(r"<\?xml\b[^>]{0,300}\?>")
+NAMES = ("name", "link", "joint", "type", "class", "childclass", "material", "mesh", "model")
+"""Attributes that messages quote."""
+MAX_NAME = 200
+"""Longest of them, in characters."""
+HEAD_BYTES = 200_000
+"""Enough of a file to find its first element, after the longest of licences."""
+REPAIRED = {
     "ERR_HYPHEN_IN_COMMENT": "-- inside a comment",
     "ERR_DOCUMENT_END": "what follows the end of the root element is ignored",
 }
-"""What is wrong but leaves no doubt, by libxml2's name of the error."""
+"""Errors of libxml2 that leave no doubt about the content, by its name of the error."""
 
 # Element of a third-party library without stubs.
 Element = Any
 
 
 def read_markup(path: Path, repairs: Repairs) -> Element:
-    """The root element of the XML file at ``path``.
+    """Return the root element of the XML file at ``path``.
 
-    Comments are gone; undeclared prefixes stay in the names of their elements.
+    Comments are removed; undeclared prefixes stay in the names of their elements.
 
     Raises:
         AssetError: It cannot be read, is too large, has a DOCTYPE or is not XML.
     """
-    text = _decoded(_content(path), path, repairs)
+    content = read_bounded(path, MAX_BYTES, error=AssetError)
+    text = _decoded(content, path, repairs)
     if "\0" in text:
         repairs.add("zero bytes in the file were left out")
         text = text.replace("\0", "")
     if re.search(r"<!\s*(DOCTYPE|ENTITY|ELEMENT|ATTLIST)", text, re.IGNORECASE):
-        raise AssetError(f"{path}: has a DOCTYPE or entities, which are refused; remove them")
+        raise AssetError(f"{path}: has a DOCTYPE or entities, which are not accepted; remove them")
     start = text.find("<")
     if start < 0:
-        raise AssetError(f"{path}: not a URDF: no XML in it")
+        raise AssetError(f"{path}: no XML in it")
     if text[:start].strip("\ufeff \t\r\n"):
         repairs.add("text before the first element was skipped")
     return _parsed(_undeclared(text, start, repairs), path, repairs)
 
 
+def root_tag(path: Path) -> str:
+    """Return the name of the first element of an XML file; empty where there is none."""
+    try:
+        with open_regular(path, limit_bytes=MAX_BYTES) as stream:
+            head = stream.read(HEAD_BYTES).replace(b"\0", b"")
+    except UsageError:
+        return ""
+    while True:
+        found = re.search(rb"<\s*([A-Za-z_][\w.:-]*)|<!--|<\?", head)
+        if found is None or found.group(1):
+            return found.group(1).decode() if found else ""
+        _, _, head = head[found.end() :].partition(b"-->" if found.group() == b"<!--" else b"?>")
+
+
 def tag_of(element: Element) -> str:
-    """Name of an element without its namespace; empty for comments and instructions."""
+    """Return the name of an element without its namespace; empty for comments."""
     return str(element.tag).rsplit("}", 1)[-1] if isinstance(element.tag, str) else ""
 
 
 def children_of(element: Element, tag: str) -> list[Element]:
-    """Direct children of that name."""
+    """Return the direct children of that name."""
     return [child for child in element if tag_of(child) == tag]
 
 
 def child_of(element: Element, tag: str) -> Element | None:
-    """The first direct child of that name."""
+    """Return the first direct child of that name."""
     found = children_of(element, tag)
     return found[0] if found else None
-
-
-def _content(path: Path) -> bytes:
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise AssetError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # a name with a zero byte
-        raise AssetError(f"{str(path)!r}: cannot be read ({error})") from None
-    if len(content) > MAX_BYTES:
-        raise AssetError(f"{path}: larger than {MAX_BYTES} bytes, the most that is accepted")
-    return content
 
 
 def _decoded(content: bytes, path: Path, repairs: Repairs) -> str:
     encoding = next((name for mark, name in MARKS if content.startswith(mark)), "")
     if not encoding:
-        said = re.search(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([\w.-]+)", content[:2000])
-        named = said.group(1).decode("ascii", "replace") if said else "utf-8"
+        declared = re.search(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([\w.-]+)", content[:2000])
+        named = declared.group(1).decode("ascii", "replace") if declared else "utf-8"
         encoding = named if ENCODINGS.fullmatch(named) else "utf-8"
         if encoding != named:
-            repairs.add(f"encoding {named!r} is not known: read as {encoding}")
-        if re.match(r"utf-?(16|32)", encoding, re.IGNORECASE):  # its first bytes say otherwise
-            repairs.add(f"encoding {named!r} is not that of the file: read as utf-8")
+            repairs.add(f"encoding {quote(named)} is not known: read as {encoding}")
+        if re.match(r"utf-?(16|32)", encoding, re.IGNORECASE):  # its first bytes show otherwise
+            repairs.add(f"encoding {quote(named)} is not that of the file: read as utf-8")
             encoding = "utf-8"
     for name in dict.fromkeys((encoding, "utf-8")):
         try:
@@ -111,13 +120,13 @@ def _decoded(content: bytes, path: Path, repairs: Repairs) -> str:
         except (UnicodeDecodeError, LookupError):
             continue
     if encoding.lower().startswith(("utf-16", "utf-32")):
-        raise AssetError(f"{path}: not text in {encoding}, as its first bytes say")
+        raise AssetError(f"{path}: not text in {encoding}, which its first bytes mark")
     repairs.add(f"not text in {encoding}: read as latin-1")
     return content.decode("latin-1")
 
 
 def _undeclared(text: str, start: int, repairs: Repairs) -> str:
-    """The text without XML declarations, lines kept."""
+    """Return the text without XML declarations, with the same lines."""
     found = list(DECLARATION.finditer(text, start))
     if len(found) > 1 or (found and found[0].start() > start):
         repairs.add("XML declaration repeated or not at the start: ignored")
@@ -126,7 +135,7 @@ def _undeclared(text: str, start: int, repairs: Repairs) -> str:
     for match in found:
         version = re.search(r"version\s*=\s*[\"']([^\"']*)", match.group())
         if version and version.group(1) not in {"1.0", "1.1"}:
-            repairs.add(f"XML version {version.group(1)!r} read as 1.0")
+            repairs.add(f"XML version {quote(version.group(1))} read as 1.0")
     lead = "\n" * text.count("\n", 0, start)
     return lead + DECLARATION.sub(lambda m: "\n" * m.group().count("\n"), text[start:])
 
@@ -145,26 +154,26 @@ def _parsed(text: str, path: Path, repairs: Repairs) -> Element:
     try:
         root = etree.fromstring(text.encode("utf-8", "replace"), parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise AssetError(f"{path}: not XML: {_first_line(error)}") from None
+        raise AssetError(f"{path}: not XML: {shorten(error)}") from None
     for entry in parser.error_log:
         if entry.domain_name == "NAMESPACE":
             repairs.add(f"undeclared XML prefix ignored (line {entry.line})")
-        elif entry.type_name in MENDED:
-            repairs.add(f"{MENDED[entry.type_name]} (line {entry.line})")
+        elif entry.type_name in REPAIRED:
+            repairs.add(f"{REPAIRED[entry.type_name]} (line {entry.line})")
         elif entry.type_name == "ERR_ATTRIBUTE_REDEFINED" and "xmlns" in entry.message:
-            repairs.add(
-                f"an XML prefix is declared twice: the first one counts (line {entry.line})"
-            )
+            repairs.add(f"an XML prefix is declared twice: the first is used (line {entry.line})")
         else:
-            raise AssetError(f"{path}:{entry.line}: not XML: {_first_line(entry.message)}")
+            raise AssetError(f"{path}:{entry.line}: not XML: {shorten(entry.message)}")
     if root is None:
-        raise AssetError(f"{path}: not a URDF: no XML in it")
-    count = sum(1 for _ in root.iter())
+        raise AssetError(f"{path}: no XML in it")
+    count = 0
+    for element in root.iter():
+        count += 1
+        for key in NAMES:
+            if len(element.get(key) or "") > MAX_NAME:
+                raise AssetError(
+                    f"{path}:{element.sourceline}: {key} has more than {MAX_NAME} characters"
+                )
     if count > MAX_ELEMENTS:
         raise AssetError(f"{path}: {count} elements; at most {MAX_ELEMENTS} are accepted")
     return root
-
-
-def _first_line(error: object) -> str:
-    lines = str(error).strip().splitlines()
-    return lines[0][:200] if lines else type(error).__name__

@@ -5,8 +5,8 @@ from pathlib import Path
 from tests.articulate.conversion.boxes import made
 
 from articulate.assets.check_report import Counts
-from articulate.conversion.convert import read_source
 from articulate.conversion.counts import counts_of
+from articulate.formats.read_source import read_source
 
 
 def test_links_joints_and_geometry_are_counted_in_and_out(tmp_path: Path) -> None:

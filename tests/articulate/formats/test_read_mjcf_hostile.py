@@ -16,13 +16,14 @@ from tests.articulate.conversion.mjcf import (
 )
 
 from articulate.conversion import ConvertConfig, convert
-from articulate.conversion.convert import input_key, read_input, urdf_in
+from articulate.conversion.convert import input_key, read_input
 from articulate.errors import AssetError
 from articulate.formats import read_mjcf as reading
 from articulate.formats import read_mjcf_child
-from articulate.formats.read_mjcf_files import is_mjcf, root_tag
-from articulate.formats.read_mjcf_text import read_text
+from articulate.formats.read_source import find_source, format_of
+from articulate.formats.reduce_mjcf import read_text
 from articulate.formats.source_object import SourceGeometry
+from articulate.formats.xml_input import root_tag
 
 pytestmark = pytest.mark.usefixtures("quick")
 
@@ -160,21 +161,21 @@ def test_refusal_of_the_process_of_its_own_is_an_answer_too(tmp_path: Path) -> N
 
 def test_root_tells_mjcf_from_urdf_whatever_the_file_is_called(tmp_path: Path) -> None:
     licence = "<!--" + 20_000 * "licence " + "-->"
-    assert is_mjcf(write(tmp_path, f"<?xml version='1.0'?>{licence}{DRAWER}", "a.urdf"))
-    assert is_mjcf(write(tmp_path, "<mujocoinclude/>", "b.xml"))
-    assert not is_mjcf(write(tmp_path, "<robot name='mujoco'/>", "c.xml"))
+    assert format_of(write(tmp_path, f"<?xml version='1.0'?>{licence}{DRAWER}", "a.urdf")) == "mjcf"
+    assert format_of(write(tmp_path, "<mujocoinclude/>", "b.xml")) == "mjcf"
+    assert format_of(write(tmp_path, "<robot name='mujoco'/>", "c.xml")) == "urdf"
     assert root_tag(write(tmp_path, "no XML", "d.xml")) == ""
     assert root_tag(tmp_path / "absent.xml") == ""
 
 
 def test_folder_with_one_xml_is_that_object_and_with_two_none(tmp_path: Path) -> None:
     path = write(tmp_path, DRAWER, "little/object.xml")
-    assert urdf_in(path.parent) == path
+    assert find_source(path.parent) == path
     write(tmp_path, DRAWER, "little/other.mjcf")
-    with pytest.raises(AssetError, match=r"holds 2 URDF or MJCF files \(object.xml, other.mjcf\)"):
-        urdf_in(path.parent)
+    with pytest.raises(AssetError, match=r"holds 2 SDF or MJCF files \(object.xml, other.mjcf\)"):
+        find_source(path.parent)
     urdf = write(tmp_path, "<robot name='r'/>", "little/r.urdf")
-    assert urdf_in(path.parent) == urdf
+    assert find_source(path.parent) == urdf
 
 
 def test_key_of_an_input_knows_when_an_included_file_changes(tmp_path: Path) -> None:
