@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -16,7 +15,7 @@ from articulate.checks.model import ObjectModel, load_model
 from articulate.errors import AssetError, MissingError
 from articulate.files import write_bytes
 from articulate.page import Page, Tile
-from articulate.page.numbers import shown
+from articulate.page.text import escape_text, format_number
 
 OUTCOME_TEXT = {
     "passed": "passed",
@@ -74,10 +73,10 @@ class ReportPage(Page):
     def verdict(self, check_report: CheckReport) -> None:
         """Add the verdict and its reasons."""
         title, text = verdict_text(check_report)
-        reasons = "".join(f"<li>{escaped(reason)}</li>" for reason in check_report.reasons)
+        reasons = "".join(f"<li>{escape_text(reason)}</li>" for reason in check_report.reasons)
         self._add(
-            f'<div class="verdict {check_report.verdict}"><b>{escaped(title)}</b>'
-            f"<p>{escaped(text)}</p>{f'<ul>{reasons}</ul>' if reasons else ''}</div>"
+            f'<div class="verdict {check_report.verdict}"><b>{escape_text(title)}</b>'
+            f"<p>{escape_text(text)}</p>{f'<ul>{reasons}</ul>' if reasons else ''}</div>"
         )
 
     def view(self, inner: str) -> None:
@@ -87,21 +86,21 @@ class ReportPage(Page):
     def images(self, images: Iterable[AssetImage]) -> None:
         """Add images side by side."""
         figures = "".join(
-            f'<figure><img alt="{escaped(p.caption)}" loading="lazy" '
+            f'<figure><img alt="{escape_text(p.caption)}" loading="lazy" '
             f'src="data:image/webp;base64,{base64.b64encode(p.webp).decode("ascii")}">'
-            f"<figcaption>{escaped(p.caption)}</figcaption></figure>"
+            f"<figcaption>{escape_text(p.caption)}</figcaption></figure>"
             for p in images
         )
         self._add(f'<div class="images">{figures}</div>')
 
     def lines(self, lines: Sequence[str]) -> None:
         """Add a list of sentences."""
-        items = "".join(f"<li>{escaped(line)}</li>" for line in lines)
+        items = "".join(f"<li>{escape_text(line)}</li>" for line in lines)
         self._add(f'<ul class="plain">{items}</ul>')
 
     def fold(self, title: str) -> None:
         """Begin a collapsed part; :meth:`unfold` ends it."""
-        self._add(f"<details><summary>{escaped(title)}</summary>")
+        self._add(f"<details><summary>{escape_text(title)}</summary>")
 
     def unfold(self) -> None:
         """End the collapsed part."""
@@ -123,14 +122,14 @@ class ReportPage(Page):
             name: Description of the table for screen readers.
             wide: Show each row as a card if the window is narrow.
         """
-        head = "".join(f'<th scope="col">{escaped(title)}</th>' for title in header)
+        head = "".join(f'<th scope="col">{escape_text(title)}</th>' for title in header)
         body = "".join(
             f'<tr class="{outcome}">{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
             for outcome, cells in rows
         )
         kind = "evidence cards" if wide else "evidence"
         self._add(
-            f'<div class="scroll {kind}" tabindex="0" role="region" aria-label="{escaped(name)}">'
+            f'<div class="scroll {kind}" tabindex="0" role="region" aria-label="{escape_text(name)}">'
             f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
         )
 
@@ -165,7 +164,7 @@ def amount(value: float | None, unit: str) -> str:
     factor, name = {"m": (1000.0, "mm"), "rad": (57.29577951308232, "°"), "1": (100.0, "%")}.get(
         unit, (1.0, unit)
     )
-    return f"{shown(float(f'{factor * value:.4g}'))}{THIN if name != '°' else ''}{name}".strip()
+    return f"{format_number(float(f'{factor * value:.4g}'))}{THIN if name != '°' else ''}{name}".strip()
 
 
 def bound(checks: Sequence[Check]) -> str:
@@ -180,11 +179,6 @@ def bound(checks: Sequence[Check]) -> str:
             small = (check.measured < check.allowed) == (check.outcome == "passed")
             return "≤" if small else "≥"
     return ""
-
-
-def escaped(text: object) -> str:
-    """Return ``text`` with the special characters of HTML escaped."""
-    return html.escape(str(text), quote=True)
 
 
 def _lead(check_report: CheckReport, asset: Asset | None) -> str:
@@ -269,12 +263,15 @@ def _joint_outcome(joint: JointCheck) -> str:
 def _joint_cells(joint: JointCheck) -> list[str]:
     travel = amount(abs(joint.span), "m" if joint.kind == "slide" else "rad")
     kind = "slides" if joint.kind == "slide" else "turns"
+    limits = "without limits"
+    if joint.lower is not None and joint.upper is not None:
+        limits = f"limits {joint.lower:.3g} to {joint.upper:.3g}"
     free = f"{100.0 * joint.swept:.0f}{THIN}% of its travel"
     if joint.blocked:
         free = f'<span class="mark failed">blocked</span><small>{free} is free</small>'
     opened = "not tried" if joint.opened is None else f"{100.0 * joint.opened:.0f}{THIN}%"
-    needs = f"{escaped(', '.join(joint.needs))} open" if joint.needs else "–"
-    return [f"<b>{escaped(joint.name)}</b>", f"{kind} {travel}", free, opened, needs]
+    needs = f"{escape_text(', '.join(joint.needs))} open" if joint.needs else "–"
+    return [f"<b>{escape_text(joint.name)}</b>", f"{kind} {travel}<small>{limits}</small>", free, opened, needs]
 
 
 def _checks(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, str]) -> None:
@@ -291,7 +288,10 @@ def _checks(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, st
     page.text("`check-asset --explain CHECK` explains a check: meaning, importance and remedy.")
     page.fold(f"All {len(checks)} measurements")
     every = [
-        (c.outcome, [escaped(c.name), escaped(c.subject or "–"), *_measured_cells(c, checks)])
+        (
+            c.outcome,
+            [escape_text(c.name), escape_text(c.subject or "–"), *_measured_cells(c, checks)],
+        )
         for c in checks
     ]
     header = ["check", "subject", "outcome", "measured", "allowed", "result"]
@@ -301,12 +301,12 @@ def _checks(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, st
 
 def _check_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[str]]]:
     """Return a row for every failure of one check, and one row for all that passed."""
-    title = f"<b>{escaped(group[0].name)}</b>"
+    title = f"<b>{escape_text(group[0].name)}</b>"
     failed = [c for c in group if c.outcome in ("failed", "warning", "undecided")]
     passed = [c for c in group if c.outcome == "passed"]
     rows: list[tuple[str, list[str]]] = []
     for check in failed:
-        about = f"<b>{escaped(check.subject)}</b>: " if check.subject else ""
+        about = f"<b>{escape_text(check.subject)}</b>: " if check.subject else ""
         *figures, message = _measured_cells(check, group)
         rows.append((check.outcome, [title, *figures, about + message]))
     if passed:
@@ -319,7 +319,7 @@ def _check_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[st
                 else f"{len(passed)} of {len(group)}"
             )
             mark += f"<small>{of}</small>"
-            about = escaped(_worst(passed, sign).subject)
+            about = escape_text(_worst(passed, sign).subject)
             about = f", {about}" if about else ""
             message = f"<small>closest to the limit{about}:</small>{message}" if sign else message
         rows.append(("passed", [title, mark, measured, allowed, message]))
@@ -329,7 +329,7 @@ def _check_rows(group: Sequence[Check], meaning: str) -> list[tuple[str, list[st
         more = f"<small>and {len(reasons) - 1} other reasons</small>" if len(reasons) > 1 else ""
         rows.append(("not_applicable", [title, *figures, message + more]))
     if meaning:
-        rows[0][1][-1] += f"<small>{escaped(meaning)}</small>"
+        rows[0][1][-1] += f"<small>{escape_text(meaning)}</small>"
     return rows
 
 
@@ -348,8 +348,8 @@ def _measured_cells(check: Check, peers: Sequence[Check]) -> list[str]:
     allowed = amount(check.allowed, check.unit)
     limit = f"{sign} {allowed}".strip() if allowed else "–"
     measured = amount(check.measured, check.unit) or "–"
-    cells = [escaped(text).replace(" ", "&nbsp;") for text in (measured, limit)]
-    return [mark, *cells, escaped(check.message)]
+    cells = [escape_text(text).replace(" ", "&nbsp;") for text in (measured, limit)]
+    return [mark, *cells, escape_text(check.message)]
 
 
 def _repairs(page: ReportPage, check_report: CheckReport) -> None:

@@ -1,14 +1,14 @@
-"""The nouns of an object: Asset, Link, Joint, Handle.
+"""Asset of an articulated object: links, joints, handles and its folder.
 
-An asset is a folder that anyone can open::
+An asset is a folder::
 
-    asset.json     what stands below, in the object frame and SI units
+    asset.json     the fields of Asset, in the object frame and SI units
     object.xml     MJCF: one fixed root body, links as bodies, joints, excludes
     object.urdf    the same object as canonical URDF
-    meshes/        what the two refer to
+    meshes/        meshes of both files
 
-The object frame ``o`` is the frame of the root body: z up, the object stands on z = 0 when
-every joint is closed.
+The object frame ``o`` is the frame of the root body: z points up and the lowest point is at z = 0
+when every joint is closed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from articulate.untrusted import load_json_object
 SCHEMA = "articulate.asset"
 SCHEMA_VERSION = 2
 ABOUT = frozenset({"check_report.json", "check_report.html", "check_report.webp"})
-"""Files of an asset's folder that say something about it and are no part of it."""
+"""Files in an asset folder that describe the asset and are not part of it."""
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
@@ -84,7 +84,7 @@ class Joint:
     open: float
     """Far end of opening [m or rad]; a quarter turn from closed where there are no limits."""
     closed_rule: str
-    """How ``closed`` and ``open`` were found, in words."""
+    """Rule that chose ``closed`` and ``open``, as text."""
     damping: float = 0.0
     """Viscous damping [N s/m or Nm s/rad]."""
     frictionloss: float = 0.0
@@ -92,13 +92,13 @@ class Joint:
 
     @property
     def span(self) -> float:
-        """Signed way from closed to open [m or rad]."""
+        """Signed travel from closed to open [m or rad]."""
         return self.open - self.closed
 
 
 @dataclass(frozen=True, kw_only=True)
 class Handle:
-    """Where fingers hold a moving part. Axes and position are in the frame of its link."""
+    """Place where fingers hold a moving part, in the frame of its link."""
 
     name: str
     """Name, unique in the asset."""
@@ -109,7 +109,7 @@ class Handle:
     pos_l: Vec3
     """Middle between the finger tips when they hold it [m]."""
     normal_l: Vec3
-    """Unit vector from the handle towards the hand, which approaches along -normal."""
+    """Unit vector from the handle towards the gripper, which approaches along -normal."""
     along_l: Vec3
     """Unit long axis, perpendicular to ``normal_l``; fingers close along normal x along."""
     extent: Vec3
@@ -118,7 +118,7 @@ class Handle:
     """``bar`` is long and free behind, ``knob`` is compact, ``edge`` is the rim of a panel,
     ``none`` is the outermost point of a part without a graspable handle."""
     source: Literal["name", "geometry", "edge", "given"]
-    """How it was found: by name, by its shape, as an edge, or given by the user."""
+    """Origin: its name, its shape, an edge, or the user."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,17 +138,17 @@ class Asset:
     bounds_o: tuple[Vec3, Vec3]
     """Lowest and highest corner in the object frame, every joint closed [m]."""
     source: str = "unknown"
-    """Where the object came from."""
+    """Origin of the object."""
     licence: str = "unknown"
-    """Licence of the object; what is made from it inherits it."""
+    """Licence of the object, inherited by everything made from it."""
     repairs: tuple[str, ...] = ()
-    """Everything that was changed on the way from the input, one sentence each."""
+    """Everything that was changed from the input, one sentence each."""
     accepted: tuple[str, ...] = ()
     """Names of checks whose failure is accepted as a warning."""
     size_rule: str = ""
-    """How the metric size was found, in words."""
+    """Rule that chose the metric size, as text."""
     folder: Path = Path()
-    """Where it lies; not part of the content."""
+    """Asset folder; not part of the content."""
 
     @property
     def mjcf_path(self) -> Path:
@@ -156,10 +156,10 @@ class Asset:
         return self.folder / "object.xml"
 
     def joint(self, name: str) -> Joint:
-        """The joint called ``name``.
+        """Return the joint ``name``.
 
         Raises:
-            AssetError: There is none; the message lists the joints.
+            AssetError: It does not exist; the message lists the joints.
         """
         for joint in self.joints:
             if joint.name == name:
@@ -168,7 +168,7 @@ class Asset:
         raise AssetError(f"{self.name}: no joint {name!r}{nearest(name, known)}")
 
     def link(self, name: str) -> Link:
-        """The link called ``name``; AssetError if there is none."""
+        """Return the link ``name``; AssetError if it does not exist."""
         for link in self.links:
             if link.name == name:
                 return link
@@ -177,15 +177,15 @@ class Asset:
         )
 
     def handle_of(self, joint_name: str) -> Handle | None:
-        """The handle that ``joint_name`` moves, or None."""
+        """Return the handle that ``joint_name`` moves, or None."""
         return next((h for h in self.handles if h.joint == joint_name), None)
 
     def T_ol(self, joint_name: str, q: Array | float) -> Array:
-        """Pose of the link that ``joint_name`` moves, shape (..., 4, 4), all others at 0.
+        """Return the pose of the link that ``joint_name`` moves (..., 4, 4) [m], all others at 0.
 
         Args:
             joint_name: Joint that is moved.
-            q: Its position [m or rad], shape (...).
+            q: Its position (...) [m or rad].
         """
         joint = self.joint(joint_name)
         link = self.link(joint.link)
@@ -193,10 +193,10 @@ class Asset:
         return joint_motion(joint, q) @ T_ol
 
     def T_oh(self, joint_name: str, q: Array | float) -> Array:
-        """Pose of the handle of ``joint_name``, shape (..., 4, 4).
+        """Return the pose of the handle of ``joint_name`` (..., 4, 4) [m] at position ``q``.
 
-        Its z axis is the way in which a hand approaches (-normal), its y axis the one along
-        which fingers close, so that the frame of a hand that holds it coincides with it.
+        Its z axis is the approach direction (-normal), its y axis the closing axis of the fingers:
+        it coincides with the frame of a gripper that holds the handle.
 
         Raises:
             AssetError: The joint has no handle.
@@ -207,7 +207,7 @@ class Asset:
         return self.T_ol(joint_name, q) @ handle_frame(handle)
 
     def handle_travel(self, joint_name: str) -> float | None:
-        """How far the handle of ``joint_name`` goes from closed to open [m]; None without one."""
+        """Return the path length of the handle from closed to open [m]; None without a handle."""
         handle, joint = self.handle_of(joint_name), self.joint(joint_name)
         if handle is None or joint.kind == "slide":
             return None if handle is None else abs(joint.span)
@@ -215,7 +215,7 @@ class Asset:
         return float(abs(joint.span) * np.linalg.norm(np.cross(joint.axis_o, arm)))
 
     def content_id(self) -> str:
-        """SHA-256 over every file of the folder, names included, but for those about it."""
+        """Return the SHA-256 of all files of the folder and their names, except ``ABOUT``."""
         digest = hashlib.sha256()
         files = (p for p in self.folder.rglob("*") if p.is_file() and p.name not in ABOUT)
         for path in sorted(files):
@@ -225,7 +225,12 @@ class Asset:
 
 
 def joint_motion(joint: Joint, q: Array | float) -> Array:
-    """What moving ``joint`` from 0 to ``q`` does to its link, in the object frame (..., 4, 4)."""
+    """Return the motion (..., 4, 4) [m] in the object frame when ``joint`` moves from 0 to ``q``.
+
+    Args:
+        joint: Joint that moves.
+        q: Positions (...) [m or rad].
+    """
     q = np.asarray(q, dtype=np.float64)
     axis = np.asarray(joint.axis_o)
     if joint.kind == "slide":
@@ -236,7 +241,7 @@ def joint_motion(joint: Joint, q: Array | float) -> Array:
 
 
 def handle_frame(handle: Handle) -> Array:
-    """Pose ``T_lh`` (4, 4) of the handle in its link: z = -normal, x = along, y = closing axis."""
+    """Return the pose ``T_lh`` (4, 4) of a handle: z = -normal, x = along, y = closing axis."""
     z = -np.asarray(handle.normal_l)
     x = np.asarray(handle.along_l)
     return pose(handle.pos_l, np.stack([x, np.cross(z, x), z], axis=-1))
@@ -253,7 +258,7 @@ def save_asset(asset: Asset) -> Path:
 
 
 def load_asset(folder: Path) -> Asset:
-    """Read the asset that lies in ``folder``.
+    """Read the asset in ``folder``.
 
     Raises:
         AssetError: There is none, or it is of another schema.

@@ -41,10 +41,14 @@ class JointCheck:
     """``slide`` measures metres, ``hinge`` radians."""
     span: float
     """Signed travel from closed to open [m or rad]."""
+    lower: float | None = None
+    """Lower limit in the written files [m or rad]; None for a joint that turns without end."""
+    upper: float | None = None
+    """Upper limit in the written files [m or rad]; None for a joint that turns without end."""
     swept: float
     """Fraction of the travel before the first interference, in [0, 1]."""
     blocked: bool
-    """Whether a part interferes with another one on the travel."""
+    """True if the part interferes with another one on the travel."""
     needs: tuple[str, ...] = ()
     """Joints that must be open before this one can move."""
     opened: float | None = None
@@ -93,5 +97,5 @@ class CheckReport:
 
     @property
     def is_usable(self) -> bool:
-        """Whether the asset may be used: the verdict is ``passed`` or ``repaired``."""
+        """True if the verdict is ``passed`` or ``repaired``."""
         return self.verdict in ("passed", "repaired")

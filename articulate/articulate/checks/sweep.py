@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 from articulate.assets.asset import Joint
 from articulate.assets.check_report import Check, JointCheck
-from articulate.checks.interference import LIMIT_M, Interference, Sweeper, Way
+from articulate.checks.interference import LIMIT_M, Interference, Sweeper, JointSweep
 from articulate.checks.model import ObjectModel
 
-DRAWS = 8
+OTHERS_SAMPLES = 8
 """Draws of the other joints for each joint."""
-DRAW_STATES = 32
+SAMPLE_STATES = 32
 """Most states along one way for each of them."""
-MAX_REDRAWS = 24
+MAX_RESAMPLES = 24
 """So often are the others drawn again where authored parts meet."""
 MAX_NEEDS = 3
 """So many joints may have to be open before another one can move."""
@@ -35,10 +35,10 @@ class Violation:
     """Joint that is moved."""
     others: Mapping[str, float]
     """Positions of the joints that are not closed [m or rad]."""
-    way: Way
+    sweep: JointSweep
     authored: tuple[tuple[str, str], ...]
     """Pairs of links that meet as authored, too."""
-    alone: bool
+    isolated: bool
     """Whether all other joints stand where they have to."""
 
 
@@ -48,7 +48,7 @@ class SweepResult:
 
     checks: tuple[Check, ...]
     joints: tuple[JointCheck, ...]
-    faults: tuple[Violation, ...]
+    violations: tuple[Violation, ...]
 
 
 def sweep_joints(model: ObjectModel) -> SweepResult:
@@ -61,25 +61,27 @@ def sweep_joints(model: ObjectModel) -> SweepResult:
     sweeper = Sweeper(model=model)
     followers = {f.joint: f.leader for f in model.followers}
     checks: list[Check] = []
-    faults: list[Violation] = []
+    violations: list[Violation] = []
     joints: dict[str, JointCheck] = {}
     for name in model.free_joints:
         joint = asset.joint(name)
-        way, needs = _needed(sweeper, joint)
-        alone, fault = _alone(sweeper, joint, way, needs)
-        checks += alone
-        passes = fault is None or len(fault.authored) == len(way.meetings)
-        faults += [] if fault is None else [fault]
+        sweep, needs = _needed(sweeper, joint)
+        isolated, violation = _check_isolated(sweeper, joint, sweep, needs)
+        checks += isolated
+        passes = violation is None or len(violation.authored) == len(sweep.interferences)
+        violations += [] if violation is None else [violation]
         if passes and len(model.free_joints) > 1:
-            check, fault = _together(sweeper, joint, way, needs)
+            check, violation = _check_with_others(sweeper, joint, sweep, needs)
             checks.append(check)
-            faults += [] if fault is None else [fault]
+            violations += [] if violation is None else [violation]
         joints[name] = JointCheck(
             name=name,
             kind=joint.kind,
             span=joint.span,
-            swept=way.free,
-            blocked=bool(way.meetings),
+            lower=joint.lower,
+            upper=joint.upper,
+            swept=sweep.free,
+            blocked=bool(sweep.interferences),
             needs=needs,
         )
     for name, joint_check in _locked(joints).items():
@@ -92,12 +94,14 @@ def sweep_joints(model: ObjectModel) -> SweepResult:
                 name=joint.name,
                 kind=joint.kind,
                 span=joint.span,
+                lower=joint.lower,
+                upper=joint.upper,
                 swept=leader.swept if leader else 0.0,
                 blocked=leader.blocked if leader else True,
                 needs=leader.needs if leader else (),
             )
     joint_checks = tuple(joints[joint.name] for joint in asset.joints)
-    return SweepResult(checks=tuple(checks), joints=joint_checks, faults=tuple(faults))
+    return SweepResult(checks=tuple(checks), joints=joint_checks, violations=tuple(violations))
 
 
 def _leader(name: str, followers: Mapping[str, str]) -> str:
@@ -106,42 +110,42 @@ def _leader(name: str, followers: Mapping[str, str]) -> str:
     return name
 
 
-def _needed(sweeper: Sweeper, joint: Joint) -> tuple[Way, tuple[str, ...]]:
+def _needed(sweeper: Sweeper, joint: Joint) -> tuple[JointSweep, tuple[str, ...]]:
     """The way of a joint, and the joints that had to be opened for it.
 
     Another joint is opened only where the authored parts meet as well: shapes alone that
     meet are a fault of the shapes. What no other joint can change is left as it is.
     """
-    alone = way = sweeper.way(joint.name, {})
+    isolated = sweep = sweeper.sweep(joint.name, {})
     opened: dict[str, float] = {}
-    while len(opened) < MAX_NEEDS and _foreign(sweeper, way):
-        stopper = _stopper(sweeper, joint, way, opened)
+    while len(opened) < MAX_NEEDS and _foreign(sweeper, sweep):
+        stopper = _stopper(sweeper, joint, sweep, opened)
         if stopper is None:
-            return alone, ()
+            return isolated, ()
         opened[stopper.name] = stopper.open
-        way = sweeper.way(joint.name, opened)
-    if _foreign(sweeper, way):
-        return alone, ()
+        sweep = sweeper.sweep(joint.name, opened)
+    if _foreign(sweeper, sweep):
+        return isolated, ()
     for name in list(opened):
         fewer = {k: v for k, v in opened.items() if k != name}
-        if fewer and not _foreign(sweeper, sweeper.way(joint.name, fewer)):
+        if fewer and not _foreign(sweeper, sweeper.sweep(joint.name, fewer)):
             opened = fewer
-    return way, tuple(opened)
+    return sweep, tuple(opened)
 
 
-def _foreign(sweeper: Sweeper, way: Way) -> list[Interference]:
+def _foreign(sweeper: Sweeper, sweep: JointSweep) -> list[Interference]:
     """The meetings that another joint could change."""
-    return [meeting for meeting in way.meetings if not sweeper.is_own(meeting)]
+    return [interference for interference in sweep.interferences if not sweeper.is_own(interference)]
 
 
-def _stopper(sweeper: Sweeper, joint: Joint, way: Way, opened: Mapping[str, float]) -> Joint | None:
+def _stopper(sweeper: Sweeper, joint: Joint, sweep: JointSweep, opened: Mapping[str, float]) -> Joint | None:
     """The joint that moves what is in the way, if there is one for every meeting."""
     free = set(sweeper.model.free_joints)
     kept = set(sweeper.chains[joint.link]) | sweeper.moved_with(joint.name)
     stoppers = []
-    for meeting in _foreign(sweeper, way):
-        chain = [c for c in sweeper.chains[meeting.other] if c in free and c not in kept]
-        if not chain or chain[-1] in opened or not sweeper.authored(meeting):
+    for interference in _foreign(sweeper, sweep):
+        chain = [c for c in sweeper.chains[interference.other] if c in free and c not in kept]
+        if not chain or chain[-1] in opened or not sweeper.authored(interference):
             return None
         stoppers.append(chain[-1])
     return sweeper.model.asset.joint(stoppers[0])
@@ -168,15 +172,15 @@ def _deadlock(joint: JointCheck) -> Check:
     )
 
 
-def _alone(
-    sweeper: Sweeper, joint: Joint, way: Way, needs: Sequence[str]
+def _check_isolated(
+    sweeper: Sweeper, joint: Joint, sweep: JointSweep, needs: Sequence[str]
 ) -> tuple[list[Check], Violation | None]:
     """Clauses about a joint on its own, and what is at fault.
 
     What the authored parts do themselves is told apart from what the shapes make of them.
     """
-    authored = [meeting for meeting in way.meetings if sweeper.authored(meeting)]
-    shapes = [meeting for meeting in way.meetings if meeting not in authored]
+    authored = [interference for interference in sweep.interferences if sweeper.authored(interference)]
+    shapes = [interference for interference in sweep.interferences if interference not in authored]
     checks = []
     if shapes:
         checks.append(_failed("joint_sweep", shapes[0], f"{_words(shapes[0], joint)}{ONLY_SHAPES}"))
@@ -186,44 +190,44 @@ def _alone(
     if not checks:
         extra = f"with {' and '.join(needs)} open" if needs else "with the others closed"
         checks.append(_passed("joint_sweep", joint, f"goes through its whole range {extra}"))
-    if not way.meetings:
+    if not sweep.interferences:
         return checks, None
-    fault = Violation(
+    violation = Violation(
         joint=joint.name,
         others={name: sweeper.model.asset.joint(name).open for name in needs},
-        way=way,
-        authored=tuple((meeting.one, meeting.other) for meeting in authored),
-        alone=True,
+        sweep=sweep,
+        authored=tuple((interference.one, interference.other) for interference in authored),
+        isolated=True,
     )
-    return checks, fault
+    return checks, violation
 
 
-def _together(
-    sweeper: Sweeper, joint: Joint, alone: Way, needs: Sequence[str]
+def _check_with_others(
+    sweeper: Sweeper, joint: Joint, isolated: JointSweep, needs: Sequence[str]
 ) -> tuple[Check, Violation | None]:
     """The same with the other joints anywhere in their ranges.
 
-    What nothing but the joint itself decides, and what it met ``alone``, does not count again.
+    What nothing but the joint itself decides, and what it met ``isolated``, does not count again.
     """
-    known = {(meeting.one, meeting.other) for meeting in alone.meetings}
+    known = {(interference.one, interference.other) for interference in isolated.interferences}
     done = redrawn = 0
-    while done < DRAWS and redrawn < MAX_REDRAWS:
+    while done < OTHERS_SAMPLES and redrawn < MAX_RESAMPLES:
         others = sweeper.model.random_joints(sweeper.rng)
         others = {k: v for k, v in others.items() if k in sweeper.model.free_joints}
         del others[joint.name]
         others.update({name: sweeper.model.asset.joint(name).open for name in needs})
-        way = sweeper.way(joint.name, others, DRAW_STATES)
+        sweep = sweeper.sweep(joint.name, others, SAMPLE_STATES)
         new = [
-            meeting
-            for meeting in way.meetings
-            if (meeting.one, meeting.other) not in known and not sweeper.is_own(meeting)
+            interference
+            for interference in sweep.interferences
+            if (interference.one, interference.other) not in known and not sweeper.is_own(interference)
         ]
-        bad = [meeting for meeting in new if not sweeper.authored(meeting)]
+        bad = [interference for interference in new if not sweeper.authored(interference)]
         if bad:
             text = f"with the others at random: {_words(bad[0], joint)}{ONLY_SHAPES}"
-            way = replace(way, meetings=tuple(bad))
-            fault = Violation(joint=joint.name, others=others, way=way, authored=(), alone=False)
-            return _failed("joint_sweep_random", bad[0], text), fault
+            sweep = replace(sweep, interferences=tuple(bad))
+            violation = Violation(joint=joint.name, others=others, sweep=sweep, authored=(), isolated=False)
+            return _failed("joint_sweep_random", bad[0], text), violation
         redrawn += bool(new)
         done += not new
     again = f"; {redrawn} states in which authored parts meet were drawn again" if redrawn else ""
@@ -235,12 +239,12 @@ def _together(
     return replace(check, outcome="not_applicable", measured=None, message=text), None
 
 
-def _failed(name: str, meeting: Interference, message: str) -> Check:
+def _failed(name: str, interference: Interference, message: str) -> Check:
     return Check(
         name=name,
         outcome="failed",
-        subject=meeting.joint,
-        measured=meeting.excess_m,
+        subject=interference.joint,
+        measured=interference.excess_m,
         allowed=LIMIT_M,
         unit="m",
         message=message,

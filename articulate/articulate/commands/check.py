@@ -265,8 +265,11 @@ def _one(result: Checked) -> str:
         unit = "m" if joint.kind == "slide" else "rad"
         opened = "" if joint.opened is None else f", opened by 30 N {joint.opened:.0%}"
         needs = f", needs {' and '.join(joint.needs)} open" if joint.needs else ""
-        way = f"{joint.kind} of {abs(joint.span):.3g} {unit}"
-        lines.append(f"  joint    {joint.name}: {way}, free {joint.swept:.0%}{opened}{needs}")
+        limits = "without limits"
+        if joint.lower is not None and joint.upper is not None:
+            limits = f"limits {joint.lower:.3g} to {joint.upper:.3g}"
+        travel = f"{joint.kind} of {abs(joint.span):.3g} {unit} ({limits})"
+        lines.append(f"  joint    {joint.name}: {travel}, free {joint.swept:.0%}{opened}{needs}")
     return "\n".join([*lines, f"  page     {result.folder / PAGE_FILE}"])
 
 

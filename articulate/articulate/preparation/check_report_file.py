@@ -24,7 +24,8 @@ def content_of(check_report: CheckReport) -> dict[str, Any]:
         {
             "name": joint.name,
             "type": joint.kind,
-            "range": joint.span,
+            "travel": joint.span,
+            "range": None if joint.lower is None else [joint.lower, joint.upper],
             "swept": joint.swept,
             "blocked": joint.blocked,
             "needs": list(joint.needs),
@@ -114,7 +115,9 @@ def _decoded(content: dict[str, Any]) -> CheckReport:
             JointCheck(
                 name=joint["name"],
                 kind=joint["type"],
-                span=joint["range"],
+                span=joint["travel"],
+                lower=None if joint["range"] is None else joint["range"][0],
+                upper=None if joint["range"] is None else joint["range"][1],
                 swept=joint["swept"],
                 blocked=joint["blocked"],
                 needs=tuple(joint["needs"]),
