@@ -18,7 +18,7 @@ from articulate.conversion.convert import build_asset, read_input, write_asset
 from articulate.errors import AssetError, UsageError
 from articulate.files import MAX_TRIES, replace_directory
 from articulate.formats.config import ConvertConfig
-from articulate.formats.read_source import find_source
+from articulate.formats.find_source import find_source
 
 LONG = "x" * 300
 

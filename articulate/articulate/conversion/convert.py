@@ -26,10 +26,11 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import is_asset, replace_directory, write_text
 from articulate.formats.config import ConvertConfig
 from articulate.formats.decompose_joints import expand
+from articulate.formats.find_source import find_source
 from articulate.formats.link_tree import Part, build_parts, poses_at
 from articulate.formats.load_meshes import PartGeometry, bounds
 from articulate.formats.orient_collada import loaded
-from articulate.formats.read_source import find_source, read_source
+from articulate.formats.read_source import read_source
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceObject, free_name
 from articulate.geometry.collision import collision_shapes

@@ -18,6 +18,7 @@ import numpy as np
 import trimesh
 
 from articulate.errors import AssetError, quote
+from articulate.formats.find_source import CONFIG, file_of_config, sdf_version
 from articulate.formats.mesh_paths import resolve
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import (
@@ -41,8 +42,6 @@ MAX_NESTED = 8
 MAX_FRAMES = 5_000
 """Most named frames of a model."""
 WORLD, MODEL = "world", "__model__"
-CONFIG = "model.config"
-"""File of a model's folder that names its SDF files by version."""
 GAZEBO_COLOURS: dict[str, Rgba] = {
     "Gazebo/Red": (1.0, 0.0, 0.0, 1.0),
     "Gazebo/Green": (0.0, 1.0, 0.0, 1.0),
@@ -87,27 +86,6 @@ def read_sdf(path: Path) -> SourceObject:
         AssetError: It cannot be read, holds several models, or something that is not supported.
     """
     return _Reader(path).source()
-
-
-def file_of_config(config: Path) -> Path:
-    """Return the SDF file of the newest version that a ``model.config`` names.
-
-    Raises:
-        AssetError: It names none, or one outside its folder.
-    """
-    root = read_markup(config, Repairs())
-    named = [
-        (_version(element), (element.text or "").strip())
-        for element in children_of(root, "sdf")
-        if (element.text or "").strip()
-    ]
-    if not named:
-        raise AssetError(f"{config}: names no SDF file; give the .sdf file itself")
-    name = max(named)[1]
-    path = config.parent / name
-    if Path(name).name != name or not path.is_file():
-        raise AssetError(f"{config}: names {quote(name)}, which is not in its folder")
-    return path
 
 
 class _Reader:
@@ -197,7 +175,7 @@ class _Reader:
             raise AssetError(f"{self.path}: holds {count}; give a file of one model")
         if _text(models[0], "static") in {"1", "true"}:
             self.repairs.note("the model is static in Gazebo: its joints are read all the same")
-        return models[0], _version(root)
+        return models[0], sdf_version(root)
 
     def at(self, element: Element, path: Path) -> str:
         return f"{path}:{element.sourceline}"
@@ -682,9 +660,3 @@ def _float(word: str) -> float | None:
         return float(word.replace("_", "?"))
     except ValueError:
         return None
-
-
-def _version(element: Element) -> int:
-    """Return the minor version of SDF 1.x, 7 where there is none."""
-    found = re.match(r"1\.(\d{1,2})", (element.get("version") or "").strip())
-    return int(found.group(1)) if found else 7

@@ -12,13 +12,11 @@ from typing import Any
 from articulate.assets.check_report import CheckReport
 from articulate.errors import UsageError
 from articulate.files import write_text
+from articulate.formats.find_source import objects_in, source_files
 from articulate.jobs.process_pool import ChildResult, run_isolated
 from articulate.preparation import store
 from articulate.preparation.check_report_file import CHECK_REPORT_FILE, load_check_report
 
-SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
-NOT_OBJECTS = {"package.xml"}
-"""Files of these names are found beside robots and describe none."""
 MAX_DEPTH = 8
 """Folders are searched down to this depth."""
 MODULE = "articulate.preparation.child"
@@ -57,12 +55,13 @@ def items_in(source: Path, out: Path | None = None) -> tuple[list[Item], bool]:
     """
     if not path_exists(source):
         raise UsageError(
-            f"{source}: does not exist; give a URDF, an MJCF file or a folder with objects"
+            f"{source}: does not exist; give a URDF, SDF or MJCF file or a folder with objects"
         )
     if not source.is_dir():
         if not source.is_file():
             raise UsageError(
-                f"{source}: is neither a file nor a folder; give a URDF, an MJCF file or a folder"
+                f"{source}: is neither a file nor a folder; give a URDF, SDF or MJCF file, or a "
+                "folder"
             )
         return [Item(name=source.stem, file=source)], True
     one = _single_object(source)
@@ -70,7 +69,9 @@ def items_in(source: Path, out: Path | None = None) -> tuple[list[Item], bool]:
         return [Item(name=source.resolve().name, file=one)], True
     found = _with_unique_names(sorted(_walk(source, source, 0, out), key=lambda item: item.name))
     if not found:
-        raise UsageError(f"{source}: holds no .urdf, .xml or asset folder; give another folder")
+        raise UsageError(
+            f"{source}: holds no .urdf, .sdf, .xml or asset folder; give another folder"
+        )
     return found, False
 
 
@@ -93,7 +94,7 @@ def path_exists(path: Path) -> bool:
     """Return whether ``path`` exists.
 
     Raises:
-        UsageError: The path cannot be looked up: a name is too long, or a folder on the way is closed.
+        UsageError: The path cannot be looked up, as a name is too long or a folder is closed.
     """
     try:
         return path.exists()
@@ -106,18 +107,8 @@ def _single_object(folder: Path) -> Path | None:
     """Return the only object that ``folder`` is or holds, or None."""
     if (folder / "asset.json").is_file():
         return folder
-    files = _files(folder)
-    urdfs = [path for path in files if path.suffix.lower() == ".urdf"]
-    found = urdfs or files
+    found = objects_in(folder)
     return found[0] if len(found) == 1 else None
-
-
-def _files(folder: Path) -> list[Path]:
-    return sorted(
-        path
-        for path in folder.iterdir()
-        if path.suffix.lower() in SUFFIXES and path.name not in NOT_OBJECTS and path.is_file()
-    )
 
 
 def _walk(folder: Path, top: Path, depth: int, out: Path | None) -> Iterator[Item]:
@@ -127,7 +118,7 @@ def _walk(folder: Path, top: Path, depth: int, out: Path | None) -> Iterator[Ite
     if one is not None:
         yield Item(name=folder.relative_to(top).as_posix(), file=one)
         return
-    for path in _files(folder):
+    for path in source_files(folder):
         yield Item(name=path.relative_to(top).with_suffix("").as_posix(), file=path)
     for path in sorted(folder.iterdir()):
         hidden = path.name.startswith(".") or path.is_symlink()

@@ -29,8 +29,8 @@ from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError, UsageError
 from articulate.files import copy_writable
 from articulate.formats.config import ConvertConfig
+from articulate.formats.find_source import find_source
 from articulate.formats.mesh_paths import AbsentMesh
-from articulate.formats.read_source import find_source
 from articulate.formats.textures import named_files
 from articulate.geometry.time_budget import Budget
 from articulate.preparation import store
@@ -166,7 +166,7 @@ def _prepare(
         lasting = not isinstance(error, AbsentMesh)
         seconds = time.perf_counter() - start
         return reject(file, str(error), options, cache, seconds=seconds, lasting=lasting)
-    complete = not any(sentence.startswith(LEFT_OUT) for sentence in made.report.repairs)
+    complete = not any(text.startswith(LEFT_OUT) for text in made.report.repairs)
     if made.report.verdict != "undecided" and (file.is_dir() or complete):
         store.save(file, options, cache, made.inputs, made.folder)
     return made.folder
@@ -294,7 +294,7 @@ def reject(
         cache: Cache folder.
         seconds: Time that it took [s].
         lasting: Whether the same file is rejected at once the next time.
-        undecided: Whether the reason lies outside the object: a limit of time or memory. Such a
+        undecided: True if the reason is not in the object: a limit of time or memory. Such a
             result is not kept for the next time.
     """
     name = file.parent.name if file.stem == "mobility" else file.stem

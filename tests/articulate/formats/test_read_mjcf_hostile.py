@@ -20,7 +20,8 @@ from articulate.conversion.convert import input_key, read_input
 from articulate.errors import AssetError
 from articulate.formats import read_mjcf as reading
 from articulate.formats import read_mjcf_child
-from articulate.formats.read_source import find_source, format_of
+from articulate.formats.find_source import find_source
+from articulate.formats.read_source import format_of
 from articulate.formats.reduce_mjcf import read_text
 from articulate.formats.source_object import SourceGeometry
 from articulate.formats.xml_input import root_tag

@@ -14,9 +14,10 @@ from tests.articulate.conversion.cabinets import CABINET, write_cabinet
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.convert import input_key, read_input
 from articulate.errors import AssetError
+from articulate.formats.find_source import find_source
 from articulate.formats.link_tree import build_parts, poses_at
 from articulate.formats.read_sdf import read_sdf
-from articulate.formats.read_source import find_source, format_of, read_source
+from articulate.formats.read_source import format_of, read_source
 from articulate.formats.source_object import MAX_JOINTS, SourceJoint, SourceObject
 from articulate.transforms import Array, pose, rpy_to_matrix
 

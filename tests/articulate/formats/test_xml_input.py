@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from articulate.errors import AssetError
-from articulate.formats.read_urdf import MAX_LINKS, read_urdf
+from articulate.formats.read_urdf import read_urdf
 from articulate.formats.repairs import Repairs
+from articulate.formats.source_object import MAX_LINKS
 from articulate.formats.xml_input import MAX_BYTES, MAX_ELEMENTS, read_markup, tag_of
 
 BOMB = (
@@ -72,7 +73,7 @@ def test_encodings_are_those_of_the_bytes(tmp_path: Path, content: bytes, words:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (BOMB, "has a DOCTYPE or entities, which are refused"),
+        (BOMB, "has a DOCTYPE or entities, which are not accepted"),
         (BOMB.replace("DOCTYPE", "doctype"), "has a DOCTYPE or entities"),
         (BOMB.encode("utf-16"), "has a DOCTYPE or entities"),
         ('<robot name="&x;"/>', "Entity 'x' not defined"),
