@@ -62,7 +62,7 @@ def until_learnt(run: Path, seeds: Sequence[int]) -> list[dict[str, Any]]:
     Episodes while a guide acts in some environments do not count.
     """
     config = yaml.safe_load((run / CONFIG).read_text(encoding="utf-8"))
-    shown = config["show"]["until"] * config["show"]["lead_until"] * config["steps"]
+    shown = config["show"]["until"] * config["show"]["expert_until"] * config["steps"]
     found = []
     for seed in seeds:
         lines = (run / f"seed_{seed}" / "progress.jsonl").read_text(encoding="utf-8").splitlines()

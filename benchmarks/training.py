@@ -152,7 +152,7 @@ class OurSide:
     def unshown(self) -> OurSide:
         """Another training of the same that no guide shows anything: PPO from the first tick on."""
         of, scene = self.learner.config, self.learner.episodes.engine.scene
-        return OurSide(scene, replace(of, show=replace(of.show, until=0.0)), self.threads)
+        return OurSide(scene, replace(of, imitation=replace(of.imitation, until=0.0)), self.threads)
 
     def workers(self) -> list[int]:
         """None: it runs in threads."""
@@ -177,7 +177,7 @@ def prepare(folder: Path, preset: str | None, threads: int) -> tuple[OurSide, Fi
         rollout=config.ppo.n_envs * config.ppo.n_steps,
         batch=config.ppo.batch_size,
         epochs=config.ppo.n_epochs,
-        layers=config.ppo.net,
+        layers=config.ppo.net_arch,
         activation="ELU",
         gamma=config.ppo.gamma,
         horizon=round(run.task.episode_s * CONTROL_HZ),
@@ -188,9 +188,9 @@ def prepare(folder: Path, preset: str | None, threads: int) -> tuple[OurSide, Fi
     fixture = fixture_of(
         run.asset,
         run.task.joint,
-        pos_w=run.place.pos_w,
-        yaw_rad=run.place.yaw_rad,
-        start_q=run.place.start_q,
+        pos_w=run.placement.pos_w,
+        yaw_rad=run.placement.yaw_rad,
+        start_q=run.placement.start_q,
     )
     return OurSide(run.scene(), config, threads), fixture, settings
 

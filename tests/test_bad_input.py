@@ -1,4 +1,4 @@
-"""What users are told when what they gave cannot be used: one line, exit 2, nothing left behind."""
+"""Unusable input: one line, exit 2 and no files."""
 
 import importlib.util
 import shlex
@@ -42,19 +42,19 @@ def run_folder(objects, tmp_path_factory):
     return folder
 
 
-def taken_as_proven(source, cache, config):
-    """Asset folders made for tests have no URDF to prove them with."""
+def load_unchecked(source, cache, config):
+    """Load asset folders of tests, which have no URDF to check, without a check."""
     if (source / "asset.json").is_file():
         return load_asset(source)
     return load_checked_asset(source, cache, config)
 
 
 @pytest.fixture
-def refused(error_line, tmp_path, monkeypatch, capsys):
-    """``refused("VERB ...")``: the line it is refused with is kept, and nothing lies about."""
+def rejected(error_line, tmp_path, monkeypatch, capsys):
+    """``rejected("VERB ...")``: the line of the rejection is recorded, and no file changes."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / ".cache"))
-    monkeypatch.setattr(runs, "proven_asset", taken_as_proven)
+    monkeypatch.setattr(runs, "load_checked_asset", load_unchecked)
     capsys.readouterr()
 
     def files():
@@ -101,8 +101,8 @@ def objects_here(objects, tmp_path):
         "--asset cabinet --steps many",
         "--asset cabinet --steps 100",
         "--asset cabinet --seeds 1 1",
-        "--asset cabinet --ppo.batch-size 500",
-        "--asset cabinet --randomization.delay-steps 3 1",
+        "--asset cabinet --set ppo.batch_size=500",
+        "--asset cabinet --set randomization.delay_steps=3,1",
         "--asset cabinet --closed middle",
         "--asset cabinet --size -1",
         "--task open_drawer",
@@ -113,42 +113,45 @@ def objects_here(objects, tmp_path):
         "--resume --out cabinet",
     ],
 )
-def test_train_refuses(refused, flags):
-    refused(f"train {flags}")
+def test_train_rejects(rejected, flags):
+    rejected(f"train {flags}")
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_train_refuses_an_unknown_key_and_names_the_nearest(refused, tmp_path):
+def test_train_rejects_an_unknown_key_and_names_the_nearest(rejected, tmp_path):
     (tmp_path / "fast.yaml").write_text("ppo: {lerning_rate: 1}\n")
-    refused("train --asset cabinet --config fast.yaml")
+    rejected("train --asset cabinet --config fast.yaml")
+    doubling = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 12))
+    (tmp_path / "bomb.yaml").write_text(f"a0: &a0 [1]\n{doubling}")
+    rejected("train --asset cabinet --config bomb.yaml", "train  # YAML anchors that double")
     (tmp_path / "slow.yaml").write_text("joint drawer\n")
-    refused("train --asset cabinet --config slow.yaml")
+    rejected("train --asset cabinet --config slow.yaml")
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_train_refuses_an_output_that_is_in_the_way(refused, tmp_path):
+def test_train_rejects_an_output_that_is_in_the_way(rejected, tmp_path):
     (tmp_path / "file").write_text("mine")
-    refused("train --asset cabinet --out file")
-    refused("train --asset cabinet --out file/run")
+    rejected("train --asset cabinet --out file")
+    rejected("train --asset cabinet --out file/run")
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "photo.jpg").touch()
-    refused("train --asset cabinet --out old")
+    rejected("train --asset cabinet --out old")
 
 
 @pytest.mark.usefixtures("objects_here")
-@pytest.mark.parametrize("flags", ["--ppo.gamma 0.9", "--seeds 0 1", "--joint drawer_0_slide"])
-def test_train_refuses_to_go_on_with_something_else(refused, run_folder, tmp_path, flags):
+@pytest.mark.parametrize("flags", ["--set ppo.gamma=0.9", "--seeds 0 1", "--joint drawer_0_slide"])
+def test_train_rejects_to_resume_with_other_settings(rejected, run_folder, tmp_path, flags):
     shutil.copytree(run_folder / "run", tmp_path / "run")
-    refused(f"train --resume --out run {flags}")
+    rejected(f"train --resume --out run {flags}")
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_train_without_robosuite_says_how_to_get_it(refused, monkeypatch):
+def test_train_without_robosuite_names_the_extra(rejected, monkeypatch):
     found = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *a: None if name == "robosuite" else found(name)
     )
-    refused("train --asset cabinet", "train --asset cabinet  # without robosuite")
+    rejected("train --asset cabinet", "train --asset cabinet  # without robosuite")
 
 
 @pytest.mark.usefixtures("objects_here")
@@ -159,10 +162,16 @@ def test_train_without_robosuite_says_how_to_get_it(refused, monkeypatch):
         "--asset cabinet --require-success most",
         "--asset cabinet --dry-run --resume --out old",
         "--asset cabinet --size big",
-        "--asset cabinet --randomization.mass 1",
-        "--asset cabinet --randomization.mass 1.3 0.7",
-        "--asset cabinet --ppo.net wide",
+        "--asset cabinet --set randomization.mass=1",
+        "--asset cabinet --set randomization.mass=1.3,0.7",
+        "--asset cabinet --set ppo.net_arch=wide",
         "--asset cabinet --seeds",
+        "--asset cabinet --set ppo.batch_sise=64",
+        "--asset cabinet --set batch_size=64",
+        "--asset cabinet --set ppo.gamma",
+        "--asset cabinet --set",
+        "--asset cabinet --ppo.gamma 0.9",
+        "--asset cabinet --ppo.gama 0.9",
         "--asset cabinet --episodes 0",
         "--asset cabinet --json=yes",
         "--asset cabinet --config",
@@ -171,37 +180,37 @@ def test_train_without_robosuite_says_how_to_get_it(refused, monkeypatch):
         "",
     ],
 )
-def test_train_refuses_flags(refused, run_folder, tmp_path, flags):
+def test_train_rejects_flags(rejected, run_folder, tmp_path, flags):
     shutil.copytree(run_folder / "run", tmp_path / "old")
-    refused(f"train {flags}".strip())
+    rejected(f"train {flags}".strip())
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_train_dry_run_refuses_to_overwrite_its_picture(refused, tmp_path):
+def test_train_dry_run_rejects_to_overwrite_its_image(rejected, tmp_path):
     (tmp_path / "old.png").write_text("mine")
-    refused("train --asset cabinet --dry-run --out old")
+    rejected("train --asset cabinet --dry-run --out old")
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_the_cache_must_be_usable(refused, tmp_path, monkeypatch):
+def test_the_cache_must_be_usable(rejected, tmp_path, monkeypatch):
     monkeypatch.setenv("ARTICULATE_CACHE_GB", "much")
-    refused("train --asset cabinet", "train --asset cabinet  # ARTICULATE_CACHE_GB=much")
-    refused("cache", "cache  # ARTICULATE_CACHE_GB=much")
+    rejected("train --asset cabinet", "train --asset cabinet  # ARTICULATE_CACHE_GB=much")
+    rejected("cache", "cache  # ARTICULATE_CACHE_GB=much")
     monkeypatch.delenv("ARTICULATE_CACHE_GB")
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     for call in ("train --asset cabinet", "check chest.urdf"):
-        refused(call, f"{call}  # XDG_CACHE_HOME is a file")
+        rejected(call, f"{call}  # XDG_CACHE_HOME is a file")
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_a_full_disk_is_told_before_the_work(refused, monkeypatch, run_folder, tmp_path):
+def test_a_full_disk_is_reported_before_the_work(rejected, monkeypatch, run_folder, tmp_path):
     free = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
     monkeypatch.setattr("articulate.files.shutil.disk_usage", lambda _: free)
     for call in ("train --asset cabinet --out run", "check . --out checked"):
-        refused(call, f"{call}  # 1 MB is free")
+        rejected(call, f"{call}  # 1 MB is free")
     shutil.copytree(run_folder / "run", tmp_path / "made")
-    refused("export made --out b.zip", "export made --out b.zip  # 1 MB is free")
+    rejected("export made --out b.zip", "export made --out b.zip  # 1 MB is free")
 
 
 @pytest.mark.usefixtures("objects_here")
@@ -227,28 +236,28 @@ def test_a_full_disk_is_told_before_the_work(refused, monkeypatch, run_folder, t
         "--explain opennes",
     ],
 )
-def test_check_refuses(refused, tmp_path, flags):
+def test_check_rejects(rejected, tmp_path, flags):
     (tmp_path / "empty").mkdir()
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "letter.txt").write_text("mine")
     (tmp_path / "mine").write_text("mine")
-    refused(f"check {flags}".strip())
+    rejected(f"check {flags}".strip())
 
 
 @pytest.mark.parametrize(
     "flags",
     ["lst", "list clean", "clean", "clean --keep-gb -1", "clean --keep-gb all", "clean --keep 1"],
 )
-def test_cache_refuses(refused, flags):
-    refused(f"cache {flags}")
+def test_cache_rejects(rejected, flags):
+    rejected(f"cache {flags}")
 
 
 @pytest.mark.parametrize("line", ["trian", "--versio", "--completion", "--completion csh", "-x"])
-def test_what_is_no_command_is_refused(refused, line):
-    refused(line, f"articulate {line}")
+def test_unknown_commands_are_rejected(rejected, line):
+    rejected(line, f"articulate {line}")
 
 
-def test_watch_refuses(refused, run_folder, tmp_path):
+def test_watch_rejects(rejected, run_folder, tmp_path):
     shutil.copytree(run_folder / "run", tmp_path / "run")
     shutil.copytree(run_folder / "bundle", tmp_path / "bundle")
     (tmp_path / "empty").mkdir()
@@ -268,38 +277,40 @@ def test_watch_refuses(refused, run_folder, tmp_path):
         "bundle --seed 1",
         "bundle --sed 1",
     ):
-        refused(f"watch {flags}".strip())
+        rejected(f"watch {flags}".strip())
 
 
-def test_evaluate_and_export_refuse_what_is_no_run_or_is_untrained(refused, run_folder, tmp_path):
+def test_evaluate_and_export_reject_other_folders_and_untrained_runs(
+    rejected, run_folder, tmp_path
+):
     for verb in ("evaluate nowhere", "export nowhere --out bundle.zip"):
-        refused(verb)
+        rejected(verb)
     shutil.copytree(run_folder / "run", tmp_path / "run")
     shutil.rmtree(tmp_path / "run" / "seed_0")
-    refused("evaluate run", "evaluate run  # untrained")
-    refused("export run --out bundle.zip", "export run --out bundle.zip  # untrained")
+    rejected("evaluate run", "evaluate run  # untrained")
+    rejected("export run --out bundle.zip", "export run --out bundle.zip  # untrained")
     write_checkpoint(tmp_path / "run" / "seed_0", 0)
-    refused("export run --out bundle.zip --seed 4")
-    refused("evaluate run --episodes 0")
-    refused("evaluate run --ranges 0")
-    refused("evaluate run --asset nothing.urdf")
-    refused("evaluate run --joint drawer_1")
-    refused("evaluate run run --asset nothing.urdf")
+    rejected("export run --out bundle.zip --seed 4")
+    rejected("evaluate run --episodes 0")
+    rejected("evaluate run --ranges 0")
+    rejected("evaluate run --asset nothing.urdf")
+    rejected("evaluate run --joint drawer_1")
+    rejected("evaluate run run --asset nothing.urdf")
     for flags in ("", "run --require-success 90", "run --episodes", "run --episode 5", "run old"):
-        refused(f"evaluate {flags}".strip())
+        rejected(f"evaluate {flags}".strip())
     for flags in ("", "run --seed first", "run --out run", "run --oot b.zip", "run --out empty/"):
         (tmp_path / "empty").mkdir(exist_ok=True)
-        refused(f"export {flags}".strip())
+        rejected(f"export {flags}".strip())
     (tmp_path / "bundles").mkdir()
     (tmp_path / "bundles" / "run-seed_0.zip").write_text("mine")
-    refused("export run", "export run  # its default --out exists")
+    rejected("export run", "export run  # its default --out exists")
 
 
-def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tmp_path):
-    refused("deploy nowhere")
+def test_deploy_rejects_bundles_and_unknown_robots(rejected, run_folder, tmp_path):
+    rejected("deploy nowhere")
     bundle = shutil.copytree(run_folder / "bundle", tmp_path / "bundle")
     for robot in ("panda", "fr3", "kuka"):
-        refused(f"deploy bundle --robot {robot}")
+        rejected(f"deploy bundle --robot {robot}")
     for flags in (
         "--episodes 0",
         "--episodes few",
@@ -314,14 +325,14 @@ def test_deploy_refuses_bundles_and_robots_it_cannot_use(refused, run_folder, tm
     ):
         (tmp_path / "full").mkdir(exist_ok=True)
         (tmp_path / "full" / "letter.txt").write_text("mine")
-        refused(f"deploy bundle {flags}")
-    refused("deploy")
+        rejected(f"deploy bundle {flags}")
+    rejected("deploy")
     (tmp_path / "letter.txt").write_text("Dear Sir or Madam")
-    refused("deploy letter.txt")
+    rejected("deploy letter.txt")
     (tmp_path / "empty").mkdir()
-    refused("deploy empty")
+    rejected("deploy empty")
     policy = bundle / "policy.onnx"
     policy.write_bytes(policy.read_bytes()[:-1] + b"x")
-    refused("deploy bundle", "deploy bundle  # its policy was changed")
+    rejected("deploy bundle", "deploy bundle  # its policy was changed")
     policy.unlink()
-    refused("deploy bundle", "deploy bundle  # its policy is gone")
+    rejected("deploy bundle", "deploy bundle  # its policy is missing")

@@ -37,29 +37,29 @@ class RewardConfig:
     grip_last_m: float = 0.010
     """The same at its end; linear between. What is held off its middle slips out while it is
     pulled, and a narrow place is found only from near it."""
-    early: float = -0.25
+    premature_close: float = -0.25
     """For a hand that is told to close, or is closed, away from the handle, at the beginning; for
     one that has closed on nothing wherever it is, as it has to open again. The command counts from
     -1 on, not from 0: nothing else would move a policy away from the middle, where the noise of
     training opens and closes the hand and the mean action that is deployed does neither."""
-    early_last: float = -0.75
+    premature_close_last: float = -0.75
     """The same at the end of training; linear between (dear at first, closing is given up before
     it has been learnt what it is good for). What counts as away narrows as ``grip_m`` does."""
-    aside: float = -150.0
+    lateral_offset: float = -150.0
     """For each metre by which the handle lies beside the way between the fingers, or the hand
     beyond a handle that it does not hold, at the end of training; in proportion before.
     ``approach`` pays the same for every path; this is what bends it: across first, then ahead, so
     that no finger comes down on the handle. What fingers may already have between them costs it
     from half way there on, until both can touch it: one that closes on a knob from one side pushes
     it out of the hand."""
-    aside_share: float = 0.45
+    lateral_free_share: float = 0.45
     """Half as wide is that way at the handle, as a share of the room between the fingers."""
-    aside_from_m: float = 0.07
+    lateral_free_from_m: float = 0.07
     """So far before the handle it begins to widen, as fast as the distance grows [m]."""
-    aside_most_m: float = 0.02
+    lateral_offset_max_m: float = 0.02
     """What lies farther beside costs as this much [m]: an episode that begins 12 cm beside the
     handle of a lid lost 280 by it, ten times what its success is worth."""
-    beyond_m: float = 0.003
+    overreach_m: float = 0.003
     """So far beyond the handle the hand may be [m]: tips have 5 mm there, where there is as much
     room, and a hand that may use them up presses on what stands behind. One that holds the handle
     cannot change it any more, and would pay for it to the end of the episode."""
@@ -70,9 +70,9 @@ class RewardConfig:
     """The way is paid for up to the target and this share of it beyond, at most half the room to
     the stop: what is known of the part is noisy, and one who aims at the target itself stops
     short of it."""
-    over: float = 0.5
+    overshoot: float = 0.5
     """Share of it that is lost again from there to the part's stop, which jerks the hand."""
-    over_room: float = 0.1
+    overshoot_room: float = 0.1
     """Least share of the range on which that is lost: where the stop is nearer to the target (a
     part that is to be closed), meeting it costs in proportion less."""
     progress: float = 60.0
@@ -95,7 +95,7 @@ class RewardConfig:
     violation: float = -40.0
     """Once, when a limit of the task is broken, at the end of training; in proportion before. At
     half of it a policy pushed on a door that was shut, too hard in one of six episodes."""
-    spoiled: float = 0.3
+    violated_share: float = 0.3
     """Share of what opening earns that is left after a violation, at the end of training; all of
     it at the beginning, linear between (else too little is learnt of opening)."""
     success: float = 60.0
@@ -119,7 +119,7 @@ def check_until(name: str, until: float) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StartConfig:
+class InitialStatesConfig:
     """Share of training episodes that begin along the task, how, and when training cuts them."""
 
     share_first: float = 0.8
@@ -132,34 +132,34 @@ class StartConfig:
     """Of those starts, the share with the hand closed on the handle of a part on its way."""
     standoff_m: float = 0.12
     """The others begin before the handle, up to this far [m]; the part is where it begins."""
-    empty_share: float = 0.3
+    empty_grasp_share: float = 0.3
     """Of those before the handle, the share with a hand that has closed on nothing, which learns
     to open again."""
-    empty_m: float = 0.016
+    empty_grasp_m: float = 0.016
     """How far before the handle such a hand is at least [m]."""
     closing_share: float = 0.4
     """Of those before the handle, the share that is at it with an open hand that has just been
     told to close: what closing there leads to is met before the policy has learnt to want it."""
-    astray_share: float = 0.15
+    off_target_share: float = 0.15
     """Of those before the handle, the share that lies to one side of it, which learns not to push
     a finger against its front."""
-    astray_m: tuple[float, float] = (0.04, 0.06)
+    off_target_m: tuple[float, float] = (0.04, 0.06)
     """How far before the handle such a hand is at least, and to either side at most [m]."""
-    bank: int = 512
+    n_precomputed: int = 512
     """How many such starts are prepared."""
-    cut: float = 0.04
+    truncation_probability: float = 0.04
     """Chance, each tick, that an episode of training ends once its part has rested at the target
     as long as success asks for. Such an end counts as cut off (a truncation), and the time is
     spent on the next episode: else most of all ticks would show a part at rest."""
-    cut_share: float = 0.5
+    truncation_env_share: float = 0.5
     """Share of the environments in which episodes are cut, in [0, 1). In the others the part is
     held to the end, which has to be learnt too; what training says of successes is of these."""
 
     def __post_init__(self) -> None:
-        check_until("starts", self.until)
-        if not 0.0 <= self.cut_share < 1.0:
+        check_until("initial_states", self.until)
+        if not 0.0 <= self.truncation_env_share < 1.0:
             raise ConfigError(
-                f"starts.cut_share is {self.cut_share}; it must be at least 0 and below 1"
+                f"initial_states.truncation_env_share is {self.truncation_env_share}; it must be at least 0 and below 1"
             )
 
     def share(self, progress: float) -> float:

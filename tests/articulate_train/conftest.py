@@ -26,6 +26,6 @@ def fresh(cabinet, tmp_path_factory):
 
 @pytest.fixture
 def tiny(fresh, tmp_path):
-    """A tiny run that was not begun, for one test alone."""
+    """A tiny run that was not begun, for one test."""
     shutil.copytree(fresh.folder, tmp_path / "run")
     return open_run(tmp_path / "run")

@@ -28,7 +28,12 @@ from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network, Policy
 
 FINE = ActionScalingConfig(
-    near_handle=0.4, while_closing=0.2, near_m=0.03, far_m=0.10, at_goal=0.2, goal_range=(-0.06, 0.02)
+    near_handle=0.4,
+    while_closing=0.2,
+    near_m=0.03,
+    far_m=0.10,
+    at_goal=0.2,
+    goal_range=(-0.06, 0.02),
 )
 OPEN_M = 0.08
 NO_LEAD, NO_BEND = np.zeros(6), np.zeros(7)

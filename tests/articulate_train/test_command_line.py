@@ -21,18 +21,18 @@ OTHER = dataclasses.replace(
     evaluation_seed=7,
     ppo=dataclasses.replace(PLAIN.ppo, net_arch=(32, 16, 8), learning_rate=1e-05),
     randomization=dataclasses.replace(PLAIN.randomization, mass=(0.5, 2.0), scales=3),
-    reward=dataclasses.replace(PLAIN.reward, early=-0.5),
+    reward=dataclasses.replace(PLAIN.reward, premature_close=-0.5),
     physics=dataclasses.replace(PLAIN.physics, cone="pyramidal"),
 )
 
 
 @pytest.mark.parametrize("config", [PLAIN, OTHER], ids=["defaults", "all kinds of flags"])
-def test_the_command_that_a_report_tells_asks_for_the_same_again(config):
+def test_the_command_of_a_report_gives_the_same_configuration(config):
     _, *words = shlex.split(train_command(config, "drawer_0_slide"))
     assert parse(TrainFlags, words, prog="train").config() == config
 
 
-def test_what_is_as_by_default_and_what_changes_nothing_is_left_out():
+def test_defaults_and_keys_without_influence_are_left_out():
     config = dataclasses.replace(PLAIN, jobs=2, checkpoint_updates=5)
     assert train_command(config, "drawer_0_slide") == (
         "train --asset 'my cabinet/ä.urdf' --task open_drawer --joint drawer_0_slide "
@@ -40,6 +40,6 @@ def test_what_is_as_by_default_and_what_changes_nothing_is_left_out():
     )
 
 
-def test_a_joint_that_was_chosen_is_named():
+def test_a_selected_joint_is_named():
     config = dataclasses.replace(PLAIN, joint=None)
     assert "--joint lid" in train_command(config, "lid")

@@ -7,8 +7,8 @@ from tests.test_bad_input import load_unchecked
 
 from articulate.commands import main
 from articulate.errors import MissingError
-from articulate_envs.joint_selection import choose_joint
 from articulate_envs.feasibility import Feasibility
+from articulate_envs.joint_selection import choose_joint
 from articulate_train import dry_run as dry
 from articulate_train import run as runs
 

@@ -1,4 +1,4 @@
-"""A seed's members take turns, learn nothing of each other, and act as their mean."""
+"""Ensemble members update in turn, independently, and their mean action is used."""
 
 import json
 from dataclasses import replace
@@ -13,16 +13,16 @@ from tests.runs import tiny_run, write_checkpoint
 from articulate.errors import ConfigError, RunError
 from articulate.task.observation import OBSERVATION
 from articulate_deploy.onnx_graph import check_graph
-from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
 from articulate_train.config import TrainConfig
-from articulate_train.ensemble import Members
+from articulate_train.ensemble import Ensemble
 from articulate_train.export import golden_pairs, to_onnx
 from articulate_train.policy import (
     CHECKPOINT,
-    CHOSEN,
-    FURTHER,
+    OTHER_MEMBERS,
+    POLICY,
+    ensemble_of,
     load_policy,
-    members_of,
     policy_of,
     read_checkpoint,
     trained_steps,
@@ -38,7 +38,7 @@ STEPS = 32
 @pytest.fixture
 def pair(cabinet, tmp_path):
     """A run whose seed has two members of three updates each."""
-    return tiny_run(tmp_path / "run", cabinet, members=2)
+    return tiny_run(tmp_path / "run", cabinet, ensemble_size=2)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def members(pair):
     made = []
 
     def make(config=pair.config, seed=0):
-        made.append(Members(pair.scene(), config, seed, threads=1))
+        made.append(Ensemble(pair.scene(), config, seed, threads=1))
         return made[-1]
 
     yield make
@@ -65,7 +65,7 @@ def weights(content):
     """Weights of all members of a checkpoint, as arrays."""
     return [
         {name: value.numpy() for name, value in member["policy"].items()}
-        for member in members_of(content)
+        for member in ensemble_of(content)
     ]
 
 
@@ -97,16 +97,16 @@ def test_what_is_no_number_is_left_out_of_the_figures(members):
 
 
 def test_shares_are_rounded_up():
-    assert TrainConfig(asset="a", steps=100_001, members=2).member_steps == 50_001
-    assert TrainConfig(asset="a", steps=100_001, members=1).member_steps == 100_001
+    assert TrainConfig(asset="a", steps=100_001, ensemble_size=2).member_steps == 50_001
+    assert TrainConfig(asset="a", steps=100_001, ensemble_size=1).member_steps == 100_001
 
 
 def test_members_that_have_no_update_each_are_refused():
     least = 2 * TrainConfig(asset="a").ppo.n_envs * TrainConfig(asset="a").ppo.n_steps
     with pytest.raises(ConfigError, match="of each of 2 members"):
-        TrainConfig(asset="a", members=2, steps=least - 1)
-    with pytest.raises(ConfigError, match="members"):
-        TrainConfig(asset="a", members=0)
+        TrainConfig(asset="a", ensemble_size=2, steps=least - 1)
+    with pytest.raises(ConfigError, match="ensemble_size"):
+        TrainConfig(asset="a", ensemble_size=0)
 
 
 def test_they_begin_differently_and_see_other_episodes(members):
@@ -125,7 +125,7 @@ def test_each_goes_as_far_as_its_share_of_the_ticks(members):
 
 def test_the_first_begins_as_a_seed_with_one_member_does(members, pair):
     both = members()
-    alone = Learner(pair.scene(), replace(pair.config, members=1), 0, threads=1)
+    alone = Learner(pair.scene(), replace(pair.config, ensemble_size=1), 0, threads=1)
     ours, theirs = (m.model.policy.state_dict() for m in (both.learners[0], alone))
     for name, value in ours.items():
         assert_array_equal(value.numpy(), theirs[name].numpy())
@@ -142,7 +142,7 @@ def test_restored_members_go_on_with_the_same_bits(members, tmp_path, k):
     torch.rand(7)  # what happens between does not matter
     other.restore(read_checkpoint(tmp_path))
     rounds(other, 1)
-    assert same(whole.acting(), other.acting())
+    assert same(whole.policy_state(), other.policy_state())
     assert whole.steps == other.steps == 2 * (k + 1) * STEPS
 
 
@@ -162,7 +162,7 @@ def dying(after, rounds):
 def test_a_seed_that_is_killed_goes_on_with_the_same_bits(cabinet, tmp_path, monkeypatch):
     kept = []
     for name, killed in (("whole", None), ("killed", 2)):
-        run = tiny_run(tmp_path / name, cabinet, members=2, checkpoint_updates=1)
+        run = tiny_run(tmp_path / name, cabinet, ensemble_size=2, checkpoint_updates=1)
         process = SeedProcess(run, 0, threads=1)
         if killed is not None:
             with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -170,13 +170,13 @@ def test_a_seed_that_is_killed_goes_on_with_the_same_bits(cabinet, tmp_path, mon
                 process.train()
             process.close()
             process = SeedProcess(run, 0, threads=1)
-            assert process.members.steps == 2 * killed * STEPS
+            assert process.ensemble.steps == 2 * killed * STEPS
         assert process.train()
         process.close()
         kept.append(read_checkpoint(run.seed_folder(0)))
         done = json.loads((run.seed_folder(0) / DONE).read_text())
-        assert done["steps"] == done["chosen"] == 6 * STEPS
-        assert len(read_checkpoint(run.seed_folder(0), CHOSEN)[FURTHER]) == 1
+        assert done["steps"] == done["selected_step"] == 6 * STEPS
+        assert len(read_checkpoint(run.seed_folder(0), POLICY)[OTHER_MEMBERS]) == 1
     assert same(*kept)
 
 
@@ -187,7 +187,7 @@ def two(tmp_path):
     write_checkpoint(folder, 0)
     write_checkpoint(tmp_path / "other", 1)
     one, other = read_checkpoint(folder), read_checkpoint(tmp_path / "other")
-    torch.save(one | {FURTHER: [other]}, folder / CHECKPOINT)
+    torch.save(one | {OTHER_MEMBERS: [other]}, folder / CHECKPOINT)
     return folder, one, other
 
 
@@ -200,8 +200,8 @@ def test_the_policy_is_the_mean_of_what_they_say(two):
     mean = (said[0] + said[1]) / 2.0
     assert np.abs(said[0] - said[1]).max() > 0.1
     want = mean.copy()
-    want[:, :MOTIONS] *= shares(policy.fine, seen)
-    want[:, :ELBOW] -= taken_back(policy.fine, seen)
+    want[:, :MOTIONS] *= action_scales(policy.action_scaling, seen)
+    want[:, :ELBOW] -= lead_compensation(policy.action_scaling, seen)
     got = policy.act(seen.astype(np.float64))
     np.testing.assert_allclose(got, np.clip(want, -1.0, 1.0).astype(np.float64), atol=1e-6)
 
@@ -217,18 +217,18 @@ def test_the_network_of_a_bundle_says_the_same(two):
 
 
 def test_steps_are_those_of_all():
-    plain = {"plain": json.dumps({"num_timesteps": 64})}
-    assert trained_steps(plain | {FURTHER: [plain, plain]}) == 192
+    plain = {"metadata": json.dumps({"num_timesteps": 64})}
+    assert trained_steps(plain | {OTHER_MEMBERS: [plain, plain]}) == 192
 
 
 def test_a_checkpoint_of_more_members_is_of_another_version(pair, cabinet, tmp_path):
     process = SeedProcess(pair, 0, threads=1)
-    rounds(process.members, 1)
-    process.members.save(pair.seed_folder(0))
+    rounds(process.ensemble, 1)
+    process.ensemble.save(pair.seed_folder(0))
     process.close()
     alone = tiny_run(tmp_path / "alone", cabinet)
     alone.seed_folder(0).mkdir()
     content = read_checkpoint(pair.seed_folder(0))
     torch.save(content, alone.seed_folder(0) / CHECKPOINT)
-    with pytest.raises(RunError, match=r"2 members, not 1.*train again"):
+    with pytest.raises(RunError, match=r"2 ensemble members, not 1.*train again"):
         SeedProcess(alone, 0, threads=1)

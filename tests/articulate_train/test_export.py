@@ -16,7 +16,7 @@ from tests.runs import make_run, write_checkpoint
 from articulate.errors import RunError, UsageError
 from articulate.task.manifest import decode_manifest
 from articulate.task.observation import OBSERVATION
-from articulate_train.action_scaling import ELBOW, MOTIONS, lead_compensation, shares
+from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
 from articulate_train.commands.export import main
 from articulate_train.config import ActionScalingConfig
 from articulate_train.export import (
@@ -69,12 +69,12 @@ def test_normalisation_clipping_and_finer_motions_are_inside(policy, model):
         network = policy.networks[0]
         linear = network.head(network.body(torch.zeros(1, OBSERVATION.size)))
     mean = network.mean.numpy()[None]
-    said = torch.clamp(linear, -1, 1).numpy()
-    said[:, :MOTIONS] *= shares(ActionScalingConfig(), mean)
-    said[:, :ELBOW] = np.clip(
-        said[:, :ELBOW] - lead_compensation(ActionScalingConfig(), mean), -1, 1
+    action = torch.clamp(linear, -1, 1).numpy()
+    action[:, :MOTIONS] *= action_scales(ActionScalingConfig(), mean)
+    action[:, :ELBOW] = np.clip(
+        action[:, :ELBOW] - lead_compensation(ActionScalingConfig(), mean), -1, 1
     )
-    assert_allclose(act(model, mean), said, rtol=0, atol=1e-5)
+    assert_allclose(act(model, mean), action, rtol=0, atol=1e-5)
 
 
 def test_the_file_is_plain_onnx_without_traces_of_the_machine(model):
@@ -221,7 +221,7 @@ def test_a_place_that_cannot_be_written_is_one_line(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("licence", "said"),
+    ("licence", "action"),
     [
         ("MIT", False),
         ("Apache-2.0", False),
@@ -234,8 +234,8 @@ def test_a_place_that_cannot_be_written_is_one_line(run, tmp_path):
         ("", True),
     ],
 )
-def test_a_licence_that_forbids_giving_away_is_said(licence, said):
-    assert bool(licence_warnings(licence, "cabinet")) == said
+def test_a_licence_that_forbids_giving_away_is_said(licence, action):
+    assert bool(licence_warnings(licence, "cabinet")) == action
 
 
 def test_the_command_prints_the_bundle_it_wrote(run, tmp_path, capsys):

@@ -11,7 +11,7 @@ from articulate.errors import ConfigError
 from articulate.task.observation import ACTION
 from articulate_train.action_scaling import ELBOW, MOTIONS
 from articulate_train.config import ImitationConfig
-from articulate_train.imitation import LEAST_SHARE, imitate, said
+from articulate_train.imitation import MIN_SCALE, imitate, unscale_action
 from articulate_train.policy import read_checkpoint
 from articulate_train.ppo import Learner, write_checkpoint
 
@@ -19,42 +19,44 @@ STEPS = 32
 
 
 def learner_of(tiny, **show):
-    config = replace(tiny.config, show=ImitationConfig(**show))
+    config = replace(tiny.config, imitation=ImitationConfig(**show))
     return Learner(tiny.scene(), config, 0, threads=1)
 
 
 def test_what_has_to_be_said_gives_what_is_asked_as_far_as_words_reach():
     rng = np.random.default_rng(0)
     asked, left = rng.uniform(-0.3, 0.3, (50, ACTION.size)), rng.uniform(0.05, 1.0, (50, 1))
-    words = said(asked, left, np.zeros((50, ELBOW)))
+    words = unscale_action(asked, left, np.zeros((50, ELBOW)))
     assert_array_equal(words[:, MOTIONS:], asked[:, MOTIONS:])
     assert np.abs(words[:, :MOTIONS]).max() <= 1.0
-    enough = left[:, 0] >= LEAST_SHARE
+    enough = left[:, 0] >= MIN_SCALE
     assert_allclose((words[:, :MOTIONS] * left)[enough], asked[enough, :MOTIONS], atol=1e-12)
 
 
 def test_showing_ends_and_leads_fewer_and_fewer():
-    show = ImitationConfig(until=0.2, lead_until=0.5)
-    assert [show.shows(p) for p in (0.0, 0.19, 0.2, 1.0)] == [True, True, False, False]
-    assert [show.leads(p) for p in (0.0, 0.05, 0.1, 0.5)] == pytest.approx([1.0, 0.5, 0.0, 0.0])
-    assert ImitationConfig(until=0.2, lead_until=0.0).leads(0.0) == 0.0
-    assert not ImitationConfig(until=0.0).shows(0.0)
+    show = ImitationConfig(until=0.2, expert_until=0.5)
+    assert [show.is_active(p) for p in (0.0, 0.19, 0.2, 1.0)] == [True, True, False, False]
+    assert [show.expert_share(p) for p in (0.0, 0.05, 0.1, 0.5)] == pytest.approx(
+        [1.0, 0.5, 0.0, 0.0]
+    )
+    assert ImitationConfig(until=0.2, expert_until=0.0).expert_share(0.0) == 0.0
+    assert not ImitationConfig(until=0.0).is_active(0.0)
 
 
 def test_shares_of_showing_are_shares(error_line):
-    error_line("ShowConfig(until=1.5)", lambda: ImitationConfig(until=1.5))
-    with pytest.raises(ConfigError, match=r"show\.epochs"):
+    error_line("ImitationConfig(until=1.5)", lambda: ImitationConfig(until=1.5))
+    with pytest.raises(ConfigError, match=r"imitation\.epochs"):
         ImitationConfig(epochs=0)
 
 
 def test_where_the_guide_leads_the_arm_does_what_it_says(tiny):
     one = learner_of(tiny, until=1.0)
     env = one.envs
-    env.guide, env.led = one._guide, 2
+    env.expert, env.n_expert_envs = one._expert, 2
     env.reset()
     mine = np.full((env.num_envs, ACTION.size), -0.25, dtype=np.float32)
     env.step(mine)
-    assert_allclose(env._action[:2, MOTIONS:], env.shown[0][:2, MOTIONS:])
+    assert_allclose(env._action[:2, MOTIONS:], env.expert_actions[0][:2, MOTIONS:])
     assert_allclose(env._action[2:, MOTIONS:], -0.25)
     assert (mine == -0.25).all()
     one.close()
@@ -63,7 +65,11 @@ def test_where_the_guide_leads_the_arm_does_what_it_says(tiny):
 def test_imitation_brings_the_mean_action_to_what_was_shown_and_the_value_to_the_returns(tiny):
     one = learner_of(tiny, until=1.0)
     one.run(lambda _: False)
-    policy, buffer, shown = one.model.policy, one.model.rollout_buffer, np.stack(one.envs.shown)
+    policy, buffer, shown = (
+        one.model.policy,
+        one.model.rollout_buffer,
+        np.stack(one.envs.expert_actions),
+    )
     rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, shown)]
     seen, returns, wanted = (torch.as_tensor(row, dtype=torch.float32) for row in rows)
 
@@ -99,7 +105,7 @@ def test_training_restored_while_it_is_shown_goes_on_with_the_same_bits(tiny, tm
 
     whole = learner_of(tiny, until=0.5)
     train(whole, k)
-    write_checkpoint(tmp_path, whole.content())
+    write_checkpoint(tmp_path, whole.state_dict())
     train(whole, 3)
     other = learner_of(tiny, until=0.5)
     other.restore(read_checkpoint(tmp_path))

@@ -35,7 +35,7 @@ def test_what_is_no_checkpoint_is_said(folder, content):
     refused(folder, "cannot be read")
 
 
-@pytest.mark.parametrize("key", ["policy", "net", "fine", "normalise"])
+@pytest.mark.parametrize("key", ["policy", "net_arch", "action_scaling", "normalization"])
 def test_a_checkpoint_that_lacks_something_is_of_another_version(folder, key):
     content = read_checkpoint(folder)
     del content[key]
@@ -50,7 +50,7 @@ def test_a_policy_that_sees_something_else_is_of_another_version(folder, more):
     first = "mlp_extractor.policy_net.0.weight"
     content["policy"][first] = torch.zeros(32, size)
     for name in ("mean", "var"):
-        content["normalise"][name] = torch.ones(size)
+        content["normalization"][name] = torch.ones(size)
     torch.save(content, folder / CHECKPOINT)
     refused(folder, "made by another version")
 
@@ -62,4 +62,4 @@ def test_a_file_of_something_else_is_of_another_version(folder):
 
 def test_steps_are_those_that_the_checkpoint_tells_of(folder):
     assert trained_steps(read_checkpoint(folder)) == 0
-    assert trained_steps({"plain": '{"num_timesteps": 64}'}) == 64
+    assert trained_steps({"metadata": '{"num_timesteps": 64}'}) == 64

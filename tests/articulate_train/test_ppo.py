@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 from articulate.errors import ConfigError, DivergedError
 from articulate.task.observation import OBSERVATION
 from articulate_envs.privileged_observation import PRIVILEGED
-from articulate_train.action_scaling import MOTIONS, shares
+from articulate_train.action_scaling import MOTIONS, action_scales
 from articulate_train.config import PpoConfig
 from articulate_train.policy import policy_of, read_checkpoint
 from articulate_train.ppo import Learner, write_checkpoint
@@ -98,7 +98,7 @@ def test_restored_training_goes_on_with_the_same_bits(learner, tmp_path, k):
     """Saved after k updates and read into a fresh learner, it is the uninterrupted one."""
     whole = learner()
     train(whole, k)
-    write_checkpoint(tmp_path, whole.content())
+    write_checkpoint(tmp_path, whole.state_dict())
     at_save = bits(whole)
     going_on = train(whole, 3)
     other = learner()
@@ -127,7 +127,7 @@ def test_saving_changes_nothing(learner, tmp_path):
 def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     one = learner()
     train(one, 3)
-    write_checkpoint(tmp_path, one.content())
+    write_checkpoint(tmp_path, one.state_dict())
     raw = one.normalise.old_obs
     policy = policy_of(read_checkpoint(tmp_path))
     seen_raw = raw[:, : OBSERVATION.size]
@@ -135,7 +135,7 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
     expected = np.clip(mean.numpy(), -1, 1)
-    expected[:, :MOTIONS] *= shares(policy.fine, seen_raw)
+    expected[:, :MOTIONS] *= action_scales(policy.action_scaling, seen_raw)
     np.testing.assert_allclose(policy.act(seen_raw), expected, atol=1e-5)
 
 
@@ -156,7 +156,7 @@ def test_learning_rate_and_curriculum_follow_the_share_of_all_steps(learner, tin
     one = learner()
     train(one, 3)
     ppo, share = tiny.config.ppo, 3 * STEPS / tiny.config.steps
-    expected = ppo.learning_rate ** (1.0 - share) * ppo.learning_rate_last**share
+    expected = ppo.learning_rate ** (1.0 - share) * ppo.learning_rate_final**share
     assert one.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(expected)
     assert one.episodes.progress == pytest.approx(2 * STEPS / tiny.config.steps)
 
@@ -199,7 +199,7 @@ def test_minibatches_that_do_not_divide_the_rollout_are_refused(error_line):
 
 
 def test_the_bound_on_noise_falls_from_the_first_to_the_last_between_two_shares():
-    ppo = PpoConfig(log_std_init=-0.8, log_std_last=-1.8, log_std_between=(0.4, 0.9))
+    ppo = PpoConfig(log_std_init=-0.8, log_std_final=-1.8, log_std_between=(0.4, 0.9))
     assert ppo.log_std_bound(0.39) == float("inf")
     shown = [ppo.log_std_bound(share) for share in (0.4, 0.65, 0.9, 1.0)]
     assert shown == pytest.approx([-0.8, -1.3, -1.8, -1.8])

@@ -30,7 +30,7 @@ INFO = RunInfo(
     asset="cabinet",
     task="open_drawer",
     joint="drawer_0_slide",
-    describe_target="open by at least 0.224 m and at rest",
+    target_text="open by at least 0.224 m and at rest",
     target=0.8,
     steps=2_000_000,
     seconds=1733.0,
@@ -58,7 +58,9 @@ def _seed(seed, codes, *, nominal=(0, 0, 0, 0), config=None):
         codes=codes,
         opened=codes != FailureReason.GOAL_NOT_REACHED,
         peaks=peaks,
-        draws=sample_episode_params(config or RandomizationConfig(), np.random.default_rng(seed), len(codes)).values,
+        params=sample_episode_params(
+            config or RandomizationConfig(), np.random.default_rng(seed), len(codes)
+        ).values,
         nominal_codes=nominal,
         nominal_opened=np.ones(len(nominal), dtype=bool),
     )
@@ -82,7 +84,7 @@ def _timeline(name, reason):
         force_n=20 * t / 10,
         speed_share=t / 20,
         opened=t / 12,
-        drawn=dict(zip(COLUMNS, drawn, strict=True)),
+        params=dict(zip(COLUMNS, drawn, strict=True)),
     )
 
 
@@ -110,12 +112,12 @@ def test_success_rate_is_the_mean_over_seeds_of_their_shares():
 
 
 def test_the_member_that_acts_alone_is_told(tmp_path):
-    one = dataclasses.replace(_seed(0, [0] * 40), policy_steps=1_670_000, alone=1)
+    one = dataclasses.replace(_seed(0, [0] * 40), policy_steps=1_670_000, active_member=1)
     report = _report(seeds=[one, dataclasses.replace(_seed(7, [0] * 40), policy_steps=1_780_000)])
-    assert [s.alone for s in report.seeds] == [1, None]
+    assert [s.active_member for s in report.seeds] == [1, None]
     page = write_report(report, tmp_path)[1].read_text(encoding="utf-8")
-    assert "1.67M ticks, member 1 alone" in page
-    assert page.count("alone<") == 1
+    assert "1.67M steps, ensemble member 1 only" in page
+    assert page.count("only<") == 1
 
 
 def test_reasons_are_counted_by_name_and_add_up():
@@ -150,7 +152,7 @@ def test_a_diverged_episode_is_left_out_of_the_peaks_and_counted():
 
 def test_parameters_that_decide_come_first_and_constant_ones_are_left_out():
     seed = _seed(0, [0] * 400, config=dataclasses.replace(RandomizationConfig(), push_n=(0.0, 0.0)))
-    slow = seed.draws[:, COLUMNS.index("gripper_latency_s")] > 0.9
+    slow = seed.params[:, COLUMNS.index("gripper_latency_s")] > 0.9
     codes = np.where(slow, FailureReason.GOAL_NOT_REACHED, 0).astype(np.int64)
     report = _report(seeds=[dataclasses.replace(seed, codes=codes)])
     assert report.parameters[0].name == "gripper_latency_s"

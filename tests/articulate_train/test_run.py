@@ -1,12 +1,13 @@
 import dataclasses
 import json
+import os
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.assets import make_cabinet, make_cupboard
-from tests.runs import JOINT, TINY_PPO
+from tests.runs import JOINT, TINY_PPO, write_checkpoint
 
 from articulate.config import load_config
 from articulate.errors import AssetError, ReachError, RunError, UsageError
@@ -16,6 +17,7 @@ from articulate_envs import joint_selection
 from articulate_envs.joint_selection import HOME_HEIGHT_M, choose_joint
 from articulate_train import run as runs
 from articulate_train.config import CheckpointSelectionConfig, PpoConfig, TrainConfig
+from articulate_train.policy import load_policy
 from articulate_train.run import DONE, create_run, open_run, prepare_asset, resume_run, run_bytes
 
 RANGES = dataclasses.replace(RandomizationConfig(), scales=3)
@@ -285,3 +287,20 @@ def test_versions_are_recorded_where_there_are_any(monkeypatch):
     found = runs.versions()
     assert found["numpy"] == np.__version__
     assert found["no-such-package"] == "not installed"
+
+
+@pytest.mark.parametrize("name", ["scene.json", "config.yaml", "seed_0/policy.pt"])
+@pytest.mark.parametrize("kind", ["fifo", "device", "large"])
+def test_files_of_a_run_must_be_regular_and_bounded(tiny, name, kind, monkeypatch):
+    write_checkpoint(tiny.seed_folder(0), 0)
+    path = tiny.folder / name
+    path.unlink(missing_ok=True)
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        with path.open("wb") as stream:
+            stream.truncate(3_000_000_000)
+    with pytest.raises(UsageError, match=r"not a regular file|larger than"):
+        load_policy(open_run(tiny.folder).seed_folder(0))

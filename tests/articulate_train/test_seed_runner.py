@@ -16,7 +16,7 @@ from articulate.files import write_json
 from articulate_train import run_lock as locks
 from articulate_train import seed_runner
 from articulate_train.run import DONE, resume_run
-from articulate_train.run_lock import alone
+from articulate_train.run_lock import lock_run
 from articulate_train.seed_runner import SeedProgress, last_progress, read_progress, train_seeds
 from articulate_train.train_seed import DIVERGED, PROGRESS
 
@@ -26,7 +26,7 @@ def row(steps, success=0.5, opened=0.75):
 
 
 class FakeProcess:
-    """A seed's process that has done its work when it starts."""
+    """Process of a seed that ends when it starts."""
 
     def __init__(self, run, seed, code, log=""):
         folder = run.seed_folder(seed)
@@ -66,11 +66,11 @@ def fake(tiny, monkeypatch):
 
 def test_seeds_that_are_not_done_are_trained_and_summed_up(tiny, fake):
     started = fake()
-    told: list[SeedProgress] = []
-    assert train_seeds(tiny, told.append)
+    reports: list[SeedProgress] = []
+    assert train_seeds(tiny, reports.append)
     assert [seed for seed, _ in started] == [0]
-    assert (told[0].seed, told[0].steps, told[0].total) == (0, 192, tiny.config.steps)
-    assert (told[0].success, told[0].opened, told[0].steps_per_s) == (0.5, 0.75, 100.0)
+    assert (reports[0].seed, reports[0].steps, reports[0].total) == (0, 192, tiny.config.steps)
+    assert (reports[0].success, reports[0].opened, reports[0].steps_per_s) == (0.5, 0.75, 100.0)
     summary = json.loads((tiny.folder / "summary.json").read_text())
     assert summary["seeds"] == [{"seed": 0, **row(192)}]
     assert summary["joint"] == tiny.task.joint
@@ -80,12 +80,12 @@ def test_run_that_is_done_starts_nothing_and_keeps_its_summary(tiny, fake):
     started = fake()
     assert train_seeds(tiny, lambda _: None)
     before = (tiny.folder / "summary.json").read_bytes()
-    assert train_seeds(tiny, lambda _: pytest.fail("told"))
+    assert train_seeds(tiny, lambda _: pytest.fail("reported"))
     assert len(started) == 1
     assert (tiny.folder / "summary.json").read_bytes() == before
 
 
-def test_seed_that_has_fewer_steps_than_are_asked_for_goes_on(tiny, fake):
+def test_seed_that_has_too_few_steps_goes_on(tiny, fake):
     started = fake()
     (tiny.seed_folder(0)).mkdir()
     (tiny.seed_folder(0) / DONE).write_text('{"steps": 64}')
@@ -99,24 +99,25 @@ def test_interrupted_seed_ends_the_run_without_an_error(tiny, fake):
     assert not (tiny.folder / "summary.json").exists()
 
 
-def test_seed_that_diverges_is_told_with_where_its_states_lie(tiny, fake):
+def test_seed_that_diverges_names_the_file_of_its_states(tiny, fake):
     fake(code=2, log="weights are not finite after 64 steps\n")
     with pytest.raises(DivergedError, match="seed 0 diverged: weights are not finite after 64"):
         train_seeds(tiny, lambda _: None)
-    with pytest.raises(DivergedError, match=f"seed_0/{DIVERGED}"):
+    with pytest.raises(DivergedError, match=f"last states: .*seed_0/{DIVERGED}"):
         train_seeds(tiny, lambda _: None)
 
 
 @pytest.mark.parametrize(
-    ("log", "what"), [("run: no scene.json in it\n", "run: no scene.json in it"), ("", "it said")]
+    ("log", "what"),
+    [("run: no scene.json in it\n", "run: no scene.json in it"), ("", "no message")],
 )
-def test_seed_that_is_refused_is_bad_input_with_its_last_line_and_its_log(tiny, fake, log, what):
+def test_seed_that_is_rejected_is_bad_input_with_its_last_line_and_its_log(tiny, fake, log, what):
     fake(code=2, log=log)
     with pytest.raises(RunError) as caught:
         train_seeds(tiny, lambda _: None)
     line = str(caught.value)
     assert line.startswith(f"seed 0 failed: {what}")
-    assert line.endswith(f"; its log is {tiny.folder / 'seed_0.log'}")
+    assert line.endswith(f"; log: {tiny.folder / 'seed_0.log'}")
 
 
 @pytest.mark.parametrize(
@@ -133,17 +134,19 @@ def test_seed_that_crashes_or_is_killed_is_no_bad_input(tiny, fake, code, log, w
     with pytest.raises(ArticulateError) as caught:
         train_seeds(tiny, lambda _: None)
     assert not isinstance(caught.value, UsageError)
-    assert str(caught.value) == f"seed 0 {what}; its log is {tiny.folder / 'seed_0.log'}"
+    assert str(caught.value) == f"seed 0 {what}; log: {tiny.folder / 'seed_0.log'}"
 
 
 @pytest.mark.parametrize(("code", "name"), [(-9, "SIGKILL"), (-15, "SIGTERM")])
-def test_seed_that_is_killed_from_outside_says_how_to_go_on(tiny, fake, code, name, capsys):
-    """With the exit status of a shell, by which a launcher tells a loss from a failure."""
+def test_seed_that_is_killed_from_outside_names_the_command_that_continues(
+    tiny, fake, code, name, capsys
+):
+    """With the exit status of a shell, by which a launcher distinguishes a lost job from a failed one."""
     fake(code=code)
     assert run_command(lambda _: train_seeds(tiny, lambda _: None) or 0, []) == 128 - code
     assert capsys.readouterr().err == (
-        f"seed 0 was ended by {name}; was there enough memory? "
-        f"`train --resume --out {tiny.folder}` goes on; its log is {tiny.folder / 'seed_0.log'}\n"
+        f"seed 0 was ended by {name}; check that there is enough memory, and "
+        f"continue with `train --resume --out {tiny.folder}`; log: {tiny.folder / 'seed_0.log'}\n"
     )
 
 
@@ -157,17 +160,13 @@ def test_seconds_of_all_calls_add_up(tiny, fake):
     assert train_seeds(tiny, lambda _: None)
     seconds = json.loads((tiny.folder / "summary.json").read_text())["seconds"]
     assert 1000.0 < seconds < 1010.0
-    (tiny.folder / "sessions.json").unlink()  # a run from before calls were added up
-    (tiny.seed_folder(0) / DONE).unlink()
-    assert train_seeds(tiny, lambda _: None)
-    assert json.loads((tiny.folder / "summary.json").read_text())["seconds"] > seconds
 
 
-def test_run_that_is_being_trained_is_refused_and_free_again_afterwards(tiny, fake):
+def test_run_that_is_being_trained_is_locked_and_free_again_afterwards(tiny, fake):
     started = fake()
     config = dataclasses.replace(tiny.config, steps=640)
     before = (tiny.folder / "config.yaml").read_bytes()
-    with alone(tiny.folder):
+    with lock_run(tiny.folder):
         for call in (train_seeds, lambda run, _: resume_run(run.folder, config)):
             with pytest.raises(RunError, match=f"trained already, by process {os.getpid()} of "):
                 call(tiny, lambda _: None)
@@ -177,12 +176,12 @@ def test_run_that_is_being_trained_is_refused_and_free_again_afterwards(tiny, fa
 
 
 def test_seeds_of_a_call_that_was_killed_hold_the_run_until_they_end(tiny, tmp_path, monkeypatch):
-    """The lock is theirs too, and is waited for once none but they have it."""
+    """They inherit the lock; a new call waits for them."""
     code = (
         "import subprocess, sys, time\n"
         "from pathlib import Path\n"
-        "from articulate_train.run_lock import alone\n"
-        "with alone(Path(sys.argv[1])) as lock:\n"
+        "from articulate_train.run_lock import lock_run\n"
+        "with lock_run(Path(sys.argv[1])) as lock:\n"
         "    seed = [sys.executable, '-c', 'import time; time.sleep(60)']\n"
         "    child = subprocess.Popen(seed, pass_fds=(lock,), stdout=subprocess.DEVNULL)\n"
         "    print(child.pid, flush=True)\n"
@@ -192,31 +191,33 @@ def test_seeds_of_a_call_that_was_killed_hold_the_run_until_they_end(tiny, tmp_p
     train = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert train.stdout is not None
     orphan = int(train.stdout.readline())
-    with pytest.raises(RunError, match=f"process {train.pid}"), alone(tiny.folder):
+    with pytest.raises(RunError, match=f"process {train.pid}"), lock_run(tiny.folder):
         pass
     train.kill()
     train.communicate()
     monkeypatch.setattr(locks, "ORPHANS_S", 0.3)
-    with pytest.raises(RunError, match="is being trained"), alone(tiny.folder):
+    with pytest.raises(RunError, match="is being trained"), lock_run(tiny.folder):
         pass
     monkeypatch.setattr(locks, "ORPHANS_S", 60.0)
     threading.Timer(0.3, os.kill, (orphan, signal.SIGKILL)).start()
-    with alone(tiny.folder):
+    with lock_run(tiny.folder):
         assert json.loads((tiny.folder / locks.LOCK).read_text())["pid"] == os.getpid()
 
 
-def test_seed_is_told_its_parent_and_keeps_the_lock(tiny, monkeypatch):
-    asked: dict[str, Any] = {}
-    monkeypatch.setattr(subprocess, "Popen", lambda command, **how: asked.update(how, c=command))
-    with alone(tiny.folder) as lock:
+def test_seed_gets_its_parent_and_keeps_the_lock(tiny, monkeypatch):
+    passed: dict[str, Any] = {}
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **how: passed.update(how, c=command))
+    with lock_run(tiny.folder) as lock:
         seed_runner._start(tiny.folder, 3, 2, lock)
-    assert asked["c"][-4:] == [str(tiny.folder), "3", "2", str(os.getpid())]
-    assert asked["pass_fds"] == (lock,)
+    assert passed["c"][-4:] == [str(tiny.folder), "3", "2", str(os.getpid())]
+    assert passed["pass_fds"] == (lock,)
 
 
 def test_interrupt_stops_all_seeds_and_is_no_error(tiny, fake, monkeypatch):
     fake()
-    monkeypatch.setattr(seed_runner, "_tell", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(
+        seed_runner, "_report_progress", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
     assert not train_seeds(tiny, lambda _: None)
 
 
@@ -227,15 +228,15 @@ def test_progress_is_read_up_to_a_line_that_is_cut_off(tmp_path):
     assert read_progress(tmp_path) == [row(10), row(20)]
 
 
-def test_seed_without_progress_has_its_number_alone(tiny):
+def test_seed_without_progress_has_only_its_number(tiny):
     write_checkpoint(tiny.seed_folder(0), 0)
     assert last_progress(tiny, 0) == {"seed": 0}
 
 
-def test_progress_that_is_written_anew_meanwhile_is_not_told(tiny):
+def test_progress_that_is_rewritten_is_not_reported(tiny):
     """A seed that is resumed drops the lines after its checkpoint."""
     tiny.seed_folder(0).mkdir()
     (tiny.seed_folder(0) / PROGRESS).write_text("")
     seen = {0: 5}
-    seed_runner._tell(tiny, 0, seen, lambda _: pytest.fail("told"))
+    seed_runner._report_progress(tiny, 0, seen, lambda _: pytest.fail("reported"))
     assert seen == {0: 5}

@@ -48,9 +48,9 @@ def test_a_full_disk_is_one_line_and_bad_input(tiny, monkeypatch, capsys):
 
     monkeypatch.setattr(Path, "write_bytes", full)
     assert seeds.main([str(tiny.folder), "0", "1"]) == 2
-    said = capsys.readouterr().err
-    assert "No space left on device" in said
-    assert said.count("\n") == 1
+    line = capsys.readouterr().err
+    assert "No space left on device" in line
+    assert line.count("\n") == 1
 
     class Full(io.StringIO):
         def write(self, _):
@@ -98,10 +98,11 @@ def whole(cabinet, tmp_path_factory):
     return run.seed_folder(0)
 
 
-def test_seed_that_is_done_says_so_and_keeps_its_checkpoint(whole):
-    judged = [{"steps": 192, "episodes": 0, "successes": 0}]
+def test_seed_that_is_done_is_marked_and_keeps_its_checkpoint(whole):
+    scores = [{"steps": 192, "episodes": 0, "successes": 0}]
     assert json.loads((whole / DONE).read_text()) == {
-        "steps": 192, "chosen": 192, "judged": judged, "members": [], "acts": None
+        "steps": 192, "selected_step": 192, "selection_scores": scores, "ensemble": [],
+        "active_member": None,
     }  # fmt: skip
     assert json.loads(read_checkpoint(whole)["metadata"])["num_timesteps"] == 192
 
@@ -161,7 +162,7 @@ def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits
 
 
 def progress_of(folder):
-    """What progress tells, without the time it took."""
+    """Progress without the time it took."""
     rows = [json.loads(line) for line in (folder / PROGRESS).read_text().splitlines()]
     return [{k: v for k, v in row.items() if k != "seconds"} for row in rows]
 
@@ -180,13 +181,11 @@ def test_progress_of_a_seed_that_was_interrupted_is_that_of_one_that_was_not(
     assert len(rows) == 1
 
 
-def test_episodes_that_progress_has_told_of_are_not_told_again(tiny, process, monkeypatch):
+def test_episodes_that_progress_has_reported_are_not_reported_again(tiny, process, monkeypatch):
     """A run that is done, and goes on because more steps are asked for."""
     process().train()
     content = read_checkpoint(tiny.seed_folder(0))
     assert content["finished"] == {}
-    del content["finished"]  # as older checkpoints are
-    torch.save(content, tiny.seed_folder(0) / CHECKPOINT)
     assert process().ensemble.finished() == []
 
 
@@ -202,7 +201,7 @@ def test_progress_after_the_checkpoint_and_lines_cut_off_are_dropped(tiny, whole
     assert kept == rows[:2]
 
 
-def test_progress_is_written_and_tells_each_term(tiny, process, monkeypatch):
+def test_progress_is_written_with_each_term(tiny, process, monkeypatch):
     monkeypatch.setattr(seeds, "REPORT_UPDATES", 3)
     process().train()
     rows = [json.loads(line) for line in (tiny.seed_folder(0) / PROGRESS).read_text().splitlines()]
@@ -224,7 +223,7 @@ def test_seed_that_diverges_keeps_its_last_states(tiny, process):
     with np.load(folder / DIVERGED, allow_pickle=False) as kept:
         assert len(kept["draw"]) == tiny.config.ppo.n_envs
     assert not (folder / DONE).exists()
-    assert not (folder / CHECKPOINT).exists()  # weights that are no numbers take nobody's place
+    assert not (folder / CHECKPOINT).exists()  # weights that are no numbers replace no checkpoint
 
 
 def test_last_states_that_cannot_be_written_leave_no_half_file(tiny, process, monkeypatch):
@@ -234,7 +233,7 @@ def test_last_states_that_cannot_be_written_leave_no_half_file(tiny, process, mo
 
     monkeypatch.setattr(np, "savez_compressed", full)
     with pytest.raises(UsageError, match="No space left"):
-        process()._keep_states()
+        process()._write_diverged()
     assert not list(tiny.seed_folder(0).glob("*diverged*"))
 
 
@@ -324,11 +323,11 @@ def wait_for(path, process):
 @pytest.mark.slow
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
 def test_process_that_gets_a_signal_goes_on_with_the_same_bits(cabinet, tmp_path, sent, code):
-    """Two processes with a signal between do what one does alone."""
+    """Two processes with a signal between do the same as one."""
     runs = [tiny_run(tmp_path / name, cabinet, updates=40) for name in ("a", "b")]
-    alone = start(runs[0])
-    assert alone.wait(timeout=PATIENCE_S) == 0, alone.communicate()[1]
-    alone.communicate()
+    single = start(runs[0])
+    assert single.wait(timeout=PATIENCE_S) == 0, single.communicate()[1]
+    single.communicate()
     first = start(runs[1])
     wait_for(runs[1].seed_folder(0) / CHECKPOINT, first)
     first.send_signal(sent)

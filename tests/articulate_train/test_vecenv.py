@@ -131,5 +131,5 @@ def test_motions_are_finer_near_the_handle_and_the_hands_command_is_not(env, mon
 
     monkeypatch.setattr(env.episodes, "step", stepped)
     env.step(np.full((N, ACTION.size), 2.0, dtype=np.float32))
-    assert_allclose(asked[0][:, :MOTIONS], ActionScalingConfig().share, rtol=1e-6)
+    assert_allclose(asked[0][:, :MOTIONS], ActionScalingConfig().near_handle, rtol=1e-6)
     assert_allclose(asked[0][:, MOTIONS:], 1.0)

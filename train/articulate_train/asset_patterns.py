@@ -1,4 +1,4 @@
-"""Which objects ``--asset`` names."""
+"""Objects named by ``--asset``: a file, a folder or a pattern."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from articulate.preparation.batch import Item, items_in
 
 
 def objects_of(pattern: str) -> list[Item]:
-    """The objects that ``--asset`` names: a file, a folder of objects, or a pattern with ``*``.
+    """Return the objects of ``--asset``: a file, a folder of objects, or a pattern with ``*``.
 
     Raises:
         UsageError: There are none.
@@ -21,7 +21,7 @@ def objects_of(pattern: str) -> list[Item]:
     names = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207  # of any root
     found = [Path(name) for name in names]
     if not found:
-        raise UsageError(f"--asset {pattern!r}: no file or folder fits; quote the pattern")
+        raise UsageError(f"--asset {pattern!r}: no file or folder matches; quote the pattern")
     items: dict[str, Item] = {}
     stems = Counter(path.stem for path in found if path.is_file())
     for path in found:
@@ -35,7 +35,7 @@ def objects_of(pattern: str) -> list[Item]:
 
 
 def is_many(pattern: str) -> bool:
-    """Whether ``--asset`` names more than one object."""
+    """Return whether ``--asset`` names more than one object."""
     if glob.has_magic(pattern) and not Path(pattern).exists():
         return True
     return Path(pattern).is_dir() and len(items_in(Path(pattern))[0]) > 1

@@ -1,9 +1,9 @@
-"""Runs side by side: one table with intervals, what differs between them, one page.
+"""Comparison of runs: success rates with intervals and differing settings.
 
 ::
 
-    comparison.json     every figure
-    comparison.html     the same figures, drawn; opens anywhere, offline
+    comparison.json     all figures
+    comparison.html     the same figures as charts and tables; opens offline
 """
 
 from __future__ import annotations
@@ -21,113 +21,114 @@ import yaml
 
 from articulate.errors import RunError
 from articulate.files import write_json, write_text
-from articulate.page import Bars, Chart, Line, Page
+from articulate.page import Bars, Chart, ChartLine, Page
+from articulate.statistics import Difference, Share, difference, percent, wilson
 from articulate.task.episode_monitor import REASONS
 from articulate.transforms import Array
+from articulate.untrusted import load_json_object
 from articulate_train.report import SCHEMA, SCHEMA_VERSION
 from articulate_train.report_html import REASON_TEXT
-from articulate_train.statistics import Difference, Share, difference, percent, wilson
 
 COMPARISON_SCHEMA = "articulate.comparison"
-COMPARISON_SCHEMA_VERSION = 1
+COMPARISON_SCHEMA_VERSION = 2
 CURVE_POINTS = 100
-"""Moments at which the seeds' learning curves are averaged."""
+"""Points at which the seeds' learning curves are averaged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Success among training episodes, averaged over the seeds of a run, at K moments."""
+    """Success rate of training episodes at K points, averaged over the seeds of a run."""
 
     steps: Array
-    """Ticks of experience (K,)."""
+    """Control steps (K,)."""
     success: Array
-    """Mean over seeds (K,)."""
+    """Mean over seeds (K,), in [0, 1]."""
     low: Array
-    """Least seed (K,)."""
+    """Worst seed (K,)."""
     high: Array
     """Best seed (K,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One run as it stands in the table."""
+    """Row of the table: one run."""
 
     name: str
     asset: str
     task: str
     joint: str
     steps: int
-    """Ticks of experience that were asked for, of each seed."""
+    """Control steps that were asked for, of each seed."""
     unfinished: str
-    """Seeds whose training is not over, and how far they are; empty if there are none."""
+    """Seeds with incomplete training and their progress; empty if there are none."""
     seeds: int
     success: Share
-    """All episodes of all seeds taken together, with Wilson's interval."""
+    """Success rate of all episodes of all seeds, with Wilson's interval."""
     opened: Share
     worst_seed: float
-    """Success of the worst seed."""
+    """Success rate of the worst seed."""
     nominal: float | None
-    """Success without randomisation; None if that was not evaluated."""
+    """Success rate without randomization; None if that was not evaluated."""
     reasons: Mapping[str, int]
-    """How many episodes ended in each way."""
-    against_first: Difference | None
-    """Success less that of the first run; None for the first."""
+    """Number of episodes by termination reason."""
+    difference_to_first: Difference | None
+    """Success rate minus that of the first run; None for the first."""
     curve: Curve | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Runs in the order in which they were named."""
+    """Runs in the order of the command line."""
 
     rows: tuple[Row, ...]
     differing: Mapping[str, tuple[str, ...]]
-    """Settings that are not the same in all runs, with the value of each run."""
+    """Settings that differ between the runs, with the value of each run."""
 
     def content(self) -> dict[str, Any]:
-        """The comparison for JSON."""
+        """Return the comparison as a JSON object."""
         plain = dataclasses.asdict(self, dict_factory=_plain)
         return {"schema": COMPARISON_SCHEMA, "schema_version": COMPARISON_SCHEMA_VERSION, **plain}
 
     def text(self) -> str:
-        """The table for a terminal."""
+        """Return the table for the terminal."""
         names = _names(self.rows)
         width = max(len(n) for n in names)
-        lines = [f"{'':{width}}  success (95 %)          opened   worst seed  against the first"]
+        lines = [
+            f"{'':{width}}  success (95 %)          opened   worst seed  difference to the first"
+        ]
         for name, row in zip(names, self.rows, strict=True):
             lines.append(
                 f"{name:{width}}  {_interval(row.success):22s}  {percent(row.opened.value):>5}%   "
-                f"{percent(row.worst_seed):>5}%      {_signed(row.against_first)}".rstrip()
+                f"{percent(row.worst_seed):>5}%      {_signed(row.difference_to_first)}".rstrip()
             )
         return "\n".join(lines)
 
 
 def read_report(folder: Path) -> dict[str, Any]:
-    """The content of the ``report.json`` of a run.
+    """Read the ``report.json`` of a run.
 
     Raises:
-        RunError: There is none, or it is of another schema.
+        RunError: It is missing, damaged or of another schema.
     """
     path = folder / "report.json"
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RunError(
-            f"{path}: cannot be read ({error}); make it with evaluate {folder}"
-        ) from None
-    known = isinstance(content, dict) and content.get("schema") == SCHEMA
+        content = load_json_object(path, error=RunError)
+    except RunError as error:
+        raise RunError(f"{error}; make it with evaluate {folder}") from None
+    known = content.get("schema") == SCHEMA
     if not known or content.get("schema_version") != SCHEMA_VERSION:
         raise RunError(
             f"{path}: not a report of schema {SCHEMA} {SCHEMA_VERSION}; "
             f"make it again with evaluate {folder}"
         )
-    return dict(content)
+    return content
 
 
 def compare(reports: Sequence[Mapping[str, Any]]) -> Comparison:
-    """Runs side by side.
+    """Compare runs.
 
     Args:
-        reports: Contents of their ``report.json``, at least one; the first is compared with.
+        reports: Contents of at least one ``report.json``; differences are to the first.
     """
     first: Share | None = None
     rows = []
@@ -156,36 +157,35 @@ def _row(content: Mapping[str, Any], first: Share | None) -> Row:
         worst_seed=content["worst_seed_success_rate"],
         nominal=content["nominal_success_rate"],
         reasons=content["reasons"],
-        against_first=difference(success, first) if first is not None else None,
+        difference_to_first=difference(success, first) if first is not None else None,
         curve=_curve(content["curves"]),
     )
 
 
 def _pooled(shares: Sequence[Mapping[str, Any]]) -> Share:
-    """All episodes taken together."""
-    episodes = sum(s["episodes"] for s in shares)
-    return wilson(sum(round(s["value"] * s["episodes"]) for s in shares), episodes)
+    """Pool the episodes of all seeds."""
+    return wilson(sum(round(s["value"] * s["n"]) for s in shares), sum(s["n"] for s in shares))
 
 
 def _curve(curves: Sequence[Mapping[str, Any]]) -> Curve | None:
-    """The seeds' curves at common moments; None where there are none."""
-    known = []
+    """Average the seeds' curves at common points; None without curves."""
+    points = []
     for curve in curves:
         steps = np.array(curve["steps"], dtype=np.float64)
         success = np.array(curve["success"], dtype=np.float64)  # JSON's null becomes NaN
         there = np.isfinite(success)
         if there.any():
-            known.append((steps[there], success[there]))
-    if not known:
+            points.append((steps[there], success[there]))
+    if not points:
         return None
-    begin = max(steps[0] for steps, _ in known)
-    moments = np.linspace(begin, max(steps[-1] for steps, _ in known), CURVE_POINTS)
-    each = np.stack([np.interp(moments, steps, success) for steps, success in known])
+    begin = max(steps[0] for steps, _ in points)
+    moments = np.linspace(begin, max(steps[-1] for steps, _ in points), CURVE_POINTS)
+    each = np.stack([np.interp(moments, steps, success) for steps, success in points])
     return Curve(steps=moments, success=each.mean(0), low=each.min(0), high=each.max(0))
 
 
 def _flat(value: Any, name: str = "") -> dict[str, str]:
-    """Settings by their path, such as ``reward.open``."""
+    """Return settings by dotted key, e.g. ``reward.open``."""
     if isinstance(value, Mapping):
         out: dict[str, str] = {}
         for key, inner in value.items():
@@ -204,9 +204,9 @@ def write_comparison(comparison: Comparison, folder: Path, command: str) -> tupl
     """Write ``comparison.json`` and ``comparison.html`` and return their paths.
 
     Args:
-        comparison: What is written.
-        folder: Where to.
-        command: What repeats it.
+        comparison: The comparison.
+        folder: Folder to write to.
+        command: Command that repeats it.
     """
     json_path, html_path = folder / "comparison.json", folder / "comparison.html"
     write_json(json_path, comparison.content())
@@ -215,11 +215,11 @@ def write_comparison(comparison: Comparison, folder: Path, command: str) -> tupl
 
 
 def comparison_page(comparison: Comparison, command: str) -> str:
-    """The page as HTML."""
+    """Render the page as HTML."""
     rows, names = comparison.rows, _names(comparison.rows)
-    page = Page(f"{len(rows)} runs side by side", ", ".join(names))
+    page = Page(f"Comparison of {len(rows)} runs", ", ".join(names))
     page.table(
-        ["run", "success", "opened", "worst seed", "not randomised", "against the first"],
+        ["run", "success", "opened", "worst seed", "not randomized", "difference to the first"],
         [
             [
                 name,
@@ -227,24 +227,24 @@ def comparison_page(comparison: Comparison, command: str) -> str:
                 _interval(row.opened),
                 f"{percent(row.worst_seed)}%",
                 "–" if row.nominal is None else f"{percent(row.nominal)}%",
-                _signed(row.against_first) or "–",
+                _signed(row.difference_to_first) or "–",
             ]
             for name, row in zip(names, rows, strict=True)
         ],
     )
     page.text(
-        "Shares of all episodes of a run with Wilson's 95 % intervals; differences, in percentage "
-        "points, with Newcombe's, which hold what other episodes of the same policies would show, "
-        "not what other seeds would. An interval without 0 is more than chance."
+        "Success rates of all episodes of a run have Wilson's 95 % intervals. Differences are in "
+        "percentage points and have Newcombe's intervals, which cover other episodes of the same "
+        "policies but not other seeds. An interval without 0 is more than chance."
     )
     page.charts(_success_chart(names, rows), *_curve_charts(names, rows))
-    page.section("What failed first")
+    page.section("Failures")
     seen = [r for r in REASONS if any(r in row.reasons for row in rows)]
     page.table(
         ["ended by", *names],
         [[REASON_TEXT[r], *(row.reasons.get(r, 0) for row in rows)] for r in seen],
     )
-    page.section("What differs")
+    page.section("Differences")
     about: dict[str, list[str | int]] = {
         "object": [row.asset for row in rows],
         "task": [row.task for row in rows],
@@ -253,7 +253,7 @@ def comparison_page(comparison: Comparison, command: str) -> str:
         "seeds": [row.seeds for row in rows],
     }
     if any(row.unfinished for row in rows):
-        about["training is not over"] = [row.unfinished or "–" for row in rows]
+        about["training incomplete"] = [row.unfinished or "–" for row in rows]
     page.table(["", *names], [[key, *values] for key, values in about.items()])
     if comparison.differing:
         page.table(
@@ -261,7 +261,7 @@ def comparison_page(comparison: Comparison, command: str) -> str:
         )
     else:
         page.text("The configurations are the same.")
-    page.section("To repeat it")
+    page.section("Reproduction")
     page.code(command)
     return page.html()
 
@@ -282,7 +282,7 @@ def _success_chart(names: Sequence[str], rows: Sequence[Row]) -> Chart:
 
 def _curve_charts(names: Sequence[str], rows: Sequence[Row]) -> list[Chart]:
     marks = [
-        Line(
+        ChartLine(
             name=name,
             x=row.curve.steps,
             y=100.0 * row.curve.success,
@@ -295,7 +295,7 @@ def _curve_charts(names: Sequence[str], rows: Sequence[Row]) -> list[Chart]:
     if not marks:
         return []
     chart = Chart(
-        title="Learning",
+        title="Training",
         marks=marks,
         x_label="steps",
         y_label="success %",
@@ -306,7 +306,7 @@ def _curve_charts(names: Sequence[str], rows: Sequence[Row]) -> list[Chart]:
 
 
 def _names(rows: Sequence[Row]) -> list[str]:
-    """Names of the runs, numbered where two share one."""
+    """Return the names of the runs, numbered where two are equal."""
     names = [row.name for row in rows]
     return [
         name if names.count(name) == 1 else f"{name} ({names[: i + 1].count(name)})"

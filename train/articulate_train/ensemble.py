@@ -1,9 +1,8 @@
-"""A seed's members: trainings of its own that take turns, and act as the mean of what they say.
+"""Ensemble of independently trained policies; their mean action is used.
 
-What one policy has learnt differs from what another has, most of all where neither has been much:
-where one of them errs, the other rarely does the same. So a seed's ticks are shared out. Members
-have their own environments, networks and normalisation, and learn nothing of each other; only the
-processor is theirs in turn, an update each.
+Independent policies make different errors, mostly at states that neither has visited often. So the
+control steps of a seed are divided among the members. Members have separate environments, networks
+and normalization; they share the processor and update in turn.
 """
 
 from __future__ import annotations
@@ -16,49 +15,49 @@ from typing import Any
 
 from articulate_envs.scene import Scene
 from articulate_train.config import TrainConfig
-from articulate_train.policy import FURTHER, members_of
+from articulate_train.policy import OTHER_MEMBERS, ensemble_of
 from articulate_train.ppo import Learner, write_checkpoint
 from articulate_train.vecenv import Finished
 
 
-class Members:
-    """One seed's training."""
+class Ensemble:
+    """Training of all ensemble members of one seed."""
 
     def __init__(self, scene: Scene, config: TrainConfig, seed: int, *, threads: int) -> None:
-        """Build all members; nothing is stepped yet."""
+        """Build all members without stepping."""
         self.config = config
-        # The first is made last: all seed the generators of torch and numpy, which are but one.
-        made = [
+        # The first is built last: all seed the global generators of torch and numpy.
+        learners = [
             Learner(scene, config, seed, threads=threads, member=k)
-            for k in reversed(range(config.members))
+            for k in reversed(range(config.ensemble_size))
         ]
-        self.learners: list[Learner] = made[::-1]
+        self.learners: list[Learner] = learners[::-1]
 
     @property
     def steps(self) -> int:
-        """Ticks of experience of all of them."""
+        """Control steps of experience of all members."""
         return sum(learner.model.num_timesteps for learner in self.learners)
 
     @property
     def updates(self) -> int:
-        """Rounds of updates that were made."""
+        """Number of completed rounds of updates."""
         return int(self.learners[0].model._n_updates) // self.config.ppo.n_epochs
 
     @property
     def round_steps(self) -> int:
-        """Ticks of a round of updates."""
+        """Control steps of one round of updates."""
         return len(self.learners) * self.config.ppo.n_envs * self.config.ppo.n_steps
 
     @property
     def is_done(self) -> bool:
-        """Whether all have their ticks."""
+        """True after all members have their control steps."""
         return all(learner.is_done for learner in self.learners)
 
-    def run(self, on_round: Callable[[Members], bool]) -> None:
-        """Update each in turn until all are done.
+    def run(self, on_round: Callable[[Ensemble], bool]) -> None:
+        """Update the members in turn until all are done.
 
         Args:
-            on_round: Called after each has made an update; returning False stops.
+            on_round: Called after each round of updates; returning False stops.
 
         Raises:
             DivergedError: A weight is no longer finite.
@@ -72,54 +71,54 @@ class Members:
                 return
 
     def finished(self) -> list[Finished]:
-        """Episodes that ended since this was asked last."""
+        """Return the episodes that ended since the last call."""
         out = list(chain.from_iterable(learner.envs.finished for learner in self.learners))
         for learner in self.learners:
             learner.envs.finished.clear()
         return out
 
     def figures(self) -> dict[str, float]:
-        """Means over the members of what is told of their last update."""
-        told = [learner.update_figures() for learner in self.learners]
-        names = [name for name in told[0] if all(name in row for row in told)]
-        return {name: fmean(row[name] for row in told) for name in names}
+        """Return the statistics of the last update, averaged over the members."""
+        rows = [learner.update_figures() for learner in self.learners]
+        names = [name for name in rows[0] if all(name in row for row in rows)]
+        return {name: fmean(row[name] for row in rows) for name in names}
 
     def log_std(self) -> float:
-        """Mean logarithm of the noise of actions."""
+        """Return the mean logarithm of the action noise."""
         return fmean(float(one.model.policy.log_std.detach().mean()) for one in self.learners)
 
     def save(self, folder: Path) -> None:
-        """Write ``checkpoint.pt`` whole: all that each of them has."""
-        write_checkpoint(folder, _together([learner.content() for learner in self.learners]))
+        """Write ``checkpoint.pt`` with the complete state of all members, atomically."""
+        write_checkpoint(folder, _joined([learner.state_dict() for learner in self.learners]))
 
-    def acting(self) -> dict[str, Any]:
-        """What a checkpoint holds of the policy alone, for :func:`.policy.policy_of`."""
-        return _together([learner.acting() for learner in self.learners])
+    def policy_state(self) -> dict[str, Any]:
+        """Return the part of a checkpoint that :func:`.policy.policy_of` reads."""
+        return _joined([learner.policy_state() for learner in self.learners])
 
     def restore(self, content: dict[str, Any]) -> None:
-        """Continue from what :meth:`save` wrote.
+        """Continue from a checkpoint of :meth:`save`.
 
         Raises:
-            ValueError: It has another number of members.
+            ValueError: The checkpoint has another number of members.
         """
-        kept = members_of(content)
-        if len(kept) != len(self.learners):
-            raise ValueError(f"{len(kept)} members, not {len(self.learners)}")
-        pairs = list(zip(self.learners, kept, strict=True))
-        for learner, own in reversed(pairs):  # the first last: it sets torch's generators
-            learner.restore(own)
+        states = ensemble_of(content)
+        if len(states) != len(self.learners):
+            raise ValueError(f"{len(states)} ensemble members, not {len(self.learners)}")
+        pairs = list(zip(self.learners, states, strict=True))
+        for learner, state in reversed(pairs):  # the first last: it sets torch's generators
+            learner.restore(state)
 
     def diverged(self) -> Learner:
-        """The first whose weights are not finite; the first of all if they are."""
+        """Return the first member whose weights are not finite, or the first of all."""
         broken = (learner for learner in self.learners if not learner.is_finite())
         return next(broken, self.learners[0])
 
     def close(self) -> None:
-        """Give back the engines."""
+        """Release the engines."""
         for learner in self.learners:
             learner.close()
 
 
-def _together(contents: list[dict[str, Any]]) -> dict[str, Any]:
-    first, *rest = contents
-    return first | {FURTHER: rest} if rest else first
+def _joined(states: list[dict[str, Any]]) -> dict[str, Any]:
+    first, *rest = states
+    return first | {OTHER_MEMBERS: rest} if rest else first

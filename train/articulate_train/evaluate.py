@@ -92,7 +92,12 @@ def evaluate_seed(
     )
     still = replace(NO_RANDOMIZATION, start_rad=config.randomization.start_rad)
     nominal = roll_out(
-        run.scene((1.0,)), policy, still, stream, episodes=min(episodes, MAX_NOMINAL), threads=threads
+        run.scene((1.0,)),
+        policy,
+        still,
+        stream,
+        episodes=min(episodes, MAX_NOMINAL),
+        threads=threads,
     )
     result = SeedEvaluation(
         seed=seed,
@@ -171,8 +176,12 @@ def run_episodes(
         The outcomes and the sampled parameters, one row per episode.
     """
     first, second = stream.spawn(2)
-    params = sample_episode_params(randomization, np.random.default_rng(first), episodes, begin=scene.task.begin)
-    ended = run_with_params(scene, policy, randomization, params, second, threads=threads, on_step=on_step)
+    params = sample_episode_params(
+        randomization, np.random.default_rng(first), episodes, begin=scene.task.begin
+    )
+    ended = run_with_params(
+        scene, policy, randomization, params, second, threads=threads, on_step=on_step
+    )
     return ended, params
 
 
@@ -212,7 +221,11 @@ def run_with_params(
         engine = ThreadEngine(scene, len(batch.values), threads=threads)
         noise = stream if begin == 0 else stream.spawn(1)[0]
         env = Episodes(
-            engine, randomization=randomization, reward=RewardConfig(), initial_states=None, seed=noise
+            engine,
+            randomization=randomization,
+            reward=RewardConfig(),
+            initial_states=None,
+            seed=noise,
         )
         try:
             observation = env.reset(start=home_start(scene, batch))

@@ -1,4 +1,4 @@
-"""Shown: a policy learns to say what the guide would say, from what it sees itself."""
+"""DAgger: imitate the scripted expert from the policy's own observations."""
 
 from __future__ import annotations
 
@@ -13,51 +13,55 @@ from articulate.transforms import Array
 from articulate_train.action_scaling import ELBOW, MOTIONS
 from articulate_train.config import ImitationConfig
 
-LEAST_SHARE = 0.3
-"""What is left of a motion counts as at least this when the guide's is turned into what a policy
-says: a hand that waits is not to make up for millimetres with all it has."""
+MIN_SCALE = 0.3
+"""Lower bound of the action scale when the expert's action is inverted: a waiting gripper must not
+correct millimetres with its largest motion."""
 
 
-def said(asked: Array, shares: Array, back: Array) -> Array:
-    """What a policy has to say (N, 8) so that ``asked`` (N, 8) comes of it.
+def unscale_action(target: Array, scale: Array, compensation: Array) -> Array:
+    """Return the policy actions (N, 8) that result in ``target`` after action scaling.
 
     Args:
-        asked: What the arm and the hand are to do.
-        shares: What is left of motions (N, 1); see :func:`articulate_train.action_scaling.shares`.
-        back: What is taken off again (N, 6); see :func:`articulate_train.action_scaling.taken_back`.
+        target: Actions for arm and gripper (N, 8), in [-1, 1].
+        scale: Scales of motions (N, 1); :func:`articulate_train.action_scaling.action_scales`.
+        compensation: Subtracted tool motions (N, 6);
+            :func:`articulate_train.action_scaling.lead_compensation`.
     """
-    motions = asked[:, :MOTIONS].copy()
-    motions[:, :ELBOW] += back
-    motions = np.clip(motions / np.maximum(shares, LEAST_SHARE), -1.0, 1.0)
-    return np.concatenate([motions, asked[:, MOTIONS:]], axis=1)
+    motions = target[:, :MOTIONS].copy()
+    motions[:, :ELBOW] += compensation
+    motions = np.clip(motions / np.maximum(scale, MIN_SCALE), -1.0, 1.0)
+    return np.concatenate([motions, target[:, MOTIONS:]], axis=1)
 
 
-def imitate(model: PPO, shown: Array, config: ImitationConfig) -> None:
-    """Bring the mean action near what was ``shown``, and the value near the returns.
+def imitate(model: PPO, expert_actions: Array, config: ImitationConfig) -> None:
+    """Fit the mean action to the expert's actions, and the value function to the returns.
 
     Args:
-        model: With a full roll-out.
-        shown: What the guide would have said at each of its observations (T, N, 8).
-        config: Passes and learning rate.
+        model: PPO with a full rollout buffer.
+        expert_actions: Actions of the expert at the observations of the rollout (T, N, 8), in
+            [-1, 1].
+        config: Number of epochs and learning rate.
     """
     policy: Any = model.policy
     buffer: Any = model.rollout_buffer
-    rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, shown)]
-    seen, returns, wanted = (torch.as_tensor(row, dtype=torch.float32) for row in rows)
+    rows = [
+        buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, expert_actions)
+    ]
+    observations, returns, targets = (torch.as_tensor(row, dtype=torch.float32) for row in rows)
     for group in policy.optimizer.param_groups:
         group["lr"] = config.learning_rate
     for _ in range(config.epochs):
-        order = torch.randperm(len(seen))
-        for start in range(0, len(seen), model.batch_size):
-            some = order[start : start + model.batch_size]
-            features = policy.extract_features(seen[some])
+        order = torch.randperm(len(observations))
+        for start in range(0, len(observations), model.batch_size):
+            batch = order[start : start + model.batch_size]
+            features = policy.extract_features(observations[batch])
             actor, critic = policy.mlp_extractor(features)
-            off = functional.mse_loss(policy.action_net(actor), wanted[some])
-            value = functional.mse_loss(policy.value_net(critic), returns[some])
+            action_loss = functional.mse_loss(policy.action_net(actor), targets[batch])
+            value_loss = functional.mse_loss(policy.value_net(critic), returns[batch])
             policy.optimizer.zero_grad()
-            loss: Any = off + model.vf_coef * value
+            loss: Any = action_loss + model.vf_coef * value_loss
             loss.backward()
             torch.nn.utils.clip_grad_norm_(policy.parameters(), model.max_grad_norm)
             policy.optimizer.step()
     model._n_updates += model.n_epochs
-    model.logger.record("train/shown", float(off.detach()))
+    model.logger.record("train/imitation_loss", float(action_loss.detach()))

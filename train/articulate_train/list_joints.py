@@ -1,13 +1,21 @@
-"""What can be asked of an object: its joints, their ranges and handles, the tasks that match."""
+"""List the joints of an object, their ranges and handles, and the matching tasks."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from articulate.assets.asset import Asset
+from articulate.errors import UsageError
+from articulate.robot.arm import PANDA
 from articulate.task.part_kinds import part_kind
 from articulate.task.task import TASK_RULES, matching_tasks
+from articulate_envs.feasibility import Feasibility
+from articulate_envs.joint_selection import choose_joint
+from articulate_envs.scene import build_scene
+from articulate_train.config import TrainConfig
+from articulate_train.feasibility_check import describe_feasibility, feasibility_of
 
 PART_TEXT = {
     "drawer": "a part that slides level",
@@ -15,7 +23,7 @@ PART_TEXT = {
     "lid": "a part that lies flat when closed and turns about a level axis, or lifts off",
     "joint": "any movable part",
 }
-"""What the parts of :data:`articulate.task.task.TASK_RULES` are, where a link's name says nothing."""
+"""Definition of the parts of :data:`articulate.task.task.TASK_RULES` without a telling name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,28 +37,50 @@ class JointRow:
     kind: str
     """``slide`` or ``hinge``."""
     part: str
-    """What a person would call the part: drawer, door, lid or other."""
+    """Kind of the part: drawer, door, lid or joint."""
     lower: float | None
-    """Lower limit [m or rad]; None if it turns without end."""
+    """Lower limit [m or rad]; None if it is continuous."""
     upper: float | None
-    """Upper limit [m or rad]; None if it turns without end."""
+    """Upper limit [m or rad]; None if it is continuous."""
     closed: float
-    """Where it is closed [m or rad]."""
+    """Closed position [m or rad]."""
     handle: str | None
-    """Kind of its handle; None if it has none, and then the arm cannot take it."""
+    """Kind of its handle; None without a handle that the arm can grasp."""
     tasks: tuple[str, ...]
-    """Tasks that can be asked of it."""
+    """Matching tasks."""
+    feasibility: Feasibility | None
+    """Success rate of the scripted expert in the first task; None if it was not run."""
+    note: str
+    """Reason why it was not run."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the fields as a JSON object."""
         return asdict(self)
 
+    @property
+    def feasibility_text(self) -> str:
+        """Description of the feasibility, or the reason why it is unknown."""
+        return self.note if self.feasibility is None else describe_feasibility(self.feasibility)
 
-def joint_rows(asset: Asset) -> list[JointRow]:
-    """The movable joints of ``asset`` in their order."""
+
+def joint_rows(
+    asset: Asset, config: TrainConfig, show_progress: Callable[[str], None] = lambda _: None
+) -> list[JointRow]:
+    """Return the movable joints of ``asset`` in order.
+
+    Args:
+        asset: The object.
+        config: Randomization, control and physics of the feasibility estimate.
+        show_progress: Called with one line before each estimate.
+    """
     rows = []
     for joint in asset.joints:
         handle = asset.handle_of(joint.name)
+        tasks = matching_tasks(asset, joint)
+        found, note = None, ""
+        if tasks and handle is not None:
+            show_progress(f"{joint.name}: running the scripted expert on sampled episodes")
+            found, note = _feasibility(asset, replace(config, joint=joint.name, task=tasks[0]))
         rows.append(
             JointRow(
                 name=joint.name,
@@ -61,14 +91,34 @@ def joint_rows(asset: Asset) -> list[JointRow]:
                 upper=joint.upper,
                 closed=joint.closed,
                 handle=None if handle is None else handle.kind,
-                tasks=matching_tasks(asset, joint),
+                tasks=tasks,
+                feasibility=found,
+                note=note,
             )
         )
     return rows
 
 
+def _feasibility(asset: Asset, config: TrainConfig) -> tuple[Feasibility | None, str]:
+    """Estimate the feasibility of a joint, or return the reason why that is not possible."""
+    try:
+        task, placement = choose_joint(config, asset)
+        scene = build_scene(
+            asset,
+            task,
+            arm=PANDA,
+            control=config.control,
+            physics=config.physics,
+            place=placement,
+            scales=config.randomization.scale_values,
+        )
+        return feasibility_of(scene, config), ""
+    except UsageError as error:
+        return None, f"not trainable: {error}"
+
+
 def task_rows() -> list[dict[str, str]]:
-    """Every task: its name, its verb, its part, and what the part is."""
+    """Return all tasks: name, verb, part and definition of the part."""
     return [
         {"name": name, "verb": rule.verb, "part": rule.part, "of": PART_TEXT[rule.part]}
         for name, rule in TASK_RULES.items()

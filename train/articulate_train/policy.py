@@ -1,10 +1,10 @@
-"""The policy as it is used: normalisation, networks and clipping in one module."""
+"""Trained policy as a torch module: normalization, networks, ensemble mean and action scaling."""
 
 from __future__ import annotations
 
 import io
 import json
-import pickle  # noqa: TID251  # its error alone, which torch lets through
+import pickle  # noqa: TID251  # for its error class, which torch raises
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -15,33 +15,42 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from articulate.errors import RunError
+from articulate.errors import RunError, shorten
 from articulate.files import sha256, write_bytes
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.transforms import Array
-from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate.untrusted import read_bounded
+from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
 from articulate_train.config import ActionScalingConfig
 
 CHECKPOINT = "checkpoint.pt"
-"""File of a seed's folder that holds all of its state."""
-CHOSEN = "policy.pt"
-"""File of a seed's folder that holds the policy which was chosen at the end of its training."""
-FURTHER = "further"
-"""Key of a checkpoint under which it holds a seed's further members."""
-ACTS = "acts"
-"""Key of a chosen policy under which it holds the number of the member that acts alone, if one."""
-MOST_LETTERS = 160
-"""Letters that are told of why a checkpoint does not fit."""
+"""File in a seed's folder with the complete state of training."""
+POLICY = "policy.pt"
+"""File in a seed's folder with the selected policy."""
+OTHER_MEMBERS = "other_members"
+"""Checkpoint key of the ensemble members after the first."""
+ACTIVE_MEMBER = "active_member"
+"""Key of a selected policy: index of the member that is used without the others, if one is."""
+MAX_CHECKPOINT_BYTES = 2_000_000_000
+"""Largest checkpoint that is read."""
+MAX_REASON_CHARS = 160
+"""Most characters of the reason for which a checkpoint is rejected."""
 
 
 class Network(nn.Module):
-    """Raw observations (N, size of OBSERVATION) to what one trained network says (N, 8)."""
+    """One trained network: raw observations (N, size) to actions (N, 8) before action scaling."""
 
     mean: Tensor
     scale: Tensor
 
     def __init__(self, mean: Tensor, variance: Tensor, hidden: tuple[int, ...]) -> None:
-        """With the running mean and variance of observations and the widths of hidden layers."""
+        """Build the layers.
+
+        Args:
+            mean: Running mean of observations (size,).
+            variance: Running variance of observations (size,).
+            hidden: Widths of the hidden layers.
+        """
         super().__init__()
         self.register_buffer("mean", mean.float())
         self.register_buffer("scale", torch.rsqrt(variance.double() + 1e-8).float())
@@ -53,155 +62,151 @@ class Network(nn.Module):
         self.head = nn.Linear(widths[-1], ACTION.size)
 
     def forward(self, observation: Tensor) -> Tensor:
-        """The mean of its distribution, clipped to [-1, 1]."""
-        seen = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
-        said: Tensor = torch.clamp(self.head(self.body(seen)), -1.0, 1.0)
-        return said
+        """Return the mean action (N, 8), clipped to [-1, 1]."""
+        normalized = torch.clamp((observation - self.mean) * self.scale, -10.0, 10.0)
+        action: Tensor = torch.clamp(self.head(self.body(normalized)), -1.0, 1.0)
+        return action
 
 
 class Policy(nn.Module):
-    """Raw observations (N, size of OBSERVATION) to actions (N, 8) in [-1, 1], float32."""
+    """Ensemble: raw observations (N, size) to scaled actions (N, 8) in [-1, 1], float32."""
 
-    def __init__(self, networks: Sequence[Network], fine: ActionScalingConfig) -> None:
-        """With the networks of a seed's members, of which each says as much as the others."""
+    def __init__(self, networks: Sequence[Network], action_scaling: ActionScalingConfig) -> None:
+        """Combine the networks of the active members, equally weighted."""
         super().__init__()
         self.networks = nn.ModuleList(networks)
-        self.fine = fine
+        self.action_scaling = action_scaling
         self.steps = 0
-        """Ticks of experience it was made after; 0 where that is not known."""
-        self.alone: int | None = None
-        """Number of the seed's member that acts alone; None where all do."""
+        """Control steps of experience; 0 if unknown."""
+        self.active_member: int | None = None
+        """Index of the only active ensemble member; None if all are active."""
 
     def forward(self, observation: Tensor) -> Tensor:
-        """The mean of what the members say, its motions finer near the handle."""
-        said = self.networks[0](observation)
+        """Return the scaled mean action of the members (N, 8)."""
+        action = self.networks[0](observation)
         for network in list(self.networks)[1:]:
-            said = said + network(observation)
-        said = said / float(len(self.networks))
-        motions = said[:, :MOTIONS] * shares(self.fine, observation)
-        tool = motions[:, :ELBOW] - taken_back(self.fine, observation)
+            action = action + network(observation)
+        action = action / float(len(self.networks))
+        motions = action[:, :MOTIONS] * action_scales(self.action_scaling, observation)
+        tool = motions[:, :ELBOW] - lead_compensation(self.action_scaling, observation)
         tool = torch.clamp(tool, -1.0, 1.0)
-        return torch.cat([tool, motions[:, ELBOW:], said[:, MOTIONS:]], dim=1)
+        return torch.cat([tool, motions[:, ELBOW:], action[:, MOTIONS:]], dim=1)
 
     def act(self, observation: Array) -> Array:
-        """Actions (N, 8) for observations (N, size) as arrays."""
+        """Return actions (N, 8) in [-1, 1] for raw observations (N, size)."""
         with torch.no_grad():
             out = self(torch.as_tensor(observation, dtype=torch.float32))
         return np.asarray(out.numpy(), dtype=np.float64)
 
 
-def judged_file(folder: Path) -> Path:
-    """File that holds the policy of a seed's folder: the chosen one, else the last checkpoint."""
-    chosen = folder / CHOSEN
-    return chosen if chosen.exists() else folder / CHECKPOINT
+def policy_file(folder: Path) -> Path:
+    """Return the file with a seed's policy: the selected one, else the last checkpoint."""
+    selected = folder / POLICY
+    return selected if selected.exists() else folder / CHECKPOINT
 
 
 def write_state(path: Path, content: dict[str, Any]) -> None:
-    """Write a checkpoint or a state of a policy, whole or not at all.
+    """Write a checkpoint or a policy atomically.
 
     Raises:
         UsageError: It cannot be written.
     """
-    stream = io.BytesIO()  # on a full disk torch raises what tells nobody that it is full
+    stream = io.BytesIO()  # torch's error on a full disk does not name the cause
     torch.save(content, stream)
     write_bytes(path, stream.getvalue())
 
 
 def read_checkpoint(folder: Path, name: str = CHECKPOINT) -> dict[str, Any]:
-    """A checkpoint of a seed's folder; only tensors and plain values are read from the file.
+    """Read a checkpoint of a seed's folder; only tensors and plain values are unpickled.
 
     Raises:
-        RunError: There is none, or it is not whole.
+        RunError: It is missing, damaged, not a regular file or too large.
     """
     path = folder / name
+    if not path.exists():
+        raise RunError(f"{folder}: no checkpoint; train first, or continue with --resume")
+    stream = io.BytesIO(read_bounded(path, MAX_CHECKPOINT_BYTES, error=RunError))
     try:
-        content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except FileNotFoundError:
-        raise RunError(f"{folder}: no checkpoint; train first, or go on with --resume") from None
+        content: dict[str, Any] = torch.load(stream, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, ValueError, EOFError, pickle.UnpicklingError) as error:
         raise RunError(f"{path}: cannot be read ({type(error).__name__}); train again") from None
-    with of_this_version(path):
+    with reject_other_versions(path):
         if not isinstance(content, dict):
             raise TypeError(f"it holds a {type(content).__name__}")
     return content
 
 
 @contextmanager
-def of_this_version(path: Path) -> Iterator[None]:
-    """Inside, a checkpoint that lacks something, or has another size, is a RunError of its path.
+def reject_other_versions(path: Path) -> Iterator[None]:
+    """Turn errors about the content of a checkpoint into a RunError that names ``path``.
 
     Raises:
-        RunError: What was read does not fit what this version trains.
+        RunError: A key is missing or a tensor has another shape than this version uses.
     """
     try:
         yield
     except (KeyError, RuntimeError, ValueError, TypeError) as error:
-        said = " ".join(f"{type(error).__name__}: {error}".split())
-        why = said if len(said) <= MOST_LETTERS else f"{said[:MOST_LETTERS]}..."
-        raise RunError(f"{path}: made by another version ({why}); train again") from error
+        reason = shorten(" ".join(f"{type(error).__name__}: {error}".split()), MAX_REASON_CHARS)
+        raise RunError(f"{path}: made by another version ({reason}); train again") from error
 
 
 def load_policy(folder: Path) -> Policy:
-    """The policy of a seed's folder: the one chosen, else that of its last checkpoint.
+    """Load the policy of a seed's folder: the selected one, else the last checkpoint.
 
     Raises:
-        RunError: There is none, it is not whole, or another version made it.
+        RunError: It is missing, damaged or made by another version.
     """
-    path = judged_file(folder)
+    path = policy_file(folder)
     content = read_checkpoint(folder, path.name)
-    with of_this_version(path):
+    with reject_other_versions(path):
         return policy_of(content)
 
 
 def checkpoint_sha256(folder: Path) -> str:
-    """Sum of the file in a seed's folder that holds its policy; empty if there is none."""
-    path = judged_file(folder)
+    """Return the SHA-256 of a seed's policy file; empty if there is none."""
+    path = policy_file(folder)
     return sha256(path) if path.exists() else ""
 
 
-def members_of(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
-    """What a checkpoint holds of each of a seed's members, the first being the file itself."""
-    return [checkpoint, *checkpoint.get(FURTHER, [])]
+def ensemble_of(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the states of all ensemble members; the first is the checkpoint itself."""
+    return [checkpoint, *checkpoint.get(OTHER_MEMBERS, [])]
 
 
-def acting_members(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
-    """Those of a checkpoint's members that act: all, or the one that was chosen to act alone."""
-    members, alone = members_of(checkpoint), checkpoint.get(ACTS)
-    if alone is None:
+def active_members(checkpoint: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the states of the active members: all, or the one that was selected."""
+    members, active = ensemble_of(checkpoint), checkpoint.get(ACTIVE_MEMBER)
+    if active is None:
         return members
-    if not (isinstance(alone, int) and 0 <= alone < len(members)):
-        raise ValueError(f"member {alone!r} of {len(members)} acts")
-    return [members[alone]]
+    if not (isinstance(active, int) and 0 <= active < len(members)):
+        raise ValueError(f"active member {active!r} of {len(members)}")
+    return [members[active]]
 
 
 def trained_steps(checkpoint: dict[str, Any]) -> int:
-    """Ticks of experience that a checkpoint was made after; 0 where it does not say.
-
-    Those of all members together.
-    """
-    told = [json.loads(member.get("plain", "{}")) for member in members_of(checkpoint)]
-    return sum(int(plain.get("num_timesteps", 0)) for plain in told)
+    """Return the control steps of experience of all members; 0 if unknown."""
+    rows = [json.loads(member.get("metadata", "{}")) for member in ensemble_of(checkpoint)]
+    return sum(int(row.get("num_timesteps", 0)) for row in rows)
 
 
 def policy_of(checkpoint: dict[str, Any]) -> Policy:
-    """The policy held in a checkpoint's weights and normalisation."""
-    members = acting_members(checkpoint)
-    policy = Policy(
-        [_network_of(member) for member in members], ActionScalingConfig(**checkpoint["fine"])
-    )
-    policy.steps, policy.alone = trained_steps(checkpoint), checkpoint.get(ACTS)
+    """Build the policy from a checkpoint's weights and normalization."""
+    networks = [_network_of(member) for member in active_members(checkpoint)]
+    policy = Policy(networks, ActionScalingConfig(**checkpoint["action_scaling"]))
+    policy.steps = trained_steps(checkpoint)
+    policy.active_member = checkpoint.get(ACTIVE_MEMBER)
     return policy.eval()
 
 
 def _network_of(checkpoint: dict[str, Any]) -> Network:
-    weights, mean = checkpoint["policy"], checkpoint["normalise"]["mean"]
+    weights, mean = checkpoint["policy"], checkpoint["normalization"]["mean"]
     if mean.numel() < OBSERVATION.size:
         raise ValueError(f"observations of {mean.numel()} numbers, not {OBSERVATION.size}")
-    names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net"]))]
+    names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(checkpoint["net_arch"]))]
     network = Network(
-        mean[: OBSERVATION.size],  # the rest is the value function's
-        checkpoint["normalise"]["var"][: OBSERVATION.size],
-        tuple(int(v) for v in checkpoint["net"]),
+        mean[: OBSERVATION.size],  # the others belong to the value function
+        checkpoint["normalization"]["var"][: OBSERVATION.size],
+        tuple(int(v) for v in checkpoint["net_arch"]),
     )
     state = {f"body.{2 * i}.{p}": weights[f"{n}.{p}"] for i, n in enumerate(names) for p in _PARTS}
     state |= {f"head.{p}": weights[f"action_net.{p}"] for p in _PARTS}

@@ -1,4 +1,4 @@
-"""Report: what an evaluation found, in figures; :mod:`articulate_train.report_html` draws them."""
+"""Figures of an evaluation report; :mod:`articulate_train.report_html` renders them."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 
 from articulate.robot.arm import PANDA, Arm
+from articulate.statistics import (
+    Bin,
+    Share,
+    dispersion,
+    iqm_over_seeds,
+    success_by_range,
+    wilson,
+)
 from articulate.task.episode_monitor import COLUMN, REASONS
 from articulate.task.randomization import COLUMNS, EpisodeParams
 from articulate.task.task import Limits
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.rewards import TERMS
-from articulate_train.statistics import (
-    Bin,
-    Share,
-    iqm_over_seeds,
-    success_against,
-    unevenness,
-    wilson,
-)
 
 SCHEMA = "articulate.report"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 DIGITS = 6
 """Significant digits of figures in ``report.json``."""
 PEAKS = {
@@ -38,74 +38,74 @@ PEAKS = {
     "torque_share": "share of the limit",
     "torque_rate": "Nm/s",
 }
-"""Fields of a judgement that are peaks of an episode, with their units."""
+"""Fields of the episode monitor that are peaks of an episode, with their units."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeedEvaluation:
-    """How the E drawn and the E_n nominal episodes of one seed ended."""
+    """Outcomes of the E randomized and the E_n nominal episodes of one seed."""
 
     seed: int
-    """Seed of the training."""
+    """Random seed of the training."""
     codes: Ints
     """Codes of :data:`articulate.task.episode_monitor.REASONS` (E,)."""
     opened: Mask
-    """Whether the part was held open at the end, limits aside (E,)."""
+    """True if the part was at its goal at the end, ignoring limits (E,)."""
     peaks: Array
     """Rows with the columns of :data:`articulate.task.episode_monitor.FIELDS` (E, WIDTH)."""
-    draws: Array
+    params: Array
     """Rows with the columns of :data:`articulate.task.randomization.COLUMNS` (E, len(COLUMNS))."""
     nominal_codes: Ints
-    """Codes of episodes in which nothing is randomised (E_n,); empty if there were none."""
+    """Codes of episodes without randomization (E_n,); empty if there were none."""
     nominal_opened: Mask
-    """Whether those held the part open (E_n,)."""
+    """True if the part was at its goal at the end of those (E_n,)."""
     checkpoint_sha256: str = ""
-    """Sum of the file that was evaluated; a training that goes on replaces it."""
+    """SHA-256 of the evaluated file; a resumed training replaces the file."""
     policy_steps: int = 0
-    """Ticks of experience that the policy was made after; 0 where it is not known."""
-    alone: int | None = None
-    """Number of the seed's member that acts alone; None where all do."""
+    """Control steps of experience of the policy; 0 if unknown."""
+    active_member: int | None = None
+    """Index of the only active ensemble member; None if all are active."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """What training showed of one seed at K moments; NaN where nothing is known."""
+    """Learning curve of one seed at K points; NaN where unknown."""
 
     seed: int
-    """Seed of the training."""
+    """Random seed of the training."""
     steps: Array
-    """Ticks of experience so far (K,)."""
+    """Control steps so far (K,)."""
     success: Array
-    """Share of successes among training episodes from home (K,)."""
+    """Success rate of training episodes from home (K,), in [0, 1]."""
     opened: Array
-    """Share whose part was held at the target, limits aside (K,)."""
+    """Fraction with the part at its goal at the end, ignoring limits (K,), in [0, 1]."""
     reward_terms: Array
     """Mean sums over an episode of each of :data:`articulate_envs.rewards.TERMS` (K, TERMS)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """One episode, tick by tick."""
+    """One episode at each of its T control steps."""
 
     name: str
-    """What it is an example of: ``success`` or ``failure``."""
+    """Outcome that it is an example of: ``success`` or ``failure``."""
     reason: str
-    """How it ended, of :data:`articulate.task.episode_monitor.REASONS`."""
+    """Termination reason of :data:`articulate.task.episode_monitor.REASONS`."""
     t: Array
     """Time (T,) [s]."""
     force_n: Array
-    """Filtered force on the hand (T,) [N]."""
+    """Filtered force on the gripper (T,) [N]."""
     speed_share: Array
-    """Largest joint speed as a share of its limit (T,)."""
+    """Largest joint speed as a fraction of its limit (T,)."""
     opened: Array
     """Fraction open (T,)."""
-    drawn: Mapping[str, float] = field(default_factory=dict)
-    """What was drawn for it, by the names of :data:`articulate.task.randomization.COLUMNS`."""
+    params: Mapping[str, float] = field(default_factory=dict)
+    """Sampled parameters by the names of :data:`articulate.task.randomization.COLUMNS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunInfo:
-    """What was trained, and how to repeat it."""
+    """Trained run and the command that repeats it."""
 
     name: str
     """Name of the run."""
@@ -116,57 +116,57 @@ class RunInfo:
     joint: str
     """Joint of the object."""
     target_text: str
-    """What counts as done, in words."""
+    """Description of the goal."""
     target: float
-    """Fraction of the joint's way at which the part must rest."""
+    """Fraction of the joint's travel at which the part must rest."""
     steps: int
-    """Ticks of experience of each seed."""
+    """Control steps of each seed."""
     seconds: float
-    """How long the training took [s]."""
+    """Duration of the training [s]."""
     steps_per_s: float
-    """Ticks of experience of all seeds in a second of it."""
+    """Control steps of all seeds per second."""
     command: str
     """The command that repeats it."""
     config: str
     """Its configuration as YAML."""
     versions: Mapping[str, str] = field(default_factory=dict)
-    """Versions of what decides the results."""
+    """Versions of the packages that influence results."""
     licence: str = "unknown"
-    """Licence of the object; what is made from it inherits it."""
+    """Licence of the object; everything made from it inherits it."""
     source: str = "unknown"
-    """Where the object came from."""
+    """Source of the object."""
     commit: str = "unknown"
     """Commit of the code."""
     limits: Limits = field(default_factory=Limits)
-    """What a deployable episode may ask of the arm."""
+    """Limits of a deployable episode."""
     unfinished: str = ""
-    """Seeds whose training is not over, and how far they are; empty if there are none."""
+    """Seeds with incomplete training and their progress; empty if there are none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeedReport:
-    """One seed's figures."""
+    """Figures of one seed."""
 
     seed: int
     success: Share
     opened: Share
     reasons: Mapping[str, int]
-    """How many of the drawn episodes ended in each way; ways that did not occur are left out."""
+    """Number of randomized episodes by termination reason, without zeros."""
     nominal_success: Share | None
-    """The same without randomisation; None if that was not evaluated."""
+    """Success rate without randomization; None if that was not evaluated."""
     nominal_opened: Share | None
     nominal_reasons: Mapping[str, int]
     checkpoint_sha256: str
-    """Sum of the file with the policy that the figures are of."""
+    """SHA-256 of the evaluated policy file."""
     policy_steps: int
-    """Ticks of experience that this policy was made after; 0 where it is not known."""
-    alone: int | None
-    """Number of the seed's member that acts alone; None where all do."""
+    """Control steps of experience of the policy; 0 if unknown."""
+    active_member: int | None
+    """Index of the only active ensemble member; None if all are active."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Peak:
-    """Quantiles over all drawn episodes of a quantity's largest value in an episode."""
+    """Quantiles over randomized episodes of the largest value in an episode."""
 
     name: str
     unit: str
@@ -174,14 +174,14 @@ class Peak:
     p95: float
     largest: float
     limit: float | None
-    """What is allowed; None where the quantity is reported only."""
+    """Limit of the task; None if the quantity is only reported."""
     not_finite: int
     """Episodes left out because the simulation diverged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """When a limit was broken for the first time, over the episodes that failed by it."""
+    """Time of the first violation of a limit, over the episodes that failed by it."""
 
     reason: str
     episodes: int
@@ -192,50 +192,50 @@ class Violation:
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """Success against one drawn parameter."""
+    """Success by one sampled parameter."""
 
     name: str
     lowest: float
-    """Smallest value drawn."""
+    """Smallest sampled value."""
     highest: float
-    """Largest value drawn."""
-    unevenness: float
-    """How much success differs between the ranges; about 1 where only chance speaks."""
+    """Largest sampled value."""
+    dispersion: float
+    """Dispersion of success between the ranges; about 1 by chance."""
     bins: tuple[Bin, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What an evaluation found."""
+    """Figures of an evaluation."""
 
     info: RunInfo
     success_rate: float
-    """Mean over seeds of the share of drawn episodes that succeeded."""
+    """Success rate of randomized episodes, mean over seeds."""
     opened_rate: float
-    """Mean over seeds of the share that held the part open, limits aside."""
+    """Fraction with the part at its goal at the end, ignoring limits, mean over seeds."""
     nominal_success_rate: float | None
-    """Mean over seeds without randomisation; None if that was not evaluated."""
+    """Success rate without randomization, mean over seeds; None if that was not evaluated."""
     worst_seed_success_rate: float
     success_iqm: Share
     """Interquartile mean over seeds, with a stratified bootstrap interval."""
     opened_iqm: Share
     success_pooled: Share
-    """All drawn episodes of all seeds taken together, with Wilson's interval."""
+    """Success rate of all randomized episodes of all seeds, with Wilson's interval."""
     reasons: Mapping[str, int]
-    """How many drawn episodes of all seeds ended in each way."""
+    """Number of randomized episodes of all seeds by termination reason."""
     seeds: tuple[SeedReport, ...]
     violations: tuple[Violation, ...]
     """The most frequent first."""
     peaks: tuple[Peak, ...]
     parameters: tuple[Parameter, ...]
-    """The one that divides success most unevenly first; what was not varied is left out."""
+    """Varied parameters, the one with the largest dispersion first."""
     curves: tuple[Curve, ...]
     timelines: tuple[Timeline, ...]
     videos: tuple[str, ...]
-    """Paths of clips, relative to the report's folder."""
+    """Paths of videos, relative to the report's folder."""
 
     def content(self) -> dict[str, Any]:
-        """The report for JSON: plain values; what is not finite is None."""
+        """Return the report as a JSON object; values that are not finite become None."""
         head = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "reward_terms": list(TERMS)}
         return head | {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
 
@@ -250,16 +250,16 @@ def make_report(
     *,
     arm: Arm = PANDA,
 ) -> Report:
-    """The figures of an evaluation.
+    """Compute the figures of an evaluation.
 
     Args:
-        info: What was trained.
-        seeds: At least one, each of at least one drawn episode.
+        info: The run.
+        seeds: At least one seed with at least one randomized episode.
         curves: Learning curves, if known.
-        timelines: One success and one failure, where there were any.
-        videos: Paths of clips, relative to the report's folder.
-        rng: Decides the resamples of the bootstrap.
-        arm: Whose limits the peaks are compared with.
+        timelines: One success and one failure, if there were any.
+        videos: Paths of videos, relative to the report's folder.
+        rng: Random generator of the bootstrap.
+        arm: Arm whose limits the peaks are compared with.
     """
     hits = [s.codes == 0 for s in seeds]
     opened = [s.opened for s in seeds]
@@ -280,7 +280,7 @@ def make_report(
         seeds=each,
         violations=_violations(codes, peaks),
         peaks=_peaks(peaks, info.limits, arm),
-        parameters=_parameters(np.concatenate([s.draws for s in seeds]), np.concatenate(hits)),
+        parameters=_parameters(np.concatenate([s.params for s in seeds]), np.concatenate(hits)),
         curves=tuple(curves),
         timelines=tuple(timelines),
         videos=tuple(videos),
@@ -299,7 +299,7 @@ def _seed_report(seed: SeedEvaluation) -> SeedReport:
         nominal_reasons=_reasons(seed.nominal_codes),
         checkpoint_sha256=seed.checkpoint_sha256,
         policy_steps=seed.policy_steps,
-        alone=seed.alone,
+        active_member=seed.active_member,
     )
 
 
@@ -311,7 +311,7 @@ def _reasons(codes: Ints) -> dict[str, int]:
 def _violations(codes: Ints, peaks: Array) -> tuple[Violation, ...]:
     out = []
     for code in np.unique(codes):
-        # Other ways of failing show at the end only: they have no moment of their own.
+        # Other failures are known only at the end of an episode, without a time.
         rows = (codes == code) & (peaks[:, COLUMN["code"]] == code) & (code > 0)
         if not rows.any():
             continue
@@ -357,32 +357,32 @@ def _peaks(peaks: Array, limits: Limits, arm: Arm) -> tuple[Peak, ...]:
     return tuple(out)
 
 
-def _parameters(draws: Array, hits: Mask) -> tuple[Parameter, ...]:
-    drawn = EpisodeParams(draws)
-    values = {name: drawn[name] for name in COLUMNS}
+def _parameters(rows: Array, hits: Mask) -> tuple[Parameter, ...]:
+    params = EpisodeParams(rows)
+    values = {name: params[name] for name in COLUMNS}
     values |= {
-        "distance_m": np.hypot(drawn["x_m"], drawn["y_m"]),
-        "start_rad": np.linalg.norm(drawn["start"], axis=1),
-        "bias_m": np.linalg.norm(drawn["bias"], axis=1),
-        "push_n": np.linalg.norm(drawn["push"], axis=1),
-        "force_bias_n": np.linalg.norm(drawn["force_bias"], axis=1),
+        "distance_m": np.hypot(params["x_m"], params["y_m"]),
+        "start_rad": np.linalg.norm(params["start"], axis=1),
+        "bias_m": np.linalg.norm(params["bias"], axis=1),
+        "push_n": np.linalg.norm(params["push"], axis=1),
+        "force_bias_n": np.linalg.norm(params["force_bias"], axis=1),
     }
-    if not drawn["push"].any():
-        del values["push_time"]  # drawn in any case, but of nothing
+    if not params["push"].any():
+        del values["push_time"]  # always sampled, here without effect
     out = []
     for name, column in values.items():
-        bins = success_against(column, hits)
+        bins = success_by_range(column, hits)
         if bins:
             out.append(
                 Parameter(
                     name=name,
                     lowest=bins[0].begin,
                     highest=bins[-1].end,
-                    unevenness=unevenness(bins),
+                    dispersion=dispersion(bins),
                     bins=bins,
                 )
             )
-    return tuple(sorted(out, key=lambda p: -p.unevenness))
+    return tuple(sorted(out, key=lambda p: -p.dispersion))
 
 
 def _plain(value: Any) -> Any:

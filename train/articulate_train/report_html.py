@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -20,13 +19,14 @@ from urllib.parse import quote
 import numpy as np
 
 from articulate.files import write_json, write_text
-from articulate.page import Bars, Chart, Line, Page, Points, Tile
+from articulate.page import Bars, Chart, ChartLine, Page, Points, Tile
+from articulate.page.text import escape_text
+from articulate.statistics import Share, percent
 from articulate.task.episode_monitor import REASONS
 from articulate.task.task import done_word
 from articulate.transforms import Array
 from articulate_envs.rewards import TERMS
 from articulate_train.report import Parameter, Report, Timeline
-from articulate.statistics import Share, percent
 
 TRAINING_TEXT = (
     "A scripted expert with privileged state is imitated (DAgger) for the first 10 to 20 % of the "
@@ -130,7 +130,7 @@ def report_page(
     info = report.info
     page = _ReportPage(
         f"{info.asset}: {info.task.replace('_', ' ')}",
-        f"{info.name} · joint {info.joint} · {info.describe_target}",
+        f"{info.name} · joint {info.joint} · {info.target_text}",
     )
     _headline(page, report)
     _videos(page, report, folder, poster, embed_videos)
@@ -158,16 +158,16 @@ class _ReportPage(Page):
     def videos(self, videos: Sequence[_Video]) -> None:
         """Add videos side by side."""
         figures = "".join(
-            f"<figure><figcaption><b>{_text(c.caption)}</b></figcaption>"
+            f"<figure><figcaption><b>{escape_text(c.caption)}</b></figcaption>"
             '<video controls muted loop playsinline preload="metadata" width="480" height="360" '
-            f'aria-label="{_text(c.caption)}" src="{_text(c.source)}"></video></figure>'
+            f'aria-label="{escape_text(c.caption)}" src="{escape_text(c.source)}"></video></figure>'
             for c in videos
         )
         self._add(f'<div class="figures">{figures}</div>')
 
     def fold(self, title: str) -> None:
         """Begin a collapsed section; :meth:`unfold` ends it."""
-        self._add(f"<details><summary>{_text(title)}</summary>")
+        self._add(f"<details><summary>{escape_text(title)}</summary>")
 
     def unfold(self) -> None:
         """End the collapsed section."""
@@ -177,7 +177,7 @@ class _ReportPage(Page):
 def _headline(page: Page, report: Report) -> None:
     iqm, opened = report.success_iqm, report.opened_iqm
     rate, word = report.success_rate, done_word(report.info.task)
-    tone: Literal["metadata", "good", "bad"] = "metadata"
+    tone: Literal["plain", "good", "bad"] = "plain"
     if rate >= GOOD or rate < BAD:
         tone = "good" if rate >= GOOD else "bad"
     tiles = [
@@ -238,8 +238,8 @@ def _failures(page: Page, report: Report) -> None:
         page.text(f"No failures: all {total} episodes succeeded.")
         return
     page.text(
-        "The reason of a failure is the first violated limit. Without a violation it is the state at "
-        "the end of the episode."
+        "The reason of a failure is the first violated limit. Without a violation it is the state "
+        "at the end of the episode."
     )
     page.charts(_reason_chart(report, total), _seed_chart(report))
 
@@ -285,10 +285,10 @@ def _episodes(page: _ReportPage, report: Report) -> None:
             page.text(f"Reason of the failure: {REASON_TEXT.get(line.reason, line.reason)}.")
     limits = report.info.limits
     page.charts(
+        _timeline_chart(report, "Opening", "fraction of the travel", "opened", report.info.target),
         _timeline_chart(
-            report, "Opening", "fraction of the travel", "opened", report.info.target
+            report, "Force on the gripper", "N, 50 ms filter", "force_n", limits.force_n
         ),
-        _timeline_chart(report, "Force on the gripper", "N, 50 ms filter", "force_n", limits.force_n),
         _timeline_chart(
             report,
             "Fastest joint",
@@ -323,7 +323,7 @@ def _timeline_chart(report: Report, title: str, unit: str, name: str, goal: floa
     what = "target" if name == "opened" else "limit"
     return Chart(
         title=title,
-        marks=[Line(name=line.name, x=line.t, y=values(line)) for line in report.timelines],
+        marks=[ChartLine(name=line.name, x=line.t, y=values(line)) for line in report.timelines],
         x_label="time [s]",
         y_label=unit,
         goal=goal,
@@ -368,7 +368,7 @@ def _learning(page: Page, report: Report) -> None:
         Chart(
             title=title,
             marks=[
-                Line(name=f"seed {c.seed}", x=c.steps, y=100.0 * getattr(c, name))
+                ChartLine(name=f"seed {c.seed}", x=c.steps, y=100.0 * getattr(c, name))
                 for c in report.curves
             ],
             x_label="steps",
@@ -391,7 +391,9 @@ def _reward_charts(report: Report) -> list[Chart]:
     return [
         Chart(
             title=f"Reward by term, seed {first.seed}",
-            marks=[Line(name=TERMS[i], x=first.steps, y=first.reward_terms[:, i]) for i in order],
+            marks=[
+                ChartLine(name=TERMS[i], x=first.steps, y=first.reward_terms[:, i]) for i in order
+            ],
             x_label="steps",
             y_label="sum over an episode",
         )
@@ -403,8 +405,8 @@ def _parameters(page: _ReportPage, report: Report) -> None:
         return
     page.section(
         "Success by parameter",
-        "Success rates in ranges with equally many episodes, with 95 % intervals, for the parameters "
-        "with the largest dispersion. A dispersion of about 1 is chance.",
+        "Success rates in ranges with equally many episodes, with 95 % intervals, for the "
+        "parameters with the largest dispersion. A dispersion of about 1 is chance.",
     )
     charted = [p for p in report.parameters[:CHART_PARAMETERS] if p.dispersion > 0.0]
     if charted:
@@ -421,9 +423,7 @@ def _parameters(page: _ReportPage, report: Report) -> None:
             ]
         )
     page.fold(f"All {len(rows)} parameters")
-    page.table(
-        ["parameter", "dispersion", "worst %", "from", "to", "sampled from", "to"], rows
-    )
+    page.table(["parameter", "dispersion", "worst %", "from", "to", "sampled from", "to"], rows)
     page.unfold()
 
 
@@ -470,7 +470,7 @@ def _repeat(page: _ReportPage, report: Report) -> None:
             "source": info.source,
             "licence": info.licence,
             "joint": info.joint,
-            "target": info.describe_target,
+            "target": info.target_text,
             "steps per seed": info.steps,
             **took,
             "commit": info.commit,
@@ -500,7 +500,3 @@ def _duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes} min"
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
-
-
-def _text(text: object) -> str:
-    return html.escape(str(text), quote=True)

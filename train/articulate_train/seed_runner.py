@@ -1,4 +1,4 @@
-"""All seeds of a run, each in a process of its own."""
+"""Train all seeds of a run, each in a separate process."""
 
 from __future__ import annotations
 
@@ -13,58 +13,82 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from articulate.errors import ArticulateError, DivergedError, KilledError, RunError
+from articulate.errors import ArticulateError, DivergedError, KilledError, RunError, shorten
+from articulate.files import read_json_object
 from articulate_train.run import DONE, SUMMARY, Run, done_steps, write_summary
-from articulate_train.run_lock import alone
-from articulate_train.train_seed import BAD_INPUT, DIVERGED, INTERRUPTED, PROGRESS
-from articulate_train.training_time import Clock
+from articulate_train.run_lock import lock_run
+from articulate_train.train_seed import (
+    BAD_INPUT,
+    DIVERGED,
+    INTERRUPTED,
+    PROGRESS,
+    SELECTION_FILE,
+)
+from articulate_train.training_time import TrainingClock
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Set to 1 for each seed: more threads fight with the physics (they spin)."""
+"""Set to 1 for each seed: more threads would spin beside those of the physics."""
 
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
-"""Signals that say nothing against a seed: the system ran out of memory, or someone sent them."""
+"""Signals that come from the system (out of memory) or from a user, not from a bug."""
 
 
 @dataclass(frozen=True)
 class SeedProgress:
-    """How far one seed has come."""
+    """Training progress of one seed."""
 
     seed: int
     steps: int
     total: int
     steps_per_s: float
     success: float
+    """Success rate of recent training episodes, in [0, 1]."""
     opened: float
+    """Fraction of them with the part at its target at the end, in [0, 1]."""
 
 
 def processors() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def train_seeds(run: Run, on_progress: Callable[[SeedProgress], None]) -> bool:
-    """Train all seeds that are not done; True if all are done, False if interrupted.
+def train_seeds(
+    run: Run,
+    on_progress: Callable[[SeedProgress], None],
+    on_selection: Callable[[int, str], None] = lambda *_: None,
+) -> bool:
+    """Train all seeds that are not done; return True if all are done, False if interrupted.
+
+    Args:
+        run: The run.
+        on_progress: Called with the progress of a seed.
+        on_selection: Called with a seed and one line on the selection of its checkpoint.
 
     Raises:
         DivergedError: A seed produced values that are not finite.
-        RunError: A seed was refused what it is to train with, or another process trains the run.
-        KilledError: A seed's process was ended from outside.
+        RunError: A seed's input was rejected, or another process trains the run.
+        KilledError: A seed's process was ended by a signal from outside.
         ArticulateError: A seed's process crashed.
     """
     if not _waiting(run) and (run.folder / SUMMARY).exists():
         return True
-    with alone(run.folder) as lock:
-        return _train(run, on_progress, lock)
+    with lock_run(run.folder) as lock:
+        return _train(run, on_progress, on_selection, lock)
 
 
-def _train(run: Run, on_progress: Callable[[SeedProgress], None], lock: int) -> bool:
+def _train(
+    run: Run,
+    on_progress: Callable[[SeedProgress], None],
+    on_selection: Callable[[int, str], None],
+    lock: int,
+) -> bool:
     waiting = _waiting(run)
     jobs = min(run.config.jobs or processors(), max(len(waiting), 1))
     threads = max(1, processors() // jobs)
     running: dict[int, subprocess.Popen[bytes]] = {}
     seen: dict[int, int] = {}
-    clock = Clock(run.folder)
+    selections: dict[int, str] = {}
+    clock = TrainingClock(run.folder)
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
@@ -72,8 +96,9 @@ def _train(run: Run, on_progress: Callable[[SeedProgress], None], lock: int) -> 
                 running[seed] = _start(run.folder, seed, threads, lock)
             time.sleep(0.2)
             for seed, process in list(running.items()):
-                if _tell(run, seed, seen, on_progress):
+                if _report_progress(run, seed, seen, on_progress):
                     clock.note()
+                _report_selection(run, seed, selections, on_selection)
                 if process.poll() is not None:
                     del running[seed]
                     if not _ended_well(run, seed, process):
@@ -91,23 +116,23 @@ def _train(run: Run, on_progress: Callable[[SeedProgress], None], lock: int) -> 
 
 
 def _waiting(run: Run) -> list[int]:
-    """Seeds that are to be trained."""
+    """Return the seeds that are not done."""
     return [seed for seed in run.config.seeds if not _is_done(run, seed)]
 
 
 def _is_done(run: Run, seed: int) -> bool:
-    """Whether a seed has all the steps that are asked for."""
+    """Return whether a seed has all its control steps."""
     return done_steps(run.seed_folder(seed) / DONE) >= run.config.steps
 
 
 def last_progress(run: Run, seed: int) -> dict[str, Any]:
-    """The last line of a seed's progress, with its number."""
+    """Return the last line of a seed's progress, with its number."""
     rows = read_progress(run.seed_folder(seed))
     return {"seed": seed, **(rows[-1] if rows else {})}
 
 
 def read_progress(folder: Path) -> list[dict[str, Any]]:
-    """All lines of a seed's progress; a line cut off by a kill is left out."""
+    """Return all lines of a seed's progress; an incomplete last line is left out."""
     path = folder / PROGRESS
     rows = []
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
@@ -119,7 +144,7 @@ def read_progress(folder: Path) -> list[dict[str, Any]]:
 
 
 def _start(folder: Path, seed: int, threads: int, lock: int) -> subprocess.Popen[bytes]:
-    """Start the process of a seed; it keeps ``lock``, and ends if this process is gone."""
+    """Start the process of a seed; it inherits ``lock`` and ends with this process."""
     environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1")
     numbers = (seed, threads, os.getpid())
     command = [sys.executable, "-m", "articulate_train.train_seed", str(folder), *map(str, numbers)]
@@ -135,10 +160,10 @@ def _start(folder: Path, seed: int, threads: int, lock: int) -> subprocess.Popen
         )
 
 
-def _tell(
+def _report_progress(
     run: Run, seed: int, seen: dict[int, int], on_progress: Callable[[SeedProgress], None]
 ) -> bool:
-    """Tell how far a seed has come, if that is news; whether it was."""
+    """Call ``on_progress`` if a seed has a new line of progress; return whether it has."""
     rows = read_progress(run.seed_folder(seed))
     if not rows or len(rows) == seen.get(seed, 0):
         return False
@@ -157,32 +182,42 @@ def _tell(
     return True
 
 
+def _report_selection(
+    run: Run, seed: int, seen: dict[int, str], on_selection: Callable[[int, str], None]
+) -> None:
+    """Call ``on_selection`` if the selection of a seed's checkpoint has a new line."""
+    text = str(read_json_object(run.seed_folder(seed) / SELECTION_FILE).get("text", ""))
+    if text and text != seen.get(seed):
+        seen[seed] = text
+        on_selection(seed, text)
+
+
 def _ended_well(run: Run, seed: int, process: subprocess.Popen[bytes]) -> bool:
-    """True if the seed is done, False if it was interrupted."""
+    """Return True if the seed is done, False if it was interrupted."""
     code = process.returncode
     if code in (0, INTERRUPTED):
         return code == 0
     log = run.folder / f"seed_{seed}.log"
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    said = lines[-1] if lines else ""
-    if code > 0 and "not finite" in said:
+    reason = shorten(lines[-1]) if lines else ""
+    if code > 0 and "not finite" in reason:
         states = run.seed_folder(seed) / DIVERGED
-        raise DivergedError(f"seed {seed} diverged: {said}; its last states lie in {states}")
+        raise DivergedError(f"seed {seed} diverged: {reason}; last states: {states}")
     if code == BAD_INPUT:
-        said = said or "it said nothing: is the disk full?"
-        raise RunError(f"seed {seed} failed: {said}; its log is {log}")
+        reason = reason or "no message; check that the disk is not full"
+        raise RunError(f"seed {seed} failed: {reason}; log: {log}")
     if -code in FROM_OUTSIDE:
         raise KilledError(
-            f"seed {seed} was ended by {signal_name(-code)}; was there enough memory? "
-            f"`train --resume --out {run.folder}` goes on; its log is {log}",
+            f"seed {seed} was ended by {signal_name(-code)}; check that there is enough "
+            f"memory, and continue with `train --resume --out {run.folder}`; log: {log}",
             -code,
         )
     how = f"was ended by {signal_name(-code)}" if code < 0 else f"crashed with exit {code}"
-    raise ArticulateError(f"seed {seed} {how}{said and f': {said}'}; its log is {log}")
+    raise ArticulateError(f"seed {seed} {how}{reason and f': {reason}'}; log: {log}")
 
 
 def signal_name(number: int) -> str:
-    """``SIGKILL`` for 9; real-time signals have numbers alone."""
+    """Return the name of a signal, e.g. ``SIGKILL`` for 9; the number of a real-time signal."""
     try:
         return signal.Signals(number).name
     except ValueError:

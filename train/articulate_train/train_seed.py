@@ -1,9 +1,9 @@
-"""One seed in a process of its own: ``python -m articulate_train.train_seed RUN SEED THREADS [PARENT]``.
+"""Train one seed: ``python -m articulate_train.train_seed RUN SEED THREADS [PARENT]``.
 
-It writes ``progress.jsonl`` (a line every ten updates of each member, and at the end), TensorBoard
-events, ``checkpoint.pt`` and states of the policy, and at the end the best of these as
-``policy.pt``, and ``done.json``. SIGINT or SIGTERM saves and stops with 130, and so does
-the end of the process PARENT, which started it.
+The process writes ``progress.jsonl`` (a line every ten updates of each member, and at the end),
+TensorBoard events, ``checkpoint.pt`` and candidate checkpoints; then ``selection.json`` while these
+are evaluated, ``policy.pt`` and ``done.json``. On SIGINT, SIGTERM or the end of the process PARENT
+it saves a checkpoint and exits with 130.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from articulate.files import atomic_write, write_json, write_text
 from articulate.task.episode_monitor import REASONS
 from articulate_envs.rewards import TERMS
 from articulate_train.checkpoint_selection import (
-    STATES,
-    choose_acting,
-    choose_state,
+    CANDIDATES,
     is_due,
-    keep_state,
-    told,
+    keep_candidate,
+    score_rows,
+    select_active_members,
+    select_checkpoint,
 )
-from articulate_train.ensemble import Members
+from articulate_train.ensemble import Ensemble
 from articulate_train.policy import (
-    ACTS,
+    ACTIVE_MEMBER,
     CHECKPOINT,
-    CHOSEN,
-    of_this_version,
+    POLICY,
     read_checkpoint,
+    reject_other_versions,
     trained_steps,
     write_state,
 )
@@ -50,7 +50,7 @@ from articulate_train.run import DONE, Run, open_run
 from articulate_train.vecenv import Finished
 
 log = logging.getLogger(__name__)
-PROGRESS, DIVERGED = "progress.jsonl", "diverged.npz"
+PROGRESS, DIVERGED, SELECTION_FILE = "progress.jsonl", "diverged.npz", "selection.json"
 CRASHED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses."""
 REPORT_UPDATES = 10
@@ -58,17 +58,16 @@ REPORT_UPDATES = 10
 
 
 class SeedProcess:
-    """Trains one seed of a run and keeps its folder."""
+    """Training of one seed and its files."""
 
     def __init__(self, run: Run, seed: int, *, threads: int, parent: int | None = None) -> None:
-        """Continue from the seed's checkpoint if there is one.
+        """Build the ensemble; continue from the seed's checkpoint if there is one.
 
         Args:
             run: The run.
             seed: One of its seeds.
             threads: Threads of the engine.
-            parent: Number of the process without which nothing is to be trained; by default the
-                one that is the parent now.
+            parent: Process id whose end stops the training; by default that of the parent.
         """
         self.folder = run.seed_folder(seed)
         self._run, self._seed, self._threads = run, seed, threads
@@ -76,25 +75,25 @@ class SeedProcess:
         self._every = run.config.checkpoint_updates
         self._stop = False
         self._parent = os.getppid() if parent is None else parent
-        self.members = Members(run.scene(), run.config, seed, threads=threads)
+        self.ensemble = Ensemble(run.scene(), run.config, seed, threads=threads)
         self._before_s = 0.0
         if (self.folder / CHECKPOINT).exists():
             content = read_checkpoint(self.folder)
-            with of_this_version(self.folder / CHECKPOINT):
-                self.members.restore(content)
-        self._updates = self.members.updates
-        if (self.folder / CHOSEN).exists() and run.config.select.states > 1:
-            # Of a shorter training that goes on: it stays until a better one is found.
-            keep_state(self.folder, read_checkpoint(self.folder, CHOSEN))
+            with reject_other_versions(self.folder / CHECKPOINT):
+                self.ensemble.restore(content)
+        self._updates = self.ensemble.updates
+        if (self.folder / POLICY).exists() and run.config.checkpoint_selection.n_checkpoints > 1:
+            # The policy of a shorter training stays until a better one is found.
+            keep_candidate(self.folder, read_checkpoint(self.folder, POLICY))
         self._cut_progress()
-        after = self.members.steps + 1  # the point at the checkpoint itself is there already
+        after = self.ensemble.steps + 1  # the point of the checkpoint was written before
         self._board = SummaryWriter(str(self.folder / "tensorboard"), purge_step=after)
         self._begin = time.monotonic()
 
     def _cut_progress(self) -> None:
-        """Drop lines of progress after the checkpoint that is continued."""
+        """Drop lines of progress after the restored checkpoint."""
         path = self.folder / PROGRESS
-        steps = self.members.steps
+        steps = self.ensemble.steps
         lines = path.read_text().splitlines() if path.exists() else []
         kept = []
         for line in lines:
@@ -105,84 +104,90 @@ class SeedProcess:
             if row["steps"] <= steps:
                 kept.append(line)
                 self._before_s = float(row["seconds"])
-        write_text(path, "".join(f"{line}\n" for line in kept))  # it is read meanwhile
+        write_text(path, "".join(f"{line}\n" for line in kept))  # others read it meanwhile
 
     def stop(self, *_: Any) -> None:
-        """Stop after the update that runs."""
+        """Stop after the current update."""
         self._stop = True
 
     def train(self) -> bool:
-        """Train to the end, or to a signal; True if it is done."""
+        """Train until done or stopped by a signal; return whether it is done."""
         try:
-            self.members.run(self._after_round)
+            self.ensemble.run(self._after_round)
         except DivergedError:
-            self._keep_states()
+            self._write_diverged()
             raise
-        done = self.members.is_done
+        done = self.ensemble.is_done
         if done and self._updates % REPORT_UPDATES:
-            self._report()  # the last updates, without which a short training has no figures
-        self.members.save(self.folder)
-        return done and self._choose()
+            self._report()  # the last updates
+        self.ensemble.save(self.folder)
+        return done and self._select()
 
-    def _choose(self) -> bool:
-        """Take the best state as the policy, and say that the seed is done; False if stopped."""
-        keep_state(self.folder, self.members.acting())
-        run, seed, threads = self._run, self._seed, self._threads
-        found = choose_state(run, seed, threads=threads, goes_on=self._goes_on)
+    def _select(self) -> bool:
+        """Select the policy and mark the seed as done; False if stopped."""
+        keep_candidate(self.folder, self.ensemble.policy_state())
+        run, seed = self._run, self._seed
+        options: Any = {
+            "threads": self._threads,
+            "should_continue": lambda: not self._is_stopped,
+            "on_progress": self._report_selection,
+        }
+        found = select_checkpoint(run, seed, **options)
         if found is None:
             return False
-        state, judged = found
-        who = choose_acting(run, seed, state, threads=threads, goes_on=self._goes_on)
-        if who is None:
+        state, scores = found
+        members = select_active_members(run, seed, state, **options)
+        if members is None:
             return False
-        state, acted = who
-        write_state(self.folder / CHOSEN, state)
+        state, member_scores = members
+        write_state(self.folder / POLICY, state)
         done = {
-            "steps": self.members.steps,
-            "chosen": trained_steps(state),
-            "judged": told(judged),
-            "members": told(acted),
-            "acts": state.get(ACTS),
+            "steps": self.ensemble.steps,
+            "selected_step": trained_steps(state),
+            "selection_scores": score_rows(scores),
+            "ensemble": score_rows(member_scores),
+            "active_member": state.get(ACTIVE_MEMBER),
         }
         write_json(self.folder / DONE, done)
-        shutil.rmtree(self.folder / STATES)
+        shutil.rmtree(self.folder / CANDIDATES)
+        (self.folder / SELECTION_FILE).unlink(missing_ok=True)
         return True
 
-    def _goes_on(self) -> bool:
-        return not self._is_stopped
+    def _report_selection(self, text: str) -> None:
+        write_json(self.folder / SELECTION_FILE, {"text": text})
 
     @property
     def _is_stopped(self) -> bool:
-        """Whether it was told to stop, or its run was killed, and may be taken up again."""
+        """True after a signal or the end of the parent process."""
         self._stop = self._stop or self.is_orphan
         return self._stop
 
-    def _after_round(self, members: Members) -> bool:
+    def _after_round(self, members: Ensemble) -> bool:
         self._updates += 1
         if self._updates % REPORT_UPDATES == 0:
             self._report()
         steps, config = members.steps, members.config
-        if is_due(config.select, config.steps, steps - members.round_steps, steps):
-            keep_state(self.folder, members.acting())
+        if is_due(config.checkpoint_selection, config.steps, steps - members.round_steps, steps):
+            keep_candidate(self.folder, members.policy_state())
         if self._updates % self._every == 0:
             members.save(self.folder)
         return not self._is_stopped
 
     @property
     def is_orphan(self) -> bool:
-        """Whether the process that started it is gone."""
+        """True if the parent process has ended."""
         return os.getppid() != self._parent
 
     def _report(self) -> None:
-        finished = self.members.finished()
+        finished = self.ensemble.finished()
         if not finished:
             return
-        steps = self.members.steps
-        row = summarise(finished) | {
+        steps = self.ensemble.steps
+        row = summarize_episodes(finished) | {
             "steps": steps,
             "seconds": round(self._before_s + time.monotonic() - self._begin, 2),
-            "log_std": self.members.log_std(),
-            "update": self.members.figures(),
+            "log_std": self.ensemble.log_std(),
+            "update": self.ensemble.figures(),
         }
         with (self.folder / PROGRESS).open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(row) + "\n")
@@ -193,19 +198,19 @@ class SeedProcess:
         for name, value in row["update"].items():
             self._board.add_scalar(f"update/{name}", value, steps)
 
-    def _keep_states(self) -> None:
-        snapshot: dict[str, Any] = self.members.diverged().episodes.engine.snapshot()
+    def _write_diverged(self) -> None:
+        snapshot: dict[str, Any] = self.ensemble.diverged().episodes.engine.snapshot()
         with atomic_write(self.folder / DIVERGED) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(stream, **snapshot)
 
     def close(self) -> None:
-        """Close the files and the engine."""
+        """Close files and engines."""
         self._board.close()
-        self.members.close()
+        self.ensemble.close()
 
 
-def summarise(finished: list[Finished]) -> dict[str, Any]:
-    """Shares and means over episodes that ended: from home, and over all starts."""
+def summarize_episodes(finished: list[Finished]) -> dict[str, Any]:
+    """Return success rates and mean reward terms of ended episodes, for ``progress.jsonl``."""
     code = np.concatenate([e.code for e in finished])
     opened = np.concatenate([e.opened for e in finished])
     home = np.concatenate([e.from_home for e in finished])
@@ -226,7 +231,7 @@ def main(argv: list[str]) -> int:
     torch.set_num_threads(1)
     parent = int(argv[3]) if len(argv) > 3 else None
     if parent not in (None, os.getppid()):
-        return INTERRUPTED  # it ended while this process loaded its libraries
+        return INTERRUPTED  # the parent ended during the imports
     try:
         run, seed, threads = open_run(Path(argv[0])), int(argv[1]), int(argv[2])
         process = SeedProcess(run, seed, threads=threads, parent=parent)
@@ -235,18 +240,18 @@ def main(argv: list[str]) -> int:
         done = process.train()
         process.close()
     except ArticulateError as error:
-        _complain(error)
+        _log_error(error)
         return BAD_INPUT if isinstance(error, UsageError) else CRASHED
     except OSError as error:
         if error.errno not in {errno.ENOSPC, errno.EDQUOT}:
             raise
-        _complain(error)
+        _log_error(error)
         return BAD_INPUT
     return 0 if done else INTERRUPTED
 
 
-def _complain(error: Exception) -> None:
-    """Say in the log what went wrong; a full disk may hold no more of it."""
+def _log_error(error: Exception) -> None:
+    """Write the error to the log, unless the disk is full."""
     with suppress(OSError):
         sys.stderr.write(f"{error}\n")
         sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""How long a run was trained, over all calls of ``train`` that worked on it."""
+"""Training time of a run, summed over all calls of ``train`` that worked on it."""
 
 from __future__ import annotations
 
@@ -8,38 +8,31 @@ from pathlib import Path
 from typing import Any
 
 from articulate.files import write_json
-from articulate_train.run import SUMMARY
 
 SESSIONS = "sessions.json"
-"""File of a run's folder: the seconds of each call, the last one's as far as it was seen."""
+"""File of a run with the seconds of each call of ``train``; the last entry is updated."""
 
 
-class Clock:
-    """The time of one call of ``train``, added to that of those before."""
+class TrainingClock:
+    """Time of one call of ``train``, added to that of earlier calls."""
 
     def __init__(self, folder: Path) -> None:
-        """Begin to count for the run in ``folder``."""
+        """Start the clock for the run in ``folder``."""
         self._path = folder / SESSIONS
-        self._before = sessions_of(folder)
+        self._before = sessions_s(folder)
         self._begin = time.monotonic()
 
     def note(self) -> float:
-        """Write down how long it took so far; seconds of all calls."""
+        """Write the elapsed time to the run folder; return the time of all calls [s]."""
         seconds = [*self._before, time.monotonic() - self._begin]
         write_json(self._path, {"seconds": seconds})
         return sum(seconds)
 
 
-def sessions_of(folder: Path) -> list[float]:
-    """Seconds of each call of ``train`` on the run in ``folder``; empty where nothing tells.
-
-    Runs that were made before calls were added up have a summary, which tells of the last alone.
-    """
-    kept = _seconds(folder / SESSIONS)
-    if isinstance(kept, list):
-        return [float(s) for s in kept]
-    last = _seconds(folder / SUMMARY)
-    return [float(last)] if isinstance(last, int | float) else []
+def sessions_s(folder: Path) -> list[float]:
+    """Return the time of each call of ``train`` on the run in ``folder`` [s]; empty if unknown."""
+    seconds = _seconds(folder / SESSIONS)
+    return [float(s) for s in seconds] if isinstance(seconds, list) else []
 
 
 def _seconds(path: Path) -> Any:
@@ -49,12 +42,12 @@ def _seconds(path: Path) -> Any:
         return None
 
 
-def trained_s(folder: Path, seeds_s: list[float]) -> float:
-    """How long the run in ``folder`` was trained [s].
+def training_s(folder: Path, seeds_s: list[float]) -> float:
+    """Return the training time of the run in ``folder`` [s].
 
     Args:
         folder: The run.
-        seeds_s: How long each seed took; seeds run side by side, so that these do not add up, but
-            the run took no less than the longest.
+        seeds_s: Time of each seed [s]. Seeds run in parallel, so the run took at least as long as
+            the longest.
     """
-    return max(sum(sessions_of(folder)), *seeds_s, 0.0)
+    return max(sum(sessions_s(folder)), *seeds_s, 0.0)

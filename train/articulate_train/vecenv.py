@@ -1,4 +1,4 @@
-"""Stable-Baselines3's VecEnv over our episodes."""
+"""Stable-Baselines3 ``VecEnv`` over :class:`articulate_envs.episodes.Episodes`."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from articulate.transforms import Array, Ints, Mask
 from articulate_envs.episodes import Episodes
 from articulate_envs.privileged_observation import PRIVILEGED
 from articulate_envs.scripted_expert import ScriptedExpert
-from articulate_train.action_scaling import ELBOW, MOTIONS, shares, taken_back
+from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
 from articulate_train.config import ActionScalingConfig
-from articulate_train.imitation import said
+from articulate_train.imitation import unscale_action
 
 Singles = NDArray[np.float32]
 FINISHED = ("code", "opened", "from_home", "terms")
@@ -28,7 +28,7 @@ FINISHED = ("code", "opened", "from_home", "terms")
 
 @dataclass(frozen=True)
 class Finished:
-    """What progress tells of M episodes that ended; see :class:`articulate_envs.episodes.Ended`."""
+    """Outcome of M ended episodes; see :class:`articulate_envs.episodes.Ended`."""
 
     code: Ints
     opened: Mask
@@ -37,28 +37,28 @@ class Finished:
 
 
 class EpisodesVecEnv(VecEnv):
-    """N environments as Stable-Baselines3 wants them.
+    """N environments with the interface of Stable-Baselines3.
 
-    Observations are those of the policy followed by those of the value function alone
-    (:data:`articulate_envs.privileged_observation.PRIVILEGED`). Episodes have a fixed length and the observation
-    holds the time left, so that their end is a termination; being cut off while the part rests at
-    the target is a truncation. Actions are what a policy says; what the arm is asked for is finer
-    near the handle (:mod:`articulate_train.action_scaling`).
+    Observations are those of the policy, followed by the privileged ones of the value function
+    (:data:`articulate_envs.privileged_observation.PRIVILEGED`). Episodes have a fixed length and
+    the observation holds the time left, so their end is a termination; an early end while the part
+    rests at the target is a truncation. Actions are those of the policy before action scaling
+    (:mod:`articulate_train.action_scaling`).
     """
 
-    def __init__(self, episodes: Episodes, fine: ActionScalingConfig) -> None:
-        """Wrap ``episodes``, which this then owns."""
+    def __init__(self, episodes: Episodes, action_scaling: ActionScalingConfig) -> None:
+        """Wrap ``episodes`` and take ownership of them."""
         self.episodes = episodes
-        self.fine = fine
-        """How much finer motions are; training moves it."""
+        self.action_scaling = action_scaling
+        """Action scaling of the task."""
         self.finished: list[Finished] = []
         """Episodes that ended since the list was last cleared."""
-        self.guide: ScriptedExpert | None = None
-        """Who shows what to do; None shows nothing."""
-        self.led = 0
-        """In so many environments the guide acts, and not the policy."""
-        self.shown: list[Array] = []
-        """What it would have said at each tick since the list was last cleared (N, 8)."""
+        self.expert: ScriptedExpert | None = None
+        """Scripted expert of the imitation phase; None outside it."""
+        self.n_expert_envs = 0
+        """Number of environments in which the expert acts instead of the policy."""
+        self.expert_actions: list[Array] = []
+        """Unscaled expert actions (N, 8) of each control step since the list was last cleared."""
         self._action = np.zeros((episodes.engine.n_envs, ACTION.size))
         self._seen: Singles = np.zeros((episodes.engine.n_envs, OBSERVATION.size), np.float32)
         self._stagger = True
@@ -73,29 +73,29 @@ class EpisodesVecEnv(VecEnv):
         self._infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
 
     def reset(self) -> Singles:
-        """Begin all episodes, the first ones staggered."""
+        """Begin all episodes, the first ones staggered; return observations (N, size)."""
         return self._with_privileged(self.episodes.reset(stagger=self._stagger))
 
     def _with_privileged(self, observation: Array) -> Singles:
         both = (observation, self.episodes.privileged())
-        whole: Singles = np.concatenate(both, axis=1).astype(np.float32)
-        self._seen = whole[:, : OBSERVATION.size]
-        return whole
+        joined: Singles = np.concatenate(both, axis=1).astype(np.float32)
+        self._seen = joined[:, : OBSERVATION.size]
+        return joined
 
     def step_async(self, actions: Array) -> None:
-        """Keep the actions (N, 8), made finer by the last observation."""
-        words, left = np.clip(actions, -1.0, 1.0), shares(self.fine, self._seen)
-        back = taken_back(self.fine, self._seen)
-        if self.guide is not None:
-            asked = self.guide.act(self.episodes.state, self.episodes.drawn)
-            self.shown.append(said(asked, left, back))
-            words[: self.led] = self.shown[-1][: self.led]
-        motions = words[:, :MOTIONS] * left
-        motions[:, :ELBOW] = np.clip(motions[:, :ELBOW] - back, -1.0, 1.0)
-        self._action = np.concatenate([motions, words[:, MOTIONS:]], axis=1)
+        """Store the actions (N, 8) in [-1, 1], scaled by the last observation."""
+        policy, scale = np.clip(actions, -1.0, 1.0), action_scales(self.action_scaling, self._seen)
+        compensation = lead_compensation(self.action_scaling, self._seen)
+        if self.expert is not None:
+            target = self.expert.act(self.episodes.state, self.episodes.drawn)
+            self.expert_actions.append(unscale_action(target, scale, compensation))
+            policy[: self.n_expert_envs] = self.expert_actions[-1][: self.n_expert_envs]
+        motions = policy[:, :MOTIONS] * scale
+        motions[:, :ELBOW] = np.clip(motions[:, :ELBOW] - compensation, -1.0, 1.0)
+        self._action = np.concatenate([motions, policy[:, MOTIONS:]], axis=1)
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
-        """Run one tick."""
+        """Run one control step."""
         tick = self.episodes.step(self._action)
         infos: list[dict[str, Any]] = self._infos
         if tick.ended is not None:
@@ -118,22 +118,22 @@ class EpisodesVecEnv(VecEnv):
         )
 
     def pending(self) -> dict[str, Any]:
-        """All of :attr:`finished` as arrays by name, for a checkpoint; empty if there are none."""
+        """Return :attr:`finished` as arrays by name, for a checkpoint; empty if there are none."""
         if not self.finished:
             return {}
         return {n: np.concatenate([getattr(one, n) for one in self.finished]) for n in FINISHED}
 
     def restore(self, seen: Singles, pending: dict[str, Any]) -> None:
-        """Go on from the last observations ``seen`` and from what :meth:`pending` gave."""
+        """Continue from the last observations (N, size) and the result of :meth:`pending`."""
         self._seen = seen[:, : OBSERVATION.size].copy()
         self.finished[:] = [Finished(**pending)] if pending else []
 
     def close(self) -> None:
-        """Give back the engine."""
+        """Release the engine."""
         self.episodes.engine.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute of this object, once per environment."""
+        """Return the attribute of this object, once per environment."""
         return [getattr(self, attr_name, None)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
@@ -143,13 +143,13 @@ class EpisodesVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Call a method of the episodes; they are one object for all environments."""
+        """Call a method of the episodes, one object for all environments."""
         return [getattr(self.episodes, method_name)(*args, **kwargs)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """No environment is wrapped."""
+        """Return False for each environment: none is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Seeds are decided when the episodes are made; this keeps what they are."""
+        """Keep the seeds, which are set at construction."""
         return [None] * self.num_envs

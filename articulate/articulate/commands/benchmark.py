@@ -138,7 +138,7 @@ def main(argv: Sequence[str]) -> int:
     console.hint_after_interrupt(f"go on with: {command}")
     results = _run(flags, command)
     console.emit_json(results) if flags.json else console.emit(_told(results, flags))
-    return LOST_EXIT if results["lost"] else 0
+    return LOST_EXIT if results["crashed"] else 0
 
 
 def _emit(flags: BenchmarkFlags, content: dict[str, Any], told: str) -> None:
@@ -250,7 +250,7 @@ def _shown(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, 
         joints = [joint for case in record["cases"] for joint in case["joints"]]
         right = sum(joint["failures"]["strict"] == "success" for joint in joints)
         text = record["error"] or f"{right} of {len(joints)} joints right in strict"
-        console.say(f"{done}/{total} {record['object']}: {text}")
+        console.show_progress(f"{done}/{total} {record['object']}: {text}")
         yield record
 
 
@@ -272,6 +272,6 @@ def _told(results: dict[str, Any], flags: BenchmarkFlags) -> str:
         objects = results["placement"]["objects"]
         told = ", ".join(f"{p} {objects[p]['share']:.1%}" for p in wanted)
         lines.append(f"{'placement':<14} objects right: {told}")
-    if results["lost"]:
-        lines.append(f"lost: {', '.join(row['object'] for row in results['lost'][:8])}")
+    if results["crashed"]:
+        lines.append(f"crashed: {', '.join(row['object'] for row in results['crashed'][:8])}")
     return "\n".join([*lines, f"page: {flags.folder / 'report.html'}"])

@@ -1,4 +1,4 @@
-"""Completion for shells: scripts with every verb, flag and choice, made from the flags' classes."""
+"""Completion scripts for shells, with every command, flag, setting and choice."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from articulate.commands.fields import Flag, flag_docs, flags_of
 from articulate.errors import UsageError, nearest
 
 SHELLS = ("bash", "zsh", "fish")
-COMMON = ("--config", "--quiet", "--verbose", "--help")
+COMMON = ("--config", "--set", "--quiet", "--verbose", "--help", "--help-all")
 SHORT = {
     "check-asset": "check",
     "train": "train",
@@ -20,35 +20,37 @@ SHORT = {
     "export-policy": "export",
     "deploy": "deploy",
 }
-"""Installed names that are short for a verb."""
+"""Installed scripts that are short for a command of ``articulate``."""
 
 
 @dataclass(frozen=True)
 class Words:
-    """What can follow a verb."""
+    """Words that can follow a command."""
 
     flags: dict[str, str]
-    """Flags, and what is said of them."""
+    """Flags with their documentation."""
     choices: dict[str, tuple[str, ...]]
-    """Values of flags that have few; those of arguments without a name below ``""``."""
+    """Values of flags with few; those of positional arguments have the key ``""``."""
 
 
 def words_of(cls: type[Any]) -> Words:
-    """What can follow a verb with the flags ``cls``."""
+    """Return the words that can follow a command with the flags ``cls``."""
     docs, flags = flag_docs(cls), list(flags_of(cls))
-    named = [flag for flag in flags if not flag.positional]
+    named = [flag for flag in flags if not flag.positional and not flag.is_nested]
     loose = [choice for flag in flags if flag.positional for choice in flag.choices]
     choices = {flag.name: flag.choices for flag in named if flag.choices}
+    keys = tuple(f"{flag.key}=" for flag in flags if flag.is_nested)
+    choices |= {"--set": keys} if keys else {}
     return Words(
-        flags={_shown(f): docs.get(f.path, "") for f in named} | dict.fromkeys(COMMON, ""),
+        flags={_flag_text(f): docs.get(f.path, "") for f in named} | dict.fromkeys(COMMON, ""),
         choices=choices | ({"": tuple(loose)} if loose else {}),
     )
 
 
 def verb_words(entry: EntryPoint) -> Words:
-    """What can follow the verb ``entry``, whose module says so in ``FLAGS``.
+    """Return the words that can follow the command ``entry``, from ``FLAGS`` in its module.
 
-    A verb that cannot be imported, or does not say it, offers the common flags.
+    A command that cannot be imported, or has no ``FLAGS``, has the common flags only.
     """
     try:
         cls = importlib.import_module(entry.module).FLAGS
@@ -58,17 +60,17 @@ def verb_words(entry: EntryPoint) -> Words:
 
 
 def script(shell: str, verbs: Mapping[str, Words]) -> str:
-    """A script that teaches ``shell`` what follows ``articulate`` and its short names.
+    """Return the completion script of ``shell`` for ``articulate`` and its short names.
 
     Raises:
-        UsageError: It is none of :data:`SHELLS`.
+        UsageError: ``shell`` is not in :data:`SHELLS`.
     """
     if shell not in SHELLS:
         raise UsageError(f"--completion {shell}: unknown shell{nearest(shell, SHELLS)}")
     return {"bash": _bash, "zsh": _zsh, "fish": _fish}[shell](verbs)
 
 
-def _shown(flag: Flag) -> str:
+def _flag_text(flag: Flag) -> str:
     switched_on = flag.is_switch and flag.default is True
     return f"--no-{flag.name.removeprefix('--')}" if switched_on else flag.name
 
@@ -92,6 +94,7 @@ _articulate() {{
 {flags}
         esac
     fi
+    if [[ $prev == --set ]]; then compopt -o nospace 2>/dev/null; fi
     if [[ -n $words ]]; then
         COMPREPLY=($(compgen -W "$words" -- "$cur"))
     else
@@ -122,7 +125,7 @@ def _bash(verbs: Mapping[str, Words]) -> str:
 
 
 def _zsh(verbs: Mapping[str, Words]) -> str:
-    """Zsh runs bash's completions once it is told to."""
+    """Return the script of bash, which zsh can run."""
     return "autoload -U +X bashcompinit && bashcompinit\n" + _bash(verbs)
 
 
@@ -136,8 +139,8 @@ def _fish(verbs: Mapping[str, Words]) -> str:
             for flag, text in words.flags.items():
                 values = words.choices.get(flag)
                 more = f" -x -a '{' '.join(values)}'" if values else ""
-                said = text.replace("\\", "\\\\").replace("'", "\\'")
-                lines.append(f"{start} -l {flag.removeprefix('--')}{more} -d '{said}'")
+                doc = text.replace("\\", "\\\\").replace("'", "\\'")
+                lines.append(f"{start} -l {flag.removeprefix('--')}{more} -d '{doc}'")
             if "" in words.choices:
                 lines.append(f"{start} -a '{' '.join(words.choices[''])}'")
     return "\n".join(lines) + "\n"

@@ -125,28 +125,28 @@ def emit_json(content: Any) -> None:
     emit(json.dumps(content, indent=1, allow_nan=False))
 
 
-def say(text: str) -> None:
+def show_progress(text: str) -> None:
     """Tell of progress, unless ``--quiet``."""
     if _state.level > QUIET:
-        complain(text)
+        print_error(text)
 
 
-def say_waiting(text: str) -> None:
+def show_waiting(text: str) -> None:
     """Tell who sits at a terminal what is waited for.
 
     Elsewhere nothing is said: bad input that comes to light meanwhile is one line.
     """
     if is_live():
-        complain(text)
+        print_error(text)
 
 
 def detail(text: str) -> None:
     """Tell of what only ``--verbose`` asks for."""
     if _state.level >= VERBOSE:
-        complain(text)
+        print_error(text)
 
 
-def complain(text: str) -> None:
+def print_error(text: str) -> None:
     """Print a line on the standard error, whatever the level: errors, warnings."""
     with suppress(BrokenPipeError):
         print(text, file=sys.stderr, flush=True)

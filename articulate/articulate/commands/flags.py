@@ -1,7 +1,7 @@
-"""Flags of a command: a dataclass, presets and the command line, in this order.
+"""Parse the flags of a command: defaults, presets and the command line, in this order.
 
-The command line is read here, and not by a library for it: ``--help`` has to answer in a third of
-a second, and every mistake has to be one line that names the nearest flag or value.
+No library is used for it: ``--help`` must be fast, and every error is one line that names the
+nearest flag or value.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from articulate.commands import console
 from articulate.commands.fields import MISSING, Flag, default_of, flag_docs, flags_of
 from articulate.commands.help import help_text
 from articulate.config import field_values, find_config, read_yaml
-from articulate.errors import ConfigError, nearest
+from articulate.errors import ConfigError, nearest, quote, shorten
 
 T = TypeVar("T")
 Values = dict[tuple[str, ...], Any]
-"""What was given, by the path of its field."""
+"""Given values by the path of their field."""
 
 LEVELS = {
     "-q": console.QUIET,
@@ -29,7 +29,8 @@ LEVELS = {
     "-v": console.VERBOSE,
     "--verbose": console.VERBOSE,
 }
-"""Flags of every command, besides ``--config`` and ``--help``."""
+"""Verbosity flags of every command."""
+HELP = ("-h", "--help", "--help-all")
 _NUMBER = re.compile(r"-(\d|\.\d|inf)")
 
 
@@ -40,14 +41,15 @@ def parse(
     prog: str | None = None,
     description: str | None = None,
 ) -> T:
-    """A ``cls`` of its defaults, then every ``--config``, then the flags in ``argv``.
+    """Build a ``cls`` from its defaults, then every ``--config``, then the flags in ``argv``.
 
-    ``--help`` prints the flags and raises SystemExit(0); ``-q`` and ``-v`` are heeded here.
+    ``--help`` and ``--help-all`` print the flags and raise SystemExit(0); ``-q`` and ``-v`` set the
+    verbosity.
 
     Args:
         cls: A frozen dataclass; its docstrings are the help.
-        argv: What follows the command's name.
-        default: Takes the place of the defaults of ``cls``.
+        argv: Words after the command's name.
+        default: Replaces the defaults of ``cls``.
         prog: Name of the command, for ``--help``; that of the running script if None.
         description: First lines of ``--help``; the docstring of ``cls`` if None.
 
@@ -55,8 +57,9 @@ def parse(
         ConfigError: A flag is not known, or a value not accepted.
     """
     name = prog or Path(sys.argv[0]).name
-    if any(word in ("-h", "--help") for word in argv):
-        console.emit(help_text(cls, name, description or cls.__doc__ or ""))
+    if any(word in HELP for word in argv):
+        everything = "--help-all" in argv
+        console.emit(help_text(cls, name, description or cls.__doc__ or "", everything=everything))
         raise SystemExit(0)
     presets, rest = _take_common(list(argv))
     base = _base(cls, presets, default)
@@ -65,13 +68,13 @@ def parse(
     missing = [f for f in flags if f.default is MISSING and f.path not in given]
     if missing:
         docs = flag_docs(cls)
-        told = [f"{usage(f)} ({first_sentence(docs.get(f.path, ''))})" for f in missing]
-        raise ConfigError(f"missing: {', '.join(told)}; see {name} --help")
+        usages = [f"{usage(f)} ({first_sentence(docs.get(f.path, ''))})" for f in missing]
+        raise ConfigError(f"missing: {', '.join(usages)}; see {name} --help")
     return cls(**_laid_over(cls, base, given))
 
 
 def _take_common(argv: list[str]) -> tuple[list[str], list[str]]:
-    """What ``--config`` names, in order, and the other arguments; ``-q`` and ``-v`` are heeded."""
+    """Split off ``--config``, ``-q`` and ``-v``; return the presets and the other words."""
     presets, rest = [], []
     words = iter(argv)
     for word in words:
@@ -91,7 +94,7 @@ def _take_common(argv: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _base(cls: type[Any], presets: list[str], default: Any) -> dict[str, Any]:
-    """Values of fields of ``default`` under the presets, as far as any are known."""
+    """Return the values of ``default``, overridden by the presets."""
     base: dict[str, Any] = {}
     if default is not None:
         base = {f.name: getattr(default, f.name) for f in dataclasses.fields(cls)}
@@ -100,7 +103,7 @@ def _base(cls: type[Any], presets: list[str], default: Any) -> dict[str, Any]:
     for preset in presets:
         path = find_config(preset)
         content = read_yaml(path)
-        field_values(cls, content, str(path))  # complains of this file by its own name
+        field_values(cls, content, str(path))  # its errors name this file
         values = _merged(values, content)
         sources[str(path)] = preset
     return base | (field_values(cls, values, " + ".join(sources)) if presets else {})
@@ -116,9 +119,10 @@ def _merged(low: Mapping[str, Any], high: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
-    """Values of the flags that stand in ``argv``; the last of the same counts."""
-    named = {f.name: f for f in flags if not f.positional}
-    named |= {_negated(f.name): f for f in flags if f.is_switch}
+    """Return the values of the flags in ``argv``; of repeated flags the last counts."""
+    named = {f.name: f for f in flags if not f.positional and not f.is_nested}
+    named |= {_negated(f.name): f for f in flags if f.is_switch and not f.is_nested}
+    by_key = {f.key: f for f in flags if not f.positional}
     given: Values = {}
     loose: list[str] = []
     words = list(argv)
@@ -132,22 +136,59 @@ def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
             continue
         name, equals, value = word.partition("=")
         name = name.replace("_", "-")
-        flag = named.get(name)
-        if flag is None:
-            close = nearest(name, named)
-            more = close if "did you mean" in close else f"; see {prog} --help"
-            raise ConfigError(f"{name}: unknown flag{more}")
+        if name == "--set":
+            text = value if equals else (words.pop(0) if words else "")
+            flag, given_value = _setting(text, by_key, prog)
+            given[flag.path] = given_value
+            continue
+        if name not in named:
+            raise _unknown_flag(name, named, by_key, prog)
+        flag = named[name]
         if flag.is_switch:
             if equals:
                 raise ConfigError(f"{name} is a switch; leave out {equals}{value}")
             given[flag.path] = name == flag.name
             continue
-        taken = [value] if equals else _taken(flag, words)
-        if not taken:
+        values = [value] if equals else _pop_values(flag, words)
+        if not values:
             raise ConfigError(f"{name}: a value is missing; give {usage(flag)}, see {prog} --help")
-        given[flag.path] = flag.value(taken)
-    _place(flags, loose, given, prog)
+        given[flag.path] = flag.value(values)
+    _assign_positional(flags, loose, given, prog)
     return given
+
+
+def _setting(text: str, by_key: Mapping[str, Flag], prog: str) -> tuple[Flag, Any]:
+    """Return the flag and the value of ``--set KEY=VALUE``.
+
+    Raises:
+        ConfigError: The key is not known, or the value is not accepted.
+    """
+    key, equals, value = text.partition("=")
+    flag = by_key.get(key.replace("-", "_"))
+    if flag is None:
+        close = nearest(key, by_key)
+        last = [known for known in by_key if known.rsplit(".", 1)[-1] == key]
+        close = f"; did you mean {last[0]}?" if last else close
+        more = close if "did you mean" in close else f"; {prog} --help-all lists the keys"
+        raise ConfigError(f"--set {quote(key)}: unknown key{more}")
+    if not equals:
+        raise ConfigError(f"--set {key}: a value is missing; give --set {key}={flag.metavar}")
+    return flag, flag.value_of_text(value)
+
+
+def _unknown_flag(
+    name: str, named: Mapping[str, Flag], by_key: Mapping[str, Flag], prog: str
+) -> ConfigError:
+    """Return the error for an unknown flag, with the nearest flag or key of ``--set``."""
+    key = name.removeprefix("--").replace("-", "_")
+    if key in by_key:
+        return ConfigError(f"{shorten(name)}: unknown flag; did you mean --set {key}=VALUE?")
+    nested = {f"--{k.replace('_', '-')}": k for k, f in by_key.items() if f.is_nested}
+    close = nearest(name, [*named, *nested])
+    for dotted, k in nested.items():
+        close = close.replace(f"did you mean {dotted}?", f"did you mean --set {k}=VALUE?")
+    more = close if "did you mean" in close else f"; see {prog} --help"
+    return ConfigError(f"{shorten(name)}: unknown flag{more}")
 
 
 def _is_flag(word: str) -> bool:
@@ -158,27 +199,29 @@ def _negated(name: str) -> str:
     return f"--no-{name.removeprefix('--')}"
 
 
-def _taken(flag: Flag, words: list[str]) -> list[str]:
-    """The words that belong to ``flag``, taken from the front of ``words``."""
+def _pop_values(flag: Flag, words: list[str]) -> list[str]:
+    """Remove the values of ``flag`` from the front of ``words`` and return them."""
     most = len(words) if flag.is_list else len(flag.items or (None,))
-    taken: list[str] = []
-    while words and len(taken) < most and not _is_flag(words[0]):
-        taken.append(words.pop(0))
-    return taken
+    values: list[str] = []
+    while words and len(values) < most and not _is_flag(words[0]):
+        values.append(words.pop(0))
+    return values
 
 
 def usage(flag: Flag) -> str:
-    """A flag as it is to be given."""
+    """Return a flag with the placeholder of its value."""
+    if flag.is_nested:
+        return f"{flag.name}={flag.metavar}"
     return flag.name if flag.positional else f"{flag.name} {flag.metavar}"
 
 
 def first_sentence(text: str) -> str:
-    """The first sentence of an explanation, without its full stop."""
+    """Return the first sentence of a text, without its full stop."""
     return re.split(r"(?<!\be\.g)(?<!\bi\.e)(?:[.;:] |[.]$)", text, maxsplit=1)[0]
 
 
-def _place(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) -> None:
-    """Hand words without a flag to the arguments without a name."""
+def _assign_positional(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) -> None:
+    """Assign words without a flag to the positional arguments."""
     for flag in (f for f in flags if f.positional):
         if not loose:
             break
@@ -188,11 +231,11 @@ def _place(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) ->
     if loose:
         lacking = [f.name for f in flags if f.default is MISSING and f.path not in given]
         hint = f"did you mean {lacking[0]} {loose[0]}?" if lacking else f"see {prog} --help"
-        raise ConfigError(f"unexpected: {' '.join(loose)}; {hint}")
+        raise ConfigError(f"unexpected: {shorten(' '.join(loose))}; {hint}")
 
 
 def _laid_over(cls: type[Any], values: dict[str, Any], given: Values) -> dict[str, Any]:
-    """``values`` of fields of ``cls`` with what was given laid over them."""
+    """Return ``values`` of fields of ``cls``, overridden by the given values."""
     inner: dict[str, Values] = {}
     for (first, *rest), value in given.items():
         if rest:

@@ -1,4 +1,4 @@
-"""``--help`` as plain text: every flag with its unit, its default and one sentence."""
+"""Text of ``--help`` and ``--help-all``: flags with unit, default and one sentence."""
 
 from __future__ import annotations
 
@@ -10,41 +10,51 @@ from typing import Any
 from articulate.commands.fields import MISSING, Flag, flag_docs, flags_of
 
 COLUMN = 28
-"""Where explanations begin."""
-WIDEST = 100
+"""Column of the explanations."""
+MAX_WIDTH = 100
 COMMON = (
-    ("--config FILE|PRESET", "Take values from a YAML file or a preset; flags win. Repeatable."),
-    ("-q, --quiet", "Say nothing but results, warnings and errors."),
-    ("-v, --verbose", "Say also what the libraries log."),
-    ("-h, --help", "Print this and do nothing."),
+    ("--config FILE|PRESET", "Read values from a YAML file or a preset; flags win. Repeatable."),
+    ("-q, --quiet", "Print results, warnings and errors only."),
+    ("-v, --verbose", "Print the logs of libraries too."),
+    ("-h, --help", "Print the common flags."),
+    ("--help-all", "Print all flags and settings."),
 )
 """Flags of every command."""
+SET = ("--set KEY=VALUE", "Set any setting of --help-all, e.g. --set {key}={value}. Repeatable.")
 
 
-def help_text(cls: type[Any], prog: str, about: str) -> str:
-    """What ``--help`` of the command with the flags ``cls`` prints.
+def help_text(cls: type[Any], prog: str, about: str, *, everything: bool = False) -> str:
+    """Return the text of ``--help`` of a command.
 
     Args:
-        cls: A dataclass; its docstrings explain the flags.
+        cls: Dataclass of the flags; its docstrings explain them.
         prog: Name of the command.
-        about: What it does, with an example.
+        about: Description with an example.
+        everything: Include advanced flags and the settings of nested dataclasses.
     """
-    width = min(shutil.get_terminal_size((80, 24)).columns, WIDEST)
+    width = min(shutil.get_terminal_size((80, 24)).columns, MAX_WIDTH)
     docs, flags = flag_docs(cls), list(flags_of(cls))
-    loose = [flag for flag in flags if flag.positional]
-    usage = " ".join([prog, *map(_argument, loose), "[flags]"])
+    positional = [flag for flag in flags if flag.positional]
+    usage = " ".join([prog, *map(_argument, positional), "[flags]"])
     lines = [f"usage: {usage}", "", *_paragraphs(about, width)]
     groups: dict[tuple[str, ...], list[Flag]] = {}
     for flag in flags:
-        groups.setdefault(flag.path[:-1], []).append(flag)
+        if everything or not (flag.is_nested or flag.advanced):
+            groups.setdefault(flag.path[:-1], []).append(flag)
     for path, members in groups.items():
-        title = docs.get(path, "") if path else "Flags."
-        lines += ["", f"{title.rstrip('.')}:" if title else f"{'.'.join(path)}:"]
+        title = docs.get(path, "").rstrip(".") if path else "Flags"
+        lines += ["", f"{title or '.'.join(path)}{' (--set)' if path else ''}:"]
         for flag in members:
             lines += _row(_left(flag), _right(flag, docs.get(flag.path, "")), width)
     lines += ["", "Flags of every command:"]
-    for left, right in COMMON:
-        lines += _row(left, right, width)
+    nested = next((flag for flag in flags if flag.is_nested), None)
+    for left, right in (*((SET,) if nested else ()), *COMMON):
+        text = right if nested is None else right.format(key=nested.key, value=_default(nested))
+        lines += _row(left, text, width)
+    if not everything and nested:
+        sections = dict.fromkeys(flag.path[0] for flag in flags if flag.is_nested)
+        text = f"Further settings of --help-all: {', '.join(sections)}."
+        lines += ["", *textwrap.wrap(text, width)]
     return "\n".join(lines)
 
 
@@ -54,26 +64,29 @@ def _argument(flag: Flag) -> str:
 
 
 def _left(flag: Flag) -> str:
+    if flag.is_nested:
+        return f"{flag.key}={flag.metavar or 'true|false'}"
     if flag.is_switch and flag.default is True:
         return f"--no-{flag.name.removeprefix('--')}"
     return flag.name if flag.positional else f"{flag.name} {flag.metavar}".rstrip()
 
 
 def _right(flag: Flag, text: str) -> str:
-    """What is said of a flag, with its default."""
-    if flag.is_switch:
+    """Return the explanation of a flag with its default."""
+    if flag.is_switch and not flag.is_nested:
         return f"Do not: {text[:1].lower()}{text[1:]}" if flag.default is True else text
     if flag.default is MISSING:
         return f"{text} (required)"
     if flag.default is None or flag.default == ():
         return text
+    return f"{text} (default: {_default(flag)})"
+
+
+def _default(flag: Flag) -> str:
     value = flag.default
-    shown = " ".join(map(_plain, value if isinstance(value, tuple) else (value,)))
-    return f"{text} (default: {shown})"
-
-
-def _plain(value: Any) -> str:
-    return str(value).removesuffix(".0")
+    separator = "," if flag.is_nested else " "
+    values = value if isinstance(value, tuple) else (value,)
+    return separator.join(str(v).removesuffix(".0") for v in values)
 
 
 def _row(left: str, right: str, width: int) -> list[str]:

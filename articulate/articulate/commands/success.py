@@ -23,5 +23,5 @@ def missed(success: float, required: float) -> int:
     """Exit code of a result with that share of successes; says so where it is too low."""
     if success >= required:
         return 0
-    console.complain(f"success is {success:.1%}, below the {required:.1%} required")
+    console.print_error(f"success is {success:.1%}, below the {required:.1%} required")
     return MISSED

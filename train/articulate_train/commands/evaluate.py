@@ -1,4 +1,4 @@
-"""``evaluate``: repeat the evaluation of a run."""
+"""``evaluate``: evaluate the policies of runs."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateFlags:
-    """Evaluate the policies of runs on fresh episodes, and compare them if they are many.
+    """Evaluate the policies of a run on new episodes, or compare several runs.
 
     Example: evaluate runs/cabinet --episodes 200
     """
 
     run: Annotated[tuple[Path, ...], POSITIONAL]
-    """Folder of the run; of several, to compare them."""
+    """Run folder; several are compared."""
     episodes: int | None = None
-    """Episodes for each seed; by default what the run's configuration says."""
+    """Episodes for each seed; by default those of the run's configuration."""
     ranges: float = 1.0
-    """So many times as wide is every range of the randomisation; other than 1, the report lies in
-    the folder ranges_<x> of the run."""
+    """Factor on all randomization ranges; other than 1, the report is written to the folder
+    ranges_<x> of the run."""
     asset: str | None = None
-    """Another object than that of the training, on which policies are judged; the report then lies
-    in the folder on_<object>_<joint>_<first of its hash> of the run."""
+    """Evaluate on this object instead of that of the training; the report is written to the folder
+    on_<object>_<joint>_<hash> of the run."""
     joint: str | None = None
-    """Joint of --asset; by default the one that train would take."""
+    """Joint of --asset; by default as for train."""
     out: Path | None = None
     """Folder for the comparison of several runs; by default runs/comparison-<time>."""
     keep_reports: bool = False
-    """Compare the reports that lie in the runs, and evaluate those alone that have none."""
+    """Compare the existing reports of the runs; evaluate only runs without one."""
     require_success: float = 0.0
-    """Exit with 3 if the success rate, of any of the runs, is below this share."""
+    """Exit with 3 if the success rate of any run is below this fraction."""
     json: bool = False
-    """Print the report as JSON and nothing else on standard output."""
+    """Print only the report, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
         if self.episodes is not None and self.episodes < 1:
@@ -55,27 +55,30 @@ class EvaluateFlags:
         check_share(self.require_success)
         if len(self.run) == 1 and (self.out is not None or self.keep_reports):
             raise ConfigError("--out and --keep-reports are for several runs; one is given")
-        for flag, given in (("ranges", self.ranges != 1.0), ("asset", self.asset is not None)):
-            if len(self.run) > 1 and given:
+        for flag, is_given in (("ranges", self.ranges != 1.0), ("asset", self.asset is not None)):
+            if len(self.run) > 1 and is_given:
                 raise ConfigError(f"--{flag} is for one run; several are given")
         if self.joint is not None and self.asset is None:
-            raise ConfigError("--joint is for --asset, which is not given")
+            raise ConfigError("--joint needs --asset")
 
 
 FLAGS = EvaluateFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Evaluate and print; 3 if the success rate is below what was required."""
+    """Evaluate and print; 3 if the success rate is below the required one."""
     flags = parse(EvaluateFlags, argv, prog="evaluate")
-    from articulate_train.run import on_object, open_run  # torch, MuJoCo; --help does without them
+    from articulate_train.run import (
+        open_run,
+        with_object,
+    )  # torch and MuJoCo, which --help does without
 
     runs = [open_run(folder) for folder in flags.run]
     if len(runs) > 1:
         return _compared(runs, flags)
     run, on = runs[0], None
     if flags.asset is not None:
-        on = on_object(run, flags.asset, flags.joint, cache_folder(), console.say_waiting)
+        on = with_object(run, flags.asset, flags.joint, cache_folder(), console.show_waiting)
     episodes = flags.episodes or run.config.episodes
     return show(
         run, episodes, flags.require_success, as_json=flags.json, ranges=flags.ranges, on=on
@@ -83,17 +86,21 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:
-    """Evaluate each run, write the comparison, and say whether all reached what was required."""
+    """Evaluate each run and write the comparison; 3 if one is below the required success rate."""
     from articulate_train.compare import compare, read_report, write_comparison  # heavy, see main
-    from articulate_train.evaluate_run import judge_run
+    from articulate_train.evaluate_run import evaluate_run_folder
 
     out = flags.out or Path("runs") / f"comparison-{time.strftime('%Y%m%d-%H%M%S')}"
     if (out / "comparison.json").exists():
         raise RunError(f"{out}: holds a comparison; choose another --out")
     for run in runs:
         if not (flags.keep_reports and (run.folder / "report.json").exists()):
-            console.say(f"evaluating {run.folder}")
-            judge_run(run, episodes=flags.episodes or run.config.episodes, say=console.say)
+            console.show_progress(f"evaluating {run.folder}")
+            evaluate_run_folder(
+                run,
+                episodes=flags.episodes or run.config.episodes,
+                show_progress=console.show_progress,
+            )
     comparison = compare([read_report(run.folder) for run in runs])
     more = ["--episodes", flags.episodes] if flags.episodes is not None else []
     more += ["--keep-reports"] if flags.keep_reports else []
@@ -114,9 +121,11 @@ def show(
     ranges: float = 1.0,
     on: Run | None = None,
 ) -> int:
-    """Evaluate ``run``, print the report, and say whether it reached ``required``."""
-    from articulate_train.evaluate_run import judge_run  # torch and MuJoCo
+    """Evaluate ``run`` and print the report; 3 if its success rate is below ``required``."""
+    from articulate_train.evaluate_run import evaluate_run_folder  # torch and MuJoCo
 
-    done = judge_run(run, episodes=episodes, ranges=ranges, on=on, say=console.say)
+    done = evaluate_run_folder(
+        run, episodes=episodes, ranges=ranges, on=on, show_progress=console.show_progress
+    )
     console.emit_json(done.report.content()) if as_json else console.emit(done.text())
     return missed(done.report.success_rate, required)

@@ -25,7 +25,7 @@ class ExportFlags:
     """Bundle to write: a path ending in .zip, or a folder that does not exist; by default
     bundles/<run>-seed_<seed>.zip. Nothing is overwritten."""
     seed: int | None = None
-    """Seed to export; by default the best."""
+    """Seed to export; by default the best one."""
     json: bool = False
     """Print the result as JSON."""
 
@@ -34,13 +34,13 @@ FLAGS = ExportFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Export and print where the bundle lies."""
+    """Export and print the path of the bundle."""
     flags = parse(ExportFlags, argv, prog="export-policy")
     from articulate_train.export import export_policy  # torch and MuJoCo; --help does without
 
     done = export_policy(flags.run, flags.out, seed=flags.seed)
     for warning in done.warnings:
-        console.complain(f"warning: {warning}")
+        console.print_error(f"warning: {warning}")
     size = f"{done.size_bytes / 1e3:.0f} kB"
     text = f"{done.path}: seed {done.seed} ({done.seed_rule}), {size}"
     console.emit_json(done.as_dict()) if flags.json else console.emit(text)

@@ -1,4 +1,4 @@
-"""``train``: from an object and a task to policies and their report."""
+"""``train``: train policies for an object and a task, and evaluate them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from articulate.commands.flags import parse
 from articulate.commands.success import MISSED, check_share, missed
 from articulate.errors import ConfigError, RunError
 from articulate_train.asset_patterns import is_many
-from articulate_train.commands.listing import asks_for_a_list, show_list
+from articulate_train.commands.listing import requests_list, show_list
 from articulate_train.config import TrainConfig
 
 if TYPE_CHECKING:
+    from articulate_envs.scene import Scene
     from articulate_train.run import Run
     from articulate_train.seed_runner import SeedProgress
 
@@ -28,37 +29,42 @@ if TYPE_CHECKING:
 class TrainFlags(TrainConfig):
     """Train policies that move one joint of an object with a Panda arm, and evaluate them.
 
+    A scripted expert is imitated (DAgger) for the first 10 to 20 % of the steps, PPO trains for the
+    rest. Each seed is an ensemble of two policies; its checkpoint is selected on separate episodes.
+
     Example: train --asset cabinet.urdf --task open_drawer --seeds 0 1 2
     """
 
     list_tasks: bool = False
-    """Print the names of the tasks and what they ask, and stop."""
+    """List the tasks and exit."""
     list_joints: str | None = None
-    """Print the joints of this object and the tasks that can be asked of them, and stop."""
+    """List the joints of this object, their matching tasks and feasibility, and exit."""
     out: Path | None = None
-    """Folder of the run; by default runs/<asset>-<task>-<time>."""
+    """Run folder; by default runs/<asset>-<task>-<time>."""
     resume: bool = False
-    """Go on with the run in --out from its last checkpoints."""
+    """Continue the run in --out from its last checkpoints."""
+    force: bool = False
+    """Train although the scripted expert succeeds in less than 20 % of the sampled episodes."""
     dry_run: bool = False
-    """Train nothing: write a picture of the scene, and say what is reached, how many minutes
-    training will take and how much disk."""
+    """Write an image of the scene, and print reachability, feasibility, time and disk space,
+    without training."""
     launcher: Literal["local", "slurm", "ray"] = "local"
-    """Where jobs run if --asset names several objects: a folder of them, or a quoted pattern."""
+    """Launcher of the jobs if --asset names several objects."""
     no_evaluate: bool = False
-    """Stop after training; `evaluate RUN` makes the report later."""
+    """Stop after training; `evaluate RUN` writes the report later."""
     require_success: float = 0.0
-    """Exit with 3 if the success rate of the evaluation is below this share."""
+    """Exit with 3 if the success rate of the evaluation is below this fraction."""
     json: bool = False
-    """Print the report as JSON and nothing else on standard output."""
+    """Print only the report, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_share(self.require_success)
         if self.dry_run and self.resume:
-            raise ConfigError("--dry-run is for new runs; leave out either it or --resume")
+            raise ConfigError("--dry-run is for new runs; omit it or --resume")
 
     def config(self) -> TrainConfig:
-        """What the run folder keeps."""
+        """Return the configuration that the run folder keeps."""
         return TrainConfig(**{f.name: getattr(self, f.name) for f in fields(TrainConfig)})
 
 
@@ -67,10 +73,10 @@ FLAGS = TrainFlags
 
 def main(argv: Sequence[str]) -> int:
     """Train, evaluate, write the report; 130 when interrupted."""
-    if asks_for_a_list(argv):
+    if requests_list(argv):
         return show_list(argv)
     flags = parse(TrainFlags, argv, prog="train", default=_resumed(argv))
-    # From here on torch and MuJoCo are needed; --help and bad flags are answered without them.
+    # These import torch and MuJoCo, which --help and bad flags do without.
     from articulate_train.commands.evaluate import show
     from articulate_train.run import resume_run
     from articulate_train.seed_runner import train_seeds
@@ -79,11 +85,11 @@ def main(argv: Sequence[str]) -> int:
         return _many(flags, argv)
     if flags.dry_run:
         return _dry_run(flags)
-    run = resume_run(_given(flags), flags.config()) if flags.resume else _new_run(flags)
-    console.say(_plan(run))
+    run = resume_run(_out(flags), flags.config()) if flags.resume else _new_run(flags)
+    console.show_progress(_plan(run))
     again = console.command_line(["train", "--resume", "--out", run.folder])
-    console.hint_after_interrupt(f"go on with: {again}")
-    if not train_seeds(run, _tell):
+    console.hint_after_interrupt(f"continue with: {again}")
+    if not train_seeds(run, _show_seed, _show_selection):
         raise KeyboardInterrupt
     if flags.no_evaluate:
         folder = str(run.folder)
@@ -93,17 +99,18 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _many(flags: TrainFlags, argv: Sequence[str]) -> int:
-    """Train every object with every seed as a job of its own; 3 if a job or the target failed."""
+    """Train every object with every seed as a separate job; 3 if a job or the target failed."""
     from articulate_train.sweep import train_many  # heavy, see main
 
-    for name, asked in (("--dry-run", flags.dry_run), ("--no-evaluate", flags.no_evaluate)):
-        if asked:
-            raise ConfigError(f"{name} is for one object; --asset {flags.asset} names many")
+    for name, given in (("--dry-run", flags.dry_run), ("--no-evaluate", flags.no_evaluate)):
+        if given:
+            raise ConfigError(f"{name} is for one object; --asset {flags.asset} names several")
     out = flags.out or Path("runs") / _default_name(flags)
     again = [*argv, *(() if flags.out else ("--out", str(out)))]
     command = console.command_line(["train", *again])
-    console.hint_after_interrupt(f"go on with: {command}")
-    outcome = train_many(flags.config(), out, flags.launcher, command, console.say)
+    console.hint_after_interrupt(f"continue with: {command}")
+    more = ("--force",) if flags.force else ()
+    outcome = train_many(flags.config(), out, flags.launcher, command, console.show_progress, more)
     console.emit_json(outcome.content()) if flags.json else console.emit(outcome.text())
     if not outcome.complete or outcome.comparison is None:
         return MISSED
@@ -126,25 +133,37 @@ def _default_name(flags: TrainFlags) -> str:
 
 
 def _new_run(flags: TrainFlags) -> Run:
-    """A new run in ``--out``, or in a folder below ``runs`` that nobody else takes."""
-    from articulate_train.run import create_run  # heavy, see main
+    """Create a run in ``--out``, or in a free folder below ``runs``."""
+    from articulate_train.feasibility_check import check_feasibility  # heavy, see main
+    from articulate_train.run import create_run
 
     config, cache = flags.config(), cache_folder()
+
+    def check(scene: Scene) -> None:
+        console.show_waiting("running the scripted expert on sampled episodes")
+        check_feasibility(
+            scene,
+            config,
+            force=flags.force,
+            show_progress=console.show_progress,
+            warn=console.print_error,
+        )
+
     if flags.out is not None:
-        return create_run(config, flags.out, cache, console.say_waiting)
+        return create_run(config, flags.out, cache, console.show_waiting, check)
     base = _default_name(flags)
     for k in itertools.count(1):
         folder = Path("runs") / (base if k == 1 else f"{base}-{k}")
         try:
-            return create_run(config, folder, cache, console.say_waiting)
+            return create_run(config, folder, cache, console.show_waiting, check)
         except RunError:
             if not folder.exists():
-                raise  # else a run that began in the same second was faster
+                raise  # otherwise a run of the same second has the folder
     raise AssertionError
 
 
 def _plan(run: Run) -> str:
-    """One line: where it goes, what is asked, and how much of it."""
+    """Describe the run in one line."""
     config = run.config
     seeds = " ".join(map(str, config.seeds))
     return (
@@ -153,19 +172,19 @@ def _plan(run: Run) -> str:
     )
 
 
-def _given(flags: TrainFlags) -> Path:
-    assert flags.out is not None  # _resumed saw to it
+def _out(flags: TrainFlags) -> Path:
+    assert flags.out is not None  # checked by _resumed
     return flags.out
 
 
 def _resumed(argv: Sequence[str]) -> TrainFlags | None:
-    """Defaults of a run that is resumed: what its folder says."""
+    """Return the configuration of the run to resume, as defaults."""
     if "--resume" not in argv:
         return None
     outs = [after for word, after in pairwise([*argv, ""]) if word == "--out"]
     outs += [word.removeprefix("--out=") for word in argv if word.startswith("--out=")]
     if not outs or not outs[0] or outs[0].startswith("--"):
-        raise RunError("--resume needs --out RUN, the folder of the run to go on with")
+        raise RunError("--resume needs --out RUN, the folder of the run to continue")
     folder = Path(outs[0])
     from articulate_train.run import open_run  # heavy, see main
 
@@ -173,9 +192,13 @@ def _resumed(argv: Sequence[str]) -> TrainFlags | None:
     return TrainFlags(**{f.name: getattr(kept, f.name) for f in fields(TrainConfig)}, out=folder)
 
 
-def _tell(progress: SeedProgress) -> None:
+def _show_selection(seed: int, text: str) -> None:
+    console.show_progress(f"seed {seed}  {text}")
+
+
+def _show_seed(progress: SeedProgress) -> None:
     steps = min(progress.steps, progress.total)  # the last update may go beyond
-    console.say(
+    console.show_progress(
         f"seed {progress.seed}  {steps / 1e6:5.2f} of {progress.total / 1e6:.2f}M  "
         f"{progress.steps_per_s:6.0f} steps/s  at target {progress.opened:4.0%}  "
         f"success {progress.success:4.0%}"

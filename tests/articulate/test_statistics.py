@@ -1,16 +1,20 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from articulate_train.statistics import (
-    Z_95,
+from articulate.statistics import (
+    clustered_mean,
     difference,
+    dispersion,
     iqm,
     iqm_over_seeds,
     percent,
-    success_against,
-    unevenness,
+    success_by_range,
     wilson,
 )
+
+Z_95 = 1.959963984540054
 
 
 @pytest.mark.parametrize(
@@ -21,12 +25,14 @@ from articulate_train.statistics import (
         (15, 148, 0.0624, 0.1605),
         (0, 20, 0.0, 0.1611),
         (1, 29, 0.0061, 0.1718),
+        (5, 10, 0.2366, 0.7634),
+        (10, 10, 0.7225, 1.0),
     ],
 )
 def test_wilson_gives_the_published_intervals(hits, episodes, low, high):
     share = wilson(hits, episodes)
     assert share.value == hits / episodes
-    assert share.episodes == episodes
+    assert share.n == episodes
     assert (share.low, share.high) == pytest.approx((low, high), abs=5e-5)
 
 
@@ -46,8 +52,8 @@ def test_wilson_of_all_and_of_none_are_mirror_images_within_zero_and_one():
 
 
 @pytest.mark.parametrize(("hits", "episodes"), [(3, 2), (-1, 2), (0, 0)])
-def test_wilson_refuses_impossible_counts(hits, episodes):
-    with pytest.raises(ValueError, match="episodes"):
+def test_wilson_rejects_impossible_counts(hits, episodes):
+    with pytest.raises(ValueError, match="trials"):
         wilson(hits, episodes)
 
 
@@ -61,7 +67,7 @@ def test_iqm_of_known_arrays():
     assert iqm(np.array([1.0, 3.0, 5.0, 7.0, 9.0])) == pytest.approx(5.0)
 
 
-def test_iqm_is_taken_along_the_last_axis():
+def test_iqm_runs_along_the_last_axis():
     scores = np.random.default_rng(0).random((4, 5, 12))
     assert iqm(scores).shape == (4, 5)
     assert iqm(scores)[2, 3] == pytest.approx(np.sort(scores[2, 3])[3:9].mean())
@@ -83,7 +89,7 @@ def test_interval_over_seeds_holds_the_value_and_grows_with_the_spread_of_seeds(
     apart = iqm_over_seeds(_hits(150, 188, 199), np.random.default_rng(0))
     for share in (close, apart):
         assert share.low < share.value < share.high
-        assert share.episodes == 600
+        assert share.n == 600
     assert apart.high - apart.low > 2.0 * (close.high - close.low)
 
 
@@ -98,44 +104,44 @@ def test_interval_of_one_seed_is_that_of_its_episodes():
 def test_seeds_may_have_different_numbers_of_episodes():
     hits = [np.ones(10, dtype=bool), np.ones(20, dtype=bool)]
     share = iqm_over_seeds(hits, np.random.default_rng(0), 50)
-    assert (share.value, share.low, share.high, share.episodes) == (1.0, 1.0, 1.0, 30)
+    assert (share.value, share.low, share.high, share.n) == (1.0, 1.0, 1.0, 30)
 
 
 def test_ranges_hold_equally_many_episodes_and_all_of_them():
     values = np.random.default_rng(0).permutation(120).astype(float)
-    bins = success_against(values, values < 30, bins=4)
-    assert [b.success.episodes for b in bins] == [30] * 4
+    bins = success_by_range(values, values < 30, bins=4)
+    assert [b.success.n for b in bins] == [30] * 4
     assert [b.success.value for b in bins] == [1.0, 0.0, 0.0, 0.0]
     assert [(b.begin, b.end) for b in bins] == [(0, 29), (30, 59), (60, 89), (90, 119)]
     assert bins[0].centre == 14.5
 
 
-def test_whole_ticks_have_a_range_each():
+def test_integers_have_a_range_each():
     values = np.repeat([0.0, 1.0, 2.0], [10, 20, 30])
-    bins = success_against(values, np.ones(60, dtype=bool))
-    assert [(b.begin, b.end, b.success.episodes) for b in bins] == [
+    bins = success_by_range(values, np.ones(60, dtype=bool))
+    assert [(b.begin, b.end, b.success.n) for b in bins] == [
         (0.0, 0.0, 10),
         (1.0, 1.0, 20),
         (2.0, 2.0, 30),
     ]
 
 
-def test_what_was_not_varied_has_no_ranges():
-    assert success_against(np.ones(50), np.ones(50, dtype=bool)) == ()
+def test_a_constant_parameter_has_no_ranges():
+    assert success_by_range(np.ones(50), np.ones(50, dtype=bool)) == ()
 
 
-def test_unevenness_is_about_one_by_chance_and_large_for_a_cause():
+def test_dispersion_is_about_one_by_chance_and_large_for_a_cause():
     rng = np.random.default_rng(0)
     values = rng.random((200, 600))
-    chance = [unevenness(success_against(v, rng.random(600) < 0.8)) for v in values]
+    chance = [dispersion(success_by_range(v, rng.random(600) < 0.8)) for v in values]
     assert np.mean(chance) == pytest.approx(1.0, abs=0.15)
-    assert unevenness(success_against(values[0], values[0] > 0.2)) > 50.0
+    assert dispersion(success_by_range(values[0], values[0] > 0.2)) > 50.0
 
 
-def test_unevenness_is_zero_where_all_episodes_ended_alike():
+def test_dispersion_is_zero_where_all_episodes_ended_alike():
     values = np.linspace(0.0, 1.0, 60)
-    assert unevenness(success_against(values, np.ones(60, dtype=bool))) == 0.0
-    assert unevenness(()) == 0.0
+    assert dispersion(success_by_range(values, np.ones(60, dtype=bool))) == 0.0
+    assert dispersion(()) == 0.0
 
 
 def test_a_difference_has_newcombes_interval():
@@ -166,3 +172,38 @@ def test_a_difference_of_the_same_shares_holds_zero_and_stays_within_one():
 )
 def test_a_hundred_per_cent_is_all_of_them_and_nothing_is_none(hits, episodes, text):
     assert percent(hits / episodes) == text
+
+
+@given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_a_proportion_is_inside_its_interval(counts):
+    share = wilson(*counts)
+    assert 0.0 <= share.low <= share.value <= share.high <= 1.0
+
+
+def test_no_values_have_no_mean_and_one_cluster_has_no_width():
+    assert clustered_mean([], [], np.random.default_rng(0)).mean is None
+    one = clustered_mean([1.0, 3.0], ["a", "a"], np.random.default_rng(0))
+    assert (one.mean, one.low, one.high, one.median) == (2.0, 2.0, 2.0, 2.0)
+
+
+def test_joints_of_one_object_are_not_independent():
+    """Ten joints of each of eight objects count like eight values, not like eighty."""
+    rng = np.random.default_rng(0)
+    effects = rng.normal(size=8)
+    values = np.repeat(effects, 10).tolist()
+    together = clustered_mean(values, [str(k) for k in np.repeat(np.arange(8), 10)], rng)
+    apart = clustered_mean(values, [str(k) for k in range(80)], rng)
+    assert together.mean == pytest.approx(effects.mean())
+    wide, narrow = ((m.high or 0.0) - (m.low or 0.0) for m in (together, apart))
+    assert wide > 2.0 * narrow
+    assert wide == pytest.approx(2 * 1.96 * effects.std() / np.sqrt(8), rel=0.2)
+
+
+def test_a_clustered_mean_has_the_percentiles_of_resampled_clusters():
+    values, clusters = [0.0, 1.0, 5.0, 2.0], ["a", "a", "b", "c"]
+    index = np.random.default_rng(7).integers(3, size=(2000, 3))
+    sums, counts = np.array([1.0, 5.0, 2.0]), np.array([2, 1, 1])
+    means = sums[index].sum(axis=1) / counts[index].sum(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
+    mean = clustered_mean(values, clusters, np.random.default_rng(7))
+    assert (mean.low, mean.high) == pytest.approx((low, high))
