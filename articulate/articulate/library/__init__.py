@@ -1,4 +1,4 @@
-"""Where objects come from: a protocol, procedural objects that are ours to give, data sets."""
+"""Sources of objects: the protocol, the procedural library (MIT) and PartNet-Mobility."""
 
 from articulate.library.library import Library, open_library
 from articulate.library.partnet import PartNetLibrary

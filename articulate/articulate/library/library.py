@@ -1,4 +1,4 @@
-"""What a source of objects offers."""
+"""Protocol of a source of objects."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from articulate.library.procedural.library import ProceduralLibrary
 
 
 class Library(Protocol):
-    """A source of articulated objects, each known by an id and written out as a URDF."""
+    """Source of articulated objects, each with an id and written as a URDF."""
 
     @property
     def source(self) -> str:
-        """Where the objects come from; goes into ``Asset.source``."""
+        """Origin of the objects, for ``Asset.source``."""
         ...
 
     @property
     def licence(self) -> str:
-        """Licence of the objects; what is made from them inherits it."""
+        """Licence of the objects, inherited by everything made from them."""
         ...
 
     def ids(self) -> Sequence[str]:
-        """Ids of all objects, in a fixed order."""
+        """Return the ids of all objects, in a fixed order."""
         ...
 
     def category(self, object_id: str) -> str:
-        """PartNet-Mobility's name of the object's category, ``"unknown"`` if it has none.
+        """Return PartNet-Mobility's name of the category, ``"unknown"`` without one.
 
         Raises:
-            AssetError: There is no such object.
+            AssetError: The object does not exist.
         """
         ...
 
@@ -39,15 +39,15 @@ class Library(Protocol):
         """Write the object into ``folder`` and return the path of its URDF.
 
         Raises:
-            AssetError: There is no such object.
+            AssetError: The object does not exist.
         """
         ...
 
 
 def open_library(folder: Path | None = None) -> Library:
-    """The objects of PartNet-Mobility in ``folder``; without a folder the procedural ones.
+    """Open the objects of PartNet-Mobility in ``folder``; without a folder the procedural ones.
 
     Raises:
-        UsageError: ``folder`` holds no object.
+        UsageError: ``folder`` contains no object.
     """
     return ProceduralLibrary() if folder is None else PartNetLibrary(folder)

@@ -16,35 +16,36 @@ from articulate.formats.read_urdf import read_urdf
 URDF_NAME = "mobility.urdf"
 """File that makes a folder an object."""
 FILES = (URDF_NAME, "meta.json", "semantics.txt", "bounding_box.json")
-"""What is copied of an object, with the folders below; its truth, ``mobility_v2.json``, is not."""
+"""Files of an object that are copied; the truth ``mobility_v2.json`` is not."""
 FOLDERS = ("textured_objs", "images")
+"""Folders of an object that are copied."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartNetPart:
-    """One link of an object and what the data set calls it."""
+    """One link of an object with its names in the data set."""
 
     link: str
     """Link of the URDF."""
-    joint_word: str
-    """How it moves, in the data set's words: hinge, slider, slider+, free, heavy, static."""
+    joint_type: str
+    """Motion in the terms of the data set: hinge, slider, slider+, free, heavy, static."""
     name: str
-    """What it is: ``door``, ``rotation_door``, ``handle``."""
+    """Semantic name: ``door``, ``rotation_door``, ``handle``."""
     meshes: tuple[Path, ...]
-    """Its mesh files, all in one frame when every joint is at 0."""
+    """Mesh files, all in one frame when every joint is at 0."""
 
 
 class PartNetLibrary:
-    """Objects of a folder that holds one folder each; an id is the name of that folder."""
+    """Objects in the subfolders of a folder; an id is the name of a subfolder."""
 
     source = "PartNet-Mobility"
     licence = PARTNET_LICENCE
 
     def __init__(self, folder: Path) -> None:
-        """Look what is there.
+        """List the objects in ``folder``.
 
         Raises:
-            UsageError: ``folder`` holds no object.
+            UsageError: ``folder`` contains no object.
         """
         self.folder = folder
         found = sorted(path.parent.name for path in folder.glob(f"*/{URDF_NAME}"))
@@ -56,11 +57,11 @@ class PartNetLibrary:
         self._ids = tuple(sorted(found, key=lambda name: (len(name), name)))
 
     def ids(self) -> Sequence[str]:
-        """Names of the objects' folders, short ones first: the order of their numbers."""
+        """Return the names of the subfolders in the order of their numbers."""
         return self._ids
 
     def category(self, object_id: str) -> str:
-        """The category that ``meta.json`` says, ``"unknown"`` if it says none."""
+        """Return the category in ``meta.json``, ``"unknown"`` without one."""
         try:
             text = (self._at(object_id) / "meta.json").read_text(encoding="utf-8")
             found = json.loads(text).get("model_cat")
@@ -71,7 +72,7 @@ class PartNetLibrary:
     def write(self, object_id: str, folder: Path) -> Path:
         """Copy the object into ``folder`` and return the path of its URDF.
 
-        Its truth stays behind; links to other places are not followed.
+        Its truth is not copied; symbolic links are not followed.
         """
         origin = self._at(object_id)
         try:
@@ -86,21 +87,21 @@ class PartNetLibrary:
         return folder / URDF_NAME
 
     def parts(self, object_id: str) -> tuple[PartNetPart, ...]:
-        """Links with geometry, what they are called, and their meshes.
+        """Return the links with geometry, their names and their meshes.
 
         Raises:
             AssetError: The URDF or a mesh of it cannot be read.
         """
         origin = self._at(object_id)
         urdf = origin / URDF_NAME
-        said = _semantics(origin / "semantics.txt")
+        semantics = _semantics(origin / "semantics.txt")
         out = []
         for link in read_urdf(urdf).links.values():
             named = dict.fromkeys(piece.filename for piece in link.visuals if piece.filename)
             if named:
-                word, name = said.get(link.name, ("static", link.name))
+                word, name = semantics.get(link.name, ("static", link.name))
                 meshes = tuple(resolve(reference, urdf) for reference in named)
-                out.append(PartNetPart(link=link.name, joint_word=word, name=name, meshes=meshes))
+                out.append(PartNetPart(link=link.name, joint_type=word, name=name, meshes=meshes))
         return tuple(out)
 
     def _at(self, object_id: str) -> Path:
@@ -111,10 +112,10 @@ class PartNetLibrary:
 
 
 def _near(object_id: str, ids: Sequence[str]) -> str:
-    """The nearest id, or how many there are: a list of thousands helps nobody."""
-    said = nearest(object_id, ids)
-    few = "did you mean" in said or len(ids) <= 20
-    return said if few else f"; {len(ids)} are known, {ids[0]} to {ids[-1]}"
+    """Return the nearest id, or the number of ids: a list of thousands is useless."""
+    hint = nearest(object_id, ids)
+    few = "did you mean" in hint or len(ids) <= 20
+    return hint if few else f"; {len(ids)} are known, {ids[0]} to {ids[-1]}"
 
 
 def _copied(origin: Path, target: Path) -> None:
@@ -124,7 +125,7 @@ def _copied(origin: Path, target: Path) -> None:
 
 
 def _semantics(path: Path) -> dict[str, tuple[str, str]]:
-    """Joint word and name by link; lines that say something else are passed over."""
+    """Joint type and name by link; other lines are skipped."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

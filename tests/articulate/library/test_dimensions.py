@@ -6,14 +6,14 @@ import pytest
 
 from articulate.errors import ConfigError
 from articulate.library.procedural.categories import CATEGORIES
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crate(Dimensions):
     category = "Box"
     width_m: float = between(0.2, 0.4)
-    slats: int = whole(2, 4)
+    slats: int = integer(2, 4)
     wood: str = one_of("oak", "birch")
 
     def parts(self):
@@ -56,4 +56,4 @@ def test_a_seed_below_0_is_refused():
 def test_every_dimension_of_every_category_has_a_range(name):
     dimensions = CATEGORIES[name].dimensions
     for field in fields(dimensions):  # type: ignore[arg-type]
-        assert set(field.metadata) & {"between", "whole", "choices"}, field.name
+        assert set(field.metadata) & {"between", "integers", "choices"}, field.name

@@ -26,12 +26,12 @@ def test_inertia_of_one_box_is_the_closed_form():
 
 
 def test_a_box_cut_in_two_keeps_its_inertia():
-    whole = mass_properties([_box((-0.1, -0.2, 0.0), (0.3, 0.4, 0.5))])
+    single = mass_properties([_box((-0.1, -0.2, 0.0), (0.3, 0.4, 0.5))])
     parts = mass_properties(
         [_box((-0.1, -0.2, 0.0), (0.05, 0.4, 0.5)), _box((0.05, -0.2, 0.0), (0.3, 0.4, 0.5))]
     )
-    np.testing.assert_allclose(parts.com_l, whole.com_l, atol=1e-12)
-    np.testing.assert_allclose(parts.inertia_l, whole.inertia_l, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(parts.com_l, single.com_l, atol=1e-12)
+    np.testing.assert_allclose(parts.inertia_l, single.inertia_l, rtol=1e-9, atol=1e-12)
 
 
 def test_two_boxes_across_the_diagonal_have_the_integral_of_their_mesh():

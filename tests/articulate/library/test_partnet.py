@@ -72,8 +72,8 @@ def test_links_to_other_places_are_not_followed(folder, tmp_path):
 
 def test_parts_are_named_as_the_data_set_does(folder):
     first, second = PartNetLibrary(folder).parts("7")
-    assert (first.link, first.joint_word, first.name) == ("link_0", "static", "link_0")
-    assert (second.link, second.joint_word, second.name) == ("link_1", "hinge", "rotation_door")
+    assert (first.link, first.joint_type, first.name) == ("link_0", "static", "link_0")
+    assert (second.link, second.joint_type, second.name) == ("link_1", "hinge", "rotation_door")
     assert [path.name for path in second.meshes] == ["b.obj", "a.obj"]
 
 

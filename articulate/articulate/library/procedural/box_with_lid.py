@@ -21,7 +21,7 @@ OPEN_RAD = 1.745
 class BoxWithLid(Dimensions):
     """A wooden box; the lid has a lip on both sides that fingers hold from above and below.
 
-    A hand that comes from the side follows the lid by turning about its own approach.
+    A gripper that comes from the side follows the lid by turning about its own approach.
     """
 
     category: ClassVar[str] = "Box"
@@ -39,7 +39,7 @@ class BoxWithLid(Dimensions):
     rim_m: float = between(0.035, 0.060)
     """Height of the rim of a deep lid [m]."""
     lip_m: float = between(0.030, 0.040)
-    """How far the lips stand out [m]."""
+    """Overhang of the lips [m]."""
     lip_length_m: float = between(0.10, 0.14)
     """Length of the lips along x [m]."""
     wood: str = one_of("oak", "birch", "walnut")

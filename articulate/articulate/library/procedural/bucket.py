@@ -17,7 +17,7 @@ CLEAR_M = 0.022
 
 @dataclass(frozen=True, kw_only=True)
 class Bucket(Dimensions):
-    """A bucket; its bail lies in front and swings over to the rear."""
+    """Bucket; its bail starts in front and swings over to the rear."""
 
     category: ClassVar[str] = "Bucket"
 

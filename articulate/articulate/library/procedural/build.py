@@ -1,4 +1,4 @@
-"""Words to build objects with: shapes from spans, joints, handles, trays."""
+"""Building blocks of objects: shapes from spans, joints, handles, trays."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Span = tuple[float, float]
 Spans = tuple[Span, Span, Span]
 """A box, by its extent along x, y and z [m]."""
 Piece = Spans | Box | Loft | Ring | Rod
-"""What a shape is made of: a solid that has no name and density yet, or the extent of a box."""
+"""Element of a shape: a solid without name and density, or the extent of a box."""
 LEFT, RIGHT = 1.0, -1.0
-"""Sides of an object along y as somebody sees them who stands before it."""
+"""Sides of an object along y as seen from the front."""
 
 
 def shape(
@@ -30,7 +30,7 @@ def shape(
     """A shape of one solid for each of ``pieces``.
 
     Args:
-        name: Unique in the object; holds "handle" or "knob" for what a hand holds.
+        name: Unique in the object; contains "handle" or "knob" for a piece to grasp.
         material: Key of the palette.
         pieces: Extents or solids, by name.
         density_kg_m3: Instead of the material's.
@@ -101,7 +101,7 @@ def crown(x: Span, y: Span, z: Span, bevel_m: float) -> Loft:
 
 
 def lined(name: str, outer: Spans, walls_m: tuple[float, float], finish: str) -> list[Shape]:
-    """The cavity of an appliance: outer walls of ``finish``, a liner of its own thickness."""
+    """The cavity of an appliance: outer walls of ``finish`` and a liner of other thickness."""
     (x, y, z), (wall, liner) = outer, walls_m
     within = ((x[0], x[1] - wall), shrunk(y, wall), shrunk(z, wall))
     return [
@@ -149,7 +149,7 @@ def knob(
     axis: int = 0,
     material: str = "chrome",
 ) -> Shape:
-    """A round knob that stands out from ``at``: towards -x, or up where ``axis`` is 2."""
+    """Round knob that protrudes from ``at``: towards -x, or up where ``axis`` is 2."""
     sign = 1.0 if axis == 2 else -1.0
     along = sign * np.eye(3)[axis]
     neck, end = (_vec(np.asarray(at) + d * along) for d in (0.4 * length_m, length_m))

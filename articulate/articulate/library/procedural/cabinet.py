@@ -2,7 +2,7 @@
 
 The object frame has its origin on the floor under the middle of the cabinet, z up. The front
 faces -x: drawers open along -x, doors swing out that way. Drawers are numbered from the top,
-doors from the left of somebody who stands before the cabinet (from +y).
+doors from the left as seen from the front (from +y).
 """
 
 from __future__ import annotations
@@ -59,41 +59,41 @@ _ACCEPTED = {
 
 @dataclass(frozen=True, kw_only=True)
 class CabinetConfig:
-    """What to build. What is None is drawn with the seed from the range in its docstring.
+    """Dimensions of a cabinet. Fields that are None are sampled from the range in their docstring.
 
-    Seed 0 draws nothing: what is None is taken from ``EMBEDDED``, so that ``CabinetConfig()``
-    is the cabinet of the examples. The draw of a field does not depend on which other fields
-    are given, save where the docstring says that one bounds the other.
+    With seed 0 they are those of ``EMBEDDED``, so that ``CabinetConfig()`` is the cabinet of the
+    examples. The sample of a field does not depend on the other fields, except where the docstring
+    states that one bounds the other.
     """
 
     seed: int = 0
-    """Seed of everything that is not given, at least 0."""
+    """Seed of the sampled fields, at least 0."""
     width_m: float | None = None
-    """Width along y [m]; drawn from 0.35 to 0.65, 0.30 more where doors stand beside drawers."""
+    """Width along y [m]; sampled from 0.35 to 0.65, 0.30 more with doors beside drawers."""
     depth_m: float | None = None
-    """Depth along x without handles [m]; drawn from 0.36 to 0.55."""
+    """Depth along x without handles [m]; sampled from 0.36 to 0.55."""
     height_m: float | None = None
-    """Height [m]; drawn from 0.45 to 0.80, more where the fronts would be under 0.15 high."""
+    """Height [m]; sampled from 0.45 to 0.80, more where the fronts would be under 0.15 high."""
     n_drawers: int | None = None
-    """Number of drawers; drawn from 1 to 4."""
+    """Number of drawers; sampled from 1 to 4."""
     n_doors: int | None = None
-    """Number of doors, at most 2; drawn from 0 to 2, from 1 to 2 if there are no drawers."""
+    """Number of doors, at most 2; sampled from 0 to 2, from 1 to 2 if there are no drawers."""
     arrangement: Arrangement | None = None
-    """Where the drawers are seen from the doors; drawn; ``beside`` puts drawers on the left."""
+    """Position of the drawers relative to the doors; sampled; ``beside``: drawers on the left."""
     panel_m: float | None = None
-    """Thickness of carcass and fronts [m]; drawn from 0.015 to 0.020."""
+    """Thickness of carcass and fronts [m]; sampled from 0.015 to 0.020."""
     handle: HandleKind | None = None
-    """Kind of all handles; drawn, three bars to one knob."""
+    """Kind of all handles; sampled, three bars to one knob."""
     handle_length_m: float | None = None
-    """Length of a bar [m]; drawn from 0.10 to 0.18 and at most what the fronts hold."""
+    """Length of a bar [m]; sampled from 0.10 to 0.18 and at most what the fronts hold."""
     handle_thickness_m: float | None = None
     """Side of a bar or of a knob's head [m]; bars 0.010 to 0.016, knobs 0.024 to 0.034."""
     handle_clear_m: float | None = None
     """Free space between front and handle [m]; bars 0.034 to 0.042, knobs 0.018 to 0.026."""
     travel_share: float | None = None
-    """Travel of a drawer over the length of its tray; drawn from 0.65 to 0.80."""
+    """Travel of a drawer over the length of its tray; sampled from 0.65 to 0.80."""
     density_kg_m3: float | None = None
-    """Density of the board [kg/m^3]; drawn from 550 to 750 (chipboard to MDF)."""
+    """Density of the board [kg/m^3]; sampled from 550 to 750 (chipboard to MDF)."""
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -110,17 +110,17 @@ class CabinetConfig:
             raise ConfigError("cabinet has n_drawers 0 and n_doors 0; give it one or the other")
 
     def size(self) -> CabinetSize:
-        """Every dimension, drawn where it was not given.
+        """Return every dimension, sampled where it is None.
 
         Raises:
-            ConfigError: The dimensions given leave no room for the fronts or their handles.
+            ConfigError: The dimensions leave no room for the fronts or their handles.
         """
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "seed"}
-        given = {name: value for name, value in given.items() if value is not None}
-        drawn = _embedded() if self.seed == 0 else _drawn(self.seed, given)
-        size = CabinetSize(**(drawn | given))
+        fixed = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "seed"}
+        fixed = {name: value for name, value in fixed.items() if value is not None}
+        sampled = _embedded() if self.seed == 0 else _sampled(self.seed, fixed)
+        size = CabinetSize(**(sampled | fixed))
         _check_fronts(size)
-        if "handle_length_m" not in given:
+        if "handle_length_m" not in fixed:
             size = size.with_handle_length(min(size.handle_length_m, size.longest_handle_m))
         _check_handles(size)
         return size
@@ -151,20 +151,20 @@ def _embedded() -> dict[str, float | int | str]:
     return {f.name: getattr(EMBEDDED, f.name) for f in fields(EMBEDDED)}
 
 
-def _drawn(seed: int, given: dict[str, float | int | str]) -> dict[str, float | int | str]:
-    """A value for every field, whether it was given or not."""
+def _sampled(seed: int, fixed: dict[str, float | int | str]) -> dict[str, float | int | str]:
+    """Sample every field, also those that are fixed."""
     share: Iterator[float] = iter(np.random.default_rng(seed).random(len(fields(CabinetSize))))
 
     def between(low: float, high: float) -> float:
         return round(low + (high - low) * float(next(share)), 3)
 
-    n_drawers = int(given.get("n_drawers", 1 + int(4 * next(share))))
+    n_drawers = int(fixed.get("n_drawers", 1 + int(4 * next(share))))
     doors_low = 0 if n_drawers else 1
-    n_doors = int(given.get("n_doors", doors_low + int((3 - doors_low) * next(share))))
-    arrangement = given.get("arrangement", ARRANGEMENTS[int(3 * next(share))])
+    n_doors = int(fixed.get("n_doors", doors_low + int((3 - doors_low) * next(share))))
+    arrangement = fixed.get("arrangement", ARRANGEMENTS[int(3 * next(share))])
     beside = arrangement == "beside" and n_drawers > 0 and n_doors > 0
     stacked = n_drawers > 0 and n_doors > 0 and not beside
-    handle = cast(HandleKind, given.get("handle", HANDLES[int(next(share) > 0.75)]))
+    handle = cast(HandleKind, fixed.get("handle", HANDLES[int(next(share) > 0.75)]))
     bar = handle == "bar"
     height_low = max(0.45, 0.15 * n_drawers + 0.06 + (0.3 if stacked else 0.0))
     wider = 0.30 if beside else 0.0

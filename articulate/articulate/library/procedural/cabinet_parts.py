@@ -29,8 +29,8 @@ HANDLE_DENSITY_KG_M3 = 2700.0
 EDGE_M = 0.02
 """Margin of a handle from the edges of its front [m]."""
 DOOR_EDGE_M = 0.04
-"""The same across a door that is wide enough: the finger of an open hand at one of two doors must
-pass between their handles [m]."""
+"""The same across a door that is wide enough: the finger of an open gripper at one of two doors
+must pass between their handles [m]."""
 MATERIALS = {
     "carcass": Material(rgba=(0.82, 0.80, 0.76, 1.0)),
     "front": Material(rgba=(0.72, 0.53, 0.34, 1.0)),
@@ -42,7 +42,7 @@ MATERIALS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Bay:
-    """What one drawer or door has at its disposal, in the plane of the fronts."""
+    """Space of one drawer or door in the plane of the fronts."""
 
     name: str
     """Name of the link."""
@@ -109,7 +109,7 @@ class CabinetSize:
 
     @property
     def divided(self) -> bool:
-        """Whether a panel stands between drawers and doors."""
+        """True with a panel between drawers and doors."""
         return self.n_drawers > 0 and self.n_doors > 0
 
     @property

@@ -37,19 +37,19 @@ from articulate.library.procedural.urdf import Part, write_urdf
 from articulate.library.procedural.washing_machine import WashingMachine
 
 LICENCE = "MIT"
-"""Licence of everything that is made here."""
+"""Licence of all generated objects."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Category:
-    """What is made under one name."""
+    """Generator of one category."""
 
     partnet: str
     """PartNet-Mobility's name of the category."""
     parts: Callable[[int], list[Part]]
     """Links of the object of a seed, parents before children."""
     dimensions: type[Dimensions] | None = None
-    """Its dimensions with their ranges; a cabinet has a configuration of its own."""
+    """Its dimensions with their ranges; a cabinet has a separate configuration."""
     palette: Mapping[str, Material] = field(default_factory=lambda: PALETTE)
     """Materials by name."""
 
@@ -98,7 +98,7 @@ def category_named(name: str) -> Category:
     """The category called ``name``.
 
     Raises:
-        AssetError: There is none; the message says what is nearest.
+        AssetError: There is none; the message gives the nearest.
     """
     if name not in CATEGORIES:
         raise AssetError(f"no procedural category {name!r}{nearest(name, CATEGORIES)}")

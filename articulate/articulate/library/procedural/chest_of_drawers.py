@@ -14,7 +14,7 @@ from articulate.library.procedural.build import (
     shape,
     shrunk,
 )
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.drawers import GAP_M, drawer
 from articulate.library.procedural.urdf import Part
 
@@ -31,16 +31,16 @@ class ChestOfDrawers(Dimensions):
     """Depth along x without handles [m]."""
     height_m: float = between(0.75, 1.05)
     """Height [m]."""
-    rows: int = whole(2, 3)
+    rows: int = integer(2, 3)
     """Drawers above each other."""
-    columns: int = whole(1, 2)
+    columns: int = integer(1, 2)
     """Drawers beside each other."""
     board_m: float = between(0.016, 0.022)
     """Thickness of the boards [m]."""
     leg_m: float = between(0.08, 0.15)
     """Height of the legs [m]."""
     handle: str = one_of("knob", "bar")
-    """What the drawers are held by."""
+    """Kind of the handles."""
     wood: str = one_of("oak", "white_lacquer", "walnut")
     """Material of carcass and fronts."""
 

@@ -1,4 +1,4 @@
-"""Dimensions of an object: fields with the range that each is drawn from."""
+"""Dimensions of an object: fields with the range from which each is sampled."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from articulate.errors import ConfigError, nearest
 from articulate.library.procedural.urdf import Part
 
 DIGITS = 3
-"""What is drawn is rounded to so many digits: millimetres."""
+"""Decimals of sampled lengths: millimetres."""
 
 
 def between(low: float, high: float) -> Any:  # a field, as in dataclasses.field
@@ -21,13 +21,13 @@ def between(low: float, high: float) -> Any:  # a field, as in dataclasses.field
     return dataclasses.field(metadata={"between": (low, high)})
 
 
-def whole(low: int, high: int) -> Any:  # as above
-    """A whole number from ``low`` to ``high``, both included."""
-    return dataclasses.field(metadata={"whole": (low, high)})
+def integer(low: int, high: int) -> Any:  # as above
+    """An integer from ``low`` to ``high``, both included."""
+    return dataclasses.field(metadata={"integers": (low, high)})
 
 
 def one_of(*choices: str) -> Any:  # as above
-    """One of ``choices``, all as likely."""
+    """One of ``choices``, all equally likely."""
     return dataclasses.field(metadata={"choices": choices})
 
 
@@ -35,7 +35,7 @@ def one_of(*choices: str) -> Any:  # as above
 class Dimensions(ABC):
     """Every dimension of one object, all within their ranges.
 
-    A category is a subclass whose fields are made by :func:`between`, :func:`whole` and
+    A category is a subclass whose fields are made by :func:`between`, :func:`integer` and
     :func:`one_of`.
     """
 
@@ -48,9 +48,9 @@ class Dimensions(ABC):
 
     @classmethod
     def sample(cls, seed: int) -> Self:
-        """Dimensions drawn with ``seed``: the same seed gives the same ones.
+        """Sample dimensions with ``seed``.
 
-        Seed 0 draws nothing: it is the middle of every range and the first of all choices.
+        Seed 0 gives the middle of every range and the first of all choices.
 
         Raises:
             ConfigError: ``seed`` is below 0.
@@ -61,25 +61,25 @@ class Dimensions(ABC):
         shares = np.random.default_rng(seed).random(len(fields))
         return cls(
             **{
-                field.name: _drawn(field, float(share) if seed else None)
+                field.name: _sampled(field, float(share) if seed else None)
                 for field, share in zip(fields, shares, strict=True)
             }
         )
 
     @abstractmethod
     def parts(self) -> list[Part]:
-        """Links, parents before children; z up, the front towards -x, standing on z = 0."""
+        """Return the links, parents before children; z up, the front towards -x, floor at z = 0."""
 
 
-def _drawn(field: dataclasses.Field[Any], share: float | None) -> float | int | str:
-    """The value at ``share`` of the range of a field, or the value of seed 0."""
+def _sampled(field: dataclasses.Field[Any], share: float | None) -> float | int | str:
+    """Return the value at the fraction ``share`` of the range of a field; None: that of seed 0."""
     about = field.metadata
     if "choices" in about:
         choices: tuple[str, ...] = about["choices"]
         return choices[0 if share is None else int(share * len(choices))]
     share = 0.5 if share is None else share
-    if "whole" in about:
-        low, high = about["whole"]
+    if "integers" in about:
+        low, high = about["integers"]
         return int(low + int(share * (high - low + 1)))
     low, high = about["between"]
     return round(float(low + share * (high - low)), DIGITS)
@@ -92,6 +92,6 @@ def _check(name: str, field: dataclasses.Field[Any], value: Any) -> None:
             known = nearest(str(value), about["choices"])
             raise ConfigError(f"{name}.{field.name} is {value!r}{known}")
         return
-    low, high = about["whole"] if "whole" in about else about["between"]
+    low, high = about["integers"] if "integers" in about else about["between"]
     if not low <= value <= high:
         raise ConfigError(f"{name}.{field.name} is {value}; it must be in [{low}, {high}]")

@@ -15,7 +15,7 @@ from articulate.library.procedural.build import (
     shape,
     shrunk,
 )
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.solids import Rod
 from articulate.library.procedural.urdf import Part
 
@@ -27,7 +27,7 @@ LEVER_M = 1.03
 
 @dataclass(frozen=True, kw_only=True)
 class Door(Dimensions):
-    """A leaf that opens towards the one who stands before it; its lever turns by itself."""
+    """Leaf that opens towards the front; its lever is a separate joint."""
 
     category: ClassVar[str] = "Door"
 
@@ -39,7 +39,7 @@ class Door(Dimensions):
     """Thickness of the leaf [m]."""
     frame_m: float = between(0.05, 0.08)
     """Width of the frame [m]."""
-    panels: int = whole(1, 3)
+    panels: int = integer(1, 3)
     """Raised panels on the leaf."""
     hinges: str = one_of("left", "right")
     """Edge at which the leaf turns, seen from the front."""
@@ -75,7 +75,7 @@ class Door(Dimensions):
                     {"board": (leaf_x, (-half, half), (0.008, top - 0.014))},
                     350.0,
                 ),
-                shape("leaf_panels", self.wood, self._relief(leaf_x[0], half, top)),
+                shape("leaf_panels", self.wood, self._raised_panels(leaf_x[0], half, top)),
             ),
             motion=hinge(
                 "frame",
@@ -88,7 +88,7 @@ class Door(Dimensions):
         )
         return linked([frame, leaf, self._lever((leaf_x[0], -side * (half - 0.07), LEVER_M), side)])
 
-    def _relief(self, x: float, half: float, top: float) -> dict[str, Piece]:
+    def _raised_panels(self, x: float, half: float, top: float) -> dict[str, Piece]:
         """Raised panels on the front."""
         step = (top - 0.2) / self.panels
         out: dict[str, Piece] = {}

@@ -12,7 +12,7 @@ from articulate.library.procedural.solids import Rod, cone
 from articulate.library.procedural.urdf import Part
 
 PLATE_M = 0.012
-"""Thickness of the plate that it stands on [m]."""
+"""Thickness of the base plate [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Faucet(Dimensions):
     handles: str = one_of("lever", "two")
     """One lever on the right of the column, or a handle on each side."""
     swing_rad: float = between(0.9, 1.57)
-    """How far the spout swings to the left [rad]."""
+    """Swing of the spout to the left [rad]."""
     finish: str = one_of("chrome", "brass", "dark_steel")
     """Material of the tap."""
 
@@ -91,7 +91,7 @@ class Faucet(Dimensions):
         return Part(name="spout", shapes=(own,), motion=motion)
 
     def _lever(self, at: tuple[float, float, float]) -> Part:
-        """A lever that stands up beside the column and tips forward."""
+        """Upright lever beside the column that tips forward."""
         x, y, z = at
         hub = Rod(start=at, end=(x, y - 0.03, z), radius_m=0.016)
         rod = Rod(start=(x, y - 0.020, z), end=(x, y - 0.020, z + 0.10), radius_m=0.006)

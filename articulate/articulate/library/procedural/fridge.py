@@ -1,4 +1,4 @@
-"""A refrigerator with a freezer of its own door."""
+"""Refrigerator and freezer with one door each."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Fridge(Dimensions):
     door_m: float = between(0.050, 0.065)
     """Thickness of the doors [m]."""
     freezer: str = one_of("below", "above")
-    """Where the freezer is."""
+    """Position of the freezer."""
     freezer_share: float = between(0.28, 0.38)
     """Height of the freezer over that of the doors."""
     hinges: str = one_of("left", "right")

@@ -30,7 +30,7 @@ class KitchenPot(Dimensions):
     dome_m: float = between(0.015, 0.030)
     """Height of the lid [m]."""
     lift_m: float = between(0.10, 0.20)
-    """How far the lid is lifted [m]."""
+    """Travel of the lid [m]."""
     finish: str = one_of("chrome", "dark_steel", "red_plastic")
     """Material of pot and lid."""
 

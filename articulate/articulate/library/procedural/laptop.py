@@ -10,7 +10,7 @@ from articulate.library.procedural.dimensions import Dimensions, between, one_of
 from articulate.library.procedural.urdf import Part
 
 GAP_M = 0.004
-"""Gap between base and lid, in which the keys stand [m]."""
+"""Gap between base and lid for the keys [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Laptop(Dimensions):
     lid_m: float = between(0.007, 0.010)
     """Thickness of the lid [m]."""
     lip_m: float = between(0.010, 0.014)
-    """How far the lip stands out [m]."""
+    """Overhang of the lip [m]."""
     open_rad: float = between(1.9, 2.4)
     """Widest opening of the lid [rad]."""
     finish: str = one_of("grey_plastic", "black_plastic", "chrome")
@@ -69,13 +69,13 @@ class Laptop(Dimensions):
                 shape("base_hinges", "black_plastic", hinges),
             ),
         )
-        picture = (shrunk(x, 0.012), shrunk(y, 0.012), (low - 0.001, low))
+        screen = (shrunk(x, 0.012), shrunk(y, 0.012), (low - 0.001, low))
         lip = ((x[0] - self.lip_m, x[0]), around(0.0, 0.07), lid_z)
         lid = Part(
             name="lid",
             shapes=(
                 shape("lid_case", self.finish, {"case": (x, y, lid_z)}, 900.0),
-                shape("lid_screen", "screen", {"screen": picture}),
+                shape("lid_screen", "screen", {"screen": screen}),
                 shape("lid_handle", self.finish, {"lip": lip}),
             ),
             motion=hinge(
@@ -85,5 +85,5 @@ class Laptop(Dimensions):
         return linked([base, lid])
 
     def _up(self) -> tuple[float, float]:
-        """Extent along z of what stands on the base."""
+        """Extent along z of the parts on the base."""
         return (self.base_m, self.base_m + 0.0015)

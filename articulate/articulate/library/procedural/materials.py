@@ -1,4 +1,4 @@
-"""What parts look like: a colour, and a small picture that repeats over the surface."""
+"""Appearance and density of parts: a colour and a small image that repeats over the surface."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each in [0, 1]."""
 Grain = Literal["", "wood", "brushed", "fabric", "speckle"]
 SIDE = 96
-"""Side of a picture [px]."""
+"""Side of an image [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Colour and picture of a surface, and what its parts weigh."""
+    """Colour, texture and density of a material."""
 
     rgba: Colour
     """Mean colour."""
     grain: Grain = ""
-    """Kind of picture; none if empty."""
+    """Kind of texture; none if empty."""
     tile_m: float = 0.3
-    """Length of the picture on the surface [m]."""
+    """Length of the image on the surface [m]."""
     density_kg_m3: float = 1000.0
-    """Density of a part of it, hollows and relief included [kg/m^3]."""
+    """Density of a part of it, cavities included [kg/m^3]."""
 
 
 def _material(
@@ -67,20 +67,20 @@ PALETTE: dict[str, Material] = {
 """Materials by name."""
 
 
-def picture(name: str, material: Material) -> bytes:
-    """A PNG of the grain of a material that repeats without a seam, its mean the colour.
+def texture(name: str, material: Material) -> bytes:
+    """Return a seamless PNG of the grain of a material whose mean is the colour.
 
-    The same name gives the same picture.
+    The same name gives the same image.
     """
     rng = np.random.default_rng(list(name.encode()))
-    relief = _GRAINS[material.grain](rng)
-    relief = relief - relief.mean()
-    pixels = np.clip(np.array(material.rgba[:3]) * (1.0 + relief[..., None]), 0.0, 1.0)
+    shade = _GRAINS[material.grain](rng)
+    shade = shade - shade.mean()
+    pixels = np.clip(np.array(material.rgba[:3]) * (1.0 + shade[..., None]), 0.0, 1.0)
     return _png(np.round(255.0 * pixels).astype(np.uint8))
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:
-    """A PNG of pixels (height, width, 3)."""
+    """Encode pixels (height, width, 3) as PNG."""
     height, width, _ = pixels.shape
     rows = b"".join(b"\0" + row.tobytes() for row in pixels)  # 0: no filter
     head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits, colour
@@ -92,7 +92,7 @@ def _png(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def _waves(rng: np.random.Generator, across: tuple[int, int], along: tuple[int, int]) -> Array:
-    """A sum of twelve waves with whole numbers of periods down and along a picture."""
+    """Sum of twelve waves with integer numbers of periods down and along an image."""
     v, u = np.meshgrid(np.arange(SIDE) / SIDE, np.arange(SIDE) / SIDE, indexing="ij")
     total = np.zeros((SIDE, SIDE))
     for _ in range(12):
@@ -103,14 +103,14 @@ def _waves(rng: np.random.Generator, across: tuple[int, int], along: tuple[int, 
 
 
 def _wood(rng: np.random.Generator) -> Array:
-    """Streaks along the picture, bent a little, with dark pores."""
+    """Slightly bent streaks along the image with dark pores."""
     streaks = _waves(rng, (2, 22), (-1, 2))
     pores = _waves(rng, (20, 46), (-2, 3))
     return 0.13 * streaks - 0.12 * (np.abs(pores) < 0.06)
 
 
 def _brushed(rng: np.random.Generator) -> Array:
-    """Fine scratches along the picture."""
+    """Fine scratches along the image."""
     lines = rng.normal(size=(SIDE, 1)) * np.ones((1, SIDE))
     return 0.03 * lines + 0.015 * rng.normal(size=(SIDE, SIDE))
 

@@ -27,7 +27,7 @@ class MassProperties:
 
 
 def mass_properties(solids: Sequence[Solid]) -> MassProperties:
-    """Mass properties of solids that do not overlap: sums over tetrahedra of their surfaces."""
+    """Sum the mass properties of solids without overlap over tetrahedra of their surfaces."""
     mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for solid in solids:
         corners, triangles = solid.mesh()
@@ -50,15 +50,15 @@ def mass_properties(solids: Sequence[Solid]) -> MassProperties:
 
 
 def obj_text(solids: Sequence[Solid], material: str = "", tile_m: float = 1.0) -> str:
-    """The solids as a Wavefront OBJ.
+    """Return the solids as a Wavefront OBJ.
 
-    All are one object of the file, because MuJoCo draws only the first object.
+    All are one object of the file, because MuJoCo renders only the first object.
 
     Args:
-        solids: What is to be seen.
-        material: Name in ``materials.mtl`` beside the file; boxes without one are corners and
-            triangles alone.
-        tile_m: Length of the material's picture on the surface [m].
+        solids: Visual geometry.
+        material: Name in ``materials.mtl`` beside the file; boxes without one have
+            only corners and triangles.
+        tile_m: Length of the material's image on the surface [m].
     """
     lines = [f"mtllib materials.mtl\nusemtl {material}"] if material else []
     plain = not material and all(isinstance(solid, Box) for solid in solids)
@@ -70,8 +70,8 @@ def obj_text(solids: Sequence[Solid], material: str = "", tile_m: float = 1.0) -
         if plain:
             lines += ["f " + " ".join(str(first + v) for v in t) for t in triangles]
         else:
-            places = picture_places(corners, triangles) / tile_m
-            lines += [_row("vt", place) for place in places.reshape(-1, 2)]
+            uv = texture_coordinates(corners, triangles) / tile_m
+            lines += [_row("vt", row) for row in uv.reshape(-1, 2)]
             lines += [_row("vn", v) for v in smooth_normals(corners, triangles).reshape(-1, 3)]
             for k, t in enumerate(triangles):
                 at = (seen + 3 * k + i for i in range(3))
@@ -82,11 +82,15 @@ def obj_text(solids: Sequence[Solid], material: str = "", tile_m: float = 1.0) -
     return "\n".join(lines) + "\n"
 
 
-def picture_places(corners: Array, triangles: Ints) -> Array:
-    """Where each corner of each triangle lies on a flat picture (F, 3, 2) [m].
+def texture_coordinates(corners: Array, triangles: Ints) -> Array:
+    """Return the texture coordinates of the corners of each triangle (F, 3, 2) [m].
 
-    Each triangle is seen along the axis that it faces most; the picture runs along the longer
+    Each triangle is projected along the axis that it faces most; the image runs along the longer
     side of the solid, as grain does.
+
+    Args:
+        corners: Corners of the solid (V, 3) [m].
+        triangles: Indices of corners (F, 3).
     """
     extent = np.ptp(corners, axis=0)
     faces = corners[triangles]
@@ -100,7 +104,12 @@ def picture_places(corners: Array, triangles: Ints) -> Array:
 
 
 def smooth_normals(corners: Array, triangles: Ints) -> Array:
-    """Unit normals (F, 3, 3) of each triangle's corners: what is round shades as one surface."""
+    """Return unit normals (F, 3, 3) at each triangle's corners, smooth on round surfaces.
+
+    Args:
+        corners: Corners of the solid (V, 3) [m].
+        triangles: Indices of corners (F, 3).
+    """
     faces = corners[triangles]
     area = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     flat = normalised(area)
@@ -113,7 +122,7 @@ def smooth_normals(corners: Array, triangles: Ints) -> Array:
 
 
 def hull_text(mesh: Mesh) -> str:
-    """A surface as a Wavefront OBJ, without anything else."""
+    """Return a surface as a Wavefront OBJ with corners and triangles only."""
     corners, triangles = mesh
     lines = [_row("v", corner) for corner in corners]
     lines += ["f " + " ".join(str(v + 1) for v in t) for t in triangles]
@@ -125,5 +134,5 @@ def _row(word: str, values: Array) -> str:
 
 
 def number(value: float) -> str:
-    """``value`` with at most nine digits, without rounding noise below 1e-12 and without -0."""
+    """Format ``value`` with at most nine digits, without rounding noise below 1e-12 and -0."""
     return f"{round(float(value), 12) + 0.0:.9g}"

@@ -20,7 +20,7 @@ from articulate.library.procedural.build import (
     shrunk,
     swing,
 )
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.solids import Rod
 from articulate.library.procedural.urdf import Part
 
@@ -46,7 +46,7 @@ class Microwave(Dimensions):
     """Width of the door over that of the oven."""
     door_m: float = between(0.025, 0.035)
     """Thickness of the door [m]."""
-    knobs: int = whole(1, 2)
+    knobs: int = integer(1, 2)
     """Number of knobs: power, time."""
     finish: str = one_of("steel", "white_sheet", "black_plastic")
     """Material of the shell."""

@@ -40,7 +40,7 @@ class OfficeChair(Dimensions):
     base_m: float = between(0.28, 0.33)
     """Length of the legs [m]."""
     lean_rad: float = between(0.30, 0.45)
-    """How far the back leans [rad]."""
+    """Range of the back [rad]."""
     cover: str = one_of("fabric", "black_plastic", "grey_plastic")
     """Material of seat and back."""
 

@@ -18,7 +18,7 @@ from articulate.library.procedural.build import (
     shape,
     shrunk,
 )
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.drawers import drawer
 from articulate.library.procedural.solids import Rod
 from articulate.library.procedural.urdf import Part
@@ -45,7 +45,7 @@ class Oven(Dimensions):
     """Height [m]."""
     door_m: float = between(0.030, 0.045)
     """Thickness of the door [m]."""
-    knobs: int = whole(3, 5)
+    knobs: int = integer(3, 5)
     """Number of knobs."""
     open_rad: float = between(1.40, 1.57)
     """Widest opening of the door [rad]."""

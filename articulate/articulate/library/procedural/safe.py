@@ -20,7 +20,7 @@ from articulate.library.procedural.build import (
     swing,
     turning,
 )
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.solids import Ring, Rod
 from articulate.library.procedural.urdf import Part
 
@@ -46,7 +46,7 @@ class Safe(Dimensions):
     """Thickness of the door [m]."""
     wheel_m: float = between(0.050, 0.065)
     """Radius of the wheel [m]."""
-    spokes: int = whole(3, 5)
+    spokes: int = integer(3, 5)
     """Spokes of the wheel."""
     hinges: str = one_of("left", "right")
     """Edge at which the door turns, seen from the front."""

@@ -28,9 +28,9 @@ _TRIANGLES = (
 WEDGES = ((0.05, 12), (0.10, 16), (0.20, 24), (math.inf, 32))
 """Largest radius [m] and number of wedges of a ring: they stray by less than 2 mm."""
 _CUT = ((0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2))
-"""A flat outline from both sides, along either diagonal: no triangle stands twice."""
+"""A flat outline from both sides, along either diagonal: no triangle occurs twice."""
 INSET_M = 0.0003
-"""How far the cuts between wedges lie under the surface [m]: its shading is left alone."""
+"""Depth of the cuts between wedges below the surface [m], which keeps its shading."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,13 +204,13 @@ class Ring:
     centre: Vec3 = (0.0, 0.0, 0.0)
     """A point of the axis from which ``low`` and ``high`` are measured [m]."""
     low: Vec3
-    """Where it begins along the axis, inner and outer radius there [m]."""
+    """Begin along the axis, inner and outer radius there [m]."""
     high: Vec3
-    """The same where it ends [m]."""
+    """End along the axis, inner and outer radius there [m]."""
     stretch: tuple[float, float] = (1.0, 1.0)
     """Factors on the two coordinates across the axis, in turn: makes it oval."""
     segments: int = 0
-    """Wedges that it collides as; twice as many are seen. 0: as its radius asks for."""
+    """Number of collision wedges, twice as many visual ones; 0: depends on the radius."""
     density_kg_m3: float = 0.0
 
     @property
@@ -308,7 +308,7 @@ def cone(
 
 
 def prism(axis: int, outline: Sequence[tuple[float, float]], span: tuple[float, float]) -> Loft:
-    """A convex ``outline`` drawn along ``axis``; its coordinates are the next two axes [m]."""
+    """Extrude a convex ``outline`` along ``axis``; its coordinates are the next two axes [m]."""
     ends = []
     for at in span:
         corners = np.zeros((len(outline), 3))

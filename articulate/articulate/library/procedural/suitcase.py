@@ -1,4 +1,4 @@
-"""A suitcase on wheels that stands upright."""
+"""Upright suitcase on wheels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WALL_M = 0.006
 
 @dataclass(frozen=True, kw_only=True)
 class Suitcase(Dimensions):
-    """Two shells, the one in front opens like a door; a handle to pull is drawn out above."""
+    """Two shells, the one in front opens like a door; a telescopic handle is pulled out above."""
 
     category: ClassVar[str] = "Suitcase"
 

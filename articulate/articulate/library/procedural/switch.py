@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from articulate.library.procedural.build import Piece, around, hinge, knob, linked, shape
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.solids import Ring, Rod
 from articulate.library.procedural.urdf import Part
 
@@ -22,17 +22,17 @@ class Switch(Dimensions):
     category: ClassVar[str] = "Switch"
 
     kind: str = one_of("lever", "dial")
-    """What is on the plate."""
-    count: int = whole(1, 3)
-    """Number of levers; a dial stands alone."""
+    """Kind of element on the plate."""
+    count: int = integer(1, 3)
+    """Number of levers; a plate with a dial has none."""
     height_m: float = between(0.10, 0.14)
     """Height of the plate [m]."""
     lever_m: float = between(0.026, 0.036)
     """Length of a lever [m]."""
     tip_rad: float = between(0.25, 0.40)
-    """How far a lever points down, and up when it is tipped [rad]."""
+    """Angle of a lever downwards, and upwards when it is tipped [rad]."""
     dial_rad: float = between(3.5, 5.2)
-    """How far a dial turns [rad]."""
+    """Range of a dial [rad]."""
     finish: str = one_of("white_plastic", "brass", "grey_plastic")
     """Material of the plate."""
 

@@ -14,7 +14,7 @@ from articulate.library.procedural.build import (
     shape,
     shrunk,
 )
-from articulate.library.procedural.dimensions import Dimensions, between, one_of, whole
+from articulate.library.procedural.dimensions import Dimensions, between, integer, one_of
 from articulate.library.procedural.drawers import GAP_M, drawer
 from articulate.library.procedural.urdf import Part
 
@@ -31,7 +31,7 @@ class TableWithDrawers(Dimensions):
     """Depth along x without handles [m]."""
     height_m: float = between(0.72, 0.76)
     """Height [m]."""
-    drawers: int = whole(1, 3)
+    drawers: int = integer(1, 3)
     """Number of drawers."""
     case_m: float = between(0.12, 0.17)
     """Height of the case that they run in [m]."""
@@ -40,7 +40,7 @@ class TableWithDrawers(Dimensions):
     leg_m: float = between(0.045, 0.065)
     """Side of the legs [m]."""
     handle: str = one_of("bar", "knob")
-    """What the drawers are held by."""
+    """Kind of the handles."""
     wood: str = one_of("oak", "walnut", "birch")
     """Material of the table."""
 

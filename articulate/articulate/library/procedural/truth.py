@@ -1,4 +1,4 @@
-"""What is true of an object that was made: its joints in the object frame."""
+"""Ground truth of a generated object: its joints in the object frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from articulate.transforms import Array
 
 @dataclass(frozen=True, kw_only=True)
 class JointTruth:
-    """One joint, as an asset of the object has to say it."""
+    """Ground truth of one joint, as expected in an asset."""
 
     name: str
     kind: Literal["slide", "hinge"]
@@ -32,7 +32,10 @@ class JointTruth:
 
 
 def origins(parts: Sequence[Part]) -> dict[str, Array]:
-    """Origin (3,) of each link in the frame of the root, closed [m]; all are parallel to it."""
+    """Return the origin (3,) [m] of each link in the frame of the root, closed.
+
+    All frames are parallel.
+    """
     out: dict[str, Array] = {}
     for part in parts:
         motion = part.motion
@@ -43,7 +46,7 @@ def origins(parts: Sequence[Part]) -> dict[str, Array]:
 
 
 def bounds(parts: Sequence[Part]) -> Array:
-    """Lowest and highest corner (2, 3) of the closed object in the frame of its root [m]."""
+    """Return the lowest and highest corner (2, 3) [m] of the closed object in its root frame."""
     at = origins(parts)
     corners = np.vstack(
         [solid.mesh()[0] + at[part.name] for part in parts for solid in part.solids]
@@ -52,7 +55,7 @@ def bounds(parts: Sequence[Part]) -> Array:
 
 
 def joints_of(parts: Sequence[Part]) -> list[JointTruth]:
-    """Joints of an object in its object frame.
+    """Return the joints of an object in its object frame.
 
     That frame is upright, under the middle of the closed object's box, the floor at z = 0.
     """

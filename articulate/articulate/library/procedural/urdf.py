@@ -1,7 +1,7 @@
-"""Parts made of solids, written as a URDF whose bytes depend on nothing but the parts.
+"""Write parts made of solids as a URDF whose bytes depend on the parts only.
 
-Every visual is one mesh file; collision geometry is the convex pieces of the solids, so that
-what is hollow stays hollow in every simulator.
+Every visual is one mesh file; the collision geometry consists of the convex pieces of the solids,
+so that cavities stay free in every simulator.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from xml.etree import ElementTree as ET  # noqa: TID251 - it only writes here, r
 
 from articulate.assets.asset import Vec3
 from articulate.files import write_bytes, write_text
-from articulate.library.procedural.materials import PALETTE, Material, picture
+from articulate.library.procedural.materials import PALETTE, Material, texture
 from articulate.library.procedural.meshes import hull_text, mass_properties, number, obj_text
 from articulate.library.procedural.solids import Collider, Solid
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """Solids that are seen as one mesh of one material."""
+    """Solids of one material and one visual mesh."""
 
     name: str
     """Name of the visual and of its mesh file, unique in the object."""
@@ -37,7 +37,7 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """How a part moves against its parent. The frames of both are parallel when closed."""
+    """Joint between a part and its parent, whose frames are parallel when closed."""
 
     name: str
     """Name of the joint."""
@@ -50,7 +50,7 @@ class Motion:
     axis: Vec3
     """Unit axis in the part's frame."""
     upper: float
-    """Far end of opening [m or rad]; closed is 0. It says nothing of what turns without end."""
+    """Far end of opening [m or rad]; closed is 0. Ignored for continuous joints."""
     damping: float
     """Viscous damping [N s/m or Nm s/rad]."""
     friction: float
@@ -63,12 +63,12 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One link and what moves it."""
+    """One link and its joint."""
 
     name: str
     """Name of the link."""
     shapes: tuple[Shape, ...]
-    """What it is made of."""
+    """Shapes of the link."""
     motion: Motion | None = None
     """None for the root."""
 
@@ -108,18 +108,18 @@ def write_urdf(
             for key, collider in _colliders(shape):
                 if collider.mesh is not None:
                     write_text(meshes / "collision" / f"{key}.obj", hull_text(collider.mesh))
-    pictures = {key: m for key, m in _used(parts, palette).items() if m.grain}
-    for key, material in pictures.items():
-        write_bytes(meshes / f"{key}.png", picture(key, material))
-    if pictures:
-        write_text(meshes / "materials.mtl", "\n".join(map(_mtl, pictures)))
+    textures = {key: m for key, m in _used(parts, palette).items() if m.grain}
+    for key, material in textures.items():
+        write_bytes(meshes / f"{key}.png", texture(key, material))
+    if textures:
+        write_text(meshes / "materials.mtl", "\n".join(map(_mtl, textures)))
     path = folder / f"{name}.urdf"
     write_text(path, urdf_text(name, parts, palette))
     return path
 
 
 def urdf_text(name: str, parts: Sequence[Part], palette: Mapping[str, Material] = PALETTE) -> str:
-    """The URDF alone, elements and attributes in a fixed order."""
+    """Return the text of the URDF, elements and attributes in a fixed order."""
     robot = ET.Element("robot", name=name)
     for key, material in _used(parts, palette).items():
         element = ET.SubElement(robot, "material", name=key)
@@ -142,7 +142,7 @@ def _used(parts: Sequence[Part], palette: Mapping[str, Material]) -> dict[str, M
 
 
 def _mtl(name: str) -> str:
-    """A material of an OBJ: its picture, unchanged."""
+    """Material of an OBJ with its texture, unchanged."""
     return f"newmtl {name}\nKd 1 1 1\nmap_Kd {name}.png\n"
 
 
