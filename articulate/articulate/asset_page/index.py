@@ -11,10 +11,11 @@ from importlib import resources
 from pathlib import Path
 from urllib.parse import quote
 
-from articulate.asset_page.page import ReportPage, escaped
+from articulate.asset_page.page import ReportPage
 from articulate.assets.check_report import CheckReport, Verdict
 from articulate.errors import shorten
 from articulate.page import Tile
+from articulate.page.text import escape_text
 
 VERDICT_TEXT: dict[Verdict, str] = {
     "rejected": "rejected",
@@ -99,16 +100,16 @@ def _head(column: int, name: str) -> str:
 
 def _row(row: IndexRow, folder: Path) -> str:
     check_report = row.check_report
-    name = escaped(check_report.asset)
+    name = escape_text(check_report.asset)
     if row.page is not None:
-        name = f'<a href="{escaped(_address(row.page, folder))}">{name}</a>'
+        name = f'<a href="{escape_text(_address(row.page, folder))}">{name}</a>'
     cells = [
         _image(row.page),
         name,
         f'<span class="mark {"passed" if check_report.is_usable else "failed"}">'
         f"{VERDICT_TEXT[check_report.verdict]}</span>",
-        escaped(row.category),
-        escaped(_why(check_report)),
+        escape_text(row.category),
+        escape_text(_why(check_report)),
     ]
     keys = [
         "",
@@ -127,7 +128,7 @@ def _row(row: IndexRow, folder: Path) -> str:
         cells.append(text)
         kinds.append(' class="n"')
     inner = "".join(
-        f'<td{kind} data-key="{escaped(key)}">{cell}</td>'
+        f'<td{kind} data-key="{escape_text(key)}">{cell}</td>'
         for kind, key, cell in zip(kinds, keys, cells, strict=True)
     )
     return f'<tr class="{check_report.verdict}" data-verdict="{check_report.verdict}">{inner}</tr>'

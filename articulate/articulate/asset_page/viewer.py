@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Mapping
 from importlib import resources
@@ -14,6 +13,7 @@ from articulate.asset_page.views import AZIMUTH_OFF_FRONT_DEG, ELEVATION_DEG, fr
 from articulate.assets.asset import Asset, Joint
 from articulate.checks.model import Follower, ObjectModel
 from articulate.checks.triangles import surfaces_of
+from articulate.page.text import escape_text
 from articulate.transforms import pose, quat_to_matrix
 
 ASSETS = resources.files("articulate.asset_page").joinpath("assets")
@@ -120,11 +120,11 @@ def _slider(joint: Joint, leader: str | None, needs: tuple[str, ...]) -> str:
         note = f"follows {leader}"
     elif needs:
         note = f"free once {' and '.join(needs)} {'is' if len(needs) == 1 else 'are'} open"
-    name = _text(joint.name)
+    name = escape_text(joint.name)
     # The slider begins at the closed position, in whichever direction the joint opens.
     direction = ' dir="rtl"' if joint.span < 0 else ""
     disabled = " disabled" if leader is not None else ""
-    small = f"<small>{_text(note)}</small>" if note else ""
+    small = f"<small>{escape_text(note)}</small>" if note else ""
     return (
         f'<label><span class="name">{name}</span>'
         f'<output data-joint="{name}"></output>'
@@ -151,7 +151,3 @@ def _script(name: str) -> str:
     text = ASSETS.joinpath(name).read_text("utf-8")
     assert "</script" not in text.lower()
     return text
-
-
-def _text(text: object) -> str:
-    return html.escape(str(text), quote=True)

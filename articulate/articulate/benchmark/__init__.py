@@ -1,1 +1,1 @@
-"""The benchmark: how often an actor finds what is true of objects whose joints are known."""
+"""Benchmark of joint estimation: data sets, evidence, protocols, metrics and reports."""

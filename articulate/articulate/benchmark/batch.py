@@ -17,16 +17,16 @@ from typing import Any
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import LIBRARIES, Dataset
-from articulate.benchmark.records import Record, is_final, lost_object
+from articulate.benchmark.records import Record, crashed_object, is_final
 from articulate.errors import ArticulateError, ConfigError
 from articulate.files import read_json_object, write_json
 from articulate.jobs.process_pool import run_isolated
-from articulate.reconstruct.actors.semantic.embeddings import meanings_installed
+from articulate.reconstruct.actors.semantic.embeddings import embeddings_installed
 from articulate.reconstruct.actors.vlm.gemini import MODEL_VARIABLE, URL_VARIABLE
 
 FOLDER = "objects"
 """Folder of the records, below that of the run."""
-RECORD_VERSION = 3
+RECORD_VERSION = 4
 """Records of another version are computed again."""
 MODULE = "articulate.benchmark.child"
 """Module that runs one object in a child process."""
@@ -71,7 +71,7 @@ class Batch:
         for object_id, result in run_isolated(MODULE, missing, jobs, self.limit_s):
             reason = result.failure(self.limit_s)
             made = None if reason else _read(self.path_of(object_id), self.fingerprint)
-            yield made or self._lost(object_id, reason or "its process left no record")
+            yield made or self._crashed(object_id, reason or "its process left no record")
 
     def one(self, object_id: str) -> Record:
         """Run one object; errors as for :meth:`run`."""
@@ -84,13 +84,13 @@ class Batch:
             safe = f"{safe.lstrip('.')}-{hashlib.sha256(object_id.encode()).hexdigest()[:8]}"
         return self.out / FOLDER / f"{safe}.json"
 
-    def _lost(self, object_id: str, reason: str) -> Record:
+    def _crashed(self, object_id: str, reason: str) -> Record:
         """Write the record of an object without a result."""
         try:
             known = self.dataset.known(object_id)
         except ArticulateError as error:
             known, reason = (), f"{reason}; its joints are not known: {error}"
-        record = lost_object(object_id, self.dataset.category(object_id), known, reason)
+        record = crashed_object(object_id, self.dataset.category(object_id), known, reason)
         write_json(self.path_of(object_id), record | self._stamp)
         return record
 
@@ -130,7 +130,7 @@ def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
     except OSError as error:
         raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
     model = [os.environ.get(name, "") for name in (MODEL_VARIABLE, URL_VARIABLE)]
-    inputs = {"dataset": dataset, "model": model, "meanings": meanings_installed()}
+    inputs = {"dataset": dataset, "model": model, "meanings": embeddings_installed()}
     content = inputs | dataclasses.asdict(config)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 

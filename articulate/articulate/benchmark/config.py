@@ -1,4 +1,4 @@
-"""What a run of the benchmark does."""
+"""Settings of a benchmark run."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ Condition = Literal["plain", "camera_off", "noisy"]
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkConfig:
-    """Everything that decides the figures of a run, but for the objects."""
+    """All settings that determine the figures of a run, except the objects."""
 
     actor: str
     """Name of the actor, or ``module:Class``."""
     modality: Modality = "video"
-    """What the actor is given: names and placed parts (text), also a picture (image), also a clip
-    of one joint (video)."""
+    """Evidence for the actor: names and placed parts (text), with an image of the object (image),
+    or with a video of one joint (video)."""
     task: Task = "joints"
-    """``joints``: parts are in their places; ``placement``: each part is moved so that the middle
-    of its box is the origin, and joints count only where the object is put together rightly."""
+    """``joints``: parts are placed; ``placement``: each part is moved so that the centre of its box
+    is the origin, and joints count only if the parts are placed correctly."""
     condition: Condition = "plain"
-    """``camera_off``: the camera told is not the camera of the pictures, by 5 degrees and 5 %;
-    ``noisy``: noise, changing light, and texture on everything."""
+    """``camera_off``: the camera of the evidence is wrong by 5 degrees and 5 %; ``noisy``: noise,
+    changing light, and textures on all parts."""
     width_px: int = 640
-    """Width of pictures."""
+    """Width of images and videos [px]."""
     height_px: int = 480
-    """Height of pictures."""
+    """Height of images and videos [px]."""
     n_frames: int = 50
-    """Frames of a clip."""
+    """Frames of a video."""
     fps: float = 24.0
-    """Frames in a second."""
+    """Frames per second."""
     seed: int = 0
-    """Seed of order, names, noise, and of the actor."""
+    """Seed of the order and names of parts, of noise, and of the actor."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run."""
+        """Check the combination of settings."""
         if self.n_frames < 2:
-            raise ConfigError(f"--n-frames is {self.n_frames}; a clip needs at least 2")
+            raise ConfigError(f"--n-frames is {self.n_frames}; a video needs at least 2")
         if min(self.width_px, self.height_px) < 16:
             raise ConfigError(
                 f"--width-px and --height-px are {self.width_px} and {self.height_px}; "
@@ -49,6 +49,6 @@ class BenchmarkConfig:
             )
         if self.task == "placement" and self.modality == "video":
             raise ConfigError(
-                "--task placement has no clip: parts have no place before they are put together; "
+                "--task placement has no video, as the parts are not placed yet; "
                 "give --modality image or text"
             )

@@ -1,4 +1,4 @@
-"""Data sets: where objects with known joints come from.
+"""Data sets of objects with known joints.
 
 ``DATASET`` of the command is one of: an index file such as ``assets.json``, whose entries name
 URDFs and state true joints; a folder of URDFs, whose own joints are the truth; or the name of a
@@ -8,7 +8,6 @@ procedural library.
 from __future__ import annotations
 
 import importlib
-import json
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -18,20 +17,23 @@ from typing import Any, Protocol
 
 from articulate.benchmark.known_joint import KnownJoint, Status
 from articulate.benchmark.truth import SCORED_KINDS, TrueObject, joints_in_urdf, true_object
-from articulate.errors import AssetError, ConfigError, nearest
+from articulate.errors import AssetError, ConfigError, UsageError, nearest, quote, shorten
 from articulate.formats.part_names import semantic_names
 from articulate.formats.read_urdf import read_urdf
 from articulate.formats.source_object import SourceObject
 from articulate.library.library import Library
+from articulate.untrusted import load_json_object
 
 LIBRARIES = {
     "procedural": "articulate.library:ProceduralLibrary",
 }
-"""Procedural libraries by name, imported when asked for."""
+"""Procedural libraries by name, imported on use."""
 TRUTH = "mobility_v2"
-"""Entries of an index with another ``truth`` are not to be scored against."""
+"""Value of ``truth`` in entries of an index that can be scored."""
+INDEX_BYTES = 100_000_000
+"""Largest index that is read."""
 SEEDS = 5
-"""Objects of each category that a procedural library is asked for."""
+"""Objects of each category of a procedural library."""
 
 
 class Dataset(Protocol):
@@ -55,7 +57,7 @@ class Dataset(Protocol):
         ...
 
     def load(self, object_id: str) -> TrueObject:
-        """An object with its parts.
+        """Load an object with its parts.
 
         Raises:
             AssetError: It cannot be read.
@@ -78,13 +80,13 @@ def open_dataset(source: str, data: Path | None = None) -> Dataset:
         try:
             library = getattr(importlib.import_module(module), attribute)(SEEDS)
         except ImportError:
-            raise ConfigError(f"{source}: this library is not in this installation") from None
+            raise ConfigError(f"{source}: this library is not installed") from None
         return LibraryDataset(source, library)
     path = Path(source)
     try:
         is_file, is_folder = path.is_file(), path.is_dir()
     except OSError as error:  # a name that is too long
-        raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
+        raise ConfigError(f"{shorten(source)}: cannot be read ({error.strerror})") from None
     if is_file:
         return IndexDataset(path, data or path.parent)
     if is_folder:
@@ -95,17 +97,17 @@ def open_dataset(source: str, data: Path | None = None) -> Dataset:
 
 
 class IndexDataset:
-    """Entries of an index file, each with a URDF and with true joints stated beside it."""
+    """Data set of an index file, whose entries have a URDF and true joints."""
 
     def __init__(self, path: Path, data: Path) -> None:
         self.name = path.name
         self._data = data
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = load_json_object(path, limit_bytes=INDEX_BYTES, error=ConfigError)
             entries = [e for e in content["assets"] if e.get("truth") == TRUTH]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except (KeyError, TypeError, AttributeError) as error:
             raise ConfigError(
-                f"{path}: not an index of objects ({type(error).__name__}: {error}); "
+                f"{path}: not an index of objects ({type(error).__name__}: {shorten(error)}); "
                 'it holds {"assets": [{"id", "path", "truth", "truth_joints"}, …]}'
             ) from None
         self._entries: dict[str, dict[str, Any]] = {}
@@ -116,27 +118,25 @@ class IndexDataset:
                 raise ConfigError(f"{path}: two entries have the id {object_id}; rename one")
             self._entries[object_id] = entry
         if not self._entries:
-            raise ConfigError(
-                f'{path}: no entry says "truth": "{TRUTH}"; there is nothing to score'
-            )
+            raise ConfigError(f'{path}: no entry has "truth": "{TRUTH}"; there is nothing to score')
 
     def ids(self) -> Sequence[str]:
-        """Ids in the order of the file."""
+        """Return the ids in the order of the file."""
         return list(self._entries)
 
     def category(self, object_id: str) -> str:
-        """What the index says."""
+        """Return the category in the index."""
         return str(self._entries[object_id].get("category") or "unknown")
 
     def known(self, object_id: str) -> Sequence[KnownJoint]:
-        """What the index states, in the frame of the URDF's root."""
+        """Return the joints in the index, in the frame of the URDF's root."""
         return [_known(joint) for joint in self._entries[object_id]["truth_joints"]]
 
     def load(self, object_id: str) -> TrueObject:
-        """The object in the lengths of its truth.
+        """Load an object in the unit of its true joints.
 
-        Some projects scaled the meshes and left joints as they were; the truth is that of meshes
-        as they lie in their files, so that is how they are taken.
+        Some projects scaled the meshes but not the joints. The true joints belong to the meshes as
+        they are in their files, so the scale of the URDF is ignored.
         """
         path = self._data / str(self._entries[object_id]["path"])
         return true_object(
@@ -150,33 +150,33 @@ class IndexDataset:
 
 
 class FolderDataset:
-    """Folders below one folder, each with a URDF whose joints are the truth."""
+    """Data set of the URDFs below a folder, whose joints are the truth."""
 
     def __init__(self, folder: Path) -> None:
         self.name = folder.resolve().name
         paths = sorted(folder.rglob("*.urdf"))
         self._paths = {p.relative_to(folder).with_suffix("").as_posix(): p for p in paths}
         if not paths:
-            raise ConfigError(f"{folder}: holds no .urdf; give another folder or an index file")
+            raise ConfigError(f"{folder}: contains no .urdf; give another folder or an index file")
 
     def ids(self) -> Sequence[str]:
-        """Paths without their ending."""
+        """Return the paths without suffix."""
         return list(self._paths)
 
     def category(self, object_id: str) -> str:
-        """What ``meta.json`` beside the URDF says."""
+        """Return the category in ``meta.json`` beside the URDF."""
         try:
-            meta = json.loads((self._paths[object_id].parent / "meta.json").read_text("utf-8"))
+            meta = load_json_object(self._paths[object_id].parent / "meta.json")
             return str(meta["model_cat"])
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        except (UsageError, KeyError):
             return "unknown"
 
     def known(self, object_id: str) -> Sequence[KnownJoint]:
-        """The movable joints of the URDF."""
+        """Return the movable joints of the URDF."""
         return joints_in_urdf(read_urdf(self._paths[object_id]))
 
     def load(self, object_id: str) -> TrueObject:
-        """The object; PartNet-Mobility's stay as large as they are, others are scaled."""
+        """Load an object; those of PartNet-Mobility keep their size, others are scaled."""
         path = self._paths[object_id]
         source = read_urdf(path)
         return true_object(
@@ -190,28 +190,28 @@ class FolderDataset:
 
 
 class LibraryDataset:
-    """What a procedural library makes."""
+    """Data set of a procedural library."""
 
     def __init__(self, name: str, library: Library) -> None:
         self.name = name
         self._library = library
 
     def ids(self) -> Sequence[str]:
-        """Ids of the library."""
+        """Return the ids of the library."""
         return self._library.ids()
 
     def category(self, object_id: str) -> str:
-        """PartNet-Mobility's name of the category, as the library says."""
-        said = getattr(self._library, "category", None)
-        return str(said(object_id)) if callable(said) else "unknown"
+        """Return PartNet-Mobility's name of the category."""
+        category = getattr(self._library, "category", None)
+        return str(category(object_id)) if callable(category) else "unknown"
 
     def known(self, object_id: str) -> Sequence[KnownJoint]:
-        """The joints of the URDF that the library writes."""
+        """Return the joints of the URDF that the library writes."""
         with tempfile.TemporaryDirectory() as folder:
             return joints_in_urdf(read_urdf(self._library.write(object_id, Path(folder))))
 
     def load(self, object_id: str) -> TrueObject:
-        """The object, scaled to PartNet-Mobility's size."""
+        """Load an object, scaled to PartNet-Mobility's size."""
         with tempfile.TemporaryDirectory() as folder:
             path = self._library.write(object_id, Path(folder))
             source = read_urdf(path)
@@ -226,7 +226,7 @@ class LibraryDataset:
 
 
 def _unscaled(source: SourceObject) -> SourceObject:
-    """The object with all its meshes in the size in which they lie in their files."""
+    """Return the object with all meshes in the size of their files."""
     links = {
         name: replace(
             link,
@@ -239,10 +239,10 @@ def _unscaled(source: SourceObject) -> SourceObject:
 
 
 def _check_entry(path: Path, entry: Mapping[str, Any]) -> None:
-    """Refuse an entry that names no object or states no joints, before anything is run."""
+    """Reject an entry without an object or joints, before anything is run."""
     if not isinstance(entry.get("id"), (str, int)):
         raise ConfigError(
-            f"{path}: an entry has no id ({str(dict(entry))[:80]}); give each a name of its own"
+            f"{path}: an entry has no id ({shorten(dict(entry), 80)}); give each its own id"
         )
     if not isinstance(entry.get("path"), str):
         raise ConfigError(
@@ -260,7 +260,7 @@ def _known(stated: Mapping[str, Any]) -> KnownJoint:
     try:
         if stated["type"] not in SCORED_KINDS:
             raise ValueError(
-                f"its type is {stated['type']!r}{nearest(str(stated['type']), SCORED_KINDS)}"
+                f"its type is {quote(stated['type'])}{nearest(str(stated['type']), SCORED_KINDS)}"
             )
         status = str(stated.get("status", ""))
         kept: Status = "plain"
@@ -279,7 +279,7 @@ def _known(stated: Mapping[str, Any]) -> KnownJoint:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise AssetError(
-            f"a true joint of the index cannot be read ({error}): {dict(stated)}"
+            f"a true joint of the index cannot be read ({shorten(error)}): {shorten(dict(stated))}"
         ) from None
 
 

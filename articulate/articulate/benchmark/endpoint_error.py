@@ -1,8 +1,8 @@
 """The metric E of ArticulateArena: a joint is the unordered pair of the twists at its ends.
 
 From the formulas of "ArticulateArena: A Metric for Articulated Kinematics" (arXiv 2609.33931) and
-of its reference implementation, ``articulatearena`` 0.1.0 on the package index (MIT), with which
-these are compared in a test where it is installed. A twist is (omega, nu); the unit twist of a
+of its reference implementation, ``articulatearena`` 0.1.0 on the package index (MIT); a test
+compares both where it is installed. A twist is (omega, nu); the unit twist of a
 turning joint is (a, p x a), that of a slide (0, a). ::
 
     E = min(|u1 - u2|^2 + |v1 - v2|^2, |u1 - v2|^2 + |v1 - u2|^2)^(1/2)
@@ -23,28 +23,28 @@ KAPPA = np.pi
 
 @dataclass(frozen=True, kw_only=True)
 class Endpoints:
-    """E between two joints under three norms; None where a joint without limits has no value."""
+    """E between two joints under three norms; None if undefined for a joint without limits."""
 
     split: float | None
-    """|omega|^2 + |nu|^2: radians and units of length alike, about the object's origin."""
+    """|omega|^2 + |nu|^2, with radians and units of length weighted alike, about the origin."""
     kinetic: float | None
     """Root mean square of the part's displacement, to first order [units of length]."""
     compact: float
-    """``split`` after the radial compactification, which has a place for joints without limits."""
+    """``split`` after the radial compactification, which also covers joints without limits."""
 
 
 def endpoint_metrics(
     truth: PredictedJoint, predicted: PredictedJoint | None, box_o: Array
 ) -> Endpoints:
-    """E between two joints.
+    """Compute E between two joints.
 
     Args:
         truth: The true joint.
-        predicted: The predicted joint; None or ``fixed`` for none, whose twists are zero. One
-            whose numbers are not finite says nothing, and counts as none.
-        box_o: Lowest and highest corner of the part (2, 3), taken as a solid of even density.
+        predicted: The predicted joint; None or ``fixed`` for no motion, with zero twists. One
+            with numbers that are not finite counts as none.
+        box_o: Lowest and highest corner of the part (2, 3), as a solid of uniform density.
     """
-    if predicted is not None and not _says_something(predicted):
+    if predicted is not None and not _is_finite(predicted):
         predicted = None
     one, two = unit_twist(truth), unit_twist(predicted)
     limits, others = _limits(truth), _limits(predicted)
@@ -61,7 +61,7 @@ def endpoint_metrics(
 
 
 def unit_twist(joint: PredictedJoint | None) -> Array:
-    """Unit twist (6,), omega first; zero for no joint."""
+    """Compute the unit twist (6,), omega first; zero for no joint."""
     if joint is None or joint.kind == "fixed":
         return np.zeros(6)
     axis = normalised(joint.axis_o)
@@ -71,7 +71,7 @@ def unit_twist(joint: PredictedJoint | None) -> Array:
 
 
 def kinetic_norm(box_o: Array) -> Array:
-    """Matrix (6, 6) of the kinetic energy, by mass, of a solid box (2, 3) in its twist, doubled."""
+    """Compute twice the kinetic energy per mass of a solid box (2, 3) as a matrix (6, 6)."""
     x, y, z = (box_o[1] - box_o[0]) ** 2 / 12.0
     cx, cy, cz = box_o.mean(axis=0)
     cross = np.array([[0.0, -cz, cy], [cz, 0.0, -cx], [-cy, cx, 0.0]])
@@ -82,7 +82,7 @@ def kinetic_norm(box_o: Array) -> Array:
 
 
 def quotient_distance(one: Array, two: Array, norm: Array) -> float:
-    """E between two pairs of twists (2, 6), under the norm of a matrix (6, 6)."""
+    """Compute E between two pairs of twists (2, 6), under the norm of a matrix (6, 6)."""
 
     def squared(a: Array, b: Array) -> float:
         return float(np.einsum("ij,jk,ik->", a - b, norm, a - b))
@@ -91,14 +91,14 @@ def quotient_distance(one: Array, two: Array, norm: Array) -> float:
     return float(np.sqrt(least if np.isnan(least) else max(0.0, least)))  # max would hide NaN
 
 
-def _says_something(joint: PredictedJoint) -> bool:
-    """Whether all numbers that decide the twists of a joint are finite."""
+def _is_finite(joint: PredictedJoint) -> bool:
+    """Return whether all numbers in the twists of a joint are finite."""
     pivot = () if joint.kind == "prismatic" else joint.pivot_o
     return bool(np.isfinite([*joint.axis_o, *pivot, *(_limits(joint) or ())]).all())
 
 
 def _limits(joint: PredictedJoint | None) -> tuple[float, float] | None:
-    """Limits of a joint, (0, 0) for no joint, None where it has none."""
+    """Return the limits of a joint, (0, 0) for no joint, None without limits."""
     if joint is None or joint.kind == "fixed":
         return 0.0, 0.0
     if joint.kind == "continuous" or joint.lower is None or joint.upper is None:
@@ -111,7 +111,7 @@ def _pair(twist: Array, limits: tuple[float, float]) -> Array:
 
 
 def _compact(twist: Array, limits: tuple[float, float] | None, norm: Array) -> Array:
-    """The pair (2, 6) within the unit ball of the norm; antipodes on its rim without limits."""
+    """Map the pair (2, 6) into the unit ball of the norm; to antipodes on it without limits."""
     if limits is None:
         length = float(np.sqrt(twist @ norm @ twist))
         return np.stack([twist, -twist]) / (length or 1.0)

@@ -1,12 +1,12 @@
-"""Questions as files, for actors that run elsewhere: parts, clip or picture, camera, labels.
+"""Export evidence as files, for actors that run elsewhere: parts, video or image, camera, labels.
 
 ::
 
     question_0000/parts/part_00.glb …   triangles and colours, in the frame o
-    question_0000/labels.json           what each part is called
-    question_0000/clip.mp4              or picture.png; neither without a camera
+    question_0000/labels.json           label of each part
+    question_0000/video.mp4             or image.png; neither without a camera
     question_0000/camera.json           intrinsics [px] and pose in o, OpenCV's axes
-    key.json                            which object and parts they are: not for actors
+    key.json                            object and parts of each question: not for actors
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from articulate.render.parts import PartMesh
 def write_questions(
     subjects: Iterable[TrueObject], config: BenchmarkConfig, folder: Path
 ) -> list[Path]:
-    """Write all questions about some objects, and the key to them; return their folders."""
+    """Write the questions of several objects with their key, and return the folders."""
     key: dict[str, object] = {}
     folders: list[Path] = []
     for subject in subjects:
@@ -49,14 +49,14 @@ def write_questions(
 
 
 def write_evidence(evidence: Evidence, folder: Path) -> Path:
-    """Write what an actor is given into ``folder`` and return it."""
+    """Write evidence into ``folder`` and return the folder."""
     for part in evidence.parts:
         write_bytes(folder / "parts" / f"{part.name}.glb", glb(part))
     write_json(folder / "labels.json", dict(evidence.labels))
     if evidence.video is not None and evidence.times_s is not None:
-        Video(frames=evidence.video, times_s=evidence.times_s).write(folder / "clip.mp4")
+        Video(frames=evidence.video, times_s=evidence.times_s).write(folder / "video.mp4")
     if evidence.image is not None:
-        with atomic_write(folder / "picture.png") as path:
+        with atomic_write(folder / "image.png") as path:
             Image.fromarray(evidence.image).save(path, "PNG")
     if evidence.camera is not None:
         write_json(folder / "camera.json", _camera(evidence.camera))
@@ -64,7 +64,7 @@ def write_evidence(evidence: Evidence, folder: Path) -> Path:
 
 
 def glb(part: PartMesh) -> bytes:
-    """The part as a GLB file; its colours are those of the corners, its name is nowhere in it."""
+    """Encode a part as a GLB with vertex colours and without its name."""
     corners = part.vertices[part.faces].reshape(-1, 3)
     colours = np.rint(255.0 * part.rgb).astype(np.uint8).repeat(3, axis=0)
     mesh = trimesh.Trimesh(

@@ -1,4 +1,4 @@
-"""KnownJoint: a true joint as its source states it."""
+"""True joints as their source states them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Literal
 from articulate.reconstruct.actors.protocol import JointKind
 
 Status = Literal["plain", "frozen", "compound"]
-"""``frozen``: fixed in the data set's URDF, though the object has it; ``compound``: the part turns
-as well as slides, which no single joint tells."""
+"""``frozen``: fixed in the URDF of the data set although the object has the joint; ``compound``:
+the part turns and slides, which no single joint describes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownJoint:
-    """A joint as a source states it: in the frame ``s`` of the URDF's root."""
+    """A joint in the frame ``s`` of the URDF's root."""
 
     link: str
     kind: JointKind

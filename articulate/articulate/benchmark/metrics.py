@@ -1,9 +1,9 @@
-"""How far a predicted joint is from the true one: the formulas of all protocols.
+"""Errors of a predicted joint: the formulas of all protocols.
 
-Both are :class:`PredictedJoint` in the frame ``o``; lengths are in the units of the data set, which
-for PartNet-Mobility are not metres: objects there are about two units across, so that "50 mm"
-means 0.05 units. ``docs/benchmark.md`` states where the published formulas fail; here they stand
-as published, and those that are meant to be right stand beside them.
+Both joints are :class:`PredictedJoint` in the frame ``o``. Lengths are in the units of the data
+set, which for PartNet-Mobility are not metres: its objects have a diagonal of about two units, so
+that "50 mm" means 0.05 units. ``docs/benchmark.md`` states where the published formulas fail. This
+module has them as published, and corrected ones beside them.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from articulate.transforms import Array, angle_between, apply, normalised
 
 PARALLEL = 1e-3
 """Sine below which two axes count as parallel in the protocol ``paper``."""
-WHOLE_TURN_RAD = 2.0 * np.pi - 0.25
+FULL_TURN_RAD = 2.0 * np.pi - 0.25
 """A revolute joint with this range or more counts as continuous in ``strict``."""
 MOTION_LENGTH = 0.05
-"""How far a corner may be off at the ends of the range [units], plus ``MOTION_ANGLE_RAD`` times
-its distance from the axis."""
+"""Largest error of a corner at the limits [units], plus ``MOTION_ANGLE_RAD`` times its distance
+from the axis."""
 MOTION_ANGLE_RAD = 0.25
 MOTION_SHARE = 0.25
-"""At most this share of the way that the part really goes."""
+"""Largest error of a corner as a share of the true travel of the part."""
 _UNIT_BOX = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors:
-    """Everything that is measured between a predicted joint and the true one.
+    """All errors of a predicted joint.
 
-    What does not apply is None; what the formula leaves undefined is NaN.
+    Errors that do not apply are None; those that the formula leaves undefined are NaN.
     """
 
     kind_equal: bool
     """Both slide or both turn; continuous counts as revolute."""
     kind_same_word: bool
-    """Both are of the same kind in the words of a URDF."""
+    """Both have the same joint type of URDF."""
     kind_strict: bool
-    """Both slide, both turn without end, or both turn between limits."""
+    """Both slide, both turn without limits, or both turn between limits."""
     axis_rad: float
-    """Angle between the axes, whichever way they point, in [0, pi/2]."""
+    """Angle between the axes without their signs, in [0, pi/2]."""
     origin_paper: float | None
     """The published origin error of turning joints; None for a true slide."""
     origin_literal: float
-    """The published origin error, slides included: distance of the two origins there."""
+    """The published origin error; for slides the distance of the origins."""
     origin_released: float
     """Origin error of the released code."""
     origin_foot: float | None
@@ -60,17 +60,17 @@ class JointErrors:
     range_released: float
     direction_released: float
     motion: float | None
-    """Largest error of a corner's place over what is allowed; None where nothing is limited."""
+    """Largest error of a corner's position over the threshold; None without limits."""
     endpoints: Endpoints
     """Distances of ArticulateArena."""
 
 
 def joint_errors(truth: PredictedJoint, predicted: PredictedJoint, box_o: Array) -> JointErrors:
-    """Errors of ``predicted``.
+    """Compute the errors of ``predicted``.
 
     Args:
         truth: The true joint.
-        predicted: What an actor says; not ``fixed``.
+        predicted: The predicted joint; not ``fixed``.
         box_o: Lowest and highest corner of the part that moves (2, 3), in ``o`` at zero.
     """
     turns = truth.kind != "prismatic"
@@ -97,16 +97,16 @@ def joint_errors(truth: PredictedJoint, predicted: PredictedJoint, box_o: Array)
 
 
 def strict_kind(joint: PredictedJoint) -> str:
-    """Kind of a joint where turning by (nearly) a whole turn or more counts as turning on."""
+    """Return the kind of a joint; a range of (nearly) a full turn counts as continuous."""
     if joint.kind == "revolute":
         if joint.lower is None or joint.upper is None:
             return "continuous"
-        return "continuous" if joint.upper - joint.lower >= WHOLE_TURN_RAD else "revolute"
+        return "continuous" if joint.upper - joint.lower >= FULL_TURN_RAD else "revolute"
     return joint.kind
 
 
 def axis_error(truth: ArrayLike, predicted: ArrayLike) -> float:
-    """Smaller angle [rad] between two lines, in [0, pi/2]; NaN if an axis is zero or not finite."""
+    """Return the angle between two axes (3,) [rad] in [0, pi/2]; NaN for zero or infinite ones."""
     a, b = np.asarray(truth, dtype=np.float64), np.asarray(predicted, dtype=np.float64)
     if not (np.isfinite(a).all() and np.isfinite(b).all() and a.any() and b.any()):
         return float("nan")
@@ -114,7 +114,7 @@ def axis_error(truth: ArrayLike, predicted: ArrayLike) -> float:
 
 
 def line_distance(truth: PredictedJoint, predicted: PredictedJoint) -> float:
-    """The published origin error: |p . (a x b)| / |a x b|; the lines' distance if parallel."""
+    """Compute the published origin error |p . (a x b)| / |a x b|, or the distance if parallel."""
     p, a, b = _origins(truth, predicted)
     across = np.cross(b, a)
     sine = float(np.linalg.norm(across))
@@ -124,17 +124,19 @@ def line_distance(truth: PredictedJoint, predicted: PredictedJoint) -> float:
 
 
 def origin_distance(truth: PredictedJoint, predicted: PredictedJoint) -> float:
-    """Distance of the two origins, wherever on their lines they lie."""
+    """Compute the distance of the two origins."""
     return float(np.linalg.norm(_origins(truth, predicted)[0]))
 
 
 def foot_distance(truth: PredictedJoint, predicted: PredictedJoint, centre_o: Array) -> float:
-    """Distance of the predicted line from the point of the true line nearest to the part.
+    """Compute the distance of the predicted axis from the true one near the part.
+
+    It is the distance from the point of the true axis that is nearest to the part.
 
     Args:
         truth: The true joint.
         predicted: The predicted joint.
-        centre_o: Middle of the part (3,).
+        centre_o: Centre of the part (3,).
     """
     _, a, b = _origins(truth, predicted)
     pivot = np.asarray(truth.pivot_o, dtype=np.float64)
@@ -144,9 +146,9 @@ def foot_distance(truth: PredictedJoint, predicted: PredictedJoint, centre_o: Ar
 
 
 def released_origin(truth: PredictedJoint, predicted: PredictedJoint) -> float:
-    """Origin error of the released code, its fallback for parallel axes included.
+    """Compute the origin error of the released code with its fallback for parallel axes.
 
-    There the distance is measured along one direction only, and NaN comes of an axis (-1, 0, 0).
+    The fallback measures along one direction only, and returns NaN for an axis (-1, 0, 0).
     """
     a = np.asarray(truth.axis_o, dtype=np.float64)
     b = np.asarray(predicted.axis_o, dtype=np.float64)
@@ -197,17 +199,17 @@ def _released_motion(
 ) -> tuple[float, float]:
     m, n = a * (u1 - l1), b * (u2 - l2)
     length_m, length_n = np.linalg.norm(m), np.linalg.norm(n)
-    way_m = m / length_m if length_m != 0.0 else a
-    way_n = n / length_n if length_n != 0.0 else b
-    return float(np.linalg.norm(n - m)), float(1.0 - way_m @ way_n)
+    unit_m = m / length_m if length_m != 0.0 else a
+    unit_n = n / length_n if length_n != 0.0 else b
+    return float(np.linalg.norm(n - m)), float(1.0 - unit_m @ unit_n)
 
 
 def motion_excess(truth: PredictedJoint, predicted: PredictedJoint, box_o: Array) -> float | None:
-    """How wrongly the part moves: the largest error of a corner's place over what is allowed.
+    """Compute the largest error of a corner's position over its threshold.
 
-    The corners of the part's box are compared at both ends of the range, whichever way round, and
-    in the middle, without which turning half round to either side would be the same. A joint
-    that turns without end has no ends: None if both do.
+    The corners of the part's box are compared at both limits, in either order, and in the middle,
+    which distinguishes half turns to either side. The result is None if both joints turn without
+    limits.
 
     Args:
         truth: The true joint.
@@ -221,24 +223,24 @@ def motion_excess(truth: PredictedJoint, predicted: PredictedJoint, box_o: Array
     if predicted.lower is None or predicted.upper is None:
         return float("inf")
     corners = box_o[0] + _UNIT_BOX * (box_o[1] - box_o[0])
-    there = _places(truth, truth.lower, truth.upper, corners)
-    said = _places(predicted, predicted.lower, predicted.upper, corners)
+    true_o = _positions(truth, truth.lower, truth.upper, corners)
+    predicted_o = _positions(predicted, predicted.lower, predicted.upper, corners)
     allowed = _allowed(truth, corners)
     excess = [
-        float((np.linalg.norm(there - places, axis=-1) / allowed).max())
-        for places in (said, said[::-1])
+        float((np.linalg.norm(true_o - positions, axis=-1) / allowed).max())
+        for positions in (predicted_o, predicted_o[::-1])
     ]
     return float("nan") if np.isnan(excess).any() else min(excess)
 
 
-def _places(joint: PredictedJoint, lower: float, upper: float, corners: Array) -> Array:
-    """Where the corners (8, 3) are at the lower end, in the middle, at the upper end (3, 8, 3)."""
+def _positions(joint: PredictedJoint, lower: float, upper: float, corners: Array) -> Array:
+    """Move the corners (8, 3) to the lower limit, the middle and the upper limit (3, 8, 3)."""
     q = np.array([lower, 0.5 * (lower + upper), upper])
     return apply(joint.T_o(q)[:, None], corners)
 
 
 def _allowed(truth: PredictedJoint, corners: Array) -> Array:
-    """How far each corner (8,) may be off."""
+    """Return the threshold of each corner (8,) [units]."""
     assert truth.lower is not None
     assert truth.upper is not None
     span = abs(truth.upper - truth.lower)
@@ -246,21 +248,21 @@ def _allowed(truth: PredictedJoint, corners: Array) -> Array:
     arm = corners - np.asarray(truth.pivot_o, dtype=np.float64)
     lever = np.linalg.norm(np.cross(arm, axis), axis=-1)
     if truth.kind == "prismatic":
-        lever, way = np.zeros(len(corners)), span
+        lever, travel = np.zeros(len(corners)), span
     else:
-        way = 2.0 * float(lever.max()) * np.sin(0.5 * min(span, np.pi))
-    least = np.minimum(MOTION_LENGTH + MOTION_ANGLE_RAD * lever, MOTION_SHARE * way)
+        travel = 2.0 * float(lever.max()) * np.sin(0.5 * min(span, np.pi))
+    least = np.minimum(MOTION_LENGTH + MOTION_ANGLE_RAD * lever, MOTION_SHARE * travel)
     return np.asarray(np.maximum(least, 1e-9))
 
 
 def _origins(truth: PredictedJoint, predicted: PredictedJoint) -> tuple[Array, Array, Array]:
-    """From the predicted origin to the true one, and both unit axes."""
+    """Return the vector from the predicted to the true origin, and both unit axes."""
     p = np.asarray(truth.pivot_o, np.float64) - np.asarray(predicted.pivot_o, np.float64)
     return p, normalised(truth.axis_o), normalised(predicted.axis_o)
 
 
 def ordered(joint: PredictedJoint) -> PredictedJoint:
-    """The joint with its lower limit below its upper one, as predictions may have them swapped."""
+    """Return the joint with its limits in order; predictions may have them swapped."""
     if joint.lower is None or joint.upper is None or joint.lower <= joint.upper:
         return joint
     return replace(joint, lower=joint.upper, upper=joint.lower)

@@ -1,4 +1,4 @@
-"""What makes evidence worse: a camera that stands elsewhere than told, noise, light, texture."""
+"""Perturbations of evidence: a wrong camera, noise, changing light and textures."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
 from articulate.transforms import apply, axis_angle_to_matrix, normalised, pose
 
-OFF_RAD = float(np.radians(5.0))
-"""How far the camera told is turned about the object's middle."""
-OFF_SHARE = 0.05
-"""How much nearer or farther it is told to stand."""
+CAMERA_ANGLE_RAD = float(np.radians(5.0))
+"""Rotation of the camera about the object's centre."""
+DISTANCE_SHARE = 0.05
+"""Change of the camera's distance, as a share of it."""
 NOISE = 4.0
-"""Standard deviation of the noise of each pixel and colour, of 255."""
+"""Standard deviation of the noise of each pixel and colour channel, of 255."""
 LIGHT_SHARE = 0.08
-"""How much brighter or darker a frame may be."""
+"""Largest change of a frame's brightness, as a share of it."""
 TEXELS = 64
-MOTTLE = (0.65, 1.0)
-"""Lowest and highest factor of a texture on what it covers."""
+TEXTURE_RANGE = (0.65, 1.0)
+"""Lowest and highest factor of a texture on the colour of a face."""
 REPEATS = 1.5
-"""How often a texture is repeated along one unit of length."""
+"""Repeats of a texture along one unit of length."""
 
 
 def camera_off(camera: Camera, subject: TrueObject, rng: np.random.Generator) -> Camera:
-    """A camera as somebody would tell it wrongly.
+    """Return a wrong camera.
 
-    It is carried round the object's middle by :data:`OFF_RAD` about an axis drawn at random, and
-    stands nearer or farther by :data:`OFF_SHARE`.
+    It is rotated about the object's centre by :data:`CAMERA_ANGLE_RAD` about a random axis, and its
+    distance is changed by :data:`DISTANCE_SHARE`.
     """
-    middle = joint_bounds(subject.parts).mean(axis=0)
+    centre = joint_bounds(subject.parts).mean(axis=0)
     axis = normalised(rng.normal(size=3))
-    turn = axis_angle_to_matrix(axis, OFF_RAD)
-    T = pose(middle - turn @ middle, turn) @ camera.T_wc
-    share = OFF_SHARE if rng.random() < 0.5 else -OFF_SHARE
-    T[:3, 3] += share * (apply(T, np.zeros(3)) - middle)
+    turn = axis_angle_to_matrix(axis, CAMERA_ANGLE_RAD)
+    T = pose(centre - turn @ centre, turn) @ camera.T_wc
+    share = DISTANCE_SHARE if rng.random() < 0.5 else -DISTANCE_SHARE
+    T[:3, 3] += share * (apply(T, np.zeros(3)) - centre)
     return camera.at(T)
 
 
 def noisy_frames(frames: Pixels, rng: np.random.Generator) -> Pixels:
-    """The frames (T, H, W, 3) with noise, each in light of its own."""
+    """Add noise to frames (T, H, W, 3), and change the brightness of each."""
     out = np.empty_like(frames)
     for i, frame in enumerate(frames):
         light = 1.0 + LIGHT_SHARE * rng.uniform(-1.0, 1.0)
@@ -53,8 +53,8 @@ def noisy_frames(frames: Pixels, rng: np.random.Generator) -> Pixels:
 
 
 def textured(part: PartMesh, rng: np.random.Generator) -> PartMesh:
-    """The part with a mottled texture on every face, laid on along the axis it faces most."""
-    coarse = rng.uniform(*MOTTLE, (TEXELS // 4, TEXELS // 4))
+    """Return the part with a random texture on every face, projected along its main axis."""
+    coarse = rng.uniform(*TEXTURE_RANGE, (TEXELS // 4, TEXELS // 4))
     fine = np.kron(coarse, np.ones((4, 4))) * rng.uniform(0.85, 1.0, (TEXELS, TEXELS))
     texture = np.rint(255.0 * fine[..., None].repeat(3, axis=-1)).astype(np.uint8)
     corners = part.vertices[part.faces]

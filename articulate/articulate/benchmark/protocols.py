@@ -1,4 +1,4 @@
-"""The three protocols: from errors to what failed first."""
+"""The three protocols: from errors to the first failure."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ ANGLE_RAD = 0.25
 LENGTH = 0.05
 """The publication's thresholds: 0.25 rad, and 50 mm, which are 0.05 units of PartNet-Mobility."""
 DIRECTION = 1.0 - float(np.cos(ANGLE_RAD))
-"""Directions of motion may differ by the same angle."""
+"""Largest difference of motion directions, 1 - cosine of the same angle."""
 RELEASED_RANGE_RAD = 1.6057
-"""Threshold of the range in the released code: 92 degrees."""
+"""Threshold of the range in the released code [rad]: 92 degrees."""
 RELEASED_DIRECTION = 1.0
 RELEASED_SCORE: dict[Failure, int] = {
     "success": 10,
@@ -29,38 +29,38 @@ RELEASED_SCORE: dict[Failure, int] = {
     "joint_origin": 2,
     "joint_limit": 3,
 }
-"""What the released code ranks attempts by, with the truth at hand."""
+"""Rank of attempts in the released code, which compares them with the truth."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scored:
-    """A predicted joint against the true one."""
+class JointScore:
+    """Errors and failures of a predicted joint."""
 
     errors: JointErrors | None
-    """None where nothing was predicted for the part."""
+    """None if no joint was predicted for the part."""
     failures: dict[Protocol, Failure]
-    """What failed first, by protocol."""
+    """First failure by protocol."""
     literal_origin: Failure
-    """Protocol ``paper`` with the published origin error of slides read literally."""
+    """First failure in ``paper`` with the published origin error applied to slides as well."""
 
 
-def score(truth: PredictedJoint, predicted: PredictedJoint | None, box_o: Array) -> Scored:
-    """What each protocol says.
+def score(truth: PredictedJoint, predicted: PredictedJoint | None, box_o: Array) -> JointScore:
+    """Score a predicted joint by each protocol.
 
     Args:
         truth: The true joint.
-        predicted: What was said of its part; None or ``fixed`` if it should not move.
+        predicted: The predicted joint of its part; None or ``fixed`` without motion.
         box_o: Lowest and highest corner of the part (2, 3), in ``o`` at zero.
     """
     if predicted is None or predicted.kind == "fixed":
-        return Scored(
+        return JointScore(
             errors=None,
             failures=dict.fromkeys(PROTOCOLS, "joint_type"),
             literal_origin="joint_type",
         )
     truth = ordered(truth)
     errors = joint_errors(truth, ordered(predicted), box_o)
-    return Scored(
+    return JointScore(
         errors=errors,
         failures={
             "paper": paper_failure(errors, slides=truth.kind == "prismatic"),
@@ -72,12 +72,12 @@ def score(truth: PredictedJoint, predicted: PredictedJoint | None, box_o: Array)
 
 
 def paper_failure(errors: JointErrors, *, slides: bool, literal_origin: bool = False) -> Failure:
-    """What fails first by the publication's words; what is undefined fails.
+    """Return the first failure by the publication's text; undefined errors fail.
 
     Args:
         errors: Errors of the joint.
         slides: The true joint is a slide: its range is a length, and it has no origin.
-        literal_origin: Judge the origin of slides all the same.
+        literal_origin: Also check the origin of slides.
     """
     if not errors.kind_equal:
         return "joint_type"
@@ -94,13 +94,13 @@ def paper_failure(errors: JointErrors, *, slides: bool, literal_origin: bool = F
 
 
 def released_failure(errors: JointErrors, *, slides: bool, frame_angle_rad: float = 0.0) -> Failure:
-    """What fails first in the released code, where NaN passes and slides are excused.
+    """Return the first failure in the released code, in which NaN and some slides pass.
 
     Args:
         errors: Errors of the joint.
         slides: The true joint is a slide.
-        frame_angle_rad: Angle between the frames of the two joints. Predictions here have no
-            frame but ``o``, which is the truth's.
+        frame_angle_rad: Angle between the frames of the two joints; predictions here are in the
+            frame ``o`` of the truth.
     """
     if not errors.kind_same_word:
         return "joint_type"
@@ -114,7 +114,7 @@ def released_failure(errors: JointErrors, *, slides: bool, frame_angle_rad: floa
 
 
 def strict_failure(errors: JointErrors) -> Failure:
-    """What fails first when the part must move as it does in truth; NaN fails."""
+    """Return the first failure if the part must move as in truth; NaN fails."""
     if not errors.kind_strict:
         return "joint_type"
     if not errors.axis_rad <= ANGLE_RAD:
@@ -127,18 +127,18 @@ def strict_failure(errors: JointErrors) -> Failure:
 
 
 def counts_in_released(truth: PredictedJoint) -> bool:
-    """Whether the released code scores the joint at all: continuous ones are left out."""
+    """Return whether the released code scores the joint; it omits continuous ones."""
     return truth.kind in {"revolute", "prismatic"}
 
 
-def best_by_truth(scored: Sequence[Scored]) -> int:
-    """Index of the attempt that the released code would keep: best by the truth, then latest."""
+def best_by_truth(scored: Sequence[JointScore]) -> int:
+    """Return the attempt that the released code keeps: the last of the best by the truth."""
     ranks = [RELEASED_SCORE[s.failures["released_code"]] for s in scored]
     best = max(ranks)
     return max(i for i, rank in enumerate(ranks) if rank == best)
 
 
 def best_by_critic(ratings: Sequence[float | None]) -> int:
-    """Index of the attempt with the highest rating, the earlier of equals; the last unrated one."""
+    """Return the first attempt with the highest rating; the last one without ratings."""
     rated = [(r, -i) for i, r in enumerate(ratings) if r is not None and np.isfinite(r)]
     return -max(rated)[1] if rated else len(ratings) - 1

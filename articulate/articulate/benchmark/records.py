@@ -1,4 +1,4 @@
-"""Records: what is kept of an object, as plain JSON values."""
+"""Records of objects as plain JSON values."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from articulate.benchmark.known_joint import KnownJoint
 Record = dict[str, Any]
 
 
-def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reason: str) -> Record:
-    """The record of an object of which nothing was said: every joint of it is wrong."""
+def crashed_object(
+    object_id: str, category: str, known: Sequence[KnownJoint], reason: str
+) -> Record:
+    """Return the record of an object without predictions: every joint of it is wrong."""
     joints: list[Record] = [
         {
             "joint": k.link,
@@ -30,9 +32,9 @@ def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reas
         "case": "all",
         "seconds": None,
         "calls": 0,
-        "refusal": reason,
-        "unasked": True,
-        "spurious": 0,
+        "rejection": reason,
+        "no_answer": True,
+        "false_positives": 0,
         "moved_px": None,
         "placement": None,
         "joints": joints,
@@ -47,15 +49,15 @@ def lost_object(object_id: str, category: str, known: Sequence[KnownJoint], reas
 
 
 def is_final(record: Record) -> bool:
-    """Whether the record says how the actor fares; else the object is worth another try.
+    """Return whether a record is a result of the actor; others are computed again.
 
-    What an error cost, a time limit or a busy server, may come out otherwise the next time.
+    An error, a time limit or a busy server may have another outcome the next time.
     """
-    return not record["error"] and not any(case.get("unasked") for case in record["cases"])
+    return not record["error"] and not any(case.get("no_answer") for case in record["cases"])
 
 
 def plain(value: Any) -> Any:
-    """``value`` for JSON: what is not finite becomes None, tuples become lists."""
+    """Convert a value for JSON: numbers that are not finite become None, tuples lists."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,15 +1,23 @@
-"""The report of a run: one page that opens anywhere."""
+"""Report of a run as one HTML page."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from articulate.benchmark.protocols import ANGLE_RAD, LENGTH, PROTOCOLS
 from articulate.benchmark.records import Record
-from articulate.benchmark.summary import SEEN_PX, VISIBLE_PX, Item, items_of
-from articulate.page import Bars, Chart, Line, Page, Tile, Violins
-from articulate.page.numbers import shown
+from articulate.benchmark.summary import (
+    MIN_MOTION_PX,
+    VISIBLE_PX,
+    WORST_AXIS_RAD,
+    ScoredJoint,
+    scored_joints,
+)
+from articulate.page import Bars, Chart, ChartLine, Page, Tile
+from articulate.page.text import format_number
 
 Cell = str | int | float | bool | None
 
@@ -17,19 +25,19 @@ PUBLISHED = {
     "Articulate-Anything (its paper)": (0.021, 0.141, 0.200),
     "URDF-Anything (its paper)": (0.008, 0.132, 0.164),
 }
-"""Mean errors of type, axis [rad] and origin as published, for the row beside ours."""
-MOST_FAILED = 500
-"""Failed joints that are listed one by one."""
+"""Published mean errors of type, axis [rad] and origin, for comparison."""
+MAX_FAILED = 500
+"""Most failed joints that are listed."""
 ROWS = {
-    "seen": f"part moves by {SEEN_PX:g} px or more",
-    "hardly_seen": "part moves by less",
-    "compound": "slides and turns at once",
+    "visible": f"part moves by {MIN_MOTION_PX:g} px or more",
+    "low_visibility": "part moves by less",
+    "compound": "part slides and turns",
 }
 WORDS = {
     "paper": "paper",
     "released_code": "released code",
     "strict": "strict",
-    "links": "links not in place",
+    "links": "placement",
     "joint_type": "type",
     "joint_axis": "axis",
     "joint_origin": "origin",
@@ -52,8 +60,8 @@ def write_report(
         records: Records of the objects.
         path: HTML file.
         command: Command that made the run.
-        versions: Versions for the foot.
-        others: Results of other runs by name, for a table of what each setting buys.
+        versions: Versions for the footer.
+        others: Results of other runs by name, for comparison.
     """
     config = results["config"]
     page = Page(
@@ -64,7 +72,7 @@ def write_report(
     _tiles(page, results)
     _scores(page, results)
     _failures(page, results)
-    _errors(page, results, items_of(records))
+    _errors(page, results, scored_joints(records))
     _placement(page, results)
     _groups(page, results)
     _loop(page, results)
@@ -81,23 +89,21 @@ def _tiles(page: Page, results: Record) -> None:
         for p in PROTOCOLS
     ]
     tiles.append(
-        Tile(
-            value=results["cost"]["seconds_per_question"]["median"], label="s per question, median"
-        )
+        Tile(value=results["cost"]["seconds_per_case"]["median"], label="s per case, median")
     )
-    lost = len(results["lost"])
-    tiles.append(Tile(value=lost, label="objects lost", tone="bad" if lost else "plain"))
+    crashed = len(results["crashed"])
+    tiles.append(Tile(value=crashed, label="crashed objects", tone="bad" if crashed else "plain"))
     page.tiles(*tiles)
 
 
 def _scores(page: Page, results: Record) -> None:
     page.section(
         "Success",
-        "A joint is right where type, axis, origin and limits are; the share where type, axis and "
-        "origin are right stands beside it. Intervals are Wilson's at 95 %. `paper` takes the "
-        "publication's words and thresholds (0.25 rad, 0.05 units), `released_code` does what its "
-        "code does, flaws and choice of attempt by the truth included, `strict` asks that the part "
-        "moves as it does in truth. docs/benchmark.md says where they differ.",
+        "A joint is correct if type, axis, origin and limits are; a further column ignores the "
+        "limits. Intervals are Wilson's at 95 %. `paper` uses the text and thresholds of the "
+        "publication (0.25 rad, 0.05 units). `released_code` reproduces its code, with its errors "
+        "and its selection of attempts by the truth. `strict` requires that the part moves as in "
+        "truth. docs/benchmark.md describes the differences.",
     )
     rows: list[list[Cell]] = []
     for name, text in _rows(results).items():
@@ -107,17 +113,17 @@ def _scores(page: Page, results: Record) -> None:
     )
     literal = results["protocols"]["paper_literal_origin"]["joint_success"]
     page.text(
-        f"With the published origin error read literally for slides too, `paper` is "
-        f"{_percent(literal)}. Joints invented on fixed parts: {results['spurious']}; each counts "
-        "as a failure in `strict`."
+        f"With the published origin error applied to slides as well, `paper` is "
+        f"{_percent(literal)}. Joints predicted for fixed parts: {results['false_positives']}; "
+        "each counts as a failure in `strict`."
     )
 
 
 def _rows(results: Record) -> dict[str, str]:
-    """Rows of the table of success; without clips nothing moves in a picture."""
+    """Return the rows of the table of success; visibility is known for videos only."""
     if results["config"]["modality"] == "video":
         return ROWS
-    return {"seen": "all that only slide or turn", "compound": ROWS["compound"]}
+    return {"visible": "part slides or turns", "compound": ROWS["compound"]}
 
 
 def _score_cells(rows: Record, protocol: str) -> list[Cell]:
@@ -138,7 +144,7 @@ def _failures(page: Page, results: Record) -> None:
         found = results["protocols"][protocol]["failures"]
         charts.append(
             Chart(
-                title=f"What failed first, {WORDS[protocol]}",
+                title=f"First failures, {WORDS[protocol]}",
                 marks=Bars(
                     labels=[WORDS[name] for name in found],
                     values=[float(v) for v in found.values()],
@@ -146,15 +152,15 @@ def _failures(page: Page, results: Record) -> None:
                 x_label="joints",
             )
         )
-    page.section("Failures", "In the published order: the first thing that is wrong counts.")
+    page.section("Failures", "The first failure of each joint, in the published order.")
     page.charts(*charts)
 
 
-def _errors(page: Page, results: Record, items: Sequence[Item]) -> None:
+def _errors(page: Page, results: Record, items: Sequence[ScoredJoint]) -> None:
     means = results["errors"]
     page.section(
         "Errors",
-        "Means with a bootstrap over objects. What was not said counts as the worst case: a wrong "
+        "Means with a bootstrap over objects. Missing joints count as the worst case: a wrong "
         "type, a right angle, a diagonal of the object.",
     )
     rows: list[list[Cell]] = [
@@ -178,40 +184,35 @@ def _errors(page: Page, results: Record, items: Sequence[Item]) -> None:
         ["means, all classes", "type", "axis rad", "origin"],
         [[f"this run ({results['dataset']})", *ours], *published],
     )
-    page.charts(*_violins([item for item in items if item.row == "seen"]))
+    page.charts(*_distributions([item for item in items if item.row == "visible"]))
 
 
-def _violins(items: Sequence[Item]) -> list[Violins]:
+def _distributions(items: Sequence[ScoredJoint]) -> list[Chart]:
+    """Return charts of the cumulative distribution of each error by joint type."""
     kinds = ("prismatic", "revolute", "continuous")
 
-    def of(kind: str, name: str) -> list[float]:
-        said = [i.errors[name] for i in items if i.kind == kind and i.errors]
-        return [float(value) for value in said if value is not None]
+    def line(kind: str, name: str, most: float) -> ChartLine:
+        errors = [i.errors[name] for i in items if i.kind == kind and i.errors]
+        x = np.sort([float(e) for e in errors if e is not None and np.isfinite(e)])
+        share = np.arange(1, len(x) + 1) / max(len(x), 1)
+        inside = x <= most
+        return ChartLine(name=f"{kind} (n {len(x)})", x=x[inside], y=share[inside])
 
     return [
-        Violins(
-            title="Axis error",
-            groups=[(kind, of(kind, "axis_rad")) for kind in kinds],
-            y_label="rad",
-            goal=ANGLE_RAD,
-            caption="of the joints that were said; dashed: the threshold",
-        ),
-        Violins(
-            title="Origin error near the part",
-            groups=[(kind, of(kind, "origin_foot")) for kind in kinds[1:]],
-            y_label="units",
-            y_range=(0.0, 0.5),
-            goal=LENGTH,
-            caption="values above 0.5 are drawn there",
-        ),
-        Violins(
-            title="Motion error over what is allowed",
-            groups=[(kind, of(kind, "motion")) for kind in kinds[:2]],
-            y_label="1 = the limit of strict",
-            y_range=(0.0, 4.0),
-            goal=1.0,
-            caption="values above 4 are drawn there",
-        ),
+        Chart(
+            title=title,
+            marks=[line(kind, name, most) for kind in selected],
+            x_label=x_label,
+            y_label="share of predicted joints",
+            x_range=(0.0, most),
+            y_range=(0.0, 1.0),
+            caption=f"threshold {goal:g}",
+        )
+        for title, name, selected, x_label, most, goal in (
+            ("Axis error", "axis_rad", kinds, "rad", WORST_AXIS_RAD, ANGLE_RAD),
+            ("Origin error near the part", "origin_foot", kinds[1:], "units", 0.5, LENGTH),
+            ("Motion error over its threshold", "motion", kinds[:2], "ratio", 4.0, 1.0),
+        )
     ]
 
 
@@ -221,19 +222,19 @@ def _placement(page: Page, results: Record) -> None:
         return
     page.section(
         "Link placement",
-        "Each part was handed over with the middle of its box at the origin. In `strict` a link is "
-        "right within 0.05 units and 0.25 rad, an object if all its links are.",
+        "Each part was given with the centre of its box at the origin. In `strict` a link is "
+        "correct within 0.05 units and 0.25 rad, an object if all its links are.",
     )
     names = {
         "links_visible": f"links with {VISIBLE_PX:g} visible pixels or more, strict",
-        "links_hardly_visible": "links with fewer, strict",
+        "links_low_visibility": "links with fewer, strict",
         "links_all": "all links, strict",
     }
     rows: list[list[Cell]] = [
         [f"objects, {WORDS[p]}", *_share_cells(placement["objects"][p])] for p in PROTOCOLS
     ]
     rows += [[text, *_share_cells(placement[name])] for name, text in names.items()]
-    page.table(["what", "n", "right %", "95 %"], rows)
+    page.table(["placement", "n", "correct %", "95 %"], rows)
 
 
 def _share_cells(share: Record) -> list[Cell]:
@@ -243,8 +244,8 @@ def _share_cells(share: Record) -> list[Cell]:
 def _groups(page: Page, results: Record) -> None:
     page.section(
         "Groups",
-        "In distribution are the five categories on which the publication's rivals were trained: "
-        "StorageFurniture, Laptop, Box, Table, Refrigerator.",
+        "In distribution are the five categories in the training data of the publication's "
+        "baselines: StorageFurniture, Laptop, Box, Table, Refrigerator.",
     )
     rows: list[list[Cell]] = []
     for name, found in [*results["groups"].items(), *results["categories"].items()]:
@@ -258,24 +259,26 @@ def _groups(page: Page, results: Record) -> None:
     header = ["group", "n"]
     for protocol in PROTOCOLS:
         header += [f"{WORDS[protocol]} %", "95 %"]
-    page.table([*header, "paper, limits apart %"], rows)
+    page.table([*header, "paper, without limits %"], rows)
 
 
 def _loop(page: Page, results: Record) -> None:
-    turns = results["iterations"]
-    if len(turns) > 1:
-        page.section("The loop", "Success after each turn; who had stopped keeps what it had.")
-        x = [turn["iteration"] for turn in turns]
+    steps = results["iterations"]
+    if len(steps) > 1:
+        page.section(
+            "Iterations", "Success after each iteration; stopped objects keep their result."
+        )
+        x = [step["iteration"] for step in steps]
         page.charts(
             Chart(
                 title="Success by iteration",
                 marks=[
-                    Line(
+                    ChartLine(
                         name=WORDS[p],
                         x=x,
-                        y=[turn[p]["share"] for turn in turns],
-                        low=[turn[p]["low"] for turn in turns],
-                        high=[turn[p]["high"] for turn in turns],
+                        y=[step[p]["share"] for step in steps],
+                        low=[step[p]["low"] for step in steps],
+                        high=[step[p]["high"] for step in steps],
                     )
                     for p in ("paper", "strict")
                 ],
@@ -293,12 +296,12 @@ def _loop(page: Page, results: Record) -> None:
         page.table(
             ["truth \\ critic", *order],
             [[name, *row] for name, row in zip(order, matrix, strict=True)],
-            caption="Number of joints. The column success below its first row was praised wrongly.",
+            caption="Number of joints. In the column success only the first row is correct.",
         )
 
 
 def _compared(page: Page, results: Record, others: Mapping[str, Record]) -> None:
-    """This run beside others, and beside its own first attempts."""
+    """Add a table of this run, other runs and first attempts."""
     rows = [_run_row(name, run) for name, run in {"this run": results, **others}.items()]
     for name, run in {"this run": results, **others}.items():
         if len(run["iterations"]) > 1:
@@ -308,9 +311,9 @@ def _compared(page: Page, results: Record, others: Mapping[str, Record]) -> None
             rows.append([*row[:4], first["paper"]["n"], *shares, *([None] * 5)])
     if len(rows) == 1:
         return
-    page.section("Beside other runs", "Success at first attempts is that without any critic.")
+    page.section("Comparison of runs", "Success at first attempts is that without a critic.")
     header = ["run", "actor", "modality", "condition", "n", "paper %", "strict %"]
-    header += ["paper, limits apart %", "type", "axis rad", "origin", "s per question"]
+    header += ["paper, without limits %", "type", "axis rad", "origin", "s per case"]
     page.table(header, rows)
 
 
@@ -326,7 +329,7 @@ def _run_row(name: str, run: Record) -> list[Cell]:
         _hundred(found["strict"]["joint_success"]),
         _hundred(found["paper"]["type_axis_origin"]),
         *(means[kind]["mean"] for kind in ("type", "axis_rad", "origin")),
-        run["cost"]["seconds_per_question"]["median"],
+        run["cost"]["seconds_per_case"]["median"],
     ]
 
 
@@ -338,11 +341,11 @@ def _cost(page: Page, results: Record) -> None:
         if isinstance(spread, dict)
     ]
     page.table(["", "median", "90 %", "largest"], rows)
-    if results["lost"]:
-        page.section("Objects lost", "Their process failed; all their joints count as wrong.")
+    if results["crashed"]:
+        page.section("Crashed objects", "Their process failed; all their joints count as failed.")
         page.table(
-            ["object", "category", "why"],
-            [[row["object"], row["category"], row["why"]] for row in results["lost"]],
+            ["object", "category", "reason"],
+            [[row["object"], row["category"], row["reason"]] for row in results["crashed"]],
         )
 
 
@@ -358,20 +361,20 @@ def _failed(page: Page, records: Sequence[Record]) -> None:
                         f"{record['object']} {joint['joint']}",
                         record["category"],
                         joint["kind"],
-                        *(WORDS.get(joint["failures"][p], "right") for p in ("paper", "strict")),
-                        shown(case["moved_px"]),
-                        case["refusal"][:120],
+                        *(WORDS.get(joint["failures"][p], "correct") for p in ("paper", "strict")),
+                        format_number(case["moved_px"]),
+                        case["rejection"][:120],
                     ]
                 )
     if rows:
         page.section(
-            "What failed, one by one",
-            f"The first {min(MOST_FAILED, len(rows))} of {len(rows)}; all are in the folder "
+            "Failed joints",
+            f"The first {min(MAX_FAILED, len(rows))} of {len(rows)}; all are in the folder "
             "`objects` beside this page.",
         )
         page.table(
-            ["joint", "category", "kind", "paper", "strict", "moved px", "refusal"],
-            rows[:MOST_FAILED],
+            ["joint", "category", "kind", "paper", "strict", "moved px", "rejection"],
+            rows[:MAX_FAILED],
         )
 
 
@@ -388,4 +391,4 @@ def _interval(ends: Sequence[float | None], factor: float = 100.0) -> str:
     if low is None or high is None:
         return "–"
     digits = 1 if factor > 1.0 else 3
-    return f"{shown(round(factor * low, digits))} to {shown(round(factor * high, digits))}"
+    return " to ".join(format_number(round(factor * end, digits)) for end in (low, high))

@@ -1,4 +1,4 @@
-"""One object: its questions put to an actor, and the answers scored, as plain JSON values."""
+"""Run an actor on the cases of one object and score its predictions, as plain JSON values."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from articulate.benchmark.placement import (
     released_placement,
 )
 from articulate.benchmark.protocols import (
+    JointScore,
     Protocol,
-    Scored,
     best_by_critic,
     best_by_truth,
     counts_in_released,
@@ -34,71 +34,71 @@ from articulate.transforms import Array, matrix_to_quat
 
 
 def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Record:
-    """What the actor says of every question about the object, scored."""
+    """Run and score all cases of an object."""
     cases = [run_case(subject, case, actor) for case in cases_of(subject, config)]
     return {
         "object": subject.object_id,
         "category": subject.category,
         "error": "",
-        "diagonal": float(np.linalg.norm(np.ptp(subject.boxed(p.name for p in subject.parts), 0))),
+        "diagonal": float(np.linalg.norm(np.ptp(subject.box_of(p.name for p in subject.parts), 0))),
         "cases": cases,
     }
 
 
 def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
-    """One question and its answer."""
+    """Run and score one case."""
     start = time.perf_counter()
-    unasked = False
+    no_answer = False
     try:
         prediction = actor.predict(case.evidence)
         rejection = prediction.rejection
-    except MissingError:  # what this machine lacks is no fault of the actor
+    except MissingError:  # a package or key that this machine lacks
         raise
-    except (UsageError, OSError) as error:  # a busy server, a file: another time it may answer
-        prediction, rejection, unasked = Prediction(joints=()), str(error), True
-    except Exception as error:  # noqa: BLE001  an actor's bug costs it this question, not the run
+    except (UsageError, OSError) as error:  # a busy server or a file; it may succeed next time
+        prediction, rejection, no_answer = Prediction(joints=()), str(error), True
+    except Exception as error:  # noqa: BLE001  a bug of an actor fails this case, not the run
         prediction, rejection = Prediction(joints=()), f"{type(error).__name__}: {error}"
     seconds = time.perf_counter() - start
     placement = _placement(subject, case, prediction)
     shift = np.zeros(3) if placement is None else placement.shift
-    names = case.names if placement is None else _exchanged(subject, case.names, placement)
-    kept = _in_true_names(prediction.joints, names, shift)
+    names = case.names if placement is None else _matched_names(subject, case.names, placement)
+    final = _in_true_names(prediction.joints, names, shift)
     attempts = [
         _in_true_names(attempt.joints, names, shift) for attempt in prediction.attempts
-    ] or [kept]
+    ] or [final]
     ratings = [None if a.verdict is None else a.verdict.rating for a in prediction.attempts]
     joints = [
-        _joint_record(subject, joint, kept, attempts, ratings or [prediction.rating])
+        _joint_record(subject, joint, final, attempts, ratings or [prediction.rating])
         for joint in case.joints
     ]
     return {
         "case": case.name,
         "seconds": seconds,
         "calls": prediction.calls,
-        "refusal": rejection,
-        "unasked": unasked,
-        "spurious": len(_on_fixed_parts(subject, kept)),
+        "rejection": rejection,
+        "no_answer": no_answer,
+        "false_positives": len(_on_fixed_parts(subject, final)),
         "moved_px": case.moved_px,
         "rating": plain(prediction.rating),
         "critic": None if prediction.verdict is None else prediction.verdict.failure,
         "placement": None if placement is None else _placement_record(subject, case, placement),
         "joints": joints,
-        "fixed": [[joint.part, joint.parent] for joint in kept if joint.kind == "fixed"],
+        "fixed": [[joint.part, joint.parent] for joint in final if joint.kind == "fixed"],
     }
 
 
 def _joint_record(
     subject: TrueObject,
     truth: TrueJoint,
-    kept: Sequence[PredictedJoint],
+    joints: Sequence[PredictedJoint],
     attempts: Sequence[Sequence[PredictedJoint]],
     ratings: Sequence[float | None],
 ) -> Record:
-    box = subject.boxed(truth.rigid)
-    found = said_of(truth, kept)
+    box = subject.box_of(truth.rigid)
+    found = predicted_for(truth, joints)
     final = score(truth.joint, found, box)
-    tries = [score(truth.joint, said_of(truth, attempt), box) for attempt in attempts]
-    by_truth = tries[best_by_truth(tries)]
+    scores = [score(truth.joint, predicted_for(truth, attempt), box) for attempt in attempts]
+    by_truth = scores[best_by_truth(scores)]
     failures: dict[Protocol, Failure] = {**final.failures}
     failures["released_code"] = by_truth.failures["released_code"]
     return {
@@ -112,28 +112,28 @@ def _joint_record(
         "endpoints": plain(dataclasses.asdict(endpoint_metrics(truth.joint, found, box))),
         "truth": plain(dataclasses.asdict(truth.joint)),
         "predicted": None if found is None else plain(dataclasses.asdict(found)),
-        "attempts": _iterations(tries, ratings),
+        "attempts": _iterations(scores, ratings),
     }
 
 
-def _iterations(tries: Sequence[Scored], ratings: Sequence[float | None]) -> list[Record]:
-    """What stands after each turn, the best so far by the actor's own critic."""
+def _iterations(scores: Sequence[JointScore], ratings: Sequence[float | None]) -> list[Record]:
+    """Record the best attempt so far after each iteration, by the actor's critic."""
     out = []
-    for k in range(len(tries)):
+    for k in range(len(scores)):
         best = best_by_critic(ratings[: k + 1])
-        failures = tries[best].failures
-        out.append({"rating": plain(ratings[k]), "kept": best, "failures": dict(failures)})
+        failures = scores[best].failures
+        out.append({"rating": plain(ratings[k]), "best": best, "failures": dict(failures)})
     return out
 
 
-def said_of(truth: TrueJoint, joints: Sequence[PredictedJoint]) -> PredictedJoint | None:
-    """What is said of the part, or else of a part that is fixed to it; None if nothing is."""
+def predicted_for(truth: TrueJoint, joints: Sequence[PredictedJoint]) -> PredictedJoint | None:
+    """Return the predicted joint of the part, or of a part fixed to it; None without one."""
     of_part = {joint.part: joint for joint in reversed(joints) if joint.kind != "fixed"}
     return next((of_part[name] for name in truth.rigid if name in of_part), None)
 
 
 def _on_fixed_parts(subject: TrueObject, joints: Sequence[PredictedJoint]) -> list[PredictedJoint]:
-    """Joints said of parts that nothing moves."""
+    """Return joints that are predicted for parts that do not move."""
     move = {name for joint in subject.joints for name in joint.moves} | subject.carried
     return [joint for joint in joints if joint.kind != "fixed" and joint.part not in move]
 
@@ -148,28 +148,30 @@ def _in_true_names(
     return out
 
 
-def _exchanged(
+def _matched_names(
     subject: TrueObject, names: Mapping[str, str], placement: PlacementErrors
 ) -> dict[str, str]:
-    """True name of each part, by its neutral one, as the parts were placed.
+    """Return the true name of each part by its neutral name, after matching of placed parts.
 
-    What is said of a part that stands for another is said of the other, whose place it has.
+    A joint of an interchangeable part counts for the part at whose position it was placed.
     """
     parts = subject.parts
-    stands_for = {parts[k].name: true.name for k, true in zip(placement.chosen, parts, strict=True)}
-    return {neutral: stands_for[true] for neutral, true in names.items()}
+    matched = {parts[k].name: true.name for k, true in zip(placement.match, parts, strict=True)}
+    return {neutral: matched[true] for neutral, true in names.items()}
 
 
 def _placement(subject: TrueObject, case: Case, prediction: Prediction) -> PlacementErrors | None:
     if case.evidence.placed:
         return None
-    seen = case.visible_px
+    pixels = case.visible_px
     return placement_errors(
         subject.parts,
         {p.name: plain_label(subject.labels[p.name]) for p in subject.parts},
         {case.names[k]: T for k, T in prediction.placements.items() if k in case.names},
         anchored=case.evidence.camera is not None,
-        visible_px=None if seen is None else np.array([float(seen[p.name]) for p in subject.parts]),
+        visible_px=None
+        if pixels is None
+        else np.array([float(pixels[p.name]) for p in subject.parts]),
     )
 
 
@@ -180,7 +182,7 @@ def _placement_record(subject: TrueObject, case: Case, errors: PlacementErrors) 
     truth = {k: (p.centre, upright) for k, p in zip(keys, subject.parts, strict=True)}
     placed = {
         k: (centre, quat)
-        for k, centre, quat in zip(keys, errors.said, errors.quat, strict=True)
+        for k, centre, quat in zip(keys, errors.predicted, errors.quat, strict=True)
         if np.isfinite(centre).all()
     }
     success: dict[Protocol, bool] = {**placement_success(errors)}

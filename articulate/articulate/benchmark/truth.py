@@ -1,4 +1,4 @@
-"""What is true of an object: its parts in one frame, and its joints."""
+"""True parts and joints of an object, in one frame."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from articulate.benchmark.known_joint import KnownJoint, Status
 from articulate.benchmark.metrics import ordered
 from articulate.errors import AssetError
-from articulate.formats.collada_up_axis import loader_of
 from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import unit_axis
+from articulate.formats.orient_collada import make_loader
 from articulate.formats.source_object import SourceJoint, SourceObject
 from articulate.reconstruct.actors.protocol import JointKind, PredictedJoint
 from articulate.reconstruct.link_meshes import (
@@ -25,54 +25,54 @@ from articulate.render.parts import PartMesh, joint_bounds
 from articulate.transforms import Array, apply, pose
 
 DIAGONAL = 2.0
-"""Objects measured in metres are scaled to this diagonal, PartNet-Mobility's, so that thresholds
-mean the same."""
+"""Diagonal of PartNet-Mobility's objects [units]; objects in metres are scaled to it, so that
+thresholds mean the same."""
 SCORED_KINDS = frozenset({"revolute", "continuous", "prismatic"})
 """Joints of a URDF that can be scored."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrueJoint:
-    """One joint that is known, in ``o``."""
+    """A known joint in ``o``."""
 
     joint: PredictedJoint
-    """Its geometry, in the words of a prediction; ``part`` and ``parent`` are true names."""
+    """Its geometry as a prediction; ``part`` and ``parent`` are true names."""
     status: Status
     moves: tuple[str, ...]
-    """Every part that goes along, the part itself first."""
+    """All parts that move along, the part itself first."""
     rigid: tuple[str, ...]
-    """Parts fixed to the part, itself first: a joint of any of them is this joint."""
+    """Parts fixed to the part, itself first; a joint of any of them counts as this joint."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrueObject:
-    """An object whose joints are known."""
+    """An object with known joints."""
 
     object_id: str
     category: str
     parts: tuple[PartMesh, ...]
-    """In ``o``, every joint at 0, by their true names."""
+    """Parts in ``o`` with every joint at 0, by their true names."""
     labels: Mapping[str, str]
-    """What each part is called, as the source has it."""
+    """Label of each part in the source."""
     joints: tuple[TrueJoint, ...]
     carried: frozenset[str] = frozenset()
-    """Parts that a joint moves which is not scored: one that follows another, a planar one, a
-    screw. To say that they move is no invention."""
+    """Parts that a joint without a score moves: a mimic, a planar joint, a screw. A joint predicted
+    for them is not a false positive."""
 
     def part(self, name: str) -> PartMesh:
-        """The part of this true name; KeyError if there is none."""
+        """Return the part with this true name; KeyError if there is none."""
         return next(p for p in self.parts if p.name == name)
 
-    def boxed(self, names: Iterable[str]) -> Array:
-        """Lowest and highest corner of some parts together (2, 3)."""
+    def box_of(self, names: Iterable[str]) -> Array:
+        """Return the box around several parts (2, 3)."""
         return joint_bounds([self.part(name) for name in names])
 
 
 def joints_in_urdf(source: SourceObject) -> tuple[KnownJoint, ...]:
-    """The movable joints that the URDF itself has.
+    """Return the movable joints of a URDF.
 
     Raises:
-        AssetError: A joint moves a link that is not there, or the links form no tree.
+        AssetError: A joint moves an unknown link, or the links form no tree.
     """
     poses = link_poses(source)
     known = []
@@ -81,7 +81,7 @@ def joints_in_urdf(source: SourceObject) -> tuple[KnownJoint, ...]:
             continue
         if joint.child not in poses:
             raise AssetError(
-                f"{joint.where}: joint {joint.name!r} moves {joint.child!r}, which is not declared;"
+                f"{joint.where}: joint {joint.name!r} moves {joint.child!r}, which does not exist;"
                 " add the <link> or leave the joint out"
             )
         T_sc = poses[joint.child]
@@ -116,25 +116,25 @@ def true_object(
     labels: Mapping[str, str],
     in_metres: bool,
 ) -> TrueObject:
-    """The object in the frame ``o``: turned so that its front is +x, standing on z = 0.
+    """Create the object in the frame ``o``: front at +x, bottom on z = 0.
 
     Args:
-        source: What its URDF says; the front is -x there, as in PartNet-Mobility.
+        source: Its URDF, with the front at -x as in PartNet-Mobility.
         known: Its true joints.
         object_id: Name in reports.
         category: Category in reports.
-        labels: What each link is called.
-        in_metres: It is scaled to the size that PartNet-Mobility's objects have.
+        labels: Label of each link.
+        in_metres: Scale it to the size of PartNet-Mobility's objects.
 
     Raises:
-        AssetError: Nothing is to be seen of it, or a joint moves nothing.
+        AssetError: It has no visible part, or a joint moves none.
     """
     poses = link_poses(source)
-    loader = loader_of(source, ConvertConfig())
+    loader = make_loader(source, ConvertConfig())
     pieces = {name: link_pieces(loader, source, name, poses[name]) for name in source.links}
     parts_s = [merge_pieces(name, found) for name, found in pieces.items() if found]
     if not parts_s:
-        raise AssetError(f"{source.path}: nothing of it is to be seen")
+        raise AssetError(f"{source.path}: has no visible geometry")
     scale, T_os = _front_pose(parts_s, in_metres=in_metres)
     parts = tuple(p.with_vertices(apply(T_os, scale * p.vertices)) for p in parts_s)
     seen = {part.name for part in parts}
@@ -151,13 +151,13 @@ def true_object(
 
 
 def _carried(joints: Sequence[SourceJoint], known: set[str]) -> frozenset[str]:
-    """All that a joint moves of which the truth says nothing."""
+    """Return the links that a joint outside of the truth moves."""
     movers = [j.child for j in joints if j.kind != "fixed" and j.child not in known]
     return frozenset(name for link in movers for name in _below(joints, link, set()))
 
 
 def _front_pose(parts: Sequence[PartMesh], *, in_metres: bool) -> tuple[float, Array]:
-    """Scale and rigid transform from the frame of the URDF's root to ``o``."""
+    """Return scale and rigid transform from the frame of the URDF's root to ``o``."""
     low, high = joint_bounds(parts)
     diagonal = float(np.linalg.norm(high - low))
     scale = DIAGONAL / diagonal if in_metres else 1.0
@@ -173,13 +173,13 @@ def _true_joint(
     T_os: Array,
 ) -> TrueJoint:
     moves = [name for name in _below(source.joints, known.link, set()) if name in seen]
-    # Projects froze joints of an object and hung a moving stand-in on the part: a plain joint that
-    # the truth leaves out does not take a part away from it. One that no truth can state does.
+    # Some projects fixed joints of an object and attached a moving substitute to the part: a plain
+    # joint that the truth omits does not separate a part. One that no truth can state does.
     apart = {j.child for j in source.joints if j.kind != "fixed" and not _can_be_scored(j)}
     stop = (movable | apart) - {known.link}
     rigid = [name for name in _below(source.joints, known.link, stop) if name in seen]
     if not rigid:
-        raise AssetError(f"{source.path}: nothing is to be seen of the moving link {known.link}")
+        raise AssetError(f"{source.path}: the moving link {known.link} has no visible geometry")
     parents = {joint.child: joint.parent for joint in source.joints}
     parent = parents.get(known.link)
     while parent is not None and parent not in seen:
@@ -196,14 +196,14 @@ def _true_joint(
         lower=None if known.lower is None else unit * known.lower,
         upper=None if known.upper is None else unit * known.upper,
     )
-    # Some URDFs have their limits swapped; what is said of a joint is put in order as well.
+    # Some URDFs have swapped limits; predictions are ordered as well.
     return TrueJoint(
         joint=ordered(joint), status=known.status, moves=tuple(moves), rigid=tuple(rigid)
     )
 
 
 def _below(joints: Sequence[SourceJoint], link: str, stop: set[str]) -> list[str]:
-    """``link`` and all below it, without what hangs on a link in ``stop``."""
+    """Return ``link`` and its descendants, without the subtrees of links in ``stop``."""
     found, stack = [], [link]
     while stack:
         name = stack.pop()
@@ -213,6 +213,6 @@ def _below(joints: Sequence[SourceJoint], link: str, stop: set[str]) -> list[str
 
 
 def renamed(joint: PredictedJoint, names: Mapping[str, str]) -> PredictedJoint:
-    """The joint with its parts called by other names; parts without one become None."""
+    """Return the joint with other names of its parts; a parent without one becomes None."""
     parent = None if joint.parent is None else names.get(joint.parent)
     return replace(joint, part=names.get(joint.part, joint.part), parent=parent)

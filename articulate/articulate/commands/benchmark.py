@@ -1,4 +1,4 @@
-"""``articulate benchmark``: score an actor on objects whose joints are known."""
+"""``articulate benchmark``: score an actor on objects with known joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
 from articulate.commands import console, version
-from articulate.commands.fields import POSITIONAL
+from articulate.commands.fields import ADVANCED, POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
@@ -21,18 +21,18 @@ from articulate.reconstruct.actors.modality import Modality
 
 LOST_EXIT = 3
 MOST_LIMIT_S = 1e6
-"""Longest time that may be given [s]."""
-SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 1
+"""Largest time limit [s]."""
+SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 2
 PROMPTS_FOLDER = "prompts"
 PROTOCOLS = ("paper", "released_code", "strict")
 COMPARED = ("config", "protocols", "errors", "iterations", "cost")
 SETTINGS = ("actor", "modality", "task", "condition")
-"""What the report shows of other runs, and of their settings."""
+"""Keys of other runs that the report reads, and those of their settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkFlags:
-    """Score an actor on objects whose joints are known.
+    """Score an actor on objects with known joints.
 
     Example: articulate benchmark assets.json --modality video --actor prior --out runs/prior
     """
@@ -41,46 +41,45 @@ class BenchmarkFlags:
     """An index such as assets.json, a folder of URDFs, or the library: procedural."""
     out: Path | None = None
     """Folder for results.json, report.html and one record for each object; by default
-    runs/benchmark-<modality>-<actor>-<time>. A run that lies there goes on."""
+    runs/benchmark-<modality>-<actor>-<time>. A run that exists there is continued."""
     actor: str = "prior"
     """Name of the actor, or module:Class."""
     modality: Modality = "video"
-    """What the actor is given."""
+    """Input of the actor."""
     task: Task = "joints"
-    """placement hands the parts over out of their places."""
-    condition: Condition = "plain"
-    """What makes pictures and camera worse."""
+    """Task; in placement the parts are displaced."""
+    condition: Annotated[Condition, ADVANCED] = "plain"
+    """Degradation of images and camera."""
     protocol: Literal["all", "paper", "released_code", "strict"] = "all"
-    """Protocol that is printed; the files hold all."""
-    data: Path | None = None
-    """Folder that the paths of an index start from; by default the index's own."""
+    """Printed protocol; the files hold all."""
+    data: Annotated[Path | None, ADVANCED] = None
+    """Root of the paths in an index; by default the folder of the index."""
     jobs: int = 1
-    """Objects that are run side by side; 0: one for each processor."""
+    """Number of objects in parallel; 0: one for each processor."""
     limit: float = 3600.0
     """Time after which an object is lost [s]."""
     only: tuple[str, ...] = ()
     """Ids or categories to run; all by default."""
     first: int | None = None
     """Run this number of objects at most, spread evenly over the data set."""
-    width_px: int = 640
-    """Width of pictures."""
-    height_px: int = 480
-    """Height of pictures."""
-    n_frames: int = 50
-    """Frames of a clip."""
+    width_px: Annotated[int, ADVANCED] = 640
+    """Width of images [px]."""
+    height_px: Annotated[int, ADVANCED] = 480
+    """Height of images [px]."""
+    n_frames: Annotated[int, ADVANCED] = 50
+    """Number of frames of a video."""
     seed: int = 0
-    """Seed of order, names, noise, and of the actor."""
+    """Random seed of order, names, noise and actor."""
     fresh: bool = False
-    """Run again what was run before."""
-    export: bool = False
-    """Write the questions as files into --out, and ask no actor."""
-    dry_run: bool = False
-    """Write what a model would be asked about the first question of each object into --out, and ask
-    nobody."""
+    """Run completed objects again."""
+    export: Annotated[bool, ADVANCED] = False
+    """Write the queries as files to --out, without running the actor."""
+    dry_run: Annotated[bool, ADVANCED] = False
+    """Write the prompts for the first query of each object to --out, without sending requests."""
     against: tuple[Path, ...] = ()
-    """Folders of other runs, which the report shows beside this one."""
+    """Folders of other runs to compare with in the report."""
     json: bool = False
-    """Print the results as JSON and nothing else on standard output."""
+    """Print only the results, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
         if self.jobs < 0:
@@ -98,13 +97,13 @@ class BenchmarkFlags:
 
     @property
     def folder(self) -> Path:
-        """Where results go."""
+        """Folder of the results."""
         actor = self.actor.replace(":", ".").replace("/", ".")
         name = f"benchmark-{self.modality}-{actor}-{time.strftime('%Y%m%d-%H%M%S')}"
         return self.out or Path("runs") / name
 
     def config(self) -> BenchmarkConfig:
-        """What decides the figures."""
+        """Return the settings that determine the results."""
         return BenchmarkConfig(
             actor=self.actor,
             modality=self.modality,
@@ -126,28 +125,28 @@ def main(argv: Sequence[str]) -> int:
     flags = dataclasses.replace(flags, out=flags.folder)
     if flags.export:
         exported = {"questions": _export(flags), "folder": str(flags.out)}
-        _emit(flags, exported, "{questions} questions and the key to them: {folder}")
+        _emit(flags, exported, "{questions} queries and their answers: {folder}")
         return 0
     if flags.dry_run:
         written = {"pages": _dry_run(flags), "folder": str(flags.folder / PROMPTS_FOLDER)}
-        _emit(flags, written, "{pages} pages, nothing sent: {folder}")
+        _emit(flags, written, "{pages} pages; dry run, no requests sent: {folder}")
         return 0
     named = any(word.partition("=")[0] == "--out" for word in argv)
     again = argv if named else [*argv, "--out", flags.folder]
     command = console.command_line(["articulate", "benchmark", *again])
-    console.hint_after_interrupt(f"go on with: {command}")
+    console.hint_after_interrupt(f"continue with: {command}")
     results = _run(flags, command)
-    console.emit_json(results) if flags.json else console.emit(_told(results, flags))
+    console.emit_json(results) if flags.json else console.emit(_text(results, flags))
     return LOST_EXIT if results["crashed"] else 0
 
 
-def _emit(flags: BenchmarkFlags, content: dict[str, Any], told: str) -> None:
-    """Print what was written, for a reader or as JSON."""
-    console.emit_json(content) if flags.json else console.emit(told.format(**content))
+def _emit(flags: BenchmarkFlags, content: dict[str, Any], text: str) -> None:
+    """Print ``content`` as text or as JSON."""
+    console.emit_json(content) if flags.json else console.emit(text.format(**content))
 
 
 def _export(flags: BenchmarkFlags) -> int:
-    """Write the questions and return how many there are."""
+    """Write the queries and return their number."""
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.export import write_questions
 
@@ -157,7 +156,7 @@ def _export(flags: BenchmarkFlags) -> int:
 
 
 def _dry_run(flags: BenchmarkFlags) -> int:
-    """Write a page of prompts for each object and return how many there are."""
+    """Write a page of prompts for each object and return the number of pages."""
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.evidence import cases_of
     from articulate.reconstruct.actors.registry import make_actor
@@ -168,7 +167,7 @@ def _dry_run(flags: BenchmarkFlags) -> int:
     pages = 0
     for k, object_id in enumerate(ids):
         case = next(iter(cases_of(dataset.load(object_id), flags.config())), None)
-        if case is None:  # no clip can be shown of an object without joints
+        if case is None:  # an object without joints has no video
             continue
         page = flags.folder / PROMPTS_FOLDER / f"prompts_{k:04d}.html"
         write_dry_run(actor, case.evidence, page, f"{flags.modality}, {object_id}: {case.name}")
@@ -177,8 +176,8 @@ def _dry_run(flags: BenchmarkFlags) -> int:
 
 
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
-    """Run what the flags say, write results and page, and return the results."""
-    # They read meshes, which --help does without.
+    """Run the benchmark, write results and page, and return the results."""
+    # These read meshes, which --help does without.
     from articulate.benchmark.batch import Batch
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.report import write_report
@@ -189,7 +188,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     others = {str(folder): _results_in(folder) for folder in flags.against}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
-    make_actor(config.actor)  # what is no actor is said before anything is run
+    make_actor(config.actor)  # an unknown actor is an error before any work
     batch = Batch(
         dataset=dataset,
         source=flags.dataset,
@@ -200,7 +199,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
         fresh=flags.fresh,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(ids))
-    records = list(_shown(batch.run(ids, jobs), len(ids)))
+    records = list(_with_progress(batch.run(ids, jobs), len(ids)))
     results = summary(records, config, dataset.name)
     write_json(flags.folder / "results.json", results)
     page = flags.folder / "report.html"
@@ -216,7 +215,9 @@ def _results_in(folder: Path) -> dict[str, Any]:
         raise ConfigError(f"--against {folder}: {path.name} cannot be read ({error})") from None
     content: dict[str, Any] = results if isinstance(results, dict) else {}
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
-        raise ConfigError(f"--against {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}")
+        raise ConfigError(
+            f"--against {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}; run that benchmark again"
+        )
     config = content.get("config")
     missing = [key for key in COMPARED if key not in content]
     missing += [key for key in SETTINGS if not isinstance(config, dict) or key not in config]
@@ -244,8 +245,8 @@ def _chosen(ids: Sequence[str], categories: Sequence[str], flags: BenchmarkFlags
     return chosen
 
 
-def _shown(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
-    """The same records, with progress on stderr."""
+def _with_progress(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
+    """Yield the records, with progress on stderr."""
     for done, record in enumerate(records, 1):
         joints = [joint for case in record["cases"] for joint in case["joints"]]
         right = sum(joint["failures"]["strict"] == "success" for joint in joints)
@@ -254,8 +255,8 @@ def _shown(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, 
         yield record
 
 
-def _told(results: dict[str, Any], flags: BenchmarkFlags) -> str:
-    """What came of it, for a reader."""
+def _text(results: dict[str, Any], flags: BenchmarkFlags) -> str:
+    """Format the results."""
     wanted = PROTOCOLS if flags.protocol == "all" else (flags.protocol,)
     lines = [f"{results['objects']} objects, {results['joints']} joints"]
     for protocol in wanted:
@@ -270,8 +271,8 @@ def _told(results: dict[str, Any], flags: BenchmarkFlags) -> str:
         )
     if results["placement"] is not None:
         objects = results["placement"]["objects"]
-        told = ", ".join(f"{p} {objects[p]['share']:.1%}" for p in wanted)
-        lines.append(f"{'placement':<14} objects right: {told}")
+        summary = ", ".join(f"{p} {objects[p]['share']:.1%}" for p in wanted)
+        lines.append(f"{'placement':<14} objects right: {summary}")
     if results["crashed"]:
         lines.append(f"crashed: {', '.join(row['object'] for row in results['crashed'][:8])}")
     return "\n".join([*lines, f"page: {flags.folder / 'report.html'}"])

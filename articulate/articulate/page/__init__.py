@@ -1,7 +1,6 @@
-"""One-file HTML pages: text, tables, charts, pictures and clips that open anywhere, offline."""
+"""One-file HTML pages with text, tables, charts, images and videos; they open offline."""
 
-from articulate.page.chart import Bars, Chart, Line, Points
+from articulate.page.chart import Bars, Chart, ChartLine, Points
 from articulate.page.page import Page, Tile
-from articulate.page.violin import Violins
 
-__all__ = ["Bars", "Chart", "Line", "Page", "Points", "Tile", "Violins"]
+__all__ = ["Bars", "Chart", "ChartLine", "Page", "Points", "Tile"]

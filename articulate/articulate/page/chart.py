@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from articulate.page.numbers import shown, tick_text, ticks
+from articulate.page.text import axis_values, escape_text, format_axis_value, format_number
 
 WIDTH, HEIGHT = 400.0, 262.0
-"""Size of a chart [px] at which its text has its natural size: a phone's width."""
+"""Size of a chart in the scale of its text [px]: the width of a phone."""
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 17.0, 26.0, 40.0
 BAR_PITCH, BAR_HEIGHT = 40.0, 14.0
 N_COLOURS = 8
-MOST_POINTS = 400
-"""A line of more points is thinned to these many: more cannot be seen."""
+MAX_POINTS = 400
+"""Most points of a line; lines with more are thinned."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class ChartLine:
     """A line; it is broken where ``y`` is NaN."""
 
     name: str
@@ -65,21 +64,21 @@ class Chart:
     """Lines and points over common axes, or one set of bars."""
 
     title: str
-    marks: Sequence[Line | Points] | Bars
+    marks: Sequence[ChartLine | Points] | Bars
     x_label: str = ""
-    """What is across, with its unit."""
+    """Label of the horizontal axis, with the unit."""
     y_label: str = ""
-    """What is up, with its unit; bars have theirs in ``x_label``."""
+    """Label of the vertical axis, with the unit; bars use ``x_label``."""
     caption: str = ""
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     goal: float | None = None
-    """Value that is marked by a dashed line, such as what was asked for."""
+    """Value that is marked by a dashed line, such as a required one: vertical for bars."""
 
     def figure(self) -> str:
-        """The chart as an HTML ``figure``."""
-        caption = f"<b>{_text(self.title)}</b>" + (
-            f" {_text(self.caption)}" if self.caption else ""
+        """Return the chart as an HTML ``figure``."""
+        caption = f"<b>{escape_text(self.title)}</b>" + (
+            f" {escape_text(self.caption)}" if self.caption else ""
         )
         if isinstance(self.marks, Bars):
             drawing, key = _bars(self, self.marks), ""
@@ -90,7 +89,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class _Axes:
-    """Where values lie on the drawing [px]."""
+    """Positions of values in the chart [px]."""
 
     x_range: tuple[float, float]
     y_range: tuple[float, float]
@@ -104,11 +103,11 @@ class _Axes:
         return HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
 
 
-def _plot(chart: Chart, marks: Sequence[Line | Points]) -> str:
+def _plot(chart: Chart, marks: Sequence[ChartLine | Points]) -> str:
     arrays = [_arrays(mark) for mark in marks]
     heights = [a for _, *rest in arrays for a in rest]
     heights += [np.array([chart.goal])] if chart.goal is not None else []
-    lines_only = all(isinstance(mark, Line) for mark in marks)
+    lines_only = all(isinstance(mark, ChartLine) for mark in marks)
     axes = _Axes(
         chart.x_range or _span([x for x, *_ in arrays], margin=0.0 if lines_only else 0.04),
         chart.y_range or _span(heights, margin=0.05),
@@ -117,36 +116,36 @@ def _plot(chart: Chart, marks: Sequence[Line | Points]) -> str:
     if chart.goal is not None:
         y = axes.y(chart.goal)
         parts.append(f'<path class="goal" d="M{LEFT:.1f} {y:.1f}H{WIDTH - RIGHT:.1f}"/>')
-    drawn: list[str] = []
+    shapes: list[str] = []
     for i, (mark, (x, y_values, low, high)) in enumerate(zip(marks, arrays, strict=True)):
-        draw = _line if isinstance(mark, Line) else _points
-        drawn += draw(axes, x, y_values, low, high, f"var(--s{i % N_COLOURS})")
+        add = _line if isinstance(mark, ChartLine) else _points
+        shapes += add(axes, x, y_values, low, high, f"var(--s{i % N_COLOURS})")
     box = (LEFT - 4, TOP - 4, WIDTH - LEFT - RIGHT + 8, HEIGHT - TOP - BOTTOM + 8)
     x0, y0, width, height = box
-    # A nested svg cuts off what lies outside of given ranges.
+    # A nested svg cuts off everything outside of the given ranges.
     parts.append(
         f'<svg x="{x0}" y="{y0}" width="{width}" height="{height}" '
-        f'viewBox="{x0} {y0} {width} {height}">{"".join(drawn)}</svg>'
+        f'viewBox="{x0} {y0} {width} {height}">{"".join(shapes)}</svg>'
     )
     return _svg(chart.title, HEIGHT, parts)
 
 
 def _grid(chart: Chart, axes: _Axes) -> Iterator[str]:
     bottom = HEIGHT - BOTTOM
-    for value in ticks(*axes.y_range):
+    for value in axis_values(*axes.y_range):
         y = axes.y(value)
         yield f'<path class="grid" d="M{LEFT:.1f} {y:.1f}H{WIDTH - RIGHT:.1f}"/>'
-        yield _label(LEFT - 6, y + 4, tick_text(value), "end")
-    for value in ticks(*axes.x_range):
+        yield _label(LEFT - 6, y + 4, format_axis_value(value), "end")
+    for value in axis_values(*axes.x_range):
         x = axes.x(value)
         yield f'<path class="grid" d="M{x:.1f} {bottom:.1f}v4"/>'
-        yield _label(x, bottom + 17, tick_text(value), "middle")
+        yield _label(x, bottom + 17, format_axis_value(value), "middle")
     yield _label((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 6, chart.x_label, "middle")
     yield _label(0, 13, chart.y_label, "start")
 
 
 def _line(axes: _Axes, x: Array, y: Array, low: Array, high: Array, colour: str) -> Iterator[str]:
-    keep = np.unique(np.linspace(0, len(x) - 1, min(len(x), MOST_POINTS)).round().astype(int))
+    keep = np.unique(np.linspace(0, len(x) - 1, min(len(x), MAX_POINTS)).round().astype(int))
     x, y, low, high = x[keep], y[keep], low[keep], high[keep]
     for part in _runs(np.isfinite(x) & np.isfinite(low) & np.isfinite(high)):
         there = zip(x[part], high[part], strict=True)
@@ -173,7 +172,7 @@ def _points(axes: _Axes, x: Array, y: Array, low: Array, high: Array, colour: st
 
 
 def _bars(chart: Chart, bars: Bars) -> str:
-    """Every bar below its label and before its value, so that neither is ever cut."""
+    """Place each bar below its label and before its value, so that neither is cut off."""
     n = len(bars.labels)
     if len(bars.values) != n:
         raise ValueError(f"{n} labels, but {len(bars.values)} values")
@@ -197,7 +196,9 @@ def _bars(chart: Chart, bars: Bars) -> str:
                 f'<path class="line" style="stroke:var(--ink);stroke-width:1.5" d="{bar}"/>'
             )
         parts.append(
-            _label(max(length, end) + 6, y + 6 + BAR_HEIGHT - 3, shown(float(value)), "start")
+            _label(
+                max(length, end) + 6, y + 6 + BAR_HEIGHT - 3, format_number(float(value)), "start"
+            )
         )
     height = n * BAR_PITCH + 22.0
     if chart.goal is not None:
@@ -208,21 +209,21 @@ def _bars(chart: Chart, bars: Bars) -> str:
 
 
 def _share(value: float, top: float) -> float:
-    """``value`` as a share of ``top``, within [0, 1] whatever it is."""
+    """Return ``value`` as a share of ``top``, limited to [0, 1]."""
     return float(np.clip(np.nan_to_num(value), 0.0, top)) / top
 
 
-def _key(marks: Sequence[Line | Points]) -> str:
+def _key(marks: Sequence[ChartLine | Points]) -> str:
     if len(marks) < 2:
         return ""
     items = [
-        f'<span><i style="background:var(--s{i % N_COLOURS})"></i>{_text(mark.name)}</span>'
+        f'<span><i style="background:var(--s{i % N_COLOURS})"></i>{escape_text(mark.name)}</span>'
         for i, mark in enumerate(marks)
     ]
     return f'<div class="key">{"".join(items)}</div>'
 
 
-def _arrays(mark: Line | Points) -> tuple[Array, Array, Array, Array]:
+def _arrays(mark: ChartLine | Points) -> tuple[Array, Array, Array, Array]:
     x, y = np.asarray(mark.x, np.float64).ravel(), np.asarray(mark.y, np.float64).ravel()
     low = y if mark.low is None else np.asarray(mark.low, np.float64).ravel()
     high = y if mark.high is None else np.asarray(mark.high, np.float64).ravel()
@@ -233,7 +234,7 @@ def _arrays(mark: Line | Points) -> tuple[Array, Array, Array, Array]:
 
 
 def _span(arrays: Iterable[Array], *, margin: float) -> tuple[float, float]:
-    """Lowest and highest finite value, apart by more than nothing, with a share on both sides."""
+    """Return the range of the finite values, never empty, with a margin as a share of it."""
     values = np.concatenate([np.zeros(0), *arrays])
     values = values[np.isfinite(values)]
     if not len(values):
@@ -243,12 +244,12 @@ def _span(arrays: Iterable[Array], *, margin: float) -> tuple[float, float]:
         pad = 0.5 * abs(high) or 0.5
         return low - pad, high + pad
     pad = margin * (high - low)
-    # Where everything is on one side of 0, so is the axis.
+    # The axis does not cross 0 unless values do.
     return (low - pad if low < 0.0 or low > pad else 0.0), high + pad
 
 
 def _runs(mask: NDArray[np.bool_]) -> Iterator[slice]:
-    """Slices of the runs in which ``mask`` holds."""
+    """Yield slices of the runs in which ``mask`` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         yield slice(int(start), int(stop))
@@ -261,15 +262,11 @@ def _path(axes: _Axes, points: Iterable[tuple[float, float]]) -> str:
 def _label(x: float, y: float, text: str, anchor: str) -> str:
     if not text:
         return ""
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{_text(text)}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape_text(text)}</text>'
 
 
 def _svg(title: str, height: float, parts: Iterable[str]) -> str:
     return (
-        f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="{_text(title)}">'
+        f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="{escape_text(title)}">'
         f"{''.join(parts)}</svg>"
     )
-
-
-def _text(text: str) -> str:
-    return html.escape(text, quote=True)

@@ -12,7 +12,7 @@ from articulate.benchmark.batch import Batch, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.errors import UsageError
-from articulate.reconstruct.actors.semantic.embeddings import meanings_installed
+from articulate.reconstruct.actors.semantic.embeddings import embeddings_installed
 
 CRASHING = '''
 import os, pathlib
@@ -103,9 +103,9 @@ def test_what_a_busy_server_cost_is_asked_again(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setenv("BUSY", "1")
     run = batch(tmp_path, ("a",), config=BenchmarkConfig(actor="busy:Asks", modality="text"))
-    assert "429" in run.one("a")["cases"][0]["refusal"]
+    assert "429" in run.one("a")["cases"][0]["rejection"]
     monkeypatch.delenv("BUSY")
-    assert run.one("a")["cases"][0]["refusal"] == ""
+    assert run.one("a")["cases"][0]["rejection"] == ""
 
 
 def test_what_was_lost_to_an_error_is_run_again(tmp_path):
@@ -142,8 +142,8 @@ def test_index_data_and_model_decide_what_is_made_anew(tmp_path, monkeypatch):
     folder = fingerprint(str(tmp_path), None, config)
     (tmp_path / "part.obj").write_text("v 0 0 0\n")
     assert fingerprint(str(tmp_path), None, config) != folder
-    was = meanings_installed()
-    monkeypatch.setattr("articulate.benchmark.batch.meanings_installed", lambda: not was)
+    was = embeddings_installed()
+    monkeypatch.setattr("articulate.benchmark.batch.embeddings_installed", lambda: not was)
     assert fingerprint("procedural", None, config) != library
 
 

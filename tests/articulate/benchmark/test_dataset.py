@@ -109,13 +109,21 @@ def test_an_entry_that_lacks_something_is_refused_when_the_index_is_read(tmp_pat
 
 @pytest.mark.parametrize(
     ("told", "meant"),
-    [('"prismatic"', '"hinge"'), ('"upper": 0.5', '"upper": NaN'), ("[-1, 0, 0]", "[NaN, 0, 0]")],
+    [('"prismatic"', '"hinge"'), ('"upper": 0.5', '"upper": "far"'), ("[-1, 0, 0]", '["x", 0, 0]')],
 )
 def test_a_true_joint_that_is_none_costs_one_object(tmp_path, told, meant):
     path = write_index(tmp_path)
     path.write_text(path.read_text().replace(told, meant))
     with pytest.raises(AssetError, match="a true joint of the index"):
         IndexDataset(path, tmp_path).known("cupboard_77")
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999"])
+def test_an_index_with_a_number_that_is_not_finite_is_rejected(tmp_path, number):
+    path = write_index(tmp_path)
+    path.write_text(path.read_text().replace('"upper": 0.5', f'"upper": {number}'))
+    with pytest.raises(ConfigError, match="not JSON"):
+        IndexDataset(path, tmp_path)
 
 
 def test_a_name_that_is_too_long_is_refused():
@@ -143,5 +151,5 @@ def test_an_id_that_stands_twice_in_an_index_is_refused(tmp_path, error_line):
 def test_an_index_that_is_nested_too_deeply_is_refused(tmp_path):
     path = tmp_path / "deep.json"
     path.write_text("[" * 100_000)
-    with pytest.raises(ConfigError, match="not an index"):
+    with pytest.raises(ConfigError, match="nested deeper"):
         open_dataset(str(path))

@@ -11,7 +11,7 @@ from tests.articulate.benchmark.objects import LINKS, cupboard
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.evidence import cases_of, motion_px
-from articulate.benchmark.perturb import OFF_RAD, camera_off
+from articulate.benchmark.perturb import CAMERA_ANGLE_RAD, camera_off
 from articulate.benchmark.run import run_object
 from articulate.benchmark.truth import TrueObject
 from articulate.errors import ConfigError
@@ -206,7 +206,7 @@ def test_the_camera_told_is_off_by_its_angle_and_share(subject):
     camera = front_camera()
     told = camera_off(camera, subject, np.random.default_rng(3))
     turned = rotation_angle((inverse(camera.T_wc) @ told.T_wc)[:3, :3])
-    assert turned == pytest.approx(OFF_RAD)
+    assert turned == pytest.approx(CAMERA_ANGLE_RAD)
     middle = np.mean(
         [
             np.min([p.bounds[0] for p in subject.parts], 0),

@@ -29,7 +29,7 @@ def test_a_question_is_a_folder_that_says_only_what_the_evidence_does(written):
     for folder in folders:
         names = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
         parts = [f"parts/part_0{k}.glb" for k in range(5)]
-        assert names == ["camera.json", "clip.mp4", "labels.json", *parts]
+        assert names == ["camera.json", "labels.json", *parts, "video.mp4"]
 
 
 def test_no_byte_of_a_question_tells_an_id_or_a_link(written):
@@ -51,7 +51,7 @@ def test_the_parts_are_those_of_the_object_and_the_key_says_which(written):
 
 def test_the_clip_has_its_frames_and_the_camera_its_pose(written):
     _, folders = written
-    reader, count = cv2.VideoCapture(str(folders[0] / "clip.mp4")), 0
+    reader, count = cv2.VideoCapture(str(folders[0] / "video.mp4")), 0
     while reader.read()[0]:
         count += 1
     reader.release()
@@ -66,4 +66,4 @@ def test_the_command_writes_questions_and_asks_no_actor(tmp_path, capsys):
     argv = [str(index), "--modality", "image", "--export", "--out", str(out), "--actor", "none"]
     assert main(argv) == 0
     assert "1 questions" in capsys.readouterr().out
-    assert (out / "question_0000" / "picture.png").is_file()
+    assert (out / "question_0000" / "image.png").is_file()

@@ -56,9 +56,9 @@ def test_parts_that_are_alike_may_stand_for_each_other_but_each_for_one():
 
 def test_of_parts_that_are_equally_far_each_stands_for_itself():
     unplaced = placement_errors(PARTS, LABELS, {}, anchored=True)
-    assert unplaced.chosen.tolist() == [0, 1, 2]
+    assert unplaced.match.tolist() == [0, 1, 2]
     heap = placement_errors(PARTS, LABELS, {p.name: np.eye(4) for p in PARTS}, anchored=True)
-    assert heap.chosen.tolist() == [0, 1, 2]
+    assert heap.match.tolist() == [0, 1, 2]
 
 
 def test_one_part_out_of_place_is_lost_in_the_published_mean_but_not_in_strict():

@@ -39,7 +39,7 @@ def test_who_knows_the_truth_is_right_everywhere(subject, modality):
     for protocol in ("paper", "strict"):
         assert set(outcomes(record, protocol).values()) == {"success"}
     assert len(record["cases"]) == (4 if modality == "video" else 1)
-    assert all(case["spurious"] == 0 for case in record["cases"])
+    assert all(case["false_positives"] == 0 for case in record["cases"])
 
 
 @pytest.mark.parametrize("modality", ["text", "image"])
@@ -81,7 +81,7 @@ def test_joints_on_parts_that_never_move_are_counted(subject):
             )
 
     record = run_object(subject, Inventive(subject), settings())
-    assert record["cases"][0]["spurious"] == 1
+    assert record["cases"][0]["false_positives"] == 1
 
 
 def test_who_says_that_a_part_moves_which_follows_another_invents_nothing(subject):
@@ -91,7 +91,7 @@ def test_who_says_that_a_part_moves_which_follows_another_invents_nothing(subjec
         carried=frozenset({"link_4"}),
     )
     everything = run_object(following, Oracle(subject), settings())
-    assert everything["cases"][0]["spurious"] == 0
+    assert everything["cases"][0]["false_positives"] == 0
 
 
 @pytest.fixture
@@ -137,7 +137,7 @@ def test_a_fixed_joint_says_that_nothing_moves(subject):
 
     record = run_object(subject, Fixed(subject), settings())
     assert set(outcomes(record).values()) == {"joint_type"}
-    assert record["cases"][0]["spurious"] == 0
+    assert record["cases"][0]["false_positives"] == 0
 
 
 class Loops(Oracle):
@@ -161,7 +161,7 @@ def test_the_actors_critic_decides_except_in_the_released_code(subject):
     assert set(outcomes(record, "strict").values()) == {"joint_type"}
     assert outcomes(record, "released_code")["link_1"] == "success"
     first = record["cases"][0]["joints"][0]
-    assert [turn["kept"] for turn in first["attempts"]] == [0, 1, 1, 3]
+    assert [turn["best"] for turn in first["attempts"]] == [0, 1, 1, 3]
     strict = [turn["failures"]["strict"] for turn in first["attempts"]]
     assert strict == ["joint_type", "success", "success", "joint_type"]
     assert record["cases"][0]["critic"] == "joint_axis"
@@ -179,9 +179,9 @@ def test_an_error_of_the_actor_costs_it_the_question(subject, error):
 
     record = run_object(subject, Fails(subject), settings("video"))
     passing = isinstance(error, (UsageError, OSError))
-    assert all(case["unasked"] == passing for case in record["cases"])
+    assert all(case["no_answer"] == passing for case in record["cases"])
     assert len(record["cases"]) == 4
-    assert str(error) in record["cases"][0]["refusal"]
+    assert str(error) in record["cases"][0]["rejection"]
     assert set(outcomes(record).values()) == {"joint_type"}
 
 
@@ -198,7 +198,7 @@ def test_numbers_that_are_none_do_not_break_a_record(subject, tmp_path):
     write_json(tmp_path / "record.json", record)  # refuses NaN
 
 
-def test_what_is_said_of_a_part_fixed_to_the_moving_one_counts(subject):
+def test_what_is_predicted_for_a_part_fixed_to_the_moving_one_counts(subject):
     fixed_along = replace(
         subject,
         joints=tuple(

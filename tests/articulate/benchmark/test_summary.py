@@ -10,7 +10,7 @@ from tests.articulate.benchmark.test_run import Loops
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.known_joint import KnownJoint
-from articulate.benchmark.records import lost_object
+from articulate.benchmark.records import crashed_object
 from articulate.benchmark.report import write_report
 from articulate.benchmark.run import run_object
 from articulate.benchmark.summary import summary
@@ -35,7 +35,7 @@ def copied(record):
 def test_joints_that_hardly_move_in_the_picture_have_a_row_of_their_own(right):
     results = summary([right], CONFIG, "small")
     assert results["protocols"]["strict"]["n"] == 3
-    assert results["rows"]["hardly_seen"]["strict"]["n"] == 1  # the flap behind the body
+    assert results["rows"]["low_visibility"]["strict"]["n"] == 1  # the flap behind the body
     assert results["protocols"]["strict"]["joint_success"] == 1.0
     assert results["protocols"]["paper"]["joint_success_interval"][0] == pytest.approx(
         0.4385, abs=1e-3
@@ -57,9 +57,9 @@ def test_compound_joints_stand_apart(right):
 
 def test_invented_joints_are_failures_in_strict_alone(right):
     record = copied(right)
-    record["cases"][0]["spurious"] = 2
+    record["cases"][0]["false_positives"] = 2
     results = summary([record], CONFIG, "small")
-    assert results["spurious"] == 2
+    assert results["false_positives"] == 2
     assert results["protocols"]["strict"]["n"] == 5
     assert results["protocols"]["strict"]["joint_success"] == pytest.approx(0.6)
     assert results["protocols"]["paper"]["joint_success"] == 1.0
@@ -67,11 +67,11 @@ def test_invented_joints_are_failures_in_strict_alone(right):
 
 def test_joints_invented_on_an_object_without_joints_count(right):
     still = copied(right) | {"object": "still"}
-    still["cases"] = [still["cases"][0] | {"joints": [], "spurious": 2}]
+    still["cases"] = [still["cases"][0] | {"joints": [], "false_positives": 2}]
     results = summary([right, still], CONFIG, "small")
-    assert results["spurious"] == 2
-    for row in (results["protocols"]["strict"], results["rows"]["seen"]["strict"]):
-        assert (row["n"], row["spurious"]) == (5, 2)
+    assert results["false_positives"] == 2
+    for row in (results["protocols"]["strict"], results["rows"]["visible"]["strict"]):
+        assert (row["n"], row["false_positives"]) == (5, 2)
         assert row["joint_success"] == pytest.approx(0.6)
     assert results["protocols"]["paper"]["n"] == 3
     alone = summary([still], CONFIG, "small")["protocols"]["strict"]
@@ -81,7 +81,7 @@ def test_joints_invented_on_an_object_without_joints_count(right):
 def test_joints_invented_beside_a_compound_one_count_in_the_headline(right):
     record = copied(right)
     record["cases"][0]["joints"][0]["status"] = "compound"
-    record["cases"][0]["spurious"] = 1
+    record["cases"][0]["false_positives"] = 1
     results = summary([record], CONFIG, "small")
     assert results["protocols"]["strict"]["n"] == 3
     assert results["rows"]["compound"]["strict"]["n"] == 1
@@ -107,10 +107,10 @@ def lost() -> dict:
         link="l0", kind="continuous", axis_s=(0, 0, 1), origin_s=(0, 0, 0), lower=None, upper=None
     )
     known = [turning, replace(turning, link="l1", kind="prismatic")]
-    return lost_object("gone", "Box", known, "its process was ended by SIGSEGV")
+    return crashed_object("gone", "Box", known, "its process was ended by SIGSEGV")
 
 
-def test_a_lost_object_is_wrong_in_all_its_joints_and_worst_in_the_means():
+def test_a_crashed_object_is_wrong_in_all_its_joints_and_worst_in_the_means():
     results = summary([lost()], CONFIG, "small")
     assert results["protocols"]["paper"] | {"joint_success_interval": 0} == results["protocols"][
         "paper"
@@ -119,8 +119,8 @@ def test_a_lost_object_is_wrong_in_all_its_joints_and_worst_in_the_means():
     assert results["errors"]["axis_rad"]["mean"] == pytest.approx(1.5708, abs=1e-4)
     assert results["errors"]["origin"]["mean"] == 2.0
     assert results["errors"]["origin"]["n"] == 1  # slides have none
-    assert results["lost"][0]["why"] == "its process was ended by SIGSEGV"
-    assert results["cost"]["seconds_per_question"]["median"] is None
+    assert results["crashed"][0]["reason"] == "its process was ended by SIGSEGV"
+    assert results["cost"]["seconds_per_case"]["median"] is None
 
 
 def test_categories_are_grouped_as_published(right):
@@ -197,10 +197,10 @@ def test_the_report_stands_alone_and_shows_every_table(subject, tmp_path):
         "Failures",
         "Errors",
         "Groups",
-        "The loop",
+        "Iterations",
         "Critic",
         "Cost",
-        "lost",
+        "Crashed objects",
     ):
         assert heading in page.text
     assert path.read_text().count("<figure>") >= 7

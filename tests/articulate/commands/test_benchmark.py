@@ -39,7 +39,7 @@ def test_a_run_leaves_results_a_report_and_a_record_for_each_object(done):
         row = results["protocols"][protocol]
         assert set(row) >= {"joint_success", "type_axis_origin", "n"}
         assert 0.0 <= row["joint_success"] <= row["type_axis_origin"] <= 1.0
-    assert [row["object"] for row in results["lost"]] == ["b"]
+    assert [row["object"] for row in results["crashed"]] == ["b"]
 
 
 def test_json_prints_the_results_themselves_and_a_second_run_takes_what_is_there(done, capsys):

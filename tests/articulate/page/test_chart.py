@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from articulate.page import Bars, Chart, Line, Points
+from articulate.page import Bars, Chart, ChartLine, Points
 
 NUMBERS = st.floats(-1e12, 1e12) | st.sampled_from([np.nan, np.inf, -np.inf])
 
@@ -15,13 +15,15 @@ def paths(figure, kind):
 
 
 def test_line_runs_from_corner_to_corner():
-    figure = Chart(title="t", marks=[Line(name="a", x=[0, 1], y=[0, 1])], y_range=(0, 1)).figure()
+    figure = Chart(
+        title="t", marks=[ChartLine(name="a", x=[0, 1], y=[0, 1])], y_range=(0, 1)
+    ).figure()
     assert paths(figure, "line") == ["M46.0 222.0L383.0 26.0"]
 
 
 def test_line_is_broken_at_nan_and_a_lonely_point_is_a_dot():
     y = [0.0, 1.0, np.nan, 1.0]
-    figure = Chart(title="t", marks=[Line(name="a", x=np.arange(4), y=y)]).figure()
+    figure = Chart(title="t", marks=[ChartLine(name="a", x=np.arange(4), y=y)]).figure()
     first, second = paths(figure, "line")
     assert first.count("L") == 1
     assert second.endswith("h0")
@@ -29,14 +31,14 @@ def test_line_is_broken_at_nan_and_a_lonely_point_is_a_dot():
 
 def test_long_line_is_thinned_but_keeps_its_ends():
     x = np.arange(100_000)
-    (d,) = paths(Chart(title="t", marks=[Line(name="a", x=x, y=x)]).figure(), "line")
+    (d,) = paths(Chart(title="t", marks=[ChartLine(name="a", x=x, y=x)]).figure(), "line")
     assert d.count("L") == 399
     assert d.startswith("M46.0")
     assert re.search(r"L383\.0 [\d.]+$", d)
 
 
 def test_band_is_drawn_around_a_line():
-    line = Line(name="a", x=[0, 1], y=[1, 1], low=[0, 0], high=[2, 2])
+    line = ChartLine(name="a", x=[0, 1], y=[1, 1], low=[0, 0], high=[2, 2])
     assert len(paths(Chart(title="t", marks=[line]).figure(), "band")) == 1
 
 
@@ -48,7 +50,7 @@ def test_points_have_error_bars():
 
 
 def test_key_names_the_series_where_there_are_several():
-    line = Line(name="alpha", x=[0, 1], y=[0, 1])
+    line = ChartLine(name="alpha", x=[0, 1], y=[0, 1])
     assert "alpha" not in Chart(title="t", marks=[line]).figure()
     assert Chart(title="t", marks=[line, line]).figure().count("alpha") == 2
 
@@ -61,7 +63,7 @@ def test_longest_bar_takes_the_room_and_zero_takes_none():
 
 
 def test_axes_show_their_labels_and_the_goal_is_on_the_chart():
-    line = Line(name="a", x=[0, 1], y=[0.0, 0.1])
+    line = ChartLine(name="a", x=[0, 1], y=[0.0, 0.1])
     figure = Chart(
         title="t", marks=[line], x_label="time [s]", y_label="way [m]", goal=0.9
     ).figure()
@@ -74,7 +76,7 @@ def test_axes_show_their_labels_and_the_goal_is_on_the_chart():
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), max_size=8), st.booleans())
 def test_any_numbers_give_finite_coordinates(rows, as_points):
     x, y = np.array(rows, dtype=float).reshape(-1, 2).T
-    mark = (Points if as_points else Line)(name="a", x=x, y=y, low=y - 1, high=y + 1)
+    mark = (Points if as_points else ChartLine)(name="a", x=x, y=y, low=y - 1, high=y + 1)
     figure = Chart(title="t", marks=[mark], x_label="", y_label="").figure()
     assert "nan" not in figure
     assert "inf" not in figure
@@ -89,7 +91,7 @@ def test_any_bars_give_finite_coordinates(values):
 
 def test_series_of_unequal_length_are_named():
     with pytest.raises(ValueError, match=r"a: x, y, low and high have 2, 1, 1 and 1 values"):
-        Chart(title="t", marks=[Line(name="a", x=[0, 1], y=[0])]).figure()
+        Chart(title="t", marks=[ChartLine(name="a", x=[0, 1], y=[0])]).figure()
     with pytest.raises(ValueError, match="1 labels, but 2 values"):
         Chart(title="t", marks=Bars(labels=["a"], values=[1.0, 2.0])).figure()
 

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from articulate.page import Bars, Chart, Line, Page, Points, Tile
+from articulate.page import Bars, Chart, ChartLine, Page, Points, Tile
 
 VOID = {"meta", "img", "br"}
 
@@ -64,7 +64,7 @@ def whole_page():
         .charts(
             Chart(
                 title="Success",
-                marks=[Line(name="a", x=x, y=x), Line(name="b", x=x, y=-x)],
+                marks=[ChartLine(name="a", x=x, y=x), ChartLine(name="b", x=x, y=-x)],
                 goal=1.0,
             ),
             Chart(title="Friction", marks=[Points(name="p", x=x, y=x, low=x - 1, high=x + 1)]),
@@ -129,7 +129,7 @@ def test_everything_is_escaped():
         .charts(
             Chart(
                 title=evil, caption=evil, x_label=evil, y_label=evil,
-                marks=[Line(name=evil, x=[0, 1], y=[0, 1]), Points(name=evil, x=[0], y=[0])],
+                marks=[ChartLine(name=evil, x=[0, 1], y=[0, 1]), Points(name=evil, x=[0], y=[0])],
             ),
             Chart(title=evil, marks=Bars(labels=[evil], values=[1.0])),
         )

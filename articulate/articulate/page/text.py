@@ -1,13 +1,19 @@
-"""Numbers as people read them, and round steps for axes."""
+"""Text of pages: escaping, numbers, and values along axes."""
 
 from __future__ import annotations
 
+import html
 import math
 import sys
 
 
-def shown(value: str | float | bool | None) -> str:
-    """``value`` for a reader: four digits at most, thin groups of thousands, – for nothing."""
+def escape_text(text: object) -> str:
+    """Escape text for HTML and its attributes."""
+    return html.escape(str(text), quote=True)
+
+
+def format_number(value: str | float | bool | None) -> str:
+    """Format a value: at most four digits, thin spaces between thousands, – for None and NaN."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -28,12 +34,12 @@ def shown(value: str | float | bool | None) -> str:
     return text.replace("-", "−")
 
 
-def ticks(low: float, high: float, count: int = 5) -> list[float]:
-    """About ``count`` values in [low, high]: multiples of 1, 2 or 5 times a power of 10."""
+def axis_values(low: float, high: float, count: int = 5) -> list[float]:
+    """Return about ``count`` values in [low, high]: multiples of 1, 2 or 5 times a power of 10."""
     if not high > low:
         return [low]
     rough = (high - low) / count
-    if rough < sys.float_info.min:  # so near to each other that nothing lies between
+    if rough < sys.float_info.min:  # too close for a value between them
         return [low]
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough * 0.7)
@@ -43,9 +49,9 @@ def ticks(low: float, high: float, count: int = 5) -> list[float]:
     return [round(i * step, digits) for i in range(first, last + 1)]
 
 
-def tick_text(value: float) -> str:
-    """``value`` as the label of a tick: 250k, 1.5M, 0.25."""
+def format_axis_value(value: float) -> str:
+    """Format a value along an axis: 250k, 1.5M, 0.25."""
     for size, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if abs(value) >= size and (size > 1e3 or abs(value) >= 1e4):
             return f"{value / size:.4g}{unit}".replace("-", "−")
-    return shown(value)
+    return format_number(value)
