@@ -15,7 +15,7 @@
     └── DivergedError       training produced values that are not finite
 
 Four more are defined where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
-``AbsentMesh``, an AssetError, and ``NotConnectedError``.
+``MissingMesh``, an AssetError, and ``NotConnectedError``.
 
 Every message is one line: the wrong value, its origin, the accepted values, the next step.
 """

@@ -18,5 +18,5 @@ def quick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
     """In the others it reads here: a process takes 0.4 s."""
     if "in_child" not in request.fixturenames:
         monkeypatch.setattr(
-            reading, "asked", lambda text, meshes: read_mjcf_child.answer(text.text, meshes)
+            reading, "run_child", lambda text, meshes: read_mjcf_child.answer(text.text, meshes)
         )

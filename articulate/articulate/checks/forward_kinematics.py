@@ -1,7 +1,7 @@
-"""Clause ``check_forward_kinematics``: the MJCF moves its links to where other readers of the same object put them.
+"""Checks ``forward_kinematics`` and ``input_kinematics``: independent readers agree on poses.
 
-Judges are yourdfpy and PyBullet on the canonical URDF, and yourdfpy or MuJoCo on the input
-itself. Each judge takes joint positions and gives poses of links; what differs lies here.
+The readers are yourdfpy and PyBullet on the canonical URDF, and yourdfpy or MuJoCo on the input
+file. Each maps joint positions to link poses.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from articulate.assets.asset import handle_frame
 from articulate.assets.check_report import Check
 from articulate.checks.model import Model, ObjectModel
 from articulate.formats.read_source import format_of
-from articulate.formats.reduce_mjcf import read_text
+from articulate.formats.reduce_mjcf import check_native, read_text
 from articulate.simulator import mujoco
 from articulate.suppress_output import suppress_output
 from articulate.transforms import Array, inverse, normalised, pose, quat_to_matrix
@@ -44,7 +44,7 @@ PoseReader = Callable[[Mapping[str, float]], dict[str, Array]]
 
 @dataclass(frozen=True, kw_only=True)
 class InputFrame:
-    """How the input's lengths and root frame became those of the asset."""
+    """Scale and root frame that conversion applied to the input."""
 
     scale: float
     """Metres for one unit of the input."""
@@ -71,7 +71,7 @@ def check_forward_kinematics(model: ObjectModel) -> tuple[Check, ...]:
 
 
 def fk_noted(model: ObjectModel) -> Check:
-    """Compare the MJCF with links, joints and handles of asset.json, by which hands are led."""
+    """Compare the MJCF with links, joints and handles of asset.json."""
     worst = 0.0
     wrong: list[tuple[str, str]] = []
     for link, what, error in _noted(model):
@@ -82,7 +82,7 @@ def fk_noted(model: ObjectModel) -> Check:
     if wrong:
         message += (
             f"; {len(wrong)} things lie elsewhere in object.xml, the first is {wrong[0][1]}: "
-            "make both files say the same"
+            "make both files agree"
         )
     return Check(
         name="forward_kinematics",
@@ -106,13 +106,13 @@ def _noted(model: ObjectModel) -> Iterator[tuple[str, str, float]]:
     _only(model, data, {})
     for link in asset.links:
         own = model.T_ol(data, link.name)
-        said = pose(link.pos_o, quat_to_matrix(link.quat_o))
-        yield link.name, f"link {link.name} with its joints at 0", _difference(own, said)
+        stated = pose(link.pos_o, quat_to_matrix(link.quat_o))
+        yield link.name, f"link {link.name} with its joints at 0", _difference(own, stated)
     for handle in asset.handles:
         if handle.name in sites:
             own = _site(model, data, sites[handle.name])
-            said = model.T_ol(data, handle.link) @ handle_frame(handle)
-            yield handle.link, f"handle {handle.name}", _difference(own, said)
+            stated = model.T_ol(data, handle.link) @ handle_frame(handle)
+            yield handle.link, f"handle {handle.name}", _difference(own, stated)
     for joint in asset.joints:
         restrained_model = asset.handle_of(joint.name)
         for q in np.linspace(joint.closed, joint.open, NOTED_STATES):
@@ -123,7 +123,11 @@ def _noted(model: ObjectModel) -> Iterator[tuple[str, str, float]]:
             if restrained_model is not None and restrained_model.name in sites:
                 own = _site(model, data, sites[restrained_model.name])
                 error = _difference(own, asset.T_oh(joint.name, q))
-                yield joint.link, f"handle {restrained_model.name} with joint {joint.name} at {q:.3g}", error
+                yield (
+                    joint.link,
+                    f"handle {restrained_model.name} with joint {joint.name} at {q:.3g}",
+                    error,
+                )
 
 
 def _only(model: ObjectModel, data: Any, q: Mapping[str, float]) -> None:
@@ -165,12 +169,12 @@ def check_input_kinematics(
 
 
 def yourdfpy_reader(path: Path) -> PoseReader:
-    """Yourdfpy's poses of the links of a URDF, in the frame of its first root link."""
+    """Read a URDF with yourdfpy; poses are in the frame of its first root link."""
     with _quiet_log("yourdfpy"):
         robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
     unknown = _below(robot.robot.joints, {"floating", "planar"})
     for joint in robot.robot.joints:
-        # It multiplies positions with the axis as it stands; the standard says unit vector.
+        # It multiplies positions with the axis of the file; the standard requires a unit vector.
         joint.axis = normalised(joint.axis)
     _follow_the_first(robot.robot.joints)
     moving = set(robot.actuated_joint_names)
@@ -186,7 +190,7 @@ def yourdfpy_reader(path: Path) -> PoseReader:
 
 
 def _follow_the_first(joints: Sequence[Any]) -> None:
-    """Let followers of followers follow the one that leads both: yourdfpy leaves them at rest."""
+    """Resolve chains of mimic joints, which yourdfpy does not move."""
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     for mimic in mimics.values():
         seen = set()
@@ -199,13 +203,13 @@ def _follow_the_first(joints: Sequence[Any]) -> None:
 
 
 def _is_held(joint: Any) -> bool:
-    """Whether a joint has one position alone, which need not be 0."""
+    """Return whether a joint has a single position, which need not be 0."""
     bounded = joint.type in {"revolute", "prismatic"} and joint.limit is not None
     return bounded and joint.limit.lower is not None and joint.limit.lower == joint.limit.upper
 
 
 def bullet_reader(path: Path) -> PoseReader:
-    """PyBullet's poses of the links of a URDF, in its world frame."""
+    """Read a URDF with PyBullet; poses are in its world frame."""
     with suppress_output():
         import pybullet  # announces itself below Python
 
@@ -234,7 +238,7 @@ def bullet_reader(path: Path) -> PoseReader:
 
 
 def mujoco_reader(path: Path) -> PoseReader:
-    """MuJoCo's own poses of the bodies of a file that it reads as it is, on their joints.
+    """Read a file with MuJoCo; poses are those of bodies, at their joints.
 
     The unit of angles, where the file names none, and names that it does not give are those that
     conversion found: the question is where things lie.
@@ -244,8 +248,8 @@ def mujoco_reader(path: Path) -> PoseReader:
     names = {name: b for b, name in enumerate(bodies) if b > 0}
     addresses = {name: int(model.jnt_qposadr[j]) for j, name in enumerate(joints)}
     for e in range(model.neq):  # joints that are held in one position, which need not be 0
-        alone = int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[e] < 0
-        if alone and model.eq_active0[e]:
+        fixed = int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[e] < 0
+        if fixed and model.eq_active0[e]:
             data.qpos[model.jnt_qposadr[model.eq_obj1id[e]]] += model.eq_data[e][0]
     # A URDF has the frame of a link on its joint, so that is where conversion puts it.
     T_bl = {n: pose(_anchor(model, b)) for n, b in names.items()}
@@ -263,10 +267,11 @@ def mujoco_reader(path: Path) -> PoseReader:
 
 
 def _read(path: Path) -> tuple[Model, list[str], list[str]]:
-    """What MuJoCo makes of a file, with the names of its bodies and of its joints."""
+    """Compile a file and return the names of its bodies and joints."""
     if format_of(path) != "mjcf":
         model = mujoco.MjModel.from_xml_path(str(path))
         return model, *_own_names(model)
+    check_native(path)
     known = etree.fromstring(read_text(path).text)
     spec = mujoco.MjSpec.from_file(str(path))
     if known.find("compiler").get("angle") == "radian":
@@ -276,7 +281,7 @@ def _read(path: Path) -> tuple[Model, list[str], list[str]]:
 
 
 def _own_names(model: Model) -> tuple[list[str], list[str]]:
-    """Names of bodies and joints as they stand; of one joint without a name that of its body."""
+    """Return the names of bodies and joints; unnamed joints are named after their body."""
     bodies = [str(model.body(b).name) for b in range(model.nbody)]
     owners = [bodies[int(b)] for b in model.jnt_bodyid]
     joints = [str(model.joint(j).name or f"{owners[j]}_joint") for j in range(model.njnt)]
@@ -284,7 +289,7 @@ def _own_names(model: Model) -> tuple[list[str], list[str]]:
 
 
 def _names_in(known: Any, model: Model) -> tuple[list[str], list[str]] | None:
-    """Names of bodies and joints by their order in ``known``; none where that is another one.
+    """Return names of bodies and joints by their order in ``known``; None if the order differs.
 
     Args:
         known: Root element of what conversion read, where everything has a name.
@@ -301,13 +306,13 @@ def _names_in(known: Any, model: Model) -> tuple[list[str], list[str]] | None:
     places = [b for b, body in enumerate(elements, 1) for _ in own[body]]
     if len(bodies) != model.nbody or places != model.jnt_bodyid.tolist():
         return None
-    given = [str(model.body(b).name) for b in range(model.nbody)]
-    same = all(own in {"", name} for own, name in zip(given, bodies, strict=True))
+    names = [str(model.body(b).name) for b in range(model.nbody)]
+    same = all(own in {"", name} for own, name in zip(names, bodies, strict=True))
     return (bodies, joints) if same else None
 
 
 def _anchor(model: Model, body: int) -> Array:
-    """Where the last hinge of ``body`` sits, in its frame (3,) [m]; the origin without one."""
+    """Return the position (3,) of the last hinge of ``body`` in its frame [m]; 0 without one."""
     first = int(model.body_jntadr[body])
     joints = range(first, first + int(model.body_jntnum[body]))
     hinges = [j for j in joints if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)]
@@ -315,7 +320,7 @@ def _anchor(model: Model, body: int) -> Array:
 
 
 def _compared(model: ObjectModel, reader: PoseReader, who: str) -> Check:
-    """The clause ``check_forward_kinematics`` against one judge, which sees the same numbers as the model does."""
+    """Run the check ``forward_kinematics`` against one reader of the canonical URDF."""
     names = [link.name for link in model.asset.links]
     error = np.zeros((0, len(names)))
     for q, own in _states(model):
@@ -333,7 +338,7 @@ def _compared(model: ObjectModel, reader: PoseReader, who: str) -> Check:
 
 
 def _compared_input(model: ObjectModel, reader: PoseReader, frame: InputFrame, who: str) -> Check:
-    """The clause ``check_input_kinematics``: positions of slides and of links are scaled before comparing."""
+    """Run the check ``input_kinematics``; positions of slides and links are scaled first."""
     unit = {j.name: frame.scale if j.kind == "slide" else 1.0 for j in model.asset.joints}
     known = reader({})
     names = [x.name for x in model.asset.links if x.parent is not None and x.name in known]
@@ -354,7 +359,7 @@ def _compared_input(model: ObjectModel, reader: PoseReader, frame: InputFrame, w
 
 
 def _states(model: ObjectModel) -> Iterator[tuple[dict[str, float], dict[str, Array]]]:
-    """Random joint positions and where the MJCF puts the links; one state if nothing moves."""
+    """Yield random joint positions with link poses of the MJCF; one state if nothing moves."""
     rng = np.random.default_rng(0)
     data = model.data()
     for _ in range(STATES if model.asset.joints else 1):
@@ -364,14 +369,14 @@ def _states(model: ObjectModel) -> Iterator[tuple[dict[str, float], dict[str, Ar
 
 
 def _difference(one: Array, other: Array) -> float:
-    """The larger of the distance [m] and the angle [rad] between two poses."""
+    """Return the larger of the distance [m] and the angle [rad] between two poses (4, 4)."""
     distance = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
     chord = float(np.linalg.norm(one[:3, :3] - other[:3, :3])) / np.sqrt(8.0)
     return float(np.maximum(distance, 2.0 * np.arcsin(np.minimum(chord, 1.0))))  # NaN stays NaN
 
 
 def _check_of(name: str, model: ObjectModel, names: list[str], error: Array, who: str) -> Check:
-    """The clause about ``error`` (states, links), blamed on the first link that strays."""
+    """Make a check of ``error`` (states, links) [m or rad]; it names the first deviating link."""
     worst = error.max(axis=0, initial=0.0)
     largest = float(worst.max(initial=0.0))
     states = f"{len(error)} joint states against {who}"
@@ -380,7 +385,7 @@ def _check_of(name: str, model: ObjectModel, names: list[str], error: Array, who
     if wrong:
         joint = next((j.name for j in model.asset.joints if j.link == wrong[0]), "the root")
         message += (
-            f"; {len(wrong)} links stray, the first is {wrong[0]}, moved by {joint}: "
+            f"; {len(wrong)} links deviate, the first is {wrong[0]}, moved by {joint}: "
             "compare its origin, axis and limits with the input"
         )
     return Check(
@@ -395,7 +400,7 @@ def _check_of(name: str, model: ObjectModel, names: list[str], error: Array, who
 
 
 def _below(joints: Sequence[Any], kinds: set[str]) -> set[str]:
-    """Links moved, at any remove, by a joint of one of ``kinds``."""
+    """Return all descendants of joints of ``kinds``."""
     found = {j.child for j in joints if j.type in kinds}
     while True:
         further = {j.child for j in joints if j.parent in found} - found

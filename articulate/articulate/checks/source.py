@@ -1,4 +1,4 @@
-"""What an asset was made from, as far as a proof compares the two."""
+"""Input of a conversion, for the checks that compare an asset with it."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from articulate.transforms import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """The input of an asset."""
+    """Input of an asset."""
 
     source: Path
     """URDF or MJCF file."""
     frame: InputFrame
     root: str
     """Part that does not move."""
-    shown: Mapping[str, tuple[Array, ...]]
-    """Triangles (F, 3, 3) of each piece that a part shows, in metres; the root's in the object
-    frame, those of the others in their own."""
+    visuals: Mapping[str, tuple[Array, ...]]
+    """Triangles (F, 3, 3) of the visual pieces of each part [m]; of the root in the object
+    frame, of others in their link frames."""
 
 
 def origin_of_reading(reading: Reading, config: ConvertConfig) -> Origin:
-    """The input that was read, placed as ``config`` asks for."""
+    """Return the input that was read, with the scale and frame of ``config``."""
     place = placement_of(reading, config)
-    shown = {}
+    visuals = {}
     for part in reading.parts:
         geometry = reading.geometry[part.name].scaled(place.scale)
         if part.joint is None:
             T_sp = np.array(part.T_sp)
             T_sp[:3, 3] *= place.scale
             geometry = geometry.moved(place.T_os @ T_sp)
-        shown[part.name] = _triangles(geometry)
+        visuals[part.name] = _triangles(geometry)
     return Origin(
         source=reading.source.path,
         frame=InputFrame(scale=place.scale, T_os=place.T_os),
         root=reading.parts[0].name,
-        shown=shown,
+        visuals=visuals,
     )
 
 
 def _triangles(geometry: PartGeometry) -> tuple[Array, ...]:
-    return tuple(np.asarray(piece.mesh.triangles, dtype=np.float64) for piece in geometry.shown)
+    return tuple(np.asarray(piece.mesh.triangles, dtype=np.float64) for piece in geometry.visible)

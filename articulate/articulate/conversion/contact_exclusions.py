@@ -16,7 +16,7 @@ TOUCH_M = 0.001
 """Bodies nearer than this at rest count as touching."""
 
 
-def excludes_of(
+def contact_excludes(
     asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], folder: Path
 ) -> list[tuple[str, str]]:
     """Pairs of bodies whose contact is left out.

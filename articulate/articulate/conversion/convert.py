@@ -14,22 +14,22 @@ from pathlib import Path
 import numpy as np
 
 from articulate.assets.asset import Asset, Joint, Link, load_asset, save_asset
-from articulate.conversion.contact_exclusions import excludes_of
+from articulate.conversion.contact_exclusions import contact_excludes
 from articulate.conversion.handles import handles_of
 from articulate.conversion.joints import Travel, box_volume_of, travel_of
 from articulate.conversion.metric_size import category_of, is_normalised, scale_of
-from articulate.conversion.mimic import followed, with_followers
+from articulate.conversion.mimic import apply_mimics, resolve_mimics
 from articulate.conversion.provenance import ORIGIN_FILE, origin_of
 from articulate.conversion.up_axis import Z_FROM_Y_UP, parts_opening_upwards
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf, urdf, write_meshes
 from articulate.errors import AssetError, UsageError
 from articulate.files import is_asset, replace_directory, write_text
 from articulate.formats.config import ConvertConfig
-from articulate.formats.decompose_joints import expand
+from articulate.formats.decompose_joints import decompose_joints
 from articulate.formats.find_source import find_source
 from articulate.formats.link_tree import Part, build_parts, poses_at
 from articulate.formats.load_meshes import PartGeometry, bounds
-from articulate.formats.orient_collada import loaded
+from articulate.formats.orient_collada import load_parts
 from articulate.formats.read_source import read_source
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceObject, free_name
@@ -41,6 +41,8 @@ from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.transforms import Array, inverse, matrix_to_quat
 
+MOST_NAMES = 6
+"""At most this many links are named in one sentence."""
 VERSION = "29"
 """Enters every cache key; change it with anything that changes what is written."""
 
@@ -93,10 +95,10 @@ def read_input(path: Path, config: ConvertConfig) -> Reading:
         AssetError: It cannot be read, or nothing in it has geometry.
     """
     source = read_source(path)
-    parts = build_parts(expand(source))
-    loader, geometry = loaded(source, parts, config)
+    parts = build_parts(decompose_joints(source))
+    loader, geometry = load_parts(source, parts, config)
     parts = _without_empty(parts, geometry, source)
-    if not any(geometry[part.name].shown for part in parts):
+    if not any(geometry[part.name].visible for part in parts):
         raise AssetError(f"{path}: no link has geometry; nothing can be made of it")
     travels = _travels(parts, geometry, config, source.repairs)
     files = {**source.files, **loader.files}
@@ -117,8 +119,8 @@ def _travels(
         )
         for part, joint in moving
     }
-    leads, _ = followed(joint for _, joint in moving)
-    found = with_followers(own, leads, repairs)
+    leads, _ = resolve_mimics(joint for _, joint in moving)
+    found = apply_mimics(own, leads, repairs)
     return {part.name: found[joint.name] for part, joint in moving}
 
 
@@ -134,7 +136,7 @@ def _without_empty(
         empty = [
             part
             for part in kept[1:]
-            if not geometry[part.name].shown and part.name not in parents | leads
+            if not geometry[part.name].visible and part.name not in parents | leads
         ]
         if not empty:
             return tuple(kept)
@@ -160,7 +162,7 @@ def input_key(reading: Reading, config: ConvertConfig) -> str:
     digest.update(str(is_normalised(path)).encode())
     for name, file in files:
         digest.update(name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
-    colours = [[p.rgba for p in g.shown] for g in reading.geometry.values()]  # of other files too
+    colours = [[p.rgba for p in g.visible] for g in reading.geometry.values()]  # of other files too
     digest.update(json.dumps(colours).encode())
     return digest.hexdigest()
 
@@ -251,7 +253,7 @@ def build_asset(
             f"the object may lie on its back: {', '.join(upwards[:3])} opens upwards; if y points "
             "up in the file, read it with --up y"
         )
-    asset = replace(asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.sentences)
+    asset = replace(asset, handles=handles, bounds_o=closed_box, repairs=source.repairs.messages)
     return asset, bodies, mimics
 
 
@@ -287,8 +289,8 @@ def _bodies(
         if name == "world":
             name = free_name("world_link", reading.source.links)
         names[part.name] = name
-        shapes, sentences = _shapes_of(name, geometry, config, known, hollow, budget)
-        for sentence in sentences:
+        shapes, messages = _shapes_of(name, geometry, config, known, hollow, budget)
+        for sentence in messages:
             repairs.add(sentence)
         inertial = inertial_of(
             members,
@@ -317,7 +319,7 @@ def _bodies(
                 name=name,
                 parent=parent,
                 T_pc=T_pc,
-                visuals=geometry.shown,
+                visuals=geometry.visible,
                 shapes=shapes,
                 inertial=inertial,
                 joint=joint,
@@ -352,7 +354,7 @@ def _shapes_of(
         try:
             free = hollow.get(name, NOTHING)
             shapes = collision_shapes(geometry, name, config, own, free, left)
-            known[key] = shapes, own.sentences
+            known[key] = shapes, own.messages
         except OutOfTimeError:
             assert before is not None
             known[key] = before
@@ -362,15 +364,22 @@ def _shapes_of(
 def _note_inertia(
     reading: Reading, bodies: Sequence[Body], category: str, *, rescaled: bool
 ) -> None:
-    """Say where masses come from that do not stand in the source."""
+    """Name the links whose masses are computed, and why those of the file are not used."""
     repairs = reading.source.repairs
-    said = any(link.inertial is not None for link in reading.source.links.values())
-    computed = sum(not body.inertial.from_source for body in bodies)
-    if said and rescaled:
-        repairs.add("masses, damping and friction of the file left out, for it is not metric")
-    if computed and (rescaled or not said):
+    in_file = any(link.inertial is not None for link in reading.source.links.values())
+    if in_file and rescaled:
+        repairs.add("masses, damping and friction of the file ignored, for it is not metric")
+    computed = [body.name for body in bodies if not body.inertial.from_source]
+    if computed:
+        names = ", ".join(computed[:MOST_NAMES])
+        more = len(computed) - MOST_NAMES
+        links = (
+            f"links {names} and {more} more"
+            if more > 0
+            else f"link{'s'[: len(computed) - 1]} {names}"
+        )
         repairs.add(
-            f"mass and inertia of {computed} links computed from their shapes at "
+            f"mass and inertia of {links} computed from their shapes at "
             f"{weight(category).density_kg_m3:g} kg/m3, at least "
             f"{weight(category).sheet_kg_m2:g} kg for each m2 of a panel"
         )
@@ -416,7 +425,7 @@ def _link(body: Body, T_ol: Array) -> Link:
 
 def _mimics(reading: Reading, place: Placement) -> list[Mimic]:
     kinds = {p.joint.name: reading.travels[p.name].kind for p in reading.parts if p.joint}
-    leads, dropped = followed(part.joint for part in reading.parts if part.joint)
+    leads, dropped = resolve_mimics(part.joint for part in reading.parts if part.joint)
     for name, what in dropped.items():
         reading.source.repairs.add(f"joint {name} mimics {what}: made independent")
     units = {name: place.scale if kind == "slide" else 1.0 for name, kind in kinds.items()}
@@ -461,7 +470,7 @@ def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], o
         folder.chmod(0o755)
         write_meshes(folder / "meshes", mesh_files(bodies))
         write_text(folder / "object.urdf", urdf(asset.name, bodies, mimics))
-        excludes = excludes_of(asset, bodies, mimics, folder)
+        excludes = contact_excludes(asset, bodies, mimics, folder)
         text = mjcf(asset.name, bodies, asset.handles, excludes, mimics)
         write_text(folder / "object.xml", text)
         save_asset(replace(asset, folder=folder))

@@ -253,7 +253,7 @@ def box_volume_of(
     for other in parts:
         if other.parent in carried:
             carried.add(other.name)
-    fixed = {part.parent} if part.parent and geometry[part.parent].shown else None
+    fixed = {part.parent} if part.parent and geometry[part.parent].visible else None
     members = [p.name for p in parts if p.name in carried or fixed is None or p.name in fixed]
 
     def volume(q: float) -> float:
@@ -275,7 +275,7 @@ def _size(geometry: PartGeometry) -> float:
 
 
 def _depth(geometry: PartGeometry, axis: Array) -> float:
-    along = [piece.mesh.vertices @ axis for piece in geometry.shown]
+    along = [piece.mesh.vertices @ axis for piece in geometry.visible]
     if not along:
         return 1.0
     reach = max(float(a.max()) for a in along) - min(float(a.min()) for a in along)

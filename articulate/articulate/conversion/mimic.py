@@ -16,7 +16,7 @@ Followed = tuple[str, float, float]
 """Joint that is followed, multiplier, offset in units of the source."""
 
 
-def followed(joints: Iterable[SourceJoint]) -> tuple[dict[str, Followed], dict[str, str]]:
+def resolve_mimics(joints: Iterable[SourceJoint]) -> tuple[dict[str, Followed], dict[str, str]]:
     """Whom each joint follows, and of those that cannot whom they were to follow, in words.
 
     Nobody follows a joint that does not move, or himself over others. Who follows a follower
@@ -67,7 +67,7 @@ def _circular(joint: str, leaders: Mapping[str, str]) -> bool:
     return False
 
 
-def with_followers(
+def apply_mimics(
     travels: Mapping[str, Travel], leads: Mapping[str, Followed], repairs: Repairs
 ) -> dict[str, Travel]:
     """The travels with each follower closed and open where its leader is.

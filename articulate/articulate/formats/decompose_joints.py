@@ -15,7 +15,7 @@ PLANAR_REACH = 0.5
 """A planar joint without limits goes this far either way, in units of the source."""
 
 
-def expand(source: SourceObject) -> SourceObject:
+def decompose_joints(source: SourceObject) -> SourceObject:
     """The same object with hinges, slides and fixed joints alone.
 
     A planar joint becomes two slides and a turn, a screw a turn and a slide that follows it. A

@@ -15,7 +15,7 @@ from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import Part
 from articulate.formats.mesh_file import TEXTURES, Y_FROM_Z, Group, read_mesh
-from articulate.formats.mesh_paths import AbsentMesh, found_elsewhere, resolve
+from articulate.formats.mesh_paths import MissingMesh, found_elsewhere, resolve
 from articulate.formats.source_object import SourceGeometry, SourceObject
 from articulate.formats.textures import mean_colour
 from articulate.transforms import Array
@@ -74,7 +74,7 @@ class PartGeometry:
     """The collision elements are the visual ones in the same places, or there are none."""
 
     @property
-    def shown(self) -> tuple[Piece, ...]:
+    def visible(self) -> tuple[Piece, ...]:
         """The visual pieces, or the collision pieces where nothing is to be seen."""
         return self.visuals or self.collisions
 
@@ -184,7 +184,7 @@ class Loader:
             path = resolve(element.filename, self.source.path, self.mesh_dirs)
             loaded = self._load(path)
         except AssetError as error:
-            kind = AbsentMesh if isinstance(error, AbsentMesh) else AssetError
+            kind = MissingMesh if isinstance(error, MissingMesh) else AssetError
             missing.append(kind(f"{element.where}: {error}"))
             return []
         self.files[element.filename] = path
@@ -252,7 +252,7 @@ def _primitive(element: SourceGeometry) -> trimesh.Trimesh:
 
 def bounds(geometry: PartGeometry, T: Array) -> NDArray[np.float64] | None:
     """Lowest and highest corner (2, 3) of what the part shows, moved by ``T`` (4, 4)."""
-    corners = [trimesh.transform_points(piece.mesh.vertices, T) for piece in geometry.shown]
+    corners = [trimesh.transform_points(piece.mesh.vertices, T) for piece in geometry.visible]
     if not corners:
         return None
     return np.array(

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 from articulate.errors import AssetError
 
 
-class AbsentMesh(AssetError):  # noqa: N818  # a kind of AssetError, which has the word
+class MissingMesh(AssetError):  # noqa: N818  # a kind of AssetError, which has the word
     """A mesh that was looked for and is not there; it may come."""
 
 
@@ -41,7 +41,7 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
             tried.append(candidate.parent)
     where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
-    raise AbsentMesh(
+    raise MissingMesh(
         f"mesh {reference!r} not found; looked in {where}{ros}. Put it there, "
         "or name its folder: check-asset --mesh-dirs FOLDER, whose --out train takes"
     )

@@ -16,7 +16,7 @@ import trimesh
 
 from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
-from articulate.formats.decompose_joints import expand
+from articulate.formats.decompose_joints import decompose_joints
 from articulate.formats.link_tree import Part, build_parts
 from articulate.formats.load_meshes import Loader, PartGeometry
 from articulate.formats.source_object import SourceObject
@@ -36,7 +36,7 @@ TURNED = (
 )
 
 
-def loader_of(source: SourceObject, config: ConvertConfig) -> Loader:
+def make_loader(source: SourceObject, config: ConvertConfig) -> Loader:
     """What reads the geometry of an object, COLLADA meshes the way up that fits its joints.
 
     Args:
@@ -49,16 +49,16 @@ def loader_of(source: SourceObject, config: ConvertConfig) -> Loader:
     elements = [e for link in source.links.values() for e in (*link.visuals, *link.collisions)]
     if not any((element.filename or "").lower().endswith(COLLADA) for element in elements):
         return Loader(source, config, y_up=config.collada_up == "y")
-    before = source.repairs.sentences
-    loader, _ = loaded(source, build_parts(expand(source)), config)
-    turned = [s for s in source.repairs.sentences if s.startswith(TURNED[:40]) and s not in before]
+    before = source.repairs.messages
+    loader, _ = load_parts(source, build_parts(decompose_joints(source)), config)
+    turned = [s for s in source.repairs.messages if s.startswith(TURNED[:40]) and s not in before]
     source.repairs.restore(before)
     for sentence in turned:
         source.repairs.add(sentence)
     return loader
 
 
-def loaded(
+def load_parts(
     source: SourceObject, parts: Sequence[Part], config: ConvertConfig
 ) -> tuple[Loader, dict[str, PartGeometry]]:
     """Geometry of the parts, and what read it; COLLADA meshes the way up that fits the joints.
@@ -66,7 +66,7 @@ def loaded(
     Raises:
         AssetError: A mesh is absent or unreadable and its link has nothing else.
     """
-    read = source.repairs.sentences
+    read = source.repairs.messages
     loader = Loader(source, config, y_up=config.collada_up == "y")
     geometry = {part.name: loader.part(part) for part in parts}
     if config.collada_up != "auto" or not any(is_z_up(path) for path in loader.files.values()):
@@ -74,7 +74,7 @@ def loaded(
     flat = leaves_in_plane(parts, geometry) if config.up == "y" or has_y_up(parts) else ()
     if not flat:
         return loader, geometry
-    before = source.repairs.sentences
+    before = source.repairs.messages
     source.repairs.restore(read)
     turned = Loader(source, config, y_up=True)
     upright = {part.name: turned.part(part) for part in parts}
@@ -104,7 +104,7 @@ def leaves_in_plane(parts: Sequence[Part], geometry: Mapping[str, PartGeometry])
 
 
 def _corners(geometry: PartGeometry) -> Array:
-    found = [np.asarray(piece.mesh.vertices, dtype=np.float64) for piece in geometry.shown]
+    found = [np.asarray(piece.mesh.vertices, dtype=np.float64) for piece in geometry.visible]
     return np.concatenate([np.zeros((0, 3)), *found])
 
 

@@ -1,8 +1,8 @@
-"""Reading an MJCF object into the same plain data as a URDF, with all of MuJoCo's defaults.
+"""Read an MJCF object into the same plain data as a URDF, with all of MuJoCo's defaults.
 
-The file is reduced to what it says about shape, mass and motion (``reduce_mjcf``), MuJoCo
-resolves classes, angles and frames in a process of its own (``read_mjcf_child``), and here bodies
-become links and joints. Meshes stay files: they are loaded like those of a URDF.
+The file is reduced to shape, mass and motion (``reduce_mjcf``), MuJoCo resolves classes, angles
+and frames in a child process (``read_mjcf_child``), and here bodies become links and joints.
+Meshes stay files: they are loaded like those of a URDF.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from articulate.errors import AssetError
+from articulate.errors import AssetError, quote, shorten
 from articulate.formats import read_mjcf_child
 from articulate.formats.mesh_file import TEXTURES
 from articulate.formats.mesh_paths import resolve
@@ -30,6 +30,7 @@ from articulate.formats.source_object import (
     SourceJoint,
     SourceLink,
     SourceObject,
+    check_counts,
     free_name,
 )
 from articulate.formats.textures import mean_colour
@@ -44,29 +45,25 @@ from articulate.transforms import (
 TIME_S = 45.0
 """Time limit of MuJoCo's reading [s]."""
 ARM_JOINTS = 5
-"""So many driven joints one after the other are a robot, not an object."""
-SHOWN_GROUPS = 3
-"""MuJoCo's viewer shows geoms of the groups 0, 1 and 2."""
-PLAIN = (0.5, 0.5, 0.5, 1.0)
-"""Colour of a geom that is given none."""
+"""This many actuated joints in series are a robot, not an object."""
 
-# What the child process found, as JSON.
+# JSON from the child process.
 Found = dict[str, Any]
 
 
 def read_mjcf(path: Path) -> SourceObject:
-    """What the MJCF file at ``path`` says of one object.
+    """Read the MJCF file at ``path``, which describes one object.
 
     Raises:
         AssetError: It cannot be read, MuJoCo does not accept it, or it holds no object but a
             scene or a robot.
     """
     text = read_text(path)
-    return _Builder(text, described(text)).source()
+    return _Builder(text, describe_text(text)).source()
 
 
-def described(text: MjcfText) -> Found:
-    """MuJoCo's reading of ``text``: bodies with joints and geoms, poses resolved.
+def describe_text(text: MjcfText) -> Found:
+    """Return the bodies of ``text`` with joints and geoms, their poses resolved by MuJoCo.
 
     Raises:
         AssetError: MuJoCo does not accept it, crashes, or takes too long.
@@ -76,16 +73,16 @@ def described(text: MjcfText) -> Found:
         try:
             found = resolve(reference, text.path)
         except AssetError:
-            continue  # missed where its geometry is needed
+            continue  # reported where its geometry is needed
         meshes[text.mesh_file(name)] = str(found.resolve())
-    out = asked(text, meshes)
+    out = run_child(text, meshes)
     if "error" in out:
-        raise AssetError(f"{text.path}: MuJoCo does not accept it: {out['error']}")
+        raise AssetError(f"{text.path}: MuJoCo does not accept it: {shorten(out['error'], 400)}")
     return out
 
 
-def asked(text: MjcfText, meshes: dict[str, str]) -> Found:
-    """The answer of ``read_mjcf_child``, run in a process of its own.
+def run_child(text: MjcfText, meshes: dict[str, str]) -> Found:
+    """Return the result of ``read_mjcf_child``, run in a process with limits.
 
     Raises:
         AssetError: It crashes or takes too long.
@@ -119,7 +116,7 @@ def asked(text: MjcfText, meshes: dict[str, str]) -> Found:
 
 
 class _Builder:
-    """Makes links and joints of bodies."""
+    """Convert bodies to links and joints."""
 
     def __init__(self, text: MjcfText, found: Found) -> None:
         self.text = text
@@ -131,10 +128,10 @@ class _Builder:
         self.T_lb: dict[str, Array] = {}
         """Pose of each body in the frame of its link."""
         self.fixed: dict[str, float] = {}
-        """Joints that an equality holds in one position."""
+        """Joints that an equality fixes in one position."""
         self.mimics: dict[str, tuple[str, float, float]] = {}
         self.colours: dict[str, tuple[float, float, float, float]] = {}
-        self.pictures: dict[str, Path] = {}
+        self.images: dict[str, Path] = {}
         """Textures in use, by reference."""
 
     def source(self) -> SourceObject:
@@ -142,7 +139,10 @@ class _Builder:
         self.couplings()
         self.ties()
         apply_rules(self.found, self.repairs)
-        self.judge_geoms()
+        self.classify_geoms()
+        geometries = sum(2 * len(body["geoms"]) for body in self.bodies.values())
+        joints = sum(len(body["joints"]) for body in self.bodies.values())
+        check_counts(self.text.path, len(self.bodies), joints, geometries)
         root = self.root()
         for name, body in self.bodies.items():
             if name not in self.T_lb:
@@ -152,7 +152,8 @@ class _Builder:
                 self.links[name] = self.link(self.bodies[name], T_lb)
         if "masses_error" in self.found:
             self.repairs.add(
-                f"masses by geometry could not be had from MuJoCo ({self.found['masses_error']})"
+                "masses by geometry are not known from MuJoCo "
+                f"({quote(self.found['masses_error'])})"
             )
         return SourceObject(
             name=self.text.name,
@@ -160,14 +161,14 @@ class _Builder:
             links=self.links,
             joints=tuple(self.joints),
             repairs=self.repairs,
-            files={**self.text.files, **self.pictures},
+            files={**self.text.files, **self.images},
         )
 
     def tidy(self) -> None:
-        """Leave out what only marks places; refuse what is no object."""
+        """Leave out bodies that only mark a pose; reject what is not one object."""
         for body in list(self.bodies.values()):
             if body["mocap"] or body["parent"] not in self.bodies:
-                self.repairs.note(f"body {body['name']} is moved by hand (mocap): left out")
+                self.repairs.note(f"body {body['name']} is a mocap body: left out")
                 del self.bodies[body["name"]]
         free = [b for b in self.bodies.values() if any(j["kind"] == "free" for j in b["joints"])]
         if len(free) > 1:
@@ -178,17 +179,17 @@ class _Builder:
             )
         for body in free:
             body["joints"] = []
-            self.repairs.add(f"body {body['name']} is free to move: fixed where it stands")
+            self.repairs.add(f"body {body['name']} is free to move: fixed at its pose")
         for body in self.bodies.values():
             for joint in body["joints"]:
                 if joint["kind"] == "ball":
                     raise AssetError(
-                        f"{self.at(joint)}: joint {joint['name']!r} is a ball joint; "
+                        f"{self.at(joint)}: joint {quote(joint['name'])} is a ball joint; "
                         "hinge and slide are accepted: write it as hinges"
                     )
-        self.refuse_robots()
+        self.reject_robots()
 
-    def refuse_robots(self) -> None:
+    def reject_robots(self) -> None:
         driven: dict[str, int] = {}
         for body in self.bodies.values():
             own = sum(j["name"] in self.text.driven for j in body["joints"])
@@ -196,12 +197,12 @@ class _Builder:
         name, most = max(driven.items(), key=lambda item: item[1])
         if most >= ARM_JOINTS:
             raise AssetError(
-                f"{self.text.path}: holds a robot ({most} driven joints in a row up to {name}), "
-                "not one object; give the file of the object alone"
+                f"{self.text.path}: holds a robot ({most} actuated joints in series up to {name}), "
+                "not one object; give the file of the object only"
             )
 
     def couplings(self) -> None:
-        """Read equalities between joints as URDF's mimic."""
+        """Convert equalities between joints to mimic joints."""
         joints = {j["name"]: j for b in self.bodies.values() for j in b["joints"]}
         for equality in self.found["joint_equalities"]:
             name, leader, poly = equality["joint"], equality["leader"], equality["poly"]
@@ -210,7 +211,7 @@ class _Builder:
             offset = joints[name]["ref"] + poly[0]
             if not leader:
                 self.fixed[name] = offset
-                self.repairs.add(f"joint {name} is held at {offset:g} by an equality: fixed there")
+                self.repairs.add(f"joint {name} is fixed at {offset:g} by an equality")
             elif leader not in joints or any(poly[2:]):
                 self.repairs.add(f"coupling of joint {name} to {leader} is not linear: left out")
             elif self.follows(leader, name):
@@ -221,23 +222,23 @@ class _Builder:
                 slope = poly[1]
                 self.mimics[name] = (leader, slope, offset - slope * joints[leader]["ref"])
         for name, (leader, slope, offset) in list(self.mimics.items()):
-            alone = [leader] == [m[0] for m in self.mimics.values() if m[0] == leader]
+            only = [leader] == [m[0] for m in self.mimics.values() if m[0] == leader]
             kinds = (joints[name]["kind"], joints[leader]["kind"])
             led = leader in self.mimics
-            if alone and slope and not led and kinds == ("hinge", "slide"):
-                # A hand turns what drives a slide, such as a knob: the same, told from there.
+            if only and slope and not led and kinds == ("hinge", "slide"):
+                # The hinge that drives a slide, such as a knob, is the one that is operated.
                 del self.mimics[name]
                 self.mimics[leader] = (name, 1.0 / slope, -offset / slope)
                 self.repairs.note(f"joint {leader} follows {name}, which turns it")
 
     def follows(self, name: str, leader: str) -> bool:
-        """Whether a joint is another one, or follows it, maybe over others."""
+        """Return whether a joint is ``leader`` or follows it, directly or through others."""
         while name != leader and name in self.mimics:
             name = self.mimics[name][0]
         return name == leader
 
     def ties(self) -> None:
-        """Refuse welds and connections of what moves; leave out those that hold nothing else.
+        """Reject welds and connections between moving bodies; leave out all others.
 
         Raises:
             AssetError: An active one closes a chain of moving bodies.
@@ -262,11 +263,12 @@ class _Builder:
     def at(self, joint: Found) -> str:
         return self.text.lines.get(("joint", joint["name"]), str(self.text.path))
 
-    def judge_geoms(self) -> None:
-        """Tell what is seen from what is touched.
+    def classify_geoms(self) -> None:
+        """Set whether each geom is visible, and leave out those that have no use.
 
-        Seen is what is not clear and in a group that viewers show. Group 0 of a body that has
-        group 1 for its looks is for contact alone, as in robosuite's and LIBERO's objects.
+        A geom is visible if it is not transparent and in a group that viewers show. Group 0 of a
+        body with visual geoms in group 1 is for contact only, as in robosuite's and LIBERO's
+        objects.
         """
         geoms = [g for b in self.bodies.values() for g in b["geoms"]]
         for body in self.bodies.values():
@@ -275,10 +277,14 @@ class _Builder:
                 geom["colour"] = self.colour(geom)
                 clear = geom["colour"] is not None and geom["colour"][3] <= 0.0
                 contact = looks and geom["group"] == 0 and geom["collides"]
-                geom["seen"] = not (clear or contact or geom["group"] >= SHOWN_GROUPS)
+                geom["seen"] = not (
+                    clear or contact or geom["group"] >= read_mjcf_child.VISIBLE_GROUPS
+                )
         markers = [g for g in geoms if not g["seen"] and not g["collides"]]
         if markers and len(markers) < len(geoms):
-            self.repairs.note(f"{len(markers)} geoms that are neither seen nor touched left out")
+            self.repairs.note(
+                f"{len(markers)} geoms that are neither visible nor colliding left out"
+            )
         for kind, what in (("plane", "plane, the ground,"), ("hfield", "height field")):
             if any(g["kind"] == kind for g in geoms):
                 self.repairs.note(f"a {what} left out")
@@ -290,7 +296,7 @@ class _Builder:
             ]
 
     def root(self) -> str:
-        """Make the root link, upright in the world, of the first body that matters."""
+        """Make the root link, upright in the world, of the first body with geometry or branches."""
         children: dict[str, list[Found]] = {}
         for body in self.bodies.values():
             if body["name"] != "world":
@@ -308,7 +314,7 @@ class _Builder:
         return name
 
     def connect(self, body: Found) -> None:
-        """Hang a body on its parent, by helper links where it has several joints."""
+        """Connect a body to its parent, by helper links where it has several joints."""
         name, parent = body["name"], body["parent"]
         T = self.T_lb[parent] @ _pose(body)
         if not body["joints"]:
@@ -342,8 +348,8 @@ class _Builder:
     def joint(self, joint: Found, parent: str, child: str, T_pc: Array) -> SourceJoint:
         name, hinge = joint["name"], joint["kind"] == "hinge"
         axis = np.array(joint["axis"])
-        held = self.fixed.get(name)
-        T_pc = T_pc @ _moved(hinge, axis, (0.0 if held is None else held) - joint["ref"])
+        fixed = self.fixed.get(name)
+        T_pc = T_pc @ _moved(hinge, axis, (0.0 if fixed is None else fixed) - joint["ref"])
         low, high = joint["range"]
         bounded = low != high
         if bounded and joint["limited"] == 0:
@@ -353,7 +359,7 @@ class _Builder:
         kind = "prismatic" if not hinge else "revolute" if bounded else "continuous"
         return SourceJoint(
             name=name,
-            kind=kind if held is None else "fixed",
+            kind=kind if fixed is None else "fixed",
             parent=parent,
             child=child,
             T_pc=T_pc,
@@ -409,10 +415,12 @@ class _Builder:
         )
 
     def mesh(self, geom: Found, name: str, where: str, T_lg: Array) -> SourceGeometry:
-        """A mesh in its own frame: MuJoCo moves it by refpos, turns it by refquat, then scales."""
+        """Return a mesh in its frame: MuJoCo moves it by refpos, turns by refquat, then scales."""
         mesh = self.found["meshes"].get(geom["mesh"])
         if mesh is None:
-            raise AssetError(f"{where}: mesh {geom['mesh']!r} is not defined; add it to <asset>")
+            raise AssetError(
+                f"{where}: mesh {quote(geom['mesh'])} is not defined; add it to <asset>"
+            )
         scale = np.array(mesh["scale"])
         turned = quat_to_matrix(mesh["refquat"]).T
         origin = turned @ np.array(mesh["refpos"])
@@ -429,8 +437,8 @@ class _Builder:
             )
         if np.ptp(scale) > 0.0 and not np.allclose(turned, np.eye(3)):
             raise AssetError(
-                f"{where}: mesh {geom['mesh']!r} has refquat and a scale that differs by axis; "
-                "give one factor, or turn the mesh in its file"
+                f"{where}: mesh {quote(geom['mesh'])} has refquat and a scale that "
+                "differs by axis; give one factor, or turn the mesh in its file"
             )
         return SourceGeometry(
             kind="mesh",
@@ -443,11 +451,11 @@ class _Builder:
         )
 
     def colour(self, geom: Found) -> tuple[float, float, float, float] | None:
-        """Colour of a geom: its own, else that of its material and texture, else none."""
+        """Return the colour of a geom, else of its material and texture, else None."""
         rgba = geom["rgba"]
         material = geom["material"]
-        if not np.allclose(rgba, PLAIN) or material not in self.found["materials"]:
-            own = not np.allclose(rgba, PLAIN)
+        if not np.allclose(rgba, read_mjcf_child.PLAIN) or material not in self.found["materials"]:
+            own = not np.allclose(rgba, read_mjcf_child.PLAIN)
             return (rgba[0], rgba[1], rgba[2], rgba[3]) if own else None
         if material not in self.colours:
             shade = self.found["materials"][material]
@@ -458,13 +466,13 @@ class _Builder:
         return self.colours[material]
 
     def tint(self, image: str) -> tuple[float, float, float]:
-        """Mean colour of a texture; white where it cannot be had."""
+        """Return the mean colour of a texture; white where it cannot be read."""
         try:
             path = resolve(image, self.text.path)
         except AssetError:
-            self.repairs.note(f"texture {image} not found: plain colour instead")
+            self.repairs.note(f"texture {quote(image)} not found: plain colour instead")
             return (1.0, 1.0, 1.0)
-        self.pictures[image] = path
+        self.images[image] = path
         try:
             colour = mean_colour(path)
         except AssetError as error:
@@ -494,21 +502,22 @@ def _inertial(found: Found | None, T_lb: Array) -> SourceInertial | None:
 
 
 def _triangles(corners: Array, faces: list[int], where: str) -> Array:
-    """Corners (N, 3, 3) of the faces, or of the convex hull where there are none."""
+    """Return corners (N, 3, 3) of the faces, or of the convex hull where there are none."""
     index = np.array(faces, dtype=np.int64).reshape(-1, 3)
     if len(index) == 0:
         try:
             return np.asarray(trimesh.PointCloud(corners).convex_hull.triangles)
         except (ValueError, RuntimeError, AttributeError) as error:
-            reason = (str(error).splitlines() or [""])[0][:100]
-            raise AssetError(f"{where}: no convex hull of its vertices ({reason})") from None
+            raise AssetError(
+                f"{where}: no convex hull of its vertices ({shorten(error)})"
+            ) from None
     if index.min() < 0 or index.max() >= len(corners):
         raise AssetError(f"{where}: a face names a vertex that does not exist")
     return corners[index]
 
 
 def tensor(inertial: Found) -> Array:
-    """Inertia (3, 3) about the centre of mass [kg m2]."""
+    """Return the inertia (3, 3) about the centre of mass [kg m2]."""
     xx, yy, zz, xy, xz, yz = inertial["full"]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
@@ -519,8 +528,8 @@ def apply_rules(found: Found, repairs: Repairs) -> None:
     The world has no mass. The total is not applied where the mass of a body is not known.
 
     Args:
-        found: What the child process found; the masses in it are changed.
-        repairs: Takes what was changed.
+        found: Result of the child process; the masses in it are changed.
+        repairs: Receives a sentence for each change.
     """
     rules = found["rules"]
     bodies = [body for body in found["bodies"] if body["parent"] != body["name"]]
@@ -542,7 +551,7 @@ def apply_rules(found: Found, repairs: Repairs) -> None:
         return
     for body in heavy:
         _scale(body["inertial"], total / before)
-    repairs.add(f"masses scaled from {before:.4g} to {total:.4g} kg, as settotalmass asks for")
+    repairs.add(f"masses scaled from {before:.4g} to {total:.4g} kg, the settotalmass of the file")
 
 
 def _bound(bodies: list[Found], mass: float, inertia: float, repairs: Repairs) -> None:

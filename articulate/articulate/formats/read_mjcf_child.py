@@ -1,4 +1,4 @@
-"""MuJoCo's reading of a reduced MJCF text, in a process of its own: native code, foreign input.
+"""Child process in which MuJoCo reads a reduced MJCF text: native code on untrusted input.
 
 Run as a script, so that nothing of this package is imported::
 
@@ -19,19 +19,26 @@ from typing import Any
 
 import numpy as np
 
+from articulate.errors import UsageError
 from articulate.jobs.process_identity import end_with_parent
 from articulate.simulator import mujoco
+from articulate.untrusted import read_bounded
 
-MAX_MEMORY = 4_000_000_000
+MAX_MEMORY = 2_000_000_000
 """Largest address space [bytes]."""
 MAX_CPU_S = 40
+MAX_MESH_BYTES = 200_000_000
 TINY = 1e-9
-"""Mass [kg] and inertia [kg m2] given to bodies that have none, so that MuJoCo goes on."""
+"""Mass [kg] and inertia [kg m2] given to bodies that have none, so that MuJoCo compiles them."""
 WATER = 1000.0
-"""MuJoCo's density where none is given [kg/m3]: no statement of the author's."""
+"""MuJoCo's default density [kg/m3]: not set by the author."""
+VISIBLE_GROUPS = 3
+"""MuJoCo's viewer displays geoms of the groups 0, 1 and 2."""
+PLAIN = (0.5, 0.5, 0.5, 1.0)
+"""Colour of a geom by default."""
 NO_FULL = [math.nan, 0.0, 0.0, 0.0, 0.0, 0.0]
 
-# Elements of MjSpec: the stubs say nothing about them.
+# Elements of MjSpec, which have no type stubs.
 Spec = Any
 
 
@@ -42,8 +49,8 @@ def limit() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def described(text: str, meshes: dict[str, str]) -> dict[str, Any]:
-    """All that the text says, poses resolved."""
+def describe_model(text: str, meshes: dict[str, str]) -> dict[str, Any]:
+    """Return the bodies, meshes, materials and couplings of the text, poses resolved."""
     spec = mujoco.MjSpec.from_string(text)
     out: dict[str, Any] = {
         "masses": {},
@@ -66,10 +73,11 @@ def described(text: str, meshes: dict[str, str]) -> dict[str, Any]:
         },
     }
     bodies = {b.name: body(b) for b in spec.bodies}
-    shown, moved = [geom(g) for g in spec.geoms], [joint(j, spec) for j in spec.joints]
+    opacity = {m.name: float(m.rgba[3]) for m in spec.materials}
+    geoms, joints = [geom(g, opacity) for g in spec.geoms], [joint(j, spec) for j in spec.joints]
     owners = [g.parent.name for g in spec.geoms], [j.parent.name for j in spec.joints]
     model = frames(spec)
-    for index, (found, owner) in enumerate(zip(shown, owners[0], strict=True)):
+    for index, (found, owner) in enumerate(zip(geoms, owners[0], strict=True)):
         address = model.geom(f"g{index}").id
         found["pos"], found["quat"] = (
             floats(model.geom_pos[address]),
@@ -78,7 +86,7 @@ def described(text: str, meshes: dict[str, str]) -> dict[str, Any]:
         if found["size"] is not None:
             found["size"] = floats(model.geom_size[address])
         bodies[owner]["geoms"].append(found)
-    for index, (found, owner) in enumerate(zip(moved, owners[1], strict=True)):
+    for index, (found, owner) in enumerate(zip(joints, owners[1], strict=True)):
         address = model.joint(f"j{index}").id
         found["pos"], found["axis"] = (
             floats(model.jnt_pos[address]),
@@ -99,17 +107,17 @@ def described(text: str, meshes: dict[str, str]) -> dict[str, Any]:
 
 
 def floats(values: Any) -> list[float]:
-    """Plain numbers of an array."""
+    """Return an array as a flat list."""
     return [float(v) for v in np.ravel(values)]
 
 
 def number(value: Any) -> float:
-    """The first of one or several numbers; later versions give polynomials."""
+    """Return the first of one or several numbers; later versions of MuJoCo have polynomials."""
     return float(np.ravel(value)[0])
 
 
 def mesh(m: Spec) -> dict[str, Any]:
-    """How a mesh is placed, and its corners where they stand in the text."""
+    """Return the scale and frame of a mesh, and its corners where they are in the text."""
     return {
         "scale": floats(m.scale),
         "refpos": floats(m.refpos),
@@ -120,7 +128,7 @@ def mesh(m: Spec) -> dict[str, Any]:
 
 
 def body(b: Spec) -> dict[str, Any]:
-    """Name and what stands in ``<inertial>``, before anything is made of it."""
+    """Return the name of a body and its ``<inertial>`` as written."""
     inertial = None
     if b.explicitinertial:
         full = floats(b.fullinertia)
@@ -139,7 +147,7 @@ def body(b: Spec) -> dict[str, Any]:
 
 
 def orientation(b: Spec) -> list[float]:
-    """Quaternion of the inertial frame, however it is given."""
+    """Return the quaternion (4,) wxyz of the inertial frame, from any attribute."""
     if int(b.ialt.type) == int(mujoco.mjtOrientation.mjORIENTATION_QUAT):
         return floats(b.iquat)
     compiler = b.compiler
@@ -150,8 +158,8 @@ def orientation(b: Spec) -> list[float]:
     )
 
 
-def geom(g: Spec) -> dict[str, Any]:
-    """One geom; meshes are named, their frame is that of their file."""
+def geom(g: Spec, opacity: dict[str, float]) -> dict[str, Any]:
+    """Return one geom; meshes by name, in the frame of their file."""
     kinds = mujoco.mjtGeom
     named = {
         int(kinds.mjGEOM_PLANE): "plane",
@@ -164,7 +172,13 @@ def geom(g: Spec) -> dict[str, Any]:
     }
     kind = "mesh" if g.meshname else named.get(int(g.type), "mesh")
     mass = float(g.mass)
+    collides = bool(g.contype or g.conaffinity)
+    weighed = not math.isnan(mass) or float(g.density) != WATER
+    plain = g.material in opacity and np.allclose(g.rgba, PLAIN)
+    alpha = opacity[g.material] if plain else float(g.rgba[3])
+    hidden = int(g.group) >= VISIBLE_GROUPS or alpha <= 0.0
     return {
+        "name": g.name,
         "index": int(g.name[1:].split("#")[0]),
         "kind": kind,
         "mesh": g.meshname,
@@ -172,14 +186,15 @@ def geom(g: Spec) -> dict[str, Any]:
         "material": g.material,
         "rgba": floats(g.rgba),
         "group": int(g.group),
-        "collides": bool(g.contype or g.conaffinity),
+        "collides": collides,
         "massless": mass == 0.0 or float(g.density) == 0.0,
-        "weighed": not math.isnan(mass) or float(g.density) != WATER,
+        "weighed": weighed,
+        "unused": hidden and not collides and not weighed,
     }
 
 
 def joint(j: Spec, spec: Spec) -> dict[str, Any]:
-    """One joint; angles in radians."""
+    """Return one joint, with angles in radians."""
     kinds = mujoco.mjtJoint
     kind = {
         int(kinds.mjJNT_FREE): "free",
@@ -201,7 +216,7 @@ def joint(j: Spec, spec: Spec) -> dict[str, Any]:
 
 
 def frames(spec: Spec) -> mujoco.MjModel:
-    """The model with all poses resolved; meshes are balls, masses and limits nobody's."""
+    """Compile with all poses resolved; meshes are replaced by spheres, masses are dummies."""
     quiet(spec)
     for index, g in enumerate(spec.geoms):
         g.name, g.material = f"g{index}", ""
@@ -225,7 +240,7 @@ def frames(spec: Spec) -> mujoco.MjModel:
 
 
 def quiet(spec: Spec) -> None:
-    """Nothing that changes the tree or stops the compiler."""
+    """Switch off all that changes the tree or stops the compiler."""
     spec.compiler.boundmass = spec.compiler.boundinertia = TINY
     spec.compiler.settotalmass = -1.0
     spec.compiler.balanceinertia = spec.compiler.fusestatic = spec.compiler.discardvisual = False
@@ -240,15 +255,18 @@ def quiet(spec: Spec) -> None:
 def masses(
     text: str, meshes: dict[str, str], bodies: dict[str, dict[str, Any]], out: dict[str, Any]
 ) -> None:
-    """Mass and inertia by geometry of the bodies whose author gave masses or densities."""
+    """Compute mass and inertia of the bodies whose author set masses or densities of geoms."""
     spec = mujoco.MjSpec.from_string(text)
     wanted = weighed(spec, bodies)
     if not wanted:
         return
-    quiet(spec)
     used = set()
+    shared = float(spec.compiler.settotalmass) > 0.0
+    quiet(spec)
+    unused = {g["name"] for b in bodies.values() for g in b["geoms"] if g["unused"] and not shared}
     for g in list(spec.geoms):
-        if g.parent.name not in wanted or float(g.mass) == 0.0 or float(g.density) == 0.0:
+        massless = float(g.mass) == 0.0 or float(g.density) == 0.0
+        if g.parent.name not in wanted or massless or g.name in unused:
             spec.delete(g)
         else:
             g.contype = g.conaffinity = 0
@@ -261,9 +279,9 @@ def masses(
             if m.name not in used:
                 spec.delete(m)
             elif m.file:
-                spec.assets[m.file] = Path(meshes[m.file]).read_bytes()
+                spec.assets[m.file] = read_bounded(Path(meshes[m.file]), MAX_MESH_BYTES)
         model = spec.compile()
-    except (ValueError, KeyError, OSError) as error:
+    except (ValueError, KeyError, UsageError) as error:
         out["masses_error"] = " ".join(str(error).split())
         return
     for name in wanted:
@@ -277,9 +295,10 @@ def masses(
 
 
 def weighed(spec: Spec, bodies: dict[str, dict[str, Any]]) -> set[str]:
-    """Bodies whose inertia follows from geoms that all have a mass or density of their own.
+    """Return the bodies whose inertia follows from geoms that all set a mass or density.
 
-    Where the file sets the mass of the whole, its geoms share it as they are.
+    Geoms that are left out and set no mass have no vote. Where the file sets the total mass, all
+    geoms share it.
     """
     rules = mujoco.mjtInertiaFromGeom
     rule = int(spec.compiler.inertiafromgeom)
@@ -291,16 +310,20 @@ def weighed(spec: Spec, bodies: dict[str, dict[str, Any]]) -> set[str]:
             body_["inertial"] = None
         if body_["inertial"] is not None or rule == int(rules.mjINERTIAFROMGEOM_FALSE):
             continue
-        heavy = [g for g in body_["geoms"] if low <= g["group"] <= high and not g["massless"]]
+        heavy = [
+            g
+            for g in body_["geoms"]
+            if low <= g["group"] <= high and not g["massless"] and (shared or not g["unused"])
+        ]
         if heavy and (shared or all(g["weighed"] for g in heavy)):
             found.add(name)
     return found
 
 
 def answer(text: str, meshes: dict[str, str]) -> dict[str, Any]:
-    """What the text says, or why MuJoCo does not accept it."""
+    """Return the description of the text, or why MuJoCo does not accept it."""
     try:
-        return described(text, meshes)
+        return describe_model(text, meshes)
     except (ValueError, KeyError, mujoco.FatalError, MemoryError) as error:
         return {"error": " ".join(str(error).split()) or type(error).__name__}
 

@@ -1,14 +1,15 @@
-"""What an MJCF file says about shape, mass and motion, as one text that names no file.
+"""Reduce an MJCF file with its includes to shape, mass and motion: a text that names no file.
 
-The file is not trusted: MuJoCo never sees it. Its elements are copied one by one, those in the
-table ``KEPT`` only, so that nothing in it makes MuJoCo open a path, load a plug-in or expand an
-entity. Sites, cameras, lights, sensors, keyframes and solver settings say nothing about the
-object and are passed over.
+The file is not trusted, so MuJoCo does not read it. Its elements are copied one by one, only
+those in the table ``KEPT``, so that nothing in it makes MuJoCo open a path, load a plug-in,
+allocate memory or expand an entity. Sites, cameras, lights, sensors, keyframes and solver
+settings do not describe the object and are skipped.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,20 +17,35 @@ from pathlib import Path
 
 from lxml import etree
 
-from articulate.errors import AssetError
+from articulate.errors import AssetError, quote
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import free_name
 from articulate.formats.xml_input import Element, read_markup, tag_of
+from articulate.untrusted import open_regular
 
 MAX_FILES = 64
-"""Most files that are included, those included twice counted twice."""
+"""Most files that are included, each time counted."""
 MAX_DEPTH = 128
 """Deepest nesting of elements."""
 MAX_ELEMENTS = 100_000
 """Most elements of all files together."""
+MAX_SIZE = 3e8
+"""Largest size that MuJoCo itself may allocate for one element of a file."""
+MAX_FILE_BYTES = 300_000_000
+"""Largest file that MuJoCo itself may read."""
+UNITS = ["", *"KMGTPE"]
+PRODUCTS = {
+    "hfield": ("nrow", "ncol"),
+    "texture": ("width", "height"),
+    "numeric": ("size",),
+    "composite": ("count",),
+    "flexcomp": ("count",),
+    "replicate": ("count",),
+}
+"""Attributes whose product is the size of an element."""
 ROOTS = ("mujoco", "mujocoinclude")
 INSIDE = frozenset({"body", "geom", "frame", "replicate"})
-"""What a fragment may hold that belongs into a world."""
+"""Elements of a fragment that belong into a world."""
 _FRAME = "pos quat axisangle xyaxes zaxis euler"
 KEPT = {
     "compiler": "angle eulerseq inertiafromgeom inertiagrouprange fitaabb settotalmass boundmass "
@@ -49,18 +65,18 @@ KEPT = {
     "mass density shellinertia fitscale",
     "equality": "active",
 }
-"""Attributes that are read, by element; contact, solver and looks come from our own table."""
+"""Attributes that are read, by element; contact, solver and looks have presets."""
 COUPLINGS = {
     "joint": "class joint1 joint2 polycoef active",
     "weld": "class body1 body2 active",
     "connect": "class body1 body2 anchor active",
 }
-"""Attributes that are read of what stands in ``<equality>``."""
+"""Attributes that are read of the elements of ``<equality>``."""
 WORDS = (
     "name class childclass type mesh material file builtin limited angle eulerseq inertiafromgeom "
     "fitscale fitaabb shellinertia mocap sep inertia joint1 joint2 body1 body2 active"
 )
-"""Attributes that are no numbers."""
+"""Attributes that are not numbers."""
 _IN_BODY = "body frame replicate geom joint freejoint inertial"
 PLACES = {
     "mujoco": "default asset worldbody equality",
@@ -72,27 +88,27 @@ PLACES = {
     "frame": _IN_BODY,
     "replicate": _IN_BODY,
 }
-"""What is read where."""
+"""Elements that are read, by parent."""
 NOTED = {
     "actuator": "actuators",
     "tendon": "tendons",
     "contact": "contact pairs",
-    "deformable": "deformable things",
-    "flexcomp": "deformable things",
+    "deformable": "deformable bodies",
+    "flexcomp": "deformable bodies",
     "composite": "composites",
     "hfield": "height fields",
     "skin": "skins",
 }
-"""Elements that are left out with a word."""
+"""Elements that are left out with a note."""
 GROUPS = ("actuator", "tendon", "contact", "deformable")
-"""Those of them that hold several things."""
+"""Those of them with several elements inside."""
 UNREADABLE = {"attach": "another model attached to it", "model": "another model in its assets"}
 SHAPELESS = ("site", "camera", "light", "plugin", "joint", "freejoint", "inertial")
-"""Elements of a body that are left out without a word where they are not read."""
-MAX_THINGS = 20_000
+"""Elements of a body that are left out without a note where they are not read."""
+MAX_COPIES = 20_000
 """Most elements of the model after ``<replicate>``."""
 LARGEST_RADIAN = 2.01 * math.pi
-"""Largest angle of a file in radians that does not say so, a full turn."""
+"""Largest angle from which a file without a unit is in radians, a full turn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,25 +134,25 @@ class MjcfText:
     repairs: Repairs
 
     def mesh_file(self, name: str) -> str:
-        """Name of the file of mesh ``name`` in ``text``, where nothing of its path is left."""
+        """Return the name of the file of mesh ``name`` in ``text``, which has no path."""
         return _mesh_file(self.meshes, name)
 
 
 def read_text(path: Path) -> MjcfText:
-    """The MJCF file at ``path`` with its includes, reduced to ``KEPT``.
+    """Return the MJCF file at ``path`` with its includes, reduced to ``KEPT``.
 
     Raises:
         AssetError: It cannot be read, or holds something that cannot be left out.
     """
     repairs = Repairs()
-    root, files = merged(path, repairs)
+    root, files = merge_includes(path, repairs)
     compiler: dict[str, str] = {}
     for element in root.iter():
         if tag_of(element) == "compiler":
             compiler.update(element.attrib)
     if compiler.get("coordinate", "local") != "local":
         raise AssetError(
-            f"{path}: coordinate={compiler['coordinate']!r} is not read any more; save the model "
+            f"{path}: coordinate={quote(compiler['coordinate'])} is no longer read; save the model "
             "in local coordinates with MuJoCo 2.1"
         )
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", root.get("model") or path.stem)
@@ -167,7 +183,7 @@ def read_text(path: Path) -> MjcfText:
 
 
 class _Assets:
-    """Files of meshes and textures, by name, and what drives the joints."""
+    """Files of meshes and textures by name, and the joints with actuators."""
 
     def __init__(self, root: Element, compiler: Mapping[str, str]) -> None:
         self.meshes: dict[str, str] = {}
@@ -186,7 +202,7 @@ class _Assets:
 
     @property
     def textures(self) -> dict[str, str]:
-        """Picture by material."""
+        """Image by material."""
         named = self.materials.items()
         return {name: self.images[image] for name, image in named if image in self.images}
 
@@ -206,7 +222,7 @@ class _Assets:
             self.materials.setdefault(element.get("name"), image)
 
     def reference(self, file: str, folder: str) -> str:
-        """Where MuJoCo looks for a file, from the folder of the model."""
+        """Return the path at which MuJoCo looks for a file, from the folder of the model."""
         if self.compiler.get("strippath") == "true":
             file = file.rsplit("/", 1)[-1]
         inside = self.compiler.get(folder, self.compiler.get("assetdir", ""))
@@ -215,28 +231,28 @@ class _Assets:
 
 
 class _Reduced:
-    """Copies elements that are read, names made unique."""
+    """Copy the elements that are read and make their names unique."""
 
     def __init__(self, model: str, root: Element, assets: _Assets, repairs: Repairs) -> None:
         self.model = model
-        self.given = {"world"} | {e.get("name") for e in root.iter() if e.get("name")}
+        self.named = {"world"} | {e.get("name") for e in root.iter() if e.get("name")}
         self.assets = assets
         self.repairs = repairs
         self.left_out: dict[str, int] = {}
         self.geoms: list[tuple[str, str]] = []
         self.lines: dict[tuple[str, str], str] = {}
-        self.taken: dict[str, set[str]] = {"body": {"world"}}
+        self.used: dict[str, set[str]] = {"body": {"world"}}
         self.sites: dict[str, str] = {}
         """Body of each site."""
         self.coupled = 0
         self.ties: list[tuple[Element, Element]] = []
-        """Constraints between bodies and what was made of them."""
+        """Constraints between bodies, and their copies."""
         self.times = 1.0
-        """How often the element at hand is repeated."""
-        self.things = 0.0
+        """Number of copies of the current element."""
+        self.elements = 0.0
 
     def copy(self, element: Element, into: Element) -> None:
-        """Copy what is read of ``element`` and below."""
+        """Copy the parts of ``element`` that are read, with those below it."""
         tag, parent = tag_of(element), tag_of(into)
         if tag == "site" and element.get("name"):
             self.sites.setdefault(element.get("name"), _owner(into))
@@ -263,7 +279,7 @@ class _Reduced:
         self.times = before
 
     def couple(self, element: Element, made: Element, tag: str) -> None:
-        """Give a coupling a name of its own, and keep where it stands."""
+        """Give a coupling a unique name, and keep its line."""
         name = f"e{self.coupled}#"
         self.coupled += 1
         made.set("name", name)
@@ -272,7 +288,7 @@ class _Reduced:
             self.ties.append((element, made))
 
     def tie(self) -> None:
-        """Say which bodies are held where a constraint names sites, wherever those stand."""
+        """Set the bodies of constraints that name sites."""
         for element, made in self.ties:
             if element.get("site1") or element.get("site2"):
                 for key, site in (("body1", "site1"), ("body2", "site2")):
@@ -281,17 +297,17 @@ class _Reduced:
                 made.set("anchor", made.get("anchor") or "0 0 0")
 
     def count(self, element: Element) -> None:
-        """Count one element, as often as it is repeated.
+        """Count one element, with its copies.
 
         Raises:
             AssetError: They are too many.
         """
-        self.things += self.times
-        if self.things > MAX_THINGS:
-            raise AssetError(f"{where(element)}: more than {MAX_THINGS} elements with <replicate>")
+        self.elements += self.times
+        if self.elements > MAX_COPIES:
+            raise AssetError(f"{where(element)}: more than {MAX_COPIES} elements with <replicate>")
 
     def is_read(self, element: Element, tag: str, parent: str) -> bool:
-        """Whether the element is copied; notes what is left out.
+        """Return whether the element is copied; note what is left out.
 
         Raises:
             AssetError: It cannot be left out.
@@ -312,22 +328,22 @@ class _Reduced:
                 self.repairs.add(f"unknown element <{tag}> left out ({where(element)})")
             return False
         name = element.get("name") or ""
-        if parent == "asset" and name in self.taken.setdefault(tag, set()):
-            self.repairs.add(f"a second {tag} called {name!r} left out ({where(element)})")
+        if parent == "asset" and name in self.used.setdefault(tag, set()):
+            self.repairs.add(f"a second {tag} called {quote(name)} left out ({where(element)})")
             return False
         if parent == "asset":
-            self.taken[tag].add(name)
+            self.used[tag].add(name)
         return True
 
     def is_foreign(self, key: str, value: str) -> bool:
-        """Whether the attribute names a material that another file defines."""
+        """Return whether the attribute names a material that is not defined."""
         if key != "material" or value in self.assets.materials:
             return False
-        self.repairs.note(f"material {value!r} is not defined: grey instead")
+        self.repairs.note(f"material {quote(value)} is not defined: grey instead")
         return True
 
     def value(self, element: Element, key: str, text: str) -> str:
-        """The attribute as MuJoCo reads it, numbers separated by blanks."""
+        """Return the attribute as MuJoCo reads it, numbers separated by spaces."""
         if key == "file":
             return _mesh_file(self.assets.meshes, element.get("name"))
         if key in WORDS.split():
@@ -335,47 +351,47 @@ class _Reduced:
         if "," in text:
             self.repairs.add(f"commas between numbers read as spaces ({where(element)})")
             text = text.replace(",", " ")
-        said = f"{where(element)}: {key}={text[:60]!r} of <{tag_of(element)}>"
+        place = f"{where(element)}: {key}={quote(text, 60)} of <{tag_of(element)}>"
         try:
             numbers = [float(word) for word in text.split()]
         except ValueError:
-            raise AssetError(f"{said} is not made of numbers") from None
+            raise AssetError(f"{place} is not made of numbers") from None
         if not all(math.isfinite(number) for number in numbers):
-            raise AssetError(f"{said} is not finite")
+            raise AssetError(f"{place} is not finite")
         return text
 
     def name(self, element: Element, made: Element, tag: str) -> None:
-        """Give geoms, bodies and joints names of their own, and keep where they stand."""
-        given = element.get("name") or ""
+        """Give geoms, bodies and joints unique names, and keep their lines."""
+        own = element.get("name") or ""
         if tag == "geom":
-            label = f"{given} {element.get('mesh') or ''}".strip()
+            label = f"{own} {element.get('mesh') or ''}".strip()
             self.geoms.append((label, f"{where(element)} (geom {len(self.geoms)})"))
             made.set("name", f"g{len(self.geoms) - 1}#")
         elif tag in {"body", "joint"}:
-            taken = self.taken.setdefault(tag, set())
+            used = self.used.setdefault(tag, set())
             owner = _owner(made.getparent())
-            if given:
-                name = free_name(given, taken)
+            if own:
+                name = free_name(own, used)
             else:
-                wish = _body_name(element, self.model) if tag == "body" else f"{owner}_joint"
-                name = free_name(wish, taken | self.given)
-            if given and name != given:
+                proposed = _body_name(element, self.model) if tag == "body" else f"{owner}_joint"
+                name = free_name(proposed, used | self.named)
+            if own and name != own:
                 self.repairs.add(
-                    f"a second {tag} is called {given}: renamed {name} ({where(element)})"
+                    f"a second {tag} is called {own}: renamed {name} ({where(element)})"
                 )
-            taken.add(name)
+            used.add(name)
             made.set("name", name)
             self.lines[tag, name] = where(element)
 
 
 def _owner(made: Element) -> str:
-    """Name of the body that ``made`` is or stands in."""
+    """Return the name of the body that ``made`` is or belongs to."""
     bodies = (e for e in (made, *made.iterancestors()) if tag_of(e) == "body")
     return next((body.get("name") for body in bodies), "world")
 
 
 def _body_name(element: Element, model: str) -> str:
-    """What to call a body without a name: after its joint, else after the model."""
+    """Return a name for a body without one: after its joint, else after the model."""
     names = (child.get("name") for child in element if tag_of(child) == "joint")
     joint = next((name for name in names if name), None)
     return f"{joint}_link" if joint else model
@@ -387,17 +403,17 @@ def _mesh_file(meshes: Mapping[str, str], name: str) -> str:
 
 
 def _is_in_radians(root: Element, repairs: Repairs) -> bool:
-    """Whether a file that does not name its unit of angles, degrees by default, has radians."""
+    """Return whether a file without a unit of angles, degrees by default, has radians."""
     angles = [abs(angle) for element in root.iter() for angle in _angles(element)]
     largest = max(angles, default=0.0)
     if not 0.0 < largest <= LARGEST_RADIAN:
         return False
-    repairs.add(f"no unit of angles is given, none is above {largest:.4g}: read as radians")
+    repairs.add(f"angles have no unit and none is above {largest:.4g}: read as radians")
     return True
 
 
 def _angles(element: Element) -> Iterator[float]:
-    """Angles of an element as they stand: of its frame and, for a hinge, of its range."""
+    """Iterate over the angles of an element: of its frame and, for a hinge, of its range."""
     words = (element.get("euler") or "").replace(",", " ").split()
     words += (element.get("axisangle") or "").replace(",", " ").split()[3:]
     if tag_of(element) == "joint" and element.get("type", "hinge") == "hinge":
@@ -410,15 +426,15 @@ def _angles(element: Element) -> Iterator[float]:
 
 
 def where(element: Element) -> str:
-    """File and line of an element of ``merged``."""
+    """Return file and line of an element of :func:`merge_includes`."""
     return str(element.get("_at") or "?")
 
 
-def merged(path: Path, repairs: Repairs) -> tuple[Element, dict[str, Path]]:
-    """The root element of ``path`` without ``<include>``, and the files included, by reference.
+def merge_includes(path: Path, repairs: Repairs) -> tuple[Element, dict[str, Path]]:
+    """Return the root element of ``path`` without ``<include>``, and the files by reference.
 
-    A scene, an included file whose world has a ground or lights, stands round the object: it is
-    left out wherever the file has a world of its own besides.
+    A scene, which is an included file whose world has a ground or lights, is left out where the
+    file itself also has a world.
 
     Raises:
         AssetError: A file cannot be read or is not MJCF, or they are too many.
@@ -427,18 +443,18 @@ def merged(path: Path, repairs: Repairs) -> tuple[Element, dict[str, Path]]:
     root = files.parsed(path)
     if tag_of(root) not in ROOTS:
         raise AssetError(
-            f"{path}: not MJCF: its root element is <{tag_of(root)}>, <mujoco> was expected"
+            f"{path}: not MJCF: its root element is <{tag_of(root)[:60]}>, <mujoco> was expected"
         )
     files.include(root, path, 0)
     if tag_of(root) == "mujocoinclude":
         root = _wrapped(root)
-        repairs.add("a fragment that other files include: read as a model of its own")
+        repairs.add("a fragment that other files include: read as a separate model")
     _without_scene(root, repairs)
     return root, files.found
 
 
 class _Files:
-    """Parses files and puts included ones in their places."""
+    """Parse files and replace each ``<include>`` by the content of its file."""
 
     def __init__(self, path: Path, repairs: Repairs) -> None:
         self.path = path
@@ -459,7 +475,7 @@ class _Files:
         return root
 
     def include(self, element: Element, path: Path, depth: int) -> None:
-        """Put the content of included files in place of each ``<include>`` below ``element``."""
+        """Replace each ``<include>`` below ``element`` by the content of its file."""
         if depth > MAX_DEPTH:
             raise AssetError(f"{where(element)}: elements nested deeper than {MAX_DEPTH}")
         for child in list(element):
@@ -471,7 +487,7 @@ class _Files:
             if tag_of(root) not in ROOTS:
                 raise AssetError(
                     f"{where(child)}: included file {found.name} is not MJCF: its root element is "
-                    f"<{tag_of(root)}>"
+                    f"<{tag_of(root)[:60]}>"
                 )
             self.include(root, found, depth + 1)
             _mark_scene(root, found.name)
@@ -480,7 +496,7 @@ class _Files:
             element.remove(child)
 
     def file(self, element: Element, path: Path) -> Path:
-        """The file that an ``<include>`` in ``path`` means: beside the first file, or beside it."""
+        """Return the file of an ``<include>`` in ``path``: beside the main file, or beside it."""
         reference = (element.get("file") or "").strip().replace("\\", "/")
         self.count += 1
         if self.count > MAX_FILES:
@@ -491,9 +507,45 @@ class _Files:
                 self.found[reference] = folder / reference
                 return folder / reference
         raise AssetError(
-            f"{where(element)}: included file {reference!r} not found; looked in "
+            f"{where(element)}: included file {quote(reference)} not found; looked in "
             f"{', '.join(f'{folder}/' for folder in folders)}. Put it there"
         )
+
+
+def check_native(path: Path) -> None:
+    """Reject a file that would make MuJoCo itself allocate too much, or read special files.
+
+    Args:
+        path: An MJCF file that MuJoCo is to load as it is.
+
+    Raises:
+        AssetError: A size is too large, or a file that it names is not a regular one.
+    """
+    root, _ = merge_includes(path, Repairs())
+    compiler: dict[str, str] = {}
+    for element in root.iter():
+        if tag_of(element) == "compiler":
+            compiler.update(element.attrib)
+    folders = ["", *(compiler.get(key, "") for key in ("assetdir", "meshdir", "texturedir"))]
+    for element in root.iter():
+        tag = tag_of(element)
+        keys = element.attrib if tag == "size" else ()
+        products: list[tuple[str, ...]] = [(str(key),) for key in keys] or [PRODUCTS.get(tag, ())]
+        for product in products:
+            size = math.prod(_size(element.get(key) or "") for key in product)
+            if size > MAX_SIZE:
+                names = " and ".join(product)
+                raise AssetError(f"{where(element)}: {names} of <{tag}>: more than {MAX_SIZE:.0g}")
+        files = [value for key, value in element.attrib.items() if key.startswith("file")]
+        for file in {path.parent / folder / value for folder in folders for value in files}:
+            if os.path.lexists(file):
+                open_regular(file, limit_bytes=MAX_FILE_BYTES, error=AssetError).close()
+
+
+def _size(text: str) -> float:
+    """Return the product of the numbers of an attribute, each with a unit such as M or G."""
+    found = re.findall(r"(\d+)\s*([KMGTPE]?)", text)
+    return math.prod(float(number) * 1024.0 ** UNITS.index(unit) for number, unit in found)
 
 
 def _mark_scene(root: Element, name: str) -> None:
@@ -518,7 +570,7 @@ def _without_scene(root: Element, repairs: Repairs) -> None:
 
 
 def _wrapped(root: Element) -> Element:
-    """A fragment as a whole model: what belongs into a body becomes the world's."""
+    """Return a fragment as a complete model: elements of a body move into the world."""
     out = etree.Element("mujoco")
     out.attrib.update(root.attrib)
     world = etree.SubElement(out, "worldbody")

@@ -17,30 +17,30 @@ class Repairs:
     """Sentences in the order of work, each once."""
 
     def __init__(self) -> None:
-        self._sentences: dict[str, None] = {}
+        self._messages: dict[str, None] = {}
 
     def add(self, sentence: str) -> None:
         """Note one change."""
-        self._sentences.setdefault(sentence)
+        self._messages.setdefault(sentence)
 
     def note(self, sentence: str) -> None:
         """Note what is worth knowing but changes nothing."""
-        self._sentences.setdefault(NOTE + sentence)
+        self._messages.setdefault(NOTE + sentence)
 
-    def restore(self, sentences: tuple[str, ...]) -> None:
-        """Go back to the ``sentences`` of an earlier time."""
-        self._sentences = dict.fromkeys(sentences)
+    def restore(self, messages: tuple[str, ...]) -> None:
+        """Go back to the ``messages`` of an earlier time."""
+        self._messages = dict.fromkeys(messages)
 
     @property
-    def sentences(self) -> tuple[str, ...]:
+    def messages(self) -> tuple[str, ...]:
         """All changes and notes so far; what is said of many meshes is said once."""
         meshes: dict[tuple[str, str], list[str]] = {}
-        for sentence in self._sentences:
+        for sentence in self._messages:
             found = OF_MESH.match(sentence)
             if found:
                 meshes.setdefault((found[1] or "", found[3]), []).append(found[2])
         out: dict[str, None] = {}
-        for sentence in self._sentences:
+        for sentence in self._messages:
             found = OF_MESH.match(sentence)
             names = meshes[found[1] or "", found[3]] if found else []
             if found and len(names) > MOST_NAMES:

@@ -84,7 +84,7 @@ def collision_shapes(
     Raises:
         OutOfTimeError: The budget is spent.
     """
-    seen = geometry.shown
+    seen = geometry.visible
     if not seen:
         return ()
     shapes: list[Shape] = []

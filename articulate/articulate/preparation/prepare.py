@@ -30,7 +30,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import copy_writable
 from articulate.formats.config import ConvertConfig
 from articulate.formats.find_source import find_source
-from articulate.formats.mesh_paths import AbsentMesh
+from articulate.formats.mesh_paths import MissingMesh
 from articulate.formats.textures import named_files
 from articulate.geometry.time_budget import Budget
 from articulate.preparation import store
@@ -163,7 +163,7 @@ def _prepare(
             made = _converted(read_input(file, config), config, cache, start)
     except AssetError as error:
         # An absent mesh may appear in any of many folders, which are not searched again.
-        lasting = not isinstance(error, AbsentMesh)
+        lasting = not isinstance(error, MissingMesh)
         seconds = time.perf_counter() - start
         return reject(file, str(error), options, cache, seconds=seconds, lasting=lasting)
     complete = not any(text.startswith(LEFT_OUT) for text in made.report.repairs)

@@ -1,7 +1,7 @@
-"""Collision shapes as fine as they have to be, and no finer.
+"""Make collision shapes as fine as necessary.
 
-What is hollow has to be open and what is seen has to be covered. Shapes that fail that are made
-anew, finer, as long as that helps; and so are those that stand in the way of others.
+Cavities must stay open and visible surfaces must be covered. Shapes that fail these checks are
+computed again at a finer resolution as long as that helps; so are shapes that block other parts.
 """
 
 from __future__ import annotations
@@ -24,62 +24,62 @@ from articulate.geometry.time_budget import UNLIMITED, Budget, spent_s
 from articulate.transforms import Array
 
 PASSES = 4
-"""Shapes are made so often at most."""
-SURE_PASSES = 3
-"""So often they are made in any case: the second finer pass halves what shapes may stray by once
-more, and opens what the first one hardly changed."""
+"""Largest number of passes."""
+MIN_PASSES = 3
+"""Smallest number of passes. The second finer pass halves the tolerance of shapes once more, and
+opens cavities that the first one hardly changed."""
 MORE = 2.0
-"""Each pass that is left may gain so many times what the last one did: the fourth pass over a
-bucket of thin walls gained more than the third."""
+"""Expected gain of a pass relative to that of the previous one: the fourth pass over a bucket with
+thin walls gained more than the third."""
 PASS_S = 75.0
-"""A finer pass may take so much time of the processor for each link that it makes finer [s] ..."""
-MOST_S = 200.0
-"""... and all of them this much; what is not done by then stays as it was."""
+"""Processor time of a finer pass for each refined link [s] ..."""
+MAX_REFINE_S = 200.0
+"""... and of all passes together; links that are not reached stay unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refined:
-    """An object with the shapes that were found best."""
+    """Object with the best shapes found."""
 
     asset: Asset
     bodies: list[Body]
     mimics: list[Mimic]
     model: ObjectModel | None
-    """Compiled with what it shows; None if it cannot be loaded."""
+    """Compiled with its visual geometry; None if it cannot be loaded."""
 
 
 def refined(reading: Reading, config: ConvertConfig, name: str) -> Refined:
-    """The object of ``reading``, made finer link by link while a pass gains enough.
+    """Build the object of ``reading`` and refine links while a pass gains enough.
 
     Args:
-        reading: The source.
-        config: What to do otherwise than by default.
-        name: Name of a folder for it.
+        reading: Input.
+        config: Options of the conversion.
+        name: Name of its folder.
     """
     return Refiner(reading=reading, config=config, name=name).best()
 
 
 class Refiner:
-    """Makes one object, each link as fine as it is asked to be.
+    """Builds one object with a requested fineness for each link.
 
     Args:
-        reading: The source.
-        config: What to do otherwise than by default.
-        name: Name of a folder for it.
+        reading: Input.
+        config: Options of the conversion.
+        name: Name of its folder.
     """
 
     def __init__(self, *, reading: Reading, config: ConvertConfig, name: str) -> None:
         self.reading = reading
         self.config = config
         self.name = name
-        self._read = reading.source.repairs.sentences
+        self._read = reading.source.repairs.messages
         self._shaped = Shaped()
         self._hollow: dict[str, Array] = {}
         self._times: dict[str, int] = {}
-        self._left_s = MOST_S
+        self._left_s = MAX_REFINE_S
 
     def best(self) -> Refined:
-        """The object, made finer link by link while a pass gains enough."""
+        """Return the object, with links refined while a pass gains enough."""
         history: dict[str, list[float]] = {}
         times = self._times
         now = self._made(UNLIMITED)
@@ -89,9 +89,9 @@ class Refiner:
             failed = failed_shapes(now.model)
             short = shortfalls(failed)
             for link in set(short) | set(times):
-                if len(history.get(link, ())) == times.get(link, 0):  # made anew, or failed anew
+                if len(history.get(link, ())) == times.get(link, 0):  # built again, or failed again
                     history.setdefault(link, []).append(short.get(link, 0.0))
-            again = sorted(link for link in short if is_worth_it(history[link], left))
+            again = sorted(link for link in short if should_refine(history[link], left))
             if not again:
                 break
             sealed = {c.subject for c in failed if c.name == "cavities"}
@@ -107,9 +107,9 @@ class Refiner:
         return now
 
     def finer(self, links: Collection[str]) -> Refined | None:
-        """The object with ``links`` finer than before; None if a clause on shapes fails then.
+        """Return the object with finer ``links``; None if a check on shapes fails then.
 
-        For parts whose shapes go into each other where the parts themselves pass.
+        For parts whose shapes interfere where the authored parts pass.
         """
         before = dict(self._times)
         self._times |= {link: before.get(link, 0) + 1 for link in links}
@@ -120,7 +120,7 @@ class Refiner:
         return None
 
     def _finer(self, count: int) -> Refined:
-        """The object as fine as it is asked to be now, with ``count`` links finer than before."""
+        """Build the object with the requested fineness, ``count`` links finer than before."""
         start_s = spent_s()
         now = self._made(Budget(min(PASS_S * count, self._left_s)))
         self._left_s = max(self._left_s - (spent_s() - start_s), 0.0)
@@ -136,33 +136,33 @@ class Refiner:
             first = write_asset(asset, bodies, mimics, Path(temporary) / self.name)
             try:
                 model = load_model(first)
-            except AssetError:  # the clause "loads" says why
+            except AssetError:  # the check "loads" reports it
                 return Refined(asset=asset, bodies=bodies, mimics=mimics, model=None)
         return Refined(asset=asset, bodies=bodies, mimics=mimics, model=model)
 
 
 def failed_shapes(model: ObjectModel) -> list[Check]:
-    """The clauses on shapes that fail."""
+    """Return the failed checks on collision shapes."""
     return [c for c in (*check_cavities(model), *check_coverage(model)) if c.outcome == "failed"]
 
 
 def shortfalls(failed: Sequence[Check]) -> dict[str, float]:
-    """How much each link lacks of what failed clauses allow, the most of them."""
+    """Return the largest difference between limit and measurement of each link."""
     short: dict[str, float] = {}
     for check in failed:
-        lacks = (check.allowed or 0.0) - (check.measured or 0.0)
-        short[check.subject] = max(short.get(check.subject, 0.0), lacks)
+        missing = (check.allowed or 0.0) - (check.measured or 0.0)
+        short[check.subject] = max(short.get(check.subject, 0.0), missing)
     return short
 
 
-def is_worth_it(history: Sequence[float], left: int) -> bool:
-    """Whether to make a link finer once more.
+def should_refine(history: Sequence[float], left: int) -> bool:
+    """Return whether to refine a link once more.
 
     Args:
-        history: What it lacked after each pass; each pass that is left is expected to gain at
-            most ``MORE`` times what the last one did.
-        left: Passes that are left.
+        history: Shortfall after each pass. Each remaining pass is expected to gain at most
+            ``MORE`` times what the previous one did.
+        left: Number of remaining passes.
     """
-    if left == 0 or len(history) < SURE_PASSES:
+    if left == 0 or len(history) < MIN_PASSES:
         return left > 0
     return history[-1] <= MORE * left * (history[-2] - history[-1])

@@ -48,7 +48,7 @@ def link_pieces(loader: Loader, source: SourceObject, link: str, T_sl: Array) ->
         T_pc=np.eye(4),
         members=((source.links[link], T_sl),),
     )
-    return loader.part(part).shown
+    return loader.part(part).visible
 
 
 def merge_pieces(name: str, pieces: Sequence[Piece]) -> PartMesh:

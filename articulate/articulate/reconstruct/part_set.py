@@ -23,7 +23,7 @@ from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError, UsageError, shorten
 from articulate.formats.config import ConvertConfig
 from articulate.formats.load_meshes import GREY, Piece
-from articulate.formats.orient_collada import loader_of
+from articulate.formats.orient_collada import make_loader
 from articulate.formats.part_names import plain_label, semantic_names
 from articulate.formats.read_urdf import read_urdf
 from articulate.library import PartNetLibrary, ProceduralLibrary
@@ -243,7 +243,7 @@ def _named(groups: Sequence[tuple[str, trimesh.Trimesh, tuple[float, ...] | None
 def _from_urdf(path: Path, T_os: Array, names: Mapping[str, str]) -> PartSet:
     source = read_urdf(path)
     poses = link_poses(source)
-    loader = loader_of(source, ConvertConfig())
+    loader = make_loader(source, ConvertConfig())
     pieces = {n: link_pieces(loader, source, n, poses[n]) for n in source.links}
     part_set = _part_set(path.stem, {n: p for n, p in pieces.items() if p}, T_os, names)
     category = category_of(path, ConvertConfig())

@@ -68,7 +68,7 @@ def joint_of(source: SourceObject, name: str) -> SourceJoint:
 
 
 def said(source: SourceObject, words: str) -> bool:
-    return any(words in sentence for sentence in source.repairs.sentences)
+    return any(words in sentence for sentence in source.repairs.messages)
 
 
 def anchors(raw: mujoco.MjModel) -> dict[str, Array]:

@@ -16,7 +16,7 @@ from tests.articulate.conversion.boxes import AXIS, BODY_BOX, LIMIT, loaded, mad
 
 from articulate.conversion import ConvertConfig, convert
 from articulate.errors import AssetError
-from articulate.formats.mesh_paths import AbsentMesh
+from articulate.formats.mesh_paths import MissingMesh
 from articulate.formats.read_urdf import read_urdf
 from articulate.geometry.presets import MASS_KG, SLIDE
 from articulate.simulator import mujoco
@@ -520,13 +520,13 @@ def test_a_mesh_of_nothing_is_left_out_or_refused(tmp_path: Path, content: str) 
 
 def test_a_mesh_that_may_come_is_told_from_one_that_cannot_be_read(tmp_path: Path) -> None:
     changes = ('<box size="0.02 0.3 0.1"/>', '<mesh filename="meshes/leaf.obj"/>')
-    with pytest.raises(AbsentMesh, match=r"two\.urdf:\d+: mesh 'meshes/leaf\.obj' not found"):
+    with pytest.raises(MissingMesh, match=r"two\.urdf:\d+: mesh 'meshes/leaf\.obj' not found"):
         made(tmp_path, changes)
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "leaf.obj").write_text("v 0 0 0\n")
     with pytest.raises(AssetError, match=r"leaf\.obj") as caught:
         made(tmp_path, changes)
-    assert not isinstance(caught.value, AbsentMesh)
+    assert not isinstance(caught.value, MissingMesh)
 
 
 def test_dynamics_absent_are_those_of_the_table(tmp_path: Path) -> None:

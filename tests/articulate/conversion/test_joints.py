@@ -63,7 +63,7 @@ def test_meaningless_limits_are_left_out_and_listed(lower, upper) -> None:
     repairs = Repairs()
     found = travel_of(joint(lower=lower, upper=upper), NOTHING, ConvertConfig(), repairs)
     assert (found.lower, found.upper) == (None, None)
-    assert repairs.sentences
+    assert repairs.messages
 
 
 def test_a_zero_axis_is_refused_with_the_place() -> None:
@@ -88,7 +88,7 @@ def test_a_slide_of_a_file_in_millimetres_keeps_its_limits(
     repairs = Repairs()
     found = travel_of(joint("prismatic", lower=0.0, upper=250.0), part, ConvertConfig(), repairs)
     assert found.upper == pytest.approx(0.8 * side if upper is None else upper)
-    assert any("meaningless" in sentence for sentence in repairs.sentences) is (upper is None)
+    assert any("meaningless" in sentence for sentence in repairs.messages) is (upper is None)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_limits_in_degrees_are_converted_keep_their_sign_and_are_listed(
     assert (found.lower, found.upper) == (math.radians(lower), math.radians(upper))
     assert found.closed == 0.0
     assert found.open == math.radians(lower + upper)
-    assert any("are degrees" in sentence for sentence in repairs.sentences)
+    assert any("are degrees" in sentence for sentence in repairs.messages)
 
 
 def test_the_sign_of_meaningless_limits_is_kept() -> None:
@@ -140,7 +140,7 @@ def test_a_range_of_a_few_degrees_is_questioned() -> None:
     repairs = Repairs()
     turn = math.radians(math.pi / 2)
     travel_of(joint(lower=0.0, upper=turn), NOTHING, ConvertConfig(), repairs)
-    assert any("are its limits in radians" in sentence for sentence in repairs.sentences)
+    assert any("are its limits in radians" in sentence for sentence in repairs.messages)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_where_zero_is_inside_the_range_closed_is_where_the_object_is_most_compa
     assert (found.closed, found.open) == (closed, opened)
     assert words in found.closed_rule
     assert (found.lower, found.upper) == ((0.0, 1.57) if closed == 0.0 else (-1.57, 1.57))
-    assert any("opens to both sides" in s for s in repairs.sentences) is (closed == 0.0)
+    assert any("opens to both sides" in s for s in repairs.messages) is (closed == 0.0)
 
 
 def test_a_small_lever_that_does_not_show_its_closed_position_is_closed_at_a_limit() -> None:

@@ -10,7 +10,7 @@ from tests.articulate.conversion.boxes import loaded, said
 
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.joints import Travel
-from articulate.conversion.mimic import followed, with_followers
+from articulate.conversion.mimic import apply_mimics, resolve_mimics
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceJoint
 from articulate.simulator import mujoco
@@ -82,10 +82,10 @@ def test_the_limit_asked_for_is_the_leaders(tmp_path: Path) -> None:
 
 
 def test_leaders_come_before_their_followers_along_a_chain() -> None:
-    leads, dropped = followed([joint("c", "b", 2, 0.1), joint("b", "a", -1, 0.2), joint("a")])
+    leads, dropped = resolve_mimics([joint("c", "b", 2, 0.1), joint("b", "a", -1, 0.2), joint("a")])
     assert not dropped
     travels = {"c": WIDE, "b": WIDE, "a": travel(0.0, 0.5, 0.0, 0.5)}
-    found = with_followers(travels, leads, Repairs())
+    found = apply_mimics(travels, leads, Repairs())
     assert ends(found["a"]) == (0.0, 0.5)
     assert ends(found["b"]) == pytest.approx((0.2, -0.3))
     assert ends(found["c"]) == pytest.approx((0.5, -0.5))
@@ -93,41 +93,43 @@ def test_leaders_come_before_their_followers_along_a_chain() -> None:
 
 def test_those_that_follow_nothing_that_moves_stay_as_they_are() -> None:
     joints = [joint("a", "b", 1, 0), joint("b", "a", 1, 0), joint("c", "gone", 1, 0)]
-    leads, dropped = followed(joints)
+    leads, dropped = resolve_mimics(joints)
     assert list(leads) == ["b"]
     assert dropped == {"a": "itself", "c": "gone, which does not move"}
-    found = with_followers({"a": WIDE, "b": WIDE, "c": WIDE}, leads, Repairs())
+    found = apply_mimics({"a": WIDE, "b": WIDE, "c": WIDE}, leads, Repairs())
     assert found["c"] is WIDE
     assert found["b"].closed_rule == "follows a"
 
 
 def test_a_follower_goes_as_far_as_its_own_limits_and_that_is_said() -> None:
-    leads, _ = followed([joint("a"), joint("b", "a", 4, 0)])
+    leads, _ = resolve_mimics([joint("a"), joint("b", "a", 4, 0)])
     repairs = Repairs()
-    found = with_followers({"a": travel(0.0, 0.6, 0.0, 0.6), "b": WIDE}, leads, repairs)
+    found = apply_mimics({"a": travel(0.0, 0.6, 0.0, 0.6), "b": WIDE}, leads, repairs)
     assert ends(found["b"]) == (0.0, 1.5)
-    assert repairs.sentences == (
+    assert repairs.messages == (
         "note: joint b would go from 0 to 2.4 with a, and its limits are -1.5 and 1.5",
     )
 
 
 @pytest.mark.parametrize("multiplier", [0.0, 1e308, -1e308])
 def test_a_factor_that_leads_nowhere_changes_nothing(multiplier: float) -> None:
-    leads, _ = followed([joint("a"), joint("b", "a", multiplier, 0)])
+    leads, _ = resolve_mimics([joint("a"), joint("b", "a", multiplier, 0)])
     endless = travel(None, None, 0.0, 1.5)
-    found = with_followers({"a": travel(0.0, 10.0, 0.0, 10.0), "b": endless}, leads, Repairs())
+    found = apply_mimics({"a": travel(0.0, 10.0, 0.0, 10.0), "b": endless}, leads, Repairs())
     assert found["b"] is endless
 
 
 def test_a_follower_of_a_follower_follows_the_one_that_leads_both() -> None:
-    leads, dropped = followed([joint("c", "b", 2, 0.1), joint("b", "a", -1, 0.2), joint("a")])
+    leads, dropped = resolve_mimics([joint("c", "b", 2, 0.1), joint("b", "a", -1, 0.2), joint("a")])
     assert not dropped
     assert leads["b"] == ("a", -1.0, 0.2)
     assert leads["c"] == pytest.approx(("a", -2.0, 0.5))
 
 
 def test_factors_that_multiply_beyond_all_numbers_are_left_out() -> None:
-    leads, dropped = followed([joint("a"), joint("b", "a", 1e200, 0), joint("c", "b", 1e200, 0)])
+    leads, dropped = resolve_mimics(
+        [joint("a"), joint("b", "a", 1e200, 0), joint("c", "b", 1e200, 0)]
+    )
     assert list(leads) == ["b"]
     assert dropped == {"c": "b by a factor that is not finite"}
 

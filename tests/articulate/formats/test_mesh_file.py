@@ -26,7 +26,7 @@ def wedge() -> trimesh.Trimesh:
 
 def read(path: Path) -> tuple[list, str]:
     repairs = Repairs()
-    return read_mesh(path, repairs), "\n".join(repairs.sentences)
+    return read_mesh(path, repairs), "\n".join(repairs.messages)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from articulate.errors import AssetError
-from articulate.formats.mesh_paths import AbsentMesh, found_elsewhere, resolve
+from articulate.formats.mesh_paths import MissingMesh, found_elsewhere, resolve
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_ros_package_path_is_looked_in(
 
 
 def test_an_absent_mesh_is_refused_in_one_line_that_lists_what_was_tried(urdf: Path) -> None:
-    with pytest.raises(AbsentMesh) as caught:
+    with pytest.raises(MissingMesh) as caught:
         resolve("package://cabinet/meshes/lid.obj", urdf)
     message = str(caught.value)
     assert "\n" not in message

@@ -9,7 +9,7 @@ import trimesh
 from articulate.conversion.convert import read_input
 from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
-from articulate.formats.orient_collada import leaves_in_plane, loader_of
+from articulate.formats.orient_collada import leaves_in_plane, make_loader
 from articulate.formats.read_urdf import read_urdf
 from articulate.reconstruct.part_set import read_part_set
 from articulate.reconstruct.program.program_parts import parts_of
@@ -46,8 +46,8 @@ def write_door(folder, *, axis="0 -1 0", rpy="1.5707963 0 0", up="Z_UP", shift=0
 
 def leaf_of(reading):
     """Lengths of the leaf along the axes of its link (3,), and what was changed."""
-    (piece,) = reading.geometry["leaf"].shown
-    return piece.mesh.extents, reading.source.repairs.sentences
+    (piece,) = reading.geometry["leaf"].visible
+    return piece.mesh.extents, reading.source.repairs.messages
 
 
 def test_leaf_that_would_turn_in_its_own_plane_is_turned_upright(tmp_path):
@@ -55,7 +55,7 @@ def test_leaf_that_would_turn_in_its_own_plane_is_turned_upright(tmp_path):
     sides, repairs = leaf_of(reading)
     np.testing.assert_allclose(sides, (LEAF_M[0], LEAF_M[2], LEAF_M[1]), atol=1e-6)
     assert sum("turned from z up to y up" in sentence for sentence in repairs) == 1
-    (frame,) = reading.geometry[reading.parts[0].name].shown
+    (frame,) = reading.geometry[reading.parts[0].name].visible
     T_pl = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     np.testing.assert_allclose(frame.mesh.centroid, (T_pl @ (0, 1.2, 0, 1))[:3], atol=1e-6)
 
@@ -85,17 +85,17 @@ def test_the_configuration_decides_where_it_says_so(tmp_path, up, axis):
 def test_all_who_read_links_read_them_the_same_way_up(tmp_path):
     path = write_door(tmp_path)
     source = read_urdf(path)
-    before = source.repairs.sentences
-    loader = loader_of(source, ConvertConfig())
+    before = source.repairs.messages
+    loader = make_loader(source, ConvertConfig())
     upright = (LEAF_M[0], LEAF_M[2], LEAF_M[1])
     assert loader.y_up
-    (sentence,) = set(source.repairs.sentences) - set(before)
+    (sentence,) = set(source.repairs.messages) - set(before)
     assert "turned from z up to y up" in sentence
     corners = parts_of(path)["leaf"].triangles.reshape(-1, 3)
     np.testing.assert_allclose(np.ptp(corners, axis=0), upright, atol=1e-6)
     (leaf,) = (mesh for mesh in read_part_set(path).meshes if mesh.name == "leaf")
     np.testing.assert_allclose(np.ptp(leaf.vertices, axis=0), LEAF_M, atol=1e-6)  # it stands
-    other = loader_of(read_urdf(path), ConvertConfig(collada_up="file"))
+    other = make_loader(read_urdf(path), ConvertConfig(collada_up="file"))
     assert not other.y_up
 
 

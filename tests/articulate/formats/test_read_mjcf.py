@@ -102,7 +102,7 @@ def test_body_with_a_free_joint_is_fixed_and_said_so(tmp_path: Path) -> None:
     source = read(tmp_path, model(f'<body name="cup"><freejoint/>{BALL}</body>'))
     assert list(source.links) == ["cup"]
     assert not source.joints
-    assert said(source, "body cup is free to move: fixed where it stands")
+    assert said(source, "body cup is free to move: fixed at its pose")
 
 
 def test_range_of_an_unlimited_joint_is_taken_and_said(tmp_path: Path) -> None:
@@ -320,7 +320,7 @@ def test_colours_come_from_geom_material_and_texture(tmp_path: Path) -> None:
     assert colours[2:4] == [None, None]
     assert colours[4] == (1.0, 1.0, 1.0, 1.0)
     assert said(source, "material 'elsewhere' is not defined: grey instead")
-    assert said(source, "texture gone.png not found: plain colour instead")
+    assert said(source, "texture 'gone.png' not found: plain colour instead")
 
 
 # what is made of masses
@@ -350,6 +350,41 @@ def test_mass_of_geoms_is_kept_where_the_author_gave_one(tmp_path: Path) -> None
     )
 
 
+@pytest.mark.parametrize(
+    "marker",
+    [
+        '<geom type="box" size="1e-4 1e-4 1e-4" rgba="0 1 0 0" contype="0" conaffinity="0"/>',
+        '<geom size=".1" group="4" contype="0" conaffinity="0"/>',
+        '<geom size=".1" material="clear" contype="0" conaffinity="0"/>',
+    ],
+)
+def test_a_marker_without_a_mass_has_no_vote_on_masses(tmp_path: Path, marker: str) -> None:
+    """Robosuite's and robocasa's fixtures mark regions by such geoms."""
+    geoms = '<geom type="box" size=".05 .1 .15" mass="0.2"/>' * 8
+    head = '<asset><material name="clear" rgba="1 0 0 0"/></asset>'
+    with_marker, without = (
+        read(tmp_path, model(moving(geoms + extra), head=head)).links["part"].inertial
+        for extra in (marker, "")
+    )
+    assert with_marker is not None
+    assert without is not None
+    assert with_marker.mass == pytest.approx(1.6)
+    np.testing.assert_array_equal(with_marker.inertia, without.inertia)
+
+
+def test_a_visible_geom_without_a_mass_still_has_a_vote(tmp_path: Path) -> None:
+    geoms = '<geom size=".1" mass="0.2"/><geom size=".2"/>'
+    assert read(tmp_path, model(moving(geoms))).links["part"].inertial is None
+
+
+def test_a_marker_with_a_mass_counts(tmp_path: Path) -> None:
+    geoms = '<geom size=".1" mass="0.2"/><geom size=".1" mass="0.3" group="4" contype="0" '
+    source = read(tmp_path, model(moving(geoms + 'conaffinity="0"/>')))
+    inertial = source.links["part"].inertial
+    assert inertial is not None
+    assert inertial.mass == pytest.approx(0.5)
+
+
 def test_masses_that_nobody_gave_are_left_to_the_presets(tmp_path: Path) -> None:
     """MuJoCo's 1000 kg/m3 is no statement of the author's."""
     assert read(tmp_path, model(moving(BALL))).links["part"].inertial is None
@@ -367,7 +402,7 @@ def test_mass_of_a_mesh_counts_and_one_that_is_missing_does_not_stop_the_reader(
     (tmp_path / "cube.stl").unlink()
     source = read(tmp_path, text)
     assert source.links["part"].inertial is None
-    assert said(source, "masses by geometry could not be had from MuJoCo")
+    assert said(source, "masses by geometry are not known from MuJoCo")
 
 
 # what stands round the object
@@ -396,7 +431,7 @@ def test_fragment_is_read_as_a_model_with_its_angles_in_radians(tmp_path: Path) 
     )
     assert joint_of(source, "j").upper == 1.2
     assert said(source, "a fragment that other files include")
-    assert said(source, "no unit of angles is given, none is above 1.571: read as radians")
+    assert said(source, "angles have no unit and none is above 1.571: read as radians")
 
 
 def test_angles_without_a_unit_are_degrees_where_one_is_large(tmp_path: Path) -> None:
@@ -416,7 +451,7 @@ def test_what_does_not_belong_to_the_object_is_left_out_with_a_word(tmp_path: Pa
     assert list(source.links) == ["base"]
     for words in ("unknown element <region>", "1 contact pairs", "a second material called 'm'"):
         assert said(source, words)
-    assert said(source, "body goal is moved by hand (mocap): left out")
+    assert said(source, "body goal is a mocap body: left out")
 
 
 # what is refused

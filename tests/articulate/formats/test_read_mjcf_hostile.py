@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,8 @@ from articulate.errors import AssetError
 from articulate.formats import read_mjcf as reading
 from articulate.formats import read_mjcf_child
 from articulate.formats.find_source import find_source
-from articulate.formats.read_source import format_of
-from articulate.formats.reduce_mjcf import read_text
+from articulate.formats.read_source import format_of, read_source
+from articulate.formats.reduce_mjcf import check_native, read_text
 from articulate.formats.source_object import SourceGeometry
 from articulate.formats.xml_input import root_tag
 
@@ -145,8 +146,8 @@ def test_reader_that_takes_too_long_is_stopped(
 @pytest.mark.usefixtures("in_child")
 def test_process_of_its_own_answers_as_this_one_would(tmp_path: Path) -> None:
     text = read_text(write(tmp_path, DRAWER))
-    found = reading.described(text)
-    assert found == read_mjcf_child.described(text.text, {})
+    found = reading.describe_text(text)
+    assert found == read_mjcf_child.describe_model(text.text, {})
     assert [body["name"] for body in found["bodies"]] == ["world", "carcass", "drawer"]
     assert found["bodies"][2]["joints"][0]["range"] == [0.0, 0.3]
 
@@ -193,3 +194,64 @@ def test_geometry_says_file_and_line(tmp_path: Path) -> None:
     source = read(tmp_path, DRAWER)
     first: SourceGeometry = source.links["drawer"].visuals[0]
     assert first.where == f"{tmp_path / 'thing.xml'}:14 (geom 3)"
+
+
+SIZES = {
+    "memory": '<size memory="1T"/>',
+    "user data": '<size nuserdata="1000000000"/>',
+    "stack": '<size nstack="4000000000"/>',
+    "height field": '<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>',
+    "texture": '<asset><texture name="t" builtin="flat" width="60000" height="60000"/></asset>',
+    "numbers": '<custom><numeric name="n" size="900000000"/></custom>',
+}
+
+
+@pytest.mark.parametrize("case", SIZES)
+def test_sizes_do_not_reach_muJoCo_and_are_rejected_where_it_reads_the_file(
+    tmp_path: Path, case: str
+) -> None:
+    path = write(tmp_path, model(moving(BALL), head=SIZES[case]))
+    assert list(read(tmp_path, path.read_text()).links) == ["base", "part"]
+    with pytest.raises(AssetError, match="more than 3e"):
+        check_native(path)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        '<asset><texture name="t" type="2d" file="pipe"/></asset>',
+        '<asset><mesh name="m" file="pipe"/></asset>',
+        '<compiler assetdir="sub"/><asset><hfield name="h" file="pipe" size="1 1 1 1"/></asset>',
+        '<asset><skin file="pipe"/></asset>',
+    ],
+)
+def test_special_files_do_not_block(tmp_path: Path, head: str) -> None:
+    (tmp_path / "sub").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    os.mkfifo(tmp_path / "sub" / "pipe")
+    path = write(tmp_path, model(moving(BALL), head=head))
+    read(tmp_path, path.read_text())
+    with pytest.raises(AssetError, match="pipe: not a regular file"):
+        check_native(path)
+
+
+def test_a_fifo_or_a_device_as_the_file_or_an_include_does_not_block(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.xml")
+    (tmp_path / "zero.xml").symlink_to("/dev/zero")
+    for name in ("pipe.xml", "zero.xml"):
+        with pytest.raises(AssetError, match="not a regular file"):
+            read_source(tmp_path / name)
+        with pytest.raises(AssetError, match=f"included file '{name}' not found"):
+            read(tmp_path, model(f'{BALL}<include file="{name}"/>'))
+
+
+def test_files_without_harm_are_read_by_muJoCo(tmp_path: Path) -> None:
+    head = '<size memory="10M" njmax="500"/><asset><texture name="t" type="2d" file="no.png"/>'
+    check_native(write(tmp_path, model(BALL, head=head + "</asset>")))
+
+
+@pytest.mark.parametrize("count", [401, 15_000])
+def test_too_many_bodies_or_joints_are_rejected(tmp_path: Path, count: int) -> None:
+    bodies = f'<body><joint type="slide"/>{BALL}</body>' * count
+    with pytest.raises(AssetError, match=r"at most 400 are accepted|more than 20000 elements"):
+        read(tmp_path, model(bodies))

@@ -120,7 +120,7 @@ def test_the_total_mass_is_shared_as_the_compiler_says(tmp_path: Path) -> None:
     path = write(tmp_path, model(HEAVY, head='<compiler settotalmass="2"/>'))
     source = read_mjcf(path)
     as_mujoco_has_it(source, path)
-    assert said(source, "kg, as settotalmass asks for")
+    assert said(source, "kg, the settotalmass of the file")
 
 
 def test_a_total_of_what_is_not_known_is_left_out_with_a_word(tmp_path: Path) -> None:

@@ -216,7 +216,7 @@ def test_limits_dynamics_mimic_and_pitch_are_read(tmp_path: Path) -> None:
     assert (turn.damping, turn.friction) == (0.5, 0.25)
     assert follower.mimic == ("j", 2.0, pytest.approx(0.3))
     assert screw.pitch == pytest.approx(2 * math.pi / 100)
-    assert "spring of joint j left out" in source.repairs.sentences
+    assert "spring of joint j left out" in source.repairs.messages
 
 
 def test_geometry_colours_and_inertia_are_read(tmp_path: Path) -> None:
@@ -343,7 +343,7 @@ def test_a_world_with_one_model_and_a_ground_is_that_model(tmp_path: Path) -> No
     text += f'<model name="m">{links()}{slide("<xyz>1 0 0</xyz>")}</model></world></sdf>'
     source = read_sdf(write(tmp_path, text))
     assert source.name == "m"
-    assert any("ground" in sentence for sentence in source.repairs.sentences)
+    assert any("ground" in sentence for sentence in source.repairs.messages)
 
 
 CYCLE = '<link name="a"><pose relative_to="b"/></link><link name="b"><pose relative_to="a"/></link>'

@@ -6,7 +6,7 @@ def test_each_sentence_stands_once_in_the_order_of_work():
     for sentence in ("joint a: turned", "mesh x.obj: flat", "joint a: turned"):
         repairs.add(sentence)
     repairs.note("textures")
-    assert repairs.sentences == ("joint a: turned", "mesh x.obj: flat", "note: textures")
+    assert repairs.messages == ("joint a: turned", "mesh x.obj: flat", "note: textures")
 
 
 def test_what_is_said_of_many_meshes_is_said_once_with_the_first_names():
@@ -16,19 +16,19 @@ def test_what_is_said_of_many_meshes_is_said_once_with_the_first_names():
         repairs.add(f"mesh m{k}.obj: a hole, closed")
     repairs.add("mesh m0.obj: cannot be read")
     first = "meshes m0.obj, m1.obj, m2.obj and 2 more"
-    assert repairs.sentences == (
+    assert repairs.messages == (
         f"note: {first}: the back left out",
         f"{first}: a hole, closed",
         "mesh m0.obj: cannot be read",
     )
-    assert [is_note(s) for s in repairs.sentences] == [True, False, False]
+    assert [is_note(s) for s in repairs.messages] == [True, False, False]
 
 
 def test_going_back_keeps_what_was_said_of_many():
     repairs = Repairs()
     for k in range(4):
         repairs.add(f"mesh m{k}.obj: flat")
-    read = repairs.sentences
+    read = repairs.messages
     repairs.add("part p: joined")
     repairs.restore(read)
-    assert repairs.sentences == read
+    assert repairs.messages == read

@@ -27,7 +27,7 @@ def parsed(folder: Path, content: bytes | str) -> tuple[Any, str]:
     repairs = Repairs()
     root = read_markup(path, repairs)
     assert tag_of(root) == "robot"
-    return root, "\n".join(repairs.sentences)
+    return root, "\n".join(repairs.messages)
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_the_budget_is_kept_and_said() -> None:
     repairs = Repairs()
     config = ConvertConfig(max_geoms=5, decompose=False)
     assert len(collision_shapes(geometry, "p", config, repairs)) == 5
-    assert "merged into 5" in repairs.sentences[-1]
+    assert "merged into 5" in repairs.messages[-1]
 
 
 def test_a_sealed_shell_is_made_hollow_and_keeps_its_outside() -> None:
@@ -144,7 +144,7 @@ def test_shapes_that_may_not_stray_are_more_than_wanted() -> None:
     assert len(within_budget(given, 5, "p", Repairs())) == 5
     repairs = Repairs()
     assert len(within_budget(given, 5, "p", repairs, surface)) == 13
-    assert repairs.sentences == ("part p: 14 collision shapes merged into 13",)
+    assert repairs.messages == ("part p: 14 collision shapes merged into 13",)
 
 
 def test_good_collision_geometry_of_the_source_is_kept() -> None:
@@ -157,7 +157,7 @@ def test_good_collision_geometry_of_the_source_is_kept() -> None:
         repairs = Repairs()
         shapes = collision_shapes(geometry, "p", NO_DECOMPOSITION, repairs)
         assert len(shapes) == 2
-        assert any("replaced" in sentence for sentence in repairs.sentences) is not kept
+        assert any("replaced" in sentence for sentence in repairs.messages) is not kept
 
 
 def test_collision_geometry_of_the_source_that_did_not_pass_the_proof_is_made_anew() -> None:
@@ -167,7 +167,7 @@ def test_collision_geometry_of_the_source_that_did_not_pass_the_proof_is_made_an
     repairs = Repairs()
     config = ConvertConfig(decompose=False, finer=("p",))
     assert len(collision_shapes(geometry, "p", config, repairs)) == 1
-    assert any("replaced" in sentence for sentence in repairs.sentences)
+    assert any("replaced" in sentence for sentence in repairs.messages)
 
 
 def test_neighbours_in_one_plane_are_joined() -> None:

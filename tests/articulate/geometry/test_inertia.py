@@ -81,7 +81,7 @@ def test_physical_inertia_of_the_source_is_kept() -> None:
     found, repairs = measured(link(2.5, (0.02, 0.03, 0.04), (0.05, 0.0, 0.0)))
     assert found.mass_kg == 2.5
     np.testing.assert_allclose(found.com_p, [0.05, 0.0, 0.0])
-    assert not repairs.sentences
+    assert not repairs.messages
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_inertia_that_is_not_physical_is_computed_and_said(source: SourceLink) -
     found, repairs = measured(source)
     assert found.mass_kg == pytest.approx(500.0 * 0.4 * 0.2 * 0.2)
     assert is_physical(found.mass_kg, found.inertia_p)
-    assert "computed" in repairs.sentences[0]
+    assert "computed" in repairs.messages[0]
 
 
 def test_masses_of_a_rescaled_source_mean_nothing() -> None:

@@ -156,7 +156,7 @@ def test_the_converter_reads_the_true_joints(name, tmp_path):
         np.testing.assert_allclose(T_ol[:3, 3], own.pivot_o, atol=1e-6)
         assert (travel.lower, travel.upper) == (own.lower, pytest.approx(own.upper, abs=1e-8))  # type: ignore[comparison-overlap]
         assert travel.closed == 0.0
-    assert all(is_note(sentence) for sentence in reading.source.repairs.sentences)
+    assert all(is_note(sentence) for sentence in reading.source.repairs.messages)
 
 
 @pytest.mark.parametrize("name", CATEGORIES)
@@ -176,7 +176,7 @@ def test_pictures_come_with_the_materials_and_the_converter_reads_their_mean(tmp
     assert mesh.is_watertight
     np.testing.assert_allclose(colour[:3], [0.72, 0.55, 0.36], atol=0.02)  # type: ignore[index]
     reading = read_input(tmp_path / "box_with_lid.urdf", ConvertConfig())
-    np.testing.assert_allclose(reading.geometry["lid"].shown[0].rgba, [0.72, 0.55, 0.36, 1.0])
+    np.testing.assert_allclose(reading.geometry["lid"].visible[0].rgba, [0.72, 0.55, 0.36, 1.0])
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.errors import AssetError
-from articulate.formats.decompose_joints import expand
+from articulate.formats.decompose_joints import decompose_joints
 from articulate.formats.link_tree import build_parts, unit_axis
 from articulate.formats.read_urdf import read_urdf
 from articulate.formats.source_object import SourceJoint, SourceObject
@@ -29,7 +29,7 @@ def decompile(urdf: Path) -> str:
     Raises:
         AssetError: It cannot be read, or is more than a program can say.
     """
-    source = expand(read_urdf(urdf))
+    source = decompose_joints(read_urdf(urdf))
     build_parts(source)  # raises where the tree is broken
     T_wl, joints = _placed(source)
     lines = ["# Every link is a part, in its own frame.", f"root({_text(_root(source))})"]

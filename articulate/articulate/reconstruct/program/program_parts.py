@@ -11,12 +11,12 @@ import numpy as np
 import trimesh
 
 from articulate.errors import AssetError, nearest
-from articulate.formats.orient_collada import loader_of
 from articulate.formats.config import ConvertConfig
-from articulate.formats.decompose_joints import expand
+from articulate.formats.decompose_joints import decompose_joints
 from articulate.formats.link_tree import Part as Body
 from articulate.formats.load_meshes import GREY, Loader, Piece, joined
 from articulate.formats.mesh_file import FORMATS, read_mesh
+from articulate.formats.orient_collada import make_loader
 from articulate.formats.read_urdf import read_urdf
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceObject
@@ -173,8 +173,8 @@ def _from_folder(folder: Path) -> Parts:
 
 
 def _from_urdf(path: Path) -> Parts:
-    source = expand(read_urdf(path))
-    loader = loader_of(source, ConvertConfig())
+    source = decompose_joints(read_urdf(path))
+    loader = make_loader(source, ConvertConfig())
     return Parts(
         {name: PartGeometry(name, partial(_of_link, source, loader, name)) for name in source.links}
     )
@@ -189,7 +189,7 @@ def _of_link(source: SourceObject, loader: Loader, name: str) -> tuple[Piece, ..
         T_pc=np.eye(4),
         members=((source.links[name], np.eye(4)),),
     )
-    pieces = [p for p in loader.part(body).shown if p.mesh.area > LEAST_AREA]
+    pieces = [p for p in loader.part(body).visible if p.mesh.area > LEAST_AREA]
     return tuple(replace(piece, link=name) for piece in pieces)
 
 
