@@ -1,4 +1,4 @@
-"""A bundle on a robot for some episodes."""
+"""Deployment of a bundle: some episodes on one robot or on several."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
 from articulate_deploy.policy_runner import Policy
-from articulate_deploy.recording import give_back, new_folders, write_episode, write_report
+from articulate_deploy.recording import claim_folders, release_folders, write_episode, write_report
 from articulate_deploy.report import DeployReport, Transfer
 from articulate_deploy.robots import robot_named
 from articulate_deploy.robots.robot import SimulatedRobot
 
-_Told = Callable[[str, int, EpisodeResult], None]
-_SCALE_NOTE = "the object's size is not randomised: a bundle holds its scene at one size"
+_Callback = Callable[[str, int, EpisodeResult], None]
+_SCALE_NOTE = "the object's size is not randomised: a bundle has its scene at one size"
 
 
 def deploy(
@@ -36,31 +36,32 @@ def deploy(
     out: Path | None = None,
     on_episode: Callable[[int, EpisodeResult], None] | None = None,
 ) -> DeployReport:
-    """Run the bundle at ``path`` and say how it went.
+    """Run the bundle at ``path`` and return the report.
 
     Args:
         path: The bundle.
         robot: Name of the robot.
-        episodes: How many episodes.
-        seed: Decides all that is drawn; None takes the draws that the bundle carries. Episode k is
-            the same for any number of episodes and for every robot.
-        randomise: Draw as in training, the object's size aside; else the start of the arm alone.
-        out: Folder for recordings; None keeps none.
-        on_episode: Told of each episode as it ends.
+        episodes: Number of episodes.
+        seed: Seed of the episode parameters; None uses those of the bundle. Episode k is the same
+            for any number of episodes and for every robot.
+        randomise: Sample as in training, at one size of the object; otherwise only the start of
+            the arm is sampled.
+        out: Folder for recordings; None writes none.
+        on_episode: Called with the number and the result of each episode.
 
     Raises:
-        BundleError: The bundle is not sound.
-        ConfigError: The robot is not known, or a number not accepted.
+        BundleError: The bundle is invalid.
+        ConfigError: The robot is unknown, or a number is not accepted.
         UsageError: ``out`` cannot be written.
     """
-    told = None if on_episode is None else lambda _, k, result: on_episode(k, result)
-    (report,) = _deploy(path, {robot: out}, _Asked(episodes, seed, randomise), told)
+    callback = None if on_episode is None else lambda _, k, result: on_episode(k, result)
+    (report,) = _deploy(path, {robot: out}, _Request(episodes, seed, randomise), callback)
     return report
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """What is asked for on each robot; see :func:`deploy`."""
+class _Request:
+    """Episodes to run on each robot; see :func:`deploy`."""
 
     episodes: int
     seed: int | None
@@ -74,51 +75,51 @@ class _Asked:
 
 
 def _deploy(
-    path: Path, folders: Mapping[str, Path | None], asked: _Asked, on_episode: _Told | None
+    path: Path, folders: Mapping[str, Path | None], request: _Request, on_episode: _Callback | None
 ) -> tuple[DeployReport, ...]:
-    """Reports of the robots that ``folders`` names; all are looked for before the first runs."""
+    """Return the reports of the robots in ``folders``; all are made before the first runs."""
     bundle = load_bundle(path)
     policy = Policy(bundle)
-    plan = plan_of(bundle, asked.episodes, seed=asked.seed, randomise=asked.randomise)
-    stand_ins = {name: robot_named(name, bundle) for name in folders}
+    plan = make_plan(bundle, request.episodes, seed=request.seed, randomise=request.randomise)
+    robots = {name: robot_named(name, bundle) for name in folders}
     claimed = [folder for folder in folders.values() if folder is not None]
-    new_folders(claimed)
+    claim_folders(claimed)
     try:
         reports = []
         for name, out in folders.items():
-            told = None if on_episode is None else partial(on_episode, name)
-            results = _run(policy, bundle, stand_ins[name], plan, out, told)
-            report = _report(path, bundle, stand_ins[name], plan, asked, results)
+            callback = None if on_episode is None else partial(on_episode, name)
+            results = _run(policy, bundle, robots[name], plan, out, callback)
+            report = _report(path, bundle, robots[name], plan, request, results)
             if out is not None:
                 write_report(out, report)
             reports.append(report)
         return tuple(reports)
     finally:
-        give_back(claimed)
+        release_folders(claimed)
 
 
 def _run(
     policy: Policy,
     bundle: Bundle,
-    stand_in: SimulatedRobot,
+    robot: SimulatedRobot,
     plan: Plan,
     out: Path | None,
     on_episode: Callable[[int, EpisodeResult], None] | None,
 ) -> tuple[EpisodeResult, ...]:
-    """The episodes of ``plan`` on one robot, one after another."""
+    """Return the results of the episodes of ``plan`` on one robot, one after another."""
     manifest, results = bundle.manifest, []
-    with stand_in:
-        for k in range(len(plan.draws.values)):
-            drawn, noise = plan.draw(k), plan.noise(k)
-            stand_in.set_episode_params(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
-            stand_in.reset_to(start_of(manifest, drawn), manifest.start.gripper_width_m)
+    with robot:
+        for k in range(len(plan.episode_params.values)):
+            params, noise = plan.params(k), plan.noise(k)
+            robot.set_episode_params(params, force_noise_n=plan.config.force_noise_n, noise=noise)
+            robot.reset_to(start_of(manifest, params), manifest.start.gripper_width_m)
             recording = None if out is None else Recording()
             result = run_episode(
                 policy,
-                stand_in,
-                TruthEstimator(stand_in, plan.config, manifest.task, drawn, noise),
+                robot,
+                TruthEstimator(robot, plan.config, manifest.task, params, noise),
                 manifest,
-                delay_steps=int(drawn["delay_steps"][0]),
+                delay_steps=int(params["delay_steps"][0]),
                 recording=recording,
             )
             if out is not None and recording is not None:
@@ -132,76 +133,77 @@ def _run(
 def _report(
     path: Path,
     bundle: Bundle,
-    stand_in: SimulatedRobot,
+    robot: SimulatedRobot,
     plan: Plan,
-    asked: _Asked,
+    request: _Request,
     results: tuple[EpisodeResult, ...],
 ) -> DeployReport:
     manifest = bundle.manifest
     return DeployReport(
         bundle=str(path),
-        robot=stand_in.name,
+        robot=robot.name,
         task=manifest.task.name,
         joint=manifest.task.joint,
         seed=plan.seed,
-        carried=plan.carried,
-        randomised=asked.randomise,
+        from_bundle=plan.from_bundle,
+        randomised=request.randomise,
         results=results,
-        draws=tuple(plan.draw(k) for k in range(len(results))),
-        notes=(*_scale_notes(manifest, asked.randomise), *stand_in.notes),
+        episode_params=tuple(plan.params(k) for k in range(len(results))),
+        notes=(*_scale_notes(manifest, request.randomise), *robot.notes),
     )
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is drawn for the episodes of one call, the same for every robot."""
+    """Sampled parameters of the episodes of one deployment, the same for every robot."""
 
     config: RandomizationConfig
     """Ranges of the noise within an episode."""
-    draws: EpisodeParams
-    """A row for each episode."""
+    episode_params: EpisodeParams
+    """One row an episode."""
     seed: int
-    """Decides the noise, and the draws unless the bundle carries them."""
-    carried: bool
-    """Whether the draws are the bundle's."""
+    """Seed of the noise, and of the parameters unless they are the bundle's."""
+    from_bundle: bool
+    """True for the parameters of the bundle."""
 
-    def draw(self, k: int) -> EpisodeParams:
-        """The draw of episode ``k``, one row."""
-        return EpisodeParams(self.draws.values[k : k + 1].copy())
+    def params(self, k: int) -> EpisodeParams:
+        """Return the parameters of episode ``k``, one row."""
+        return EpisodeParams(self.episode_params.values[k : k + 1].copy())
 
     def noise(self, k: int) -> np.random.Generator:
-        """What the noise within episode ``k`` is drawn from."""
+        """Return the generator of the noise within episode ``k``."""
         return np.random.default_rng(np.random.SeedSequence([self.seed, k, 1]))
 
 
-def plan_of(bundle: Bundle, episodes: int, *, seed: int | None, randomise: bool) -> Plan:
-    """What is drawn for ``episodes`` episodes; see :func:`deploy`.
+def make_plan(bundle: Bundle, episodes: int, *, seed: int | None, randomise: bool) -> Plan:
+    """Return the parameters of ``episodes`` episodes; see :func:`deploy`.
 
     Raises:
-        ConfigError: There are more episodes than draws in the bundle, and no seed to draw from.
+        ConfigError: There are more episodes than rows in the bundle, and no seed.
     """
     manifest = bundle.manifest
-    config = one_size(manifest) if randomise else still(manifest)
-    carried = seed is None and randomise
+    config = one_size(manifest) if randomise else start_only(manifest)
+    from_bundle = seed is None and randomise
     seed = manifest.episodes.seed if seed is None else seed
-    if not carried:
+    if not from_bundle:
         rows = sample_episode_params_each(config, seed, episodes, begin=manifest.task.begin)
-        return Plan(config, rows, seed, carried)
+        return Plan(config, rows, seed, from_bundle)
     if episodes > manifest.episodes.count:
         raise ConfigError(
-            f"episodes is {episodes}; the bundle carries {manifest.episodes.count} draws: "
-            "run fewer, or give a seed to draw others"
+            f"episodes is {episodes}; the bundle has parameters of {manifest.episodes.count}: "
+            "run fewer, or give a seed to sample others"
         )
-    return Plan(config, EpisodeParams(bundle.draws.values[:episodes]), seed, carried)
+    rows = EpisodeParams(bundle.episode_params.values[:episodes])
+    return Plan(config, rows, seed, from_bundle)
 
 
-def still(manifest: Manifest) -> RandomizationConfig:
-    """No randomisation but that of the start, without which all episodes would be the same."""
+def start_only(manifest: Manifest) -> RandomizationConfig:
+    """Return the randomization of the arm's start only; without it all episodes would be equal."""
     return replace(NO_RANDOMIZATION, start_rad=manifest.randomization.start_rad)
 
 
 def one_size(manifest: Manifest) -> RandomizationConfig:
-    """The randomisation of training with the object at the size of the bundle's scene."""
+    """Return the randomization of training with the object at the size of the bundle's scene."""
     return at_size(manifest.randomization, manifest.scene.scale)
 
 
@@ -215,26 +217,26 @@ def transfer(
     out: Path | None = None,
     on_episode: Callable[[str, int, EpisodeResult], None] | None = None,
 ) -> Transfer:
-    """Run the bundle at ``path`` on several robots under the same draws, and compare.
+    """Run the bundle at ``path`` on several robots with the same parameters and compare them.
 
     Args:
         path: The bundle.
-        robots: Their names; the first is the one that the others are compared with.
-        episodes: How many episodes on each.
+        robots: Names of the robots; the others are compared with the first.
+        episodes: Number of episodes on each.
         seed: As in :func:`deploy`.
         randomise: As in :func:`deploy`.
-        out: Folder for recordings, a folder in it for each robot; None keeps none.
-        on_episode: Told of the robot and of each episode as it ends.
+        out: Folder for recordings, with a folder for each robot; None writes none.
+        on_episode: Called with the robot, the number and the result of each episode.
 
     Raises:
-        ConfigError: A robot is named twice; and what :func:`deploy` raises, for any of them
+        ConfigError: A robot is given twice; and the errors of :func:`deploy`, for all robots
             before the first runs.
     """
-    twice = [name for k, name in enumerate(robots) if name in robots[:k]]
-    if twice:
-        raise ConfigError(f"--robot {twice[0]} stands twice; name each robot once")
+    duplicates = [name for k, name in enumerate(robots) if name in robots[:k]]
+    if duplicates:
+        raise ConfigError(f"--robot {duplicates[0]} given twice; name each robot once")
     folders = {name: None if out is None else out / name for name in robots}
-    return Transfer(_deploy(path, folders, _Asked(episodes, seed, randomise), on_episode))
+    return Transfer(_deploy(path, folders, _Request(episodes, seed, randomise), on_episode))
 
 
 def _scale_notes(manifest: Manifest, randomise: bool) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
-"""Whether what a manifest says can be run by this version on the arm that it names.
+"""Checks of a manifest against this version and its arm.
 
-Types were checked when it was read; here stand the values that nothing else would stop.
+Types are checked when a manifest is read; here the values are checked.
 """
 
 from __future__ import annotations
@@ -20,39 +20,45 @@ from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.task import TASK_RULES, Limits
 
 MAX_RATE_HZ = 200.0
-"""Fastest tick [Hz]; ours are of 20 Hz."""
+"""Highest control rate [Hz]; the default is 20 Hz."""
 MAX_STEPS = 1000
-"""Most physics steps in a tick."""
-MOST_ATOL = 1e-2
-"""Largest difference of an action that golden pairs may allow."""
-MOST_DRAWN = 1e6
-"""Largest number of a range of the randomisation: differences of larger ones overflow."""
+"""Most physics steps in a control step."""
+MIN_TIMESTEP_S = 5e-4
+"""Shortest physics step [s]; the default is 0.005 s."""
+MAX_GOLDEN = 1000
+"""Most golden pairs."""
+MAX_NAME = 200
+"""Longest name of a joint."""
+MAX_ATOL = 1e-2
+"""Largest tolerance of golden pairs."""
+MAX_RANGE = 1e6
+"""Largest bound of a randomization range; differences of larger ones overflow."""
 MAX_SIZES = 1000
 """Most sizes of the object."""
 Bound = tuple[str, bool, str]
-"""Name of a value, whether it is accepted, and what would be."""
+"""Name of a value, whether it is accepted, and a description of accepted values."""
 
 
-def check_fits(manifest: Manifest, where: str) -> None:
-    """Refuse a manifest for another arm, other layouts, or with values that make no sense.
+def check_manifest(manifest: Manifest, where: str) -> None:
+    """Check arm, layouts and values of a manifest.
 
     Raises:
-        BundleError: It is such a one.
+        BundleError: It is for another arm or layout, or a value is not accepted.
     """
     for name in _not_finite(to_plain(manifest), ""):
         raise BundleError(f"{where}: {name} is not a finite number")
     _check_arm(manifest, where)
     _check_layouts(manifest, where)
     _check_task(manifest, where)
-    for bounds in (_follow_bounds, _task_bounds, _other_bounds):
-        for name, accepted, wanted in bounds(manifest):
+    for bounds in (_control_bounds, _task_bounds, _other_bounds):
+        for name, accepted, reason in bounds(manifest):
             if not accepted:
-                raise BundleError(f"{where}: {name} {wanted}; export it again")
-    _check_follower(manifest, where)
+                raise BundleError(f"{where}: {name} {reason}; export it again")
+    _check_controller(manifest, where)
 
 
 def _not_finite(value: Any, name: str) -> Iterator[str]:
-    """Dotted names of the numbers that are none."""
+    """Yield the dotted names of numbers that are not finite."""
     if isinstance(value, float) and not math.isfinite(value):
         yield name
     inside = value if isinstance(value, dict) else {}
@@ -66,8 +72,8 @@ def _check_arm(manifest: Manifest, where: str) -> None:
         arm = arm_named(manifest.robot.name)
     except ConfigError as error:
         raise BundleError(f"{where}: {error}") from None
-    own = limit_table_sha256(arm)
-    if manifest.limit_table_sha256 != own or limit_table_sha256(manifest.robot) != own:
+    expected = limit_table_sha256(arm)
+    if {manifest.limit_table_sha256, limit_table_sha256(manifest.robot)} != {expected}:
         raise BundleError(
             f"{where}: its limit tables are not those of the {arm.name}; export it again"
         )
@@ -80,22 +86,24 @@ def _check_layouts(manifest: Manifest, where: str) -> None:
     ):
         if layout != known:
             names = [a.name for a, b in zip(layout.fields, known.fields, strict=False) if a != b]
-            what = names[0] if names else "its number of fields"
+            difference = names[0] if names else "its number of fields"
             raise BundleError(
-                f"{where}: {name} is not the one of this version ({what}); export it again"
+                f"{where}: {name} is not the one of this version ({difference}); export it again"
             )
 
 
 def _check_task(manifest: Manifest, where: str) -> None:
-    """The task is one of ours, and its joint one of the object's."""
+    """Check that the task is known and its joint belongs to the object."""
     task, joints = manifest.task, {joint.name: joint for joint in manifest.object.joints}
     if task.name not in TASK_RULES:
         known = nearest(task.name, TASK_RULES)
         raise BundleError(f"{where}: task.name is {task.name[:60]!r}{known}")
     if task.joint not in joints:
         raise BundleError(f"{where}: its object has no joint {task.joint[:60]!r}; export it again")
-    if not task.joint.isprintable():  # it stands in reports, on a line of its own
-        raise BundleError(f"{where}: task.joint is {task.joint[:60]!a}; no such name is shown")
+    if not task.joint.isprintable() or len(task.joint) > MAX_NAME:  # reports print it
+        raise BundleError(
+            f"{where}: task.joint is {task.joint[:60]!a}; it must be printable and short"
+        )
     joint = joints[task.joint]
     if joint.kind != task.kind or joint.span == 0.0 or task.span * joint.span <= 0.0:
         raise BundleError(
@@ -104,7 +112,7 @@ def _check_task(manifest: Manifest, where: str) -> None:
         )
 
 
-def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
+def _control_bounds(manifest: Manifest) -> Iterator[Bound]:
     control = manifest.control
     for name in ("omega_rad_s", "step_rad", "move_m", "turn_rad", "max_tracking_error_rad"):
         value = getattr(control, name)
@@ -123,8 +131,13 @@ def _follow_bounds(manifest: Manifest) -> Iterator[Bound]:
     )
     step = manifest.scene.timestep_s
     count = 1.0 / (rate * step) if step > 0.0 else 0.0
-    whole = 1.0 <= round(count) <= MAX_STEPS and abs(count - round(count)) <= 1e-6
-    yield "scene.timestep_s", whole, f"is {step}; a tick must be 1 to {MAX_STEPS} of them"
+    fits = 1.0 <= round(count) <= MAX_STEPS and abs(count - round(count)) <= 1e-6
+    yield (
+        "scene.timestep_s",
+        fits and step >= MIN_TIMESTEP_S,
+        f"is {step}; it must be at least {MIN_TIMESTEP_S} s, and 1 to {MAX_STEPS} of them a "
+        "control step",
+    )
 
 
 def _task_bounds(manifest: Manifest) -> Iterator[Bound]:
@@ -138,15 +151,15 @@ def _task_bounds(manifest: Manifest) -> Iterator[Bound]:
         0.0 < task.hold_s <= episode,
         f"is {task.hold_s}; it must be in (0, {episode}] s",
     )
-    own = Limits()
+    largest = Limits()
     for name in (
         "speed_share", "torque_share", "force_n", "moment_nm", "filter_s", "short_filter_s",
     ):  # fmt: skip
-        value, most = getattr(limits, name), getattr(own, name)
+        value, most = getattr(limits, name), getattr(largest, name)
         yield f"task.limits.{name}", 0.0 < value <= most, f"is {value}; it must be in (0, {most}]"
     control = manifest.control
     for name in ("force_limit_n", "force_limit_holding_n"):
-        value, most = getattr(control, name), own.force_n
+        value, most = getattr(control, name), largest.force_n
         accepted = 0.0 < value <= most
         yield f"control.{name}", accepted, f"is {value}; it must be in (0, {most}] N"
 
@@ -175,7 +188,9 @@ def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
         yield f"robot.{table}", positive, "holds a gain that is not above 0"
     yield "scene.scale", scene.scale > 0.0, f"is {scene.scale}; it must be above 0"
     atol = manifest.golden.atol
-    yield "golden.atol", 0.0 < atol <= MOST_ATOL, f"is {atol}; it must be in (0, {MOST_ATOL}]"
+    yield "golden.atol", 0.0 < atol <= MAX_ATOL, f"is {atol}; it must be in (0, {MAX_ATOL}]"
+    count = manifest.golden.count
+    yield "golden.count", 1 <= count <= MAX_GOLDEN, f"is {count}; it must be 1 to {MAX_GOLDEN}"
     seed, sizes = manifest.episodes.seed, manifest.randomization.scales
     yield "episodes.seed", seed >= 0, f"is {seed}; it must be 0 or more"
     yield "randomization.scales", sizes <= MAX_SIZES, f"is {sizes}; it must be at most {MAX_SIZES}"
@@ -183,11 +198,11 @@ def _other_bounds(manifest: Manifest) -> Iterator[Bound]:
     yield "robot.gripper.smoothing", 0.0 <= smoothing < 1.0, f"is {smoothing}; it must be in [0, 1)"
     for name, value in vars(manifest.randomization).items():
         most = np.max(np.abs(value))
-        yield f"randomization.{name}", bool(most <= MOST_DRAWN), f"is {value}; above {MOST_DRAWN:g}"
+        yield f"randomization.{name}", bool(most <= MAX_RANGE), f"is {value}; above {MAX_RANGE:g}"
 
 
-def _check_follower(manifest: Manifest, where: str) -> None:
-    """No targets of an episode can ask more of the arm than its tables allow."""
+def _check_controller(manifest: Manifest, where: str) -> None:
+    """Check that targets of the controller stay within the limit tables of the arm."""
     try:
         check_control(manifest.control, manifest.robot, manifest.task.episode_s)
     except ConfigError as error:

@@ -1,22 +1,19 @@
-"""Tables of numbers in npz files, read within bounds.
+"""Arrays of numbers in npz files, read within bounds.
 
-Only what ``numpy.savez`` writes of such a table is taken, and its header is compared with what
-is expected before any number is looked at: a header may claim any size, and is text that
-:func:`numpy.load` evaluates.
+Only arrays as ``numpy.savez`` writes them are read, and their headers are compared with the
+expected shapes first: a header may claim any size, and :func:`numpy.load` evaluates its text.
 """
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
 from collections.abc import Mapping
 
 import numpy as np
 
 from articulate.errors import BundleError
 from articulate.transforms import Array
-from articulate_deploy.bundle_files import MAX_BYTES, UNREADABLE, member
+from articulate_deploy.bundle_files import MAX_BYTES, UNREADABLE, member, open_zip
 
 _MAGIC = b"\x93NUMPY\x01\x00"
 _HEADER = re.compile(
@@ -26,21 +23,21 @@ _HEADER = re.compile(
 
 
 def read_tables(
-    content: bytes, shapes: Mapping[str, tuple[int, int]], where: str, wanted: str
+    content: bytes, shapes: Mapping[str, tuple[int, int]], where: str, expected: str
 ) -> dict[str, Array]:
-    """Tables of an npz file by name, as float64.
+    """Return arrays of an npz file by name, as float64.
 
     Args:
         content: The file.
-        shapes: Names of the tables that are wanted, and their shapes.
-        where: Where it comes from, for messages.
-        wanted: What it is to hold, for messages.
+        shapes: Names and shapes of the arrays to read.
+        where: Name of the file, for messages.
+        expected: Description of the content, for messages.
 
     Raises:
-        BundleError: It is no such file, too large, or lacks a table of that shape.
+        BundleError: It is not an npz file, too large, or lacks an array of that shape.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        with open_zip(content) as archive:
             if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
                 raise BundleError(f"{where}: larger than a bundle may be")
             return {
@@ -48,16 +45,20 @@ def read_tables(
                 for name, shape in shapes.items()
             }
     except UNREADABLE:
-        raise BundleError(f"{where}: does not hold {wanted}") from None
+        raise BundleError(f"{where}: does not hold {expected}") from None
 
 
 def _table(content: bytes, shape: tuple[int, int]) -> Array:
-    """The table that an npy file holds; ValueError if it is none of that shape."""
+    """Return the array of an npy file.
+
+    Raises:
+        ValueError: It is not an array of floats of this shape.
+    """
     begin = len(_MAGIC) + 2
     end = begin + int.from_bytes(content[len(_MAGIC) : begin], "little")
     header = _HEADER.fullmatch(content[begin:end])
     if not content.startswith(_MAGIC) or header is None:
-        raise ValueError("not a table of numbers")
+        raise ValueError("not an array of floats")
     if (int(header[3]), int(header[4])) != shape:
         raise ValueError("another shape")
     numbers = np.frombuffer(content, dtype=header[1].decode("ascii"), offset=end)

@@ -1,7 +1,8 @@
-"""Recordings on disk: one file of arrays per episode, and a line about each.
+"""Recordings on disk: one file of arrays and one line of JSON for each episode.
 
-``episode_0000.npz`` holds arrays with one row per tick, ``episodes.jsonl`` how each ended and
-what was drawn; ``report.json`` the whole. ``np.load(path, allow_pickle=False)`` reads them.
+``episode_0000.npz`` has arrays with one row a control step, ``episodes.jsonl`` the result and the
+parameters of each episode, and ``report.json`` the report. ``np.load(path, allow_pickle=False)``
+reads the arrays.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from articulate_deploy.report import DeployReport
 EPISODES_FILE, REPORT_FILE = "episodes.jsonl", "report.json"
 
 
-def new_folder(folder: Path) -> None:
-    """Make the folder of a recording, and claim it: of several at once one gets it.
+def claim_folder(folder: Path) -> None:
+    """Make the folder of a recording and claim it: of several processes one gets it.
 
     The claim is an empty ``episodes.jsonl``, which :func:`write_report` replaces.
 
     Raises:
-        UsageError: It exists and holds something, or cannot be made.
+        UsageError: It is not empty or cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -34,43 +35,43 @@ def new_folder(folder: Path) -> None:
             (folder / EPISODES_FILE).touch(exist_ok=False)
             return
     except FileExistsError as error:
-        if not folder.is_dir():  # something that is no folder stands there
-            raise _not_written(folder, error) from None
+        if not folder.is_dir():
+            raise _write_error(folder, error) from None
     except OSError as error:
-        raise _not_written(folder, error) from None
+        raise _write_error(folder, error) from None
     raise UsageError(f"{folder}: exists and is not empty; choose another --out")
 
 
-def _not_written(folder: Path, error: OSError) -> UsageError:
+def _write_error(folder: Path, error: OSError) -> UsageError:
     return UsageError(f"{folder}: cannot be written ({error.strerror}); choose another --out")
 
 
-def new_folders(folders: Sequence[Path]) -> None:
+def claim_folders(folders: Sequence[Path]) -> None:
     """Make and claim all of ``folders``, or none.
 
     Raises:
-        UsageError: As :func:`new_folder`.
+        UsageError: As :func:`claim_folder`.
     """
     for k, folder in enumerate(folders):
         try:
-            new_folder(folder)
+            claim_folder(folder)
         except UsageError:
-            give_back(folders[:k])
+            release_folders(folders[:k])
             raise
 
 
-def give_back(folders: Sequence[Path]) -> None:
-    """Take the claims back where nothing was recorded, so that the folders can be used again."""
+def release_folders(folders: Sequence[Path]) -> None:
+    """Remove the claims of folders without a recording, so that they can be used again."""
     for folder in folders:
         if [path.name for path in folder.iterdir()] == [EPISODES_FILE]:
             (folder / EPISODES_FILE).unlink()
 
 
 def write_episode(folder: Path, index: int, recording: Recording) -> Path:
-    """Write the arrays of one episode, whole or not at all."""
+    """Write the arrays of one episode, completely or not at all."""
     path = folder / f"episode_{index:04d}.npz"
     with atomic_write(path) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **recording.arrays())  # type: ignore[arg-type]  # names are ours
+        np.savez_compressed(stream, **recording.arrays())  # type: ignore[arg-type]
     return path
 
 

@@ -1,4 +1,4 @@
-"""What a deployment showed: figures for machines, a few lines for people."""
+"""Report of a deployment as JSON and as text."""
 
 from __future__ import annotations
 
@@ -23,38 +23,38 @@ class DeployReport:
     task: str
     joint: str
     seed: int
-    carried: bool
-    """Whether the draws are those that the bundle carries."""
+    from_bundle: bool
+    """True for the episode parameters of the bundle."""
     randomised: bool
     results: tuple[EpisodeResult, ...]
-    draws: tuple[EpisodeParams, ...]
+    episode_params: tuple[EpisodeParams, ...]
     notes: tuple[str, ...]
-    """What a reader must know of how this was run."""
+    """Remarks on how the episodes were run."""
 
     @property
     def successes(self) -> int:
-        """Episodes that brought the part to its target and kept the limits."""
+        """Number of episodes that reached the target within the limits."""
         return sum(r.success for r in self.results)
 
     @property
     def opened(self) -> int:
-        """Episodes that brought the part to its target, limits aside."""
+        """Number of episodes that reached the target, limits aside."""
         return sum(r.opened for r in self.results)
 
     @property
     def reasons(self) -> dict[str, int]:
-        """How often each end was met, the most frequent first."""
+        """Number of episodes by reason code, the most frequent first."""
         return dict(Counter(r.reason for r in self.results).most_common())
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the report as a JSON object."""
         return {
             "bundle": self.bundle,
             "robot": self.robot,
             "task": self.task,
             "joint": self.joint,
             "seed": self.seed,
-            "carried_draws": self.carried,
+            "params_from_bundle": self.from_bundle,
             "randomised": self.randomised,
             "episodes": len(self.results),
             "opened": self.opened,
@@ -62,7 +62,7 @@ class DeployReport:
             "success_rate": self.successes / len(self.results),
             "opened_rate": self.opened / len(self.results),
             "reasons": self.reasons,
-            "clipped_ticks": sum(r.clipped for r in self.results),
+            "clipped_steps": sum(r.clipped for r in self.results),
             "peaks_median": {
                 name: _number(np.median([r.peaks[name] for r in self.results]))
                 for name in self.results[0].peaks
@@ -73,20 +73,20 @@ class DeployReport:
                     **asdict(result),
                     "fraction": _number(result.fraction),
                     "peaks": {k: _number(v) for k, v in result.peaks.items()},
-                    "draw": dict(zip(COLUMNS, drawn.values[0].tolist(), strict=True)),
+                    "episode_params": dict(zip(COLUMNS, params.values[0].tolist(), strict=True)),
                 }
-                for result, drawn in zip(self.results, self.draws, strict=True)
+                for result, params in zip(self.results, self.episode_params, strict=True)
             ],
         }
 
     def text(self) -> str:
-        """A few lines for people."""
+        """Return the report as a few lines of text."""
         n, word = len(self.results), done_word(self.task)
         failed = ", ".join(f"{k} {v}" for k, v in self.reasons.items() if k != "success")
-        draws = "randomised as in training" if self.randomised else "without randomisation"
-        where = "the bundle's draws" if self.carried else f"seed {self.seed}"
+        sampling = "randomised as in training" if self.randomised else "without randomisation"
+        where = "parameters of the bundle" if self.from_bundle else f"seed {self.seed}"
         lines = [
-            f"{self.task} ({self.joint}) on {self.robot}, {n} episodes {draws}, {where}",
+            f"{self.task} ({self.joint}) on {self.robot}, {n} episodes {sampling}, {where}",
             f"  {word}   {self.opened} of {n}",
             f"  success  {self.successes} of {n} ({word} and within every limit)",
         ]
@@ -94,25 +94,25 @@ class DeployReport:
             lines.append(f"  failed   {failed}")
         clipped = sum(result.clipped for result in self.results)
         if clipped:
-            lines.append(f"  clipped  {clipped} ticks whose target had to be made safe")
+            lines.append(f"  clipped  {clipped} control steps with a target that was made safe")
         return "\n".join([*lines, *(f"  note     {note}" for note in self.notes)])
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """The same episodes on several robots; the first is the one that others are compared with."""
+    """The same episodes on several robots; the others are compared with the first."""
 
     reports: tuple[DeployReport, ...]
 
     @property
     def ratios(self) -> dict[str, float | None]:
-        """Successes of each other robot as a share of the first's; None if that has none."""
+        """Successes of each other robot relative to the first; None if that has none."""
         first, *others = self.reports
         return {r.robot: r.successes / first.successes if first.successes else None for r in others}
 
     @property
     def agree(self) -> dict[str, int]:
-        """In how many episodes each other robot ended as the first, in success or not."""
+        """Number of episodes in which each other robot succeeds or fails like the first."""
         first, *others = self.reports
         return {
             r.robot: sum(
@@ -122,7 +122,7 @@ class Transfer:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the report as a JSON object."""
         return {
             "reference": self.reports[0].robot,
             "ratios": self.ratios,
@@ -131,18 +131,18 @@ class Transfer:
         }
 
     def text(self) -> str:
-        """A few lines for people."""
+        """Return the report as a few lines of text."""
         lines = [report.text() for report in self.reports]
         first = self.reports[0]
         for name, ratio in self.ratios.items():
-            shown = "unknown" if ratio is None else f"{ratio:.1%}"
+            percentage = "unknown" if ratio is None else f"{ratio:.1%}"
             lines.append(
-                f"{name} / {first.robot}: {shown} of the successes; both ended alike in "
+                f"{name} / {first.robot}: {percentage} of the successes; both ended alike in "
                 f"{self.agree[name]} of {len(first.results)} episodes"
             )
         return "\n".join(lines)
 
 
 def _number(value: Any) -> float | None:
-    """``value`` as JSON knows it: None where it is not finite."""
+    """Return ``value`` for JSON: None where it is not finite."""
     return float(value) if math.isfinite(value) else None

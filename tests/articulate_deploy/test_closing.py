@@ -70,7 +70,7 @@ def test_what_trains_is_exported_and_deployed_and_judged_as_closed_or_not(tmp_pa
     path = export_policy(run.folder, tmp_path / "bundle.zip").path
     report = deploy(path, episodes=3, seed=1, out=tmp_path / "out")
     low, high = run.task.begin
-    for k, (drawn, result) in enumerate(zip(report.draws, report.results, strict=True)):
+    for k, (drawn, result) in enumerate(zip(report.episode_params, report.results, strict=True)):
         assert low <= drawn["part_open"][0] <= high
         with np.load(tmp_path / "out" / f"episode_{k:04d}.npz") as arrays:
             assert abs(arrays["part_open"][0] - drawn["part_open"][0]) < 0.1

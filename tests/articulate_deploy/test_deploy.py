@@ -79,14 +79,14 @@ def test_an_episode_depends_on_the_seed_and_its_number_alone(report, exported):
     again = deploy(exported, episodes=1, seed=5)
     assert again.results[0] == report[0].results[0]
     other = deploy(exported, episodes=1, seed=6)
-    assert other.draws[0].values.tolist() != again.draws[0].values.tolist()
+    assert other.episode_params[0].values.tolist() != again.episode_params[0].values.tolist()
 
 
 def test_without_randomisation_only_the_start_differs(exported):
     done = deploy(exported, episodes=2, randomise=False)
-    first, second = (d.values[0] for d in done.draws)
+    first, second = (d.values[0] for d in done.episode_params)
     assert first[:11].tolist() == second[:11].tolist()
-    assert not np.array_equal(done.draws[0]["start"], done.draws[1]["start"])
+    assert not np.array_equal(done.episode_params[0]["start"], done.episode_params[1]["start"])
     assert done.notes == ()
 
 
@@ -115,7 +115,7 @@ def test_without_a_seed_the_bundles_own_draws_are_run(exported, bundle):
     done = deploy(exported, episodes=1)
     assert done.carried
     assert done.seed == bundle.manifest.episodes.seed
-    assert np.array_equal(done.draws[0].values, bundle.draws.values[:1])
+    assert np.array_equal(done.episode_params[0].values, bundle.episode_params.values[:1])
     assert "the bundle's draws" in done.text()
 
 
@@ -134,7 +134,7 @@ def test_two_robots_run_the_same_draws_and_are_compared(exported, tmp_path, caps
         on_episode=lambda robot, k, result: told.append((robot, k)),
     )
     first, second = both.reports
-    for a, b in zip(first.draws, second.draws, strict=True):
+    for a, b in zip(first.episode_params, second.episode_params, strict=True):
         assert np.array_equal(a.values, b.values)
     assert told == [("mujoco", 0), ("mujoco", 1), ("pybullet", 0), ("pybullet", 1)]
     content = both.as_dict()

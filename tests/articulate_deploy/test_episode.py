@@ -106,7 +106,9 @@ def test_an_arm_that_does_not_stand_at_its_start_is_refused(bundle, error_line):
 def test_a_start_is_within_tolerance_and_limits(bundle):
     manifest = bundle.manifest
     for seed in range(20):
-        q = start_of(manifest, sample_episode_params(manifest.randomization, np.random.default_rng(seed)))
+        q = start_of(
+            manifest, sample_episode_params(manifest.randomization, np.random.default_rng(seed))
+        )
         assert np.all(np.abs(q - np.asarray(manifest.start.q)) <= manifest.start.tolerance_rad)
         assert np.all(q >= np.asarray(manifest.robot.q_min))
         assert np.all(q <= np.asarray(manifest.robot.q_max))

@@ -9,7 +9,7 @@ import pytest
 
 from articulate.errors import BundleError
 from articulate_deploy.bundle import load_bundle
-from articulate_deploy.manifest_compatibility import check_fits
+from articulate_deploy.manifest_compatibility import check_manifest
 
 
 def forced(item, path, value):
@@ -22,7 +22,7 @@ def forced(item, path, value):
 
 
 def test_what_was_exported_fits(bundle):
-    check_fits(bundle.manifest, "b")
+    check_manifest(bundle.manifest, "b")
 
 
 @pytest.mark.parametrize(
@@ -67,11 +67,13 @@ def test_what_was_exported_fits(bundle):
         ("episodes.seed", -1),
         ("randomization.scales", 10**9),
         ("golden.atol", float("inf")),
+        ("golden.count", 10**9),
+        ("scene.timestep_s", 1e-6),
     ],
 )
 def test_a_value_that_makes_no_sense_is_refused_by_its_name(bundle, path, value):
     with pytest.raises(BundleError, match=path) as caught:
-        check_fits(forced(bundle.manifest, path, value), "b")
+        check_manifest(forced(bundle.manifest, path, value), "b")
     assert "\n" not in str(caught.value)
 
 
@@ -79,12 +81,12 @@ def test_a_value_that_makes_no_sense_is_refused_by_its_name(bundle, path, value)
 def test_a_task_that_does_not_open_as_its_joint_does_is_refused(bundle, changes):
     ((name, value),) = changes.items()
     with pytest.raises(BundleError, match=r"task\.span"):
-        check_fits(forced(bundle.manifest, f"task.{name}", value), "b")
+        check_manifest(forced(bundle.manifest, f"task.{name}", value), "b")
 
 
 def test_a_task_for_a_joint_that_the_object_lacks_is_refused(bundle):
     with pytest.raises(BundleError, match="no joint 'drawer_9'"):
-        check_fits(forced(bundle.manifest, "task.joint", "drawer_9"), "b")
+        check_manifest(forced(bundle.manifest, "task.joint", "drawer_9"), "b")
 
 
 @pytest.mark.parametrize("name", ["j\n  success  200 of 200", "j\x1b[2J", "j\ud800"])
@@ -92,8 +94,10 @@ def test_a_joint_whose_name_would_write_lines_of_a_report_is_refused(bundle, nam
     manifest = bundle.manifest
     joints = tuple(dataclasses.replace(joint, name=name) for joint in manifest.object.joints)
     manifest = forced(manifest, "object.joints", joints)
-    with pytest.raises(BundleError, match=r"task\.joint is '[ -~]+'; no such name") as caught:
-        check_fits(forced(manifest, "task.joint", name), "b")
+    with pytest.raises(
+        BundleError, match=r"task\.joint is '[ -~]+'; it must be printable"
+    ) as caught:
+        check_manifest(forced(manifest, "task.joint", name), "b")
     assert str(caught.value).isprintable()
 
 
@@ -112,7 +116,7 @@ def test_a_follower_that_may_leave_the_arms_limits_is_refused(bundle, changes, u
     for name, value in changes.items():
         manifest = forced(manifest, f"control.{name}", value)
     with pytest.raises(BundleError, match=f"control: targets could ask for .* {unit}"):
-        check_fits(manifest, "b")
+        check_manifest(manifest, "b")
 
 
 @pytest.mark.parametrize(
@@ -121,8 +125,8 @@ def test_a_follower_that_may_leave_the_arms_limits_is_refused(bundle, changes, u
         (("control", "margin_rad"), -3.0),
         (("task", "span"), 0.0),
         (("task", "limits", "force_n"), -1.0),
-        (("robot", "hand", "force_n"), 0.0),
-        (("robot", "hand", "stiffness_n_m"), 0.0),
+        (("robot", "gripper", "force_n"), 0.0),
+        (("robot", "gripper", "stiffness_n_m"), 0.0),
         (("golden", "atol"), 1e9),
         (("task", "name"), "nonsense"),
     ],

@@ -1,3 +1,4 @@
+import itertools
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,9 @@ from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from articulate.errors import BundleError
-from articulate_deploy.onnx_graph import MAX_NODES, check_graph
+from articulate.onnx_runtime import onnxruntime
+from articulate_deploy.onnx_graph import MAX_NODES, _Reader, check_graph
+from articulate_deploy.onnx_shapes import OPERATORS, Tensor
 
 
 def model(
@@ -82,6 +85,140 @@ def test_a_graph_of_very_many_operators_is_refused():
         check_graph(model(nodes=MAX_NODES + 1).SerializeToString(), "p")
 
 
+def policy_like(nodes, *tensors, size=72):
+    """A model of one input ``observation`` (batch, size) with constants and nodes."""
+    x = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", size])
+    y = helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", 8])
+    graph = helper.make_graph(nodes, "g", [x], [y], list(tensors))
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)])
+
+
+def constant(name, values, kind=np.float32):
+    return numpy_helper.from_array(np.array(values, dtype=kind), name)
+
+
+def doubling(operator, **attributes):
+    """30 operators that each double their result."""
+    names = ["observation", *(f"r{k}" for k in range(30))]
+    return [
+        helper.make_node(operator, [a, a], [b], **attributes) for a, b in itertools.pairwise(names)
+    ]
+
+
+HUGE = {
+    "concatenation": policy_like(doubling("Concat", axis=1)),
+    "concatenation of rows": policy_like(doubling("Concat", axis=0)),
+    "outer sum": policy_like(
+        [helper.make_node("Add", ["row", "column"], ["r"])],
+        constant("row", np.zeros((1, 40_000))),
+        constant("column", np.zeros((40_000, 1))),
+    ),
+    "outer product": policy_like(
+        [helper.make_node("MatMul", ["column", "row"], ["r"])],
+        constant("row", np.zeros((1, 40_000))),
+        constant("column", np.zeros((40_000, 1))),
+    ),
+    "outer product of Gemm": policy_like(
+        [helper.make_node("Gemm", ["row", "row"], ["r"], transA=1)],
+        constant("row", np.zeros((1, 40_000))),
+    ),
+    "many dimensions": policy_like(
+        [
+            helper.make_node("Mul", ["a", "b"], ["ab"]),
+            helper.make_node("Mul", ["ab", "c"], ["r"]),
+        ],
+        constant("a", np.zeros((1000, 1, 1))),
+        constant("b", np.zeros((1, 1000, 1))),
+        constant("c", np.zeros((1, 1, 1000))),
+    ),
+    "products": policy_like(
+        [helper.make_node("MatMul", ["a", "a"], [f"r{k}"]) for k in range(900)],
+        constant("a", np.zeros((400, 400))),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HUGE)
+def test_results_that_grow_without_bound_are_rejected(name):
+    with pytest.raises(BundleError, match="its results are larger than"):
+        check_graph(HUGE[name].SerializeToString(), "p")
+
+
+def test_the_number_of_rows_counts(error_line):
+    """A product of two tensors of ``batch`` rows has ``batch`` squared numbers."""
+    node = helper.make_node("Gemm", ["observation", "observation"], ["r"], transB=1)
+    content = policy_like([node]).SerializeToString()
+    check_graph(content, "p", rows=64)
+    error_line("check_graph: rows", lambda: check_graph(content, "p", rows=10_000))
+
+
+MISMATCHED = {
+    "inner dimensions": [helper.make_node("MatMul", ["observation", "observation"], ["r"])],
+    "unknown input": [helper.make_node("Abs", ["nothing"], ["r"])],
+    "computed bounds": [
+        helper.make_node("Slice", ["observation", "observation", "observation"], ["r"])
+    ],
+    "backward slice": [
+        helper.make_node("Slice", ["observation", "start", "end", "axis", "step"], ["r"])
+    ],
+    "axis": [helper.make_node("Concat", ["observation", "observation"], ["r"], axis=7)],
+    "no axis": [helper.make_node("Concat", ["observation", "observation"], ["r"])],
+    "no input": [helper.make_node("Add", ["observation"], ["r"])],
+}
+
+
+@pytest.mark.parametrize("name", MISMATCHED)
+def test_shapes_that_do_not_fit_together_are_rejected(name):
+    integers = {"start": 5, "end": 0, "axis": 1, "step": -1}
+    constants = [constant(name, [value], np.int64) for name, value in integers.items()]
+    with pytest.raises(BundleError, match="do not fit together"):
+        check_graph(policy_like(MISMATCHED[name], *constants).SerializeToString(), "p")
+
+
+@pytest.mark.parametrize("change", [{"dims": [100_000, 100_000]}, {"dims": [-1]}, {"dims": [3]}])
+def test_a_tensor_of_another_size_than_its_data_is_rejected(change):
+    tensor = TensorProto(name="w", data_type=TensorProto.FLOAT, raw_data=bytes(16), **change)
+    with pytest.raises(BundleError, match="does not match its shape"):
+        check_graph(model(tensor=tensor).SerializeToString(), "p")
+
+
+def test_many_fields_and_large_files_are_rejected_at_once():
+    with pytest.raises(BundleError, match="more than 200000 fields"):
+        check_graph(b"\x08\x01" * 300_000, "p")
+    with pytest.raises(BundleError, match="larger than 32 MB"):
+        check_graph(bytes(33 << 20), "p")
+
+
+SLICES = st.tuples(st.integers(-9, 9), st.integers(-(2**62), 2**62), st.sampled_from([1, 2, 3]))
+
+
+@given(SLICES, st.booleans())
+def test_inferred_shapes_are_those_of_onnx_runtime(bounds, keepdims):
+    start, end, step = bounds
+    nodes = [
+        helper.make_node("Slice", ["observation", "start", "end", "axis", "step"], ["a"]),
+        helper.make_node("ReduceSum", ["a", "axis"], ["b"], keepdims=int(keepdims)),
+        helper.make_node("Add", ["w", "row"], ["c"]),
+        helper.make_node("Concat", ["a", "observation"], ["action"], axis=1),
+    ]
+    integers = {"start": start, "end": end, "axis": 1, "step": step}
+    constants = [constant(name, [value], np.int64) for name, value in integers.items()]
+    constants += [constant("w", np.zeros((3, 1))), constant("row", np.zeros(4))]
+    made = policy_like(nodes, *constants, size=7)
+    del made.graph.output[:]
+    for name in ("a", "b", "c", "action"):
+        made.graph.output.append(helper.make_tensor_value_info(name, TensorProto.FLOAT, None))
+    made.ir_version = 8
+    session = onnxruntime.InferenceSession(made.SerializeToString())
+    results = session.run(None, {"observation": np.zeros((5, 7), dtype=np.float32)})
+    graph = _Reader("p").graph(made.SerializeToString())
+    known = {**graph.tensors, "observation": Tensor((5, 7))}
+    for node, result in zip(graph.nodes, results, strict=True):
+        shape = OPERATORS[node.operator]([known[n] for n in node.inputs], node.attributes)
+        known[node.outputs[0]] = Tensor(shape)
+        assert shape == result.shape
+
+
 def field(key, content):
     """A field of bytes under a key of any size."""
     out = bytearray()
@@ -145,6 +282,25 @@ def test_the_field_numbers_are_those_of_onnx():
         (onnx.AttributeProto, "sparse_tensors"): 23,
         (onnx.TensorProto, "external_data"): 13,
         (onnx.TensorProto, "data_location"): 14,
+    }
+    numbers |= {
+        (onnx.GraphProto, "input"): 11,
+        (onnx.NodeProto, "input"): 1,
+        (onnx.NodeProto, "output"): 2,
+        (onnx.NodeProto, "op_type"): 4,
+        (onnx.NodeProto, "domain"): 7,
+        (onnx.AttributeProto, "name"): 1,
+        (onnx.AttributeProto, "i"): 3,
+        (onnx.TensorProto, "dims"): 1,
+        (onnx.TensorProto, "data_type"): 2,
+        (onnx.TensorProto, "name"): 8,
+        (onnx.TensorProto, "raw_data"): 9,
+        (onnx.ValueInfoProto, "name"): 1,
+        (onnx.ValueInfoProto, "type"): 2,
+        (onnx.TypeProto, "tensor_type"): 1,
+        (onnx.TypeProto.Tensor, "shape"): 2,
+        (onnx.TensorShapeProto, "dim"): 1,
+        (onnx.TensorShapeProto.Dimension, "dim_value"): 1,
     }
     for (kind, field), number in numbers.items():
         assert kind.DESCRIPTOR.fields_by_name[field].number == number

@@ -125,11 +125,20 @@ def test_a_network_that_takes_too_long_is_stopped(bundle, monkeypatch):
     graph = helper.make_graph(nodes, "g", [x], [y], [first, row, column])
     opset = helper.make_opsetid("", 18)
     made = helper.make_model(graph, opset_imports=[opset], ir_version=8).SerializeToString()
-    check_graph(made, "p")
-    monkeypatch.setattr(policy_runner, "MOST_S", 0.2)
+    with pytest.raises(BundleError, match="billion products"):
+        check_graph(made, "p")
+    monkeypatch.setattr(policy_runner, "MAX_GOLDEN_S", 0.2)
     changed = dataclasses.replace(bundle, files={**bundle.files, "policy.onnx": made})
     with pytest.raises(BundleError, match="terminate"):
         Policy(changed)
+
+
+def test_an_action_that_is_not_finite_is_rejected(bundle):
+    """Actions of the golden pairs are finite, as they have to agree with the pairs."""
+    size = bundle.manifest.observation.size
+    policy = Policy(bundle)
+    with pytest.raises(BundleError, match="not finite"):
+        policy.act(np.full((1, size), np.nan))
 
 
 def test_golden_pairs_that_unpack_to_more_than_a_bundle_are_refused(bundle):

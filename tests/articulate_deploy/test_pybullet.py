@@ -223,7 +223,7 @@ def test_a_hand_that_pulls_opens_the_drawer_as_far_as_in_mujoco(robot, bundle):
 def test_an_episode_depends_on_nothing_that_was_before_it(robot, bundle):
     def run(seed):
         rng = np.random.default_rng(seed)
-        robot.set_episode_params(EpisodeParams(bundle.draws.values[seed : seed + 1]))
+        robot.set_episode_params(EpisodeParams(bundle.episode_params.values[seed : seed + 1]))
         q = start_of(bundle)
         robot.reset_to(q, 0.08)
         for _ in range(10):

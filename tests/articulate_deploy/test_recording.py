@@ -4,13 +4,13 @@ import threading
 import pytest
 
 from articulate.errors import UsageError
-from articulate_deploy.recording import give_back, new_folder, new_folders
+from articulate_deploy.recording import claim_folder, claim_folders, release_folders
 
 
 def test_of_two_runs_into_one_new_folder_the_second_is_refused(tmp_path):
-    new_folder(tmp_path / "out")
+    claim_folder(tmp_path / "out")
     with pytest.raises(UsageError, match="not empty"):
-        new_folder(tmp_path / "out")
+        claim_folder(tmp_path / "out")
 
 
 def test_of_runs_that_see_the_folder_empty_at_once_one_gets_it(tmp_path, monkeypatch):
@@ -26,7 +26,7 @@ def test_of_runs_that_see_the_folder_empty_at_once_one_gets_it(tmp_path, monkeyp
 
     def run():
         try:
-            new_folder(folder)
+            claim_folder(folder)
         except UsageError as error:
             refused.append(str(error))
 
@@ -40,17 +40,17 @@ def test_of_runs_that_see_the_folder_empty_at_once_one_gets_it(tmp_path, monkeyp
 
 
 def test_a_claim_without_a_recording_is_taken_back(tmp_path):
-    new_folder(tmp_path / "out")
-    give_back([tmp_path / "out"])
-    new_folder(tmp_path / "out")
+    claim_folder(tmp_path / "out")
+    release_folders([tmp_path / "out"])
+    claim_folder(tmp_path / "out")
     (tmp_path / "out" / "episode_0000.npz").write_text("")
-    give_back([tmp_path / "out"])
+    release_folders([tmp_path / "out"])
     with pytest.raises(UsageError, match="not empty"):
-        new_folder(tmp_path / "out")
+        claim_folder(tmp_path / "out")
 
 
 def test_all_folders_are_claimed_or_none(tmp_path):
     (tmp_path / "b").write_text("a file")
     with pytest.raises(UsageError, match="cannot be written"):
-        new_folders([tmp_path / "a", tmp_path / "b"])
-    new_folder(tmp_path / "a")
+        claim_folders([tmp_path / "a", tmp_path / "b"])
+    claim_folder(tmp_path / "a")

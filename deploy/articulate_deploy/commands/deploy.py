@@ -1,7 +1,8 @@
-"""``deploy BUNDLE``: run a bundle on a robot or a stand-in."""
+"""``deploy BUNDLE``: run a policy bundle on robots."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,29 +21,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DeployFlags:
-    """Run a policy bundle on a robot and say how many episodes opened the part.
+    """Run a policy bundle on a robot and report how many episodes succeed.
 
-    Several robots run the same episodes, and are compared with the first.
+    Several robots run the same episodes and are compared with the first.
 
     Example: deploy cabinet.zip --robot mujoco pybullet --episodes 200
     """
 
     bundle: Annotated[Path, POSITIONAL]
-    """Folder or zip file that export-policy made."""
+    """Folder or zip file from export-policy."""
     robot: tuple[str, ...] = ("mujoco",)
-    """Names of robots: mujoco and pybullet, stand-ins in this process."""
+    """Names of robots: mujoco and pybullet, both simulated in this process."""
     episodes: int = 20
-    """How many episodes."""
+    """Number of episodes."""
     seed: int | None = None
-    """Decides all that is drawn; without it the draws that the bundle carries are taken."""
+    """Seed of the episode parameters; by default those in the bundle are used."""
     randomise: bool = True
-    """Draw as in training, the object's size aside."""
+    """Sample as in training, except for the object's size."""
     out: Path | None = None
-    """Folder for recordings, new or empty; none are kept without it."""
+    """Folder for recordings, new or empty; by default none are written."""
     require_success: float = 0.0
     """Exit with 3 if the success rate is below this share, in [0, 1]."""
     json: bool = False
-    """Print the report as JSON and nothing else on standard output."""
+    """Print only the report as JSON on standard output."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1:
@@ -58,13 +59,15 @@ FLAGS = DeployFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Deploy and print; 3 if the success rate is below what was required."""
+    """Run the command; return 3 if the success rate is below the required one."""
     flags = parse(DeployFlags, argv, prog="deploy")
-    from articulate_deploy.deploy import deploy, transfer  # ONNX Runtime; --help does without
+    from articulate_deploy.deploy import deploy, transfer  # late: ONNX Runtime
 
     def progress(robot: str, index: int, result: EpisodeResult) -> None:
-        opened = max(result.fraction, 0.0)  # a part that is pressed shut is not "-0%" open
-        console.say(f"{robot} {index + 1}/{flags.episodes}: {result.reason}, {opened:.0%} open")
+        opened = ""
+        if math.isfinite(result.fraction):  # it is not where the simulation diverged
+            opened = f", {max(result.fraction, 0.0):.0%} open"  # not "-0%" of a closed part
+        console.show_progress(f"{robot} {index + 1}/{flags.episodes}: {result.reason}{opened}")
 
     if len(flags.robot) > 1:
         both = transfer(

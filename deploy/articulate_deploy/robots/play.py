@@ -15,7 +15,7 @@ from articulate.simulator import mujoco
 from articulate.task.episode_monitor import FIELDS
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle, load_bundle
-from articulate_deploy.deploy import plan_of
+from articulate_deploy.deploy import make_plan
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
 from articulate_deploy.policy_runner import Policy
@@ -64,8 +64,8 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
     assert seed is None
     bundle = load_bundle(path)
     manifest = bundle.manifest
-    plan = plan_of(bundle, episode + 1, seed=None, randomise=randomise)
-    drawn, noise = plan.draw(episode), plan.noise(episode)
+    plan = make_plan(bundle, episode + 1, seed=None, randomise=randomise)
+    drawn, noise = plan.params(episode), plan.noise(episode)
     robot, recording = _Seen(bundle), Recording()
     with robot:
         robot.set_episode_params(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)

