@@ -109,7 +109,7 @@ def open_context(model: mujoco.MjModel, size: tuple[int, int]) -> tuple[Any, muj
             raise RuntimeError("no display")
         gl.make_current()
         return gl, mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-    except Exception as error:  # noqa: BLE001  drivers raise what they like, and pictures are extra
+    except Exception as error:  # noqa: BLE001  drivers raise anything, and images are optional
         what = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise MissingError(
             f"cannot render here ({DRIVER} {name}: {what}); install Debian's libegl1, libegl-mesa0 "

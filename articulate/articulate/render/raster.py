@@ -163,9 +163,7 @@ def _dot(a: Array, b: Array) -> float:
 def _texel(
     point: Array, corners: Array, uv: Array, texture: Pixels, size: Ints, albedo: Array
 ) -> None:
-    """Multiply ``albedo`` (3,) by the texture at ``point`` (3,) of the triangle ``corners`` (3,
-    3).
-    """
+    """Multiply ``albedo`` (3,) by the texture at ``point`` (3,) of a triangle (3, 3)."""
     a, b, p = np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
         a[k], b[k] = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k]

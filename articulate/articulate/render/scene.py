@@ -217,9 +217,7 @@ class PartScene:
 
 
 def segmentation_palette(n: int) -> Pixels:
-    """Return ``n`` distinct colours (n, 3): hues in equal steps, as in Articulate-Anything's
-    code.
-    """
+    """Return distinct colours (n, 3): hues in equal steps, as in Articulate-Anything."""
     hues = [colorsys.hsv_to_rgb(i / max(n, 1), 0.9, 0.9) for i in range(n)]
     return np.rint(255.0 * np.array(hues).reshape(n, 3)).astype(np.uint8)
 

@@ -1,1 +1,1 @@
-"""Actors: from a clip, a picture or a sentence to the joints of an object."""
+"""Actors: estimate the joints of an object from video, images or text."""

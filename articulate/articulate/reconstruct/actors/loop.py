@@ -1,6 +1,6 @@
-"""Loop: an actor proposes, a critic judges, until the critic is content or turns run out.
+"""Loop of proposer and critic: until the critic accepts a proposal or the iterations end.
 
-What is kept is what the critic rated best, and of equals the earlier. The truth is never asked.
+The proposal of the best rating is returned, the earliest of equals. Ground truth is never used.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MAX_ITERATIONS = 3
 
 
 class Proposer(Protocol):
-    """An actor that can try again, knowing what was said of what it proposed before."""
+    """Actor that can propose again after its proposals were rejected."""
 
     @property
     def name(self) -> str:
@@ -31,7 +31,7 @@ class Proposer(Protocol):
         ...
 
     def propose(self, evidence: Evidence, attempts: Sequence[ActorAttempt]) -> Prediction:
-        """What to say next, given every earlier attempt with its verdict.
+        """Return the next proposal, given all earlier attempts with their verdicts.
 
         A prediction with a ``rejection`` ends the loop: there is nothing more to propose.
         """
@@ -44,14 +44,14 @@ class Loop:
 
     proposer: Proposer
     critic: Critic | None
-    """None: the first proposal is the answer."""
+    """None: the first proposal is returned."""
     max_iterations: int = MAX_ITERATIONS
-    """Most proposals."""
+    """Proposals at most."""
     prepare: Callable[[Evidence], tuple[Evidence, tuple[TraceStep, ...]]] | None = None
-    """What is done with the evidence before the first proposal, and what is told of it."""
-    rest: Callable[[Evidence, Prediction], Evidence | None] | None = None
-    """What is left of the evidence once a prediction is believed, in which more joints are sought;
-    None if nothing is."""
+    """Preprocessing of the evidence before the first proposal, with its trace."""
+    residual: Callable[[Evidence, Prediction], Evidence | None] | None = None
+    """Evidence without the motion that an accepted prediction explains, in which further joints are
+    sought; None if nothing is left."""
 
     @property
     def name(self) -> str:
@@ -59,20 +59,20 @@ class Loop:
         return self.proposer.name
 
     def predict(self, evidence: Evidence) -> Prediction:
-        """The proposal that the critic rated best, and joints that move besides.
+        """Return the proposal of the best rating, and further moving joints.
 
-        Of these the critic must be content with each; the verdict is that of the first.
+        Each of these must be accepted by the critic; the verdict is that of the first.
         """
         steps: tuple[TraceStep, ...] = ()
         if self.prepare is not None:
             evidence, steps = self.prepare(evidence)
         kept = self._best(evidence)
         kept = replace(kept, trace=(*steps, *kept.trace))
-        while self.rest is not None and self.critic is not None and not kept.rejection:
-            left = self.rest(evidence, kept)
-            if left is None:
+        while self.residual is not None and self.critic is not None and not kept.rejection:
+            remaining = self.residual(evidence, kept)
+            if remaining is None:
                 break
-            evidence, more = left, self._best(left)
+            evidence, more = remaining, self._best(remaining)
             known = {joint.part for joint in kept.joints}
             new = tuple(joint for joint in more.joints if joint.part not in known)
             trace, calls = (*kept.trace, *more.trace), kept.calls + more.calls
@@ -83,12 +83,12 @@ class Loop:
         return kept
 
     def _best(self, evidence: Evidence) -> Prediction:
-        """The proposal that the critic rated best."""
+        """Return the proposal of the best rating."""
         attempts: list[ActorAttempt] = []
         trace: list[TraceStep] = []
         kept: Prediction | None = None
         calls = 0
-        for turn in range(max(1, self.max_iterations if self.critic else 1)):
+        for iteration in range(max(1, self.max_iterations if self.critic else 1)):
             start = time.monotonic()
             proposal = self.proposer.propose(evidence, attempts)
             trace += proposal.trace
@@ -96,22 +96,22 @@ class Loop:
             if proposal.rejection:
                 kept = kept or proposal
                 break
-            judged = self._judged(evidence, proposal)
+            assessed = self._assessed(evidence, proposal)
             seconds = time.monotonic() - start
             attempts.append(
-                ActorAttempt(joints=proposal.joints, verdict=judged.verdict, seconds=seconds)
+                ActorAttempt(joints=proposal.joints, verdict=assessed.verdict, seconds=seconds)
             )
-            if judged.verdict is not None:
-                trace += [*judged.verdict.trace, _step(turn, judged)]
-                calls += judged.verdict.calls
-            if kept is None or _rating(judged) > _rating(kept):
-                kept = judged
-            if self.critic is None or _rating(judged) > GOOD_ENOUGH:
+            if assessed.verdict is not None:
+                trace += [*assessed.verdict.trace, _step(iteration, assessed)]
+                calls += assessed.verdict.calls
+            if kept is None or _rating(assessed) > _rating(kept):
+                kept = assessed
+            if self.critic is None or _rating(assessed) > GOOD_ENOUGH:
                 break
         assert kept is not None
         return replace(kept, attempts=tuple(attempts), trace=tuple(trace), calls=calls)
 
-    def _judged(self, evidence: Evidence, proposal: Prediction) -> Prediction:
+    def _assessed(self, evidence: Evidence, proposal: Prediction) -> Prediction:
         if self.critic is None:
             return proposal
         verdict = self.critic.assess(evidence, proposal)
@@ -122,11 +122,11 @@ def _rating(prediction: Prediction) -> float:
     return -1.0 if prediction.rating is None else prediction.rating
 
 
-def _step(turn: int, judged: Prediction) -> TraceStep:
-    verdict = judged.verdict
+def _step(iteration: int, assessed: Prediction) -> TraceStep:
+    verdict = assessed.verdict
     assert verdict is not None
     return TraceStep(
-        title=f"turn {turn + 1}: {verdict.failure}, rated {verdict.rating:.1f}",
+        title=f"iteration {iteration + 1}: {verdict.failure}, rated {verdict.rating:.1f}",
         text=verdict.reason,
         figures=verdict.figures,
         images=verdict.images,

@@ -1,4 +1,4 @@
-"""What an actor may be given of an object."""
+"""Kinds of evidence."""
 
 from __future__ import annotations
 

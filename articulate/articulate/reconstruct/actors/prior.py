@@ -1,7 +1,6 @@
-"""PriorActor: what a part of this name and shape mostly does. The baseline that looks at nothing.
+"""Baseline: usual joints by part name and bounding box, without images or video.
 
-It knows a few words and the boxes of parts, and neither picture nor clip. Whatever another actor
-gains over it, it gains by looking.
+The gain of another actor over this one is what it obtains from the evidence.
 """
 
 from __future__ import annotations
@@ -15,26 +14,26 @@ from articulate.render.parts import PartMesh
 from articulate.transforms import Array, pose
 
 SLIDES = frozenset({"drawer", "button", "tray", "lock", "key", "pump", "box"})
-"""Words of parts that mostly slide."""
-TURNS_ON = frozenset({"knob", "wheel", "caster", "blade", "fan", "cap", "stem", "yoke", "shaft"})
-"""Words of parts that mostly turn without end."""
+"""Names of parts that usually slide."""
+SPINS = frozenset({"knob", "wheel", "caster", "blade", "fan", "cap", "stem", "yoke", "shaft"})
+"""Names of parts that usually rotate without limits."""
 LIDS = frozenset({"lid", "cover", "screen", "handle", "seat", "lever", "switch", "leaf"})
-"""Words of parts that mostly turn about a level edge."""
+"""Names of parts that usually rotate about a horizontal edge."""
 DOORS = frozenset({"door", "window", "glass"})
-"""Words of parts that mostly turn about an upright edge."""
+"""Names of parts that usually rotate about a vertical edge."""
 QUARTER_TURN_RAD = float(np.pi / 2)
 SLIDE_SHARE = 0.6
-"""A slide goes by this share of its part's depth."""
+"""Travel of a slide, as a share of its part's depth."""
 
 
 @dataclass(frozen=True)
 class PriorActor:
-    """Says of every part whose name is known what such parts mostly do."""
+    """Actor that predicts the usual joint of every part with a known name."""
 
     name: str = "prior"
 
     def predict(self, evidence: Evidence) -> Prediction:
-        """Joints by names; parts with names that say nothing stand still."""
+        """Return joints by names; parts with other names are fixed."""
         body = max(evidence.parts, key=lambda part: float(np.prod(np.ptp(part.bounds, axis=0))))
         joints = [
             joint
@@ -51,19 +50,23 @@ class PriorActor:
         size = np.ptp(part.bounds, axis=0)
         if words & SLIDES:
             axis, pivot = np.array([1.0, 0.0, 0.0]), part.centre
-            return _said(part, body, "prismatic", axis, pivot, SLIDE_SHARE * float(size[0]))
-        if words & TURNS_ON:
+            return _predicted_joint(
+                part, body, "prismatic", axis, pivot, SLIDE_SHARE * float(size[0])
+            )
+        if words & SPINS:
             thin = np.eye(3)[int(np.argmin(size))]
-            return _said(part, body, "continuous", thin, part.centre, None)
+            return _predicted_joint(part, body, "continuous", thin, part.centre, None)
         if words & DOORS:
-            return _said(part, body, "revolute", *_upright_edge(part, body), -QUARTER_TURN_RAD)
+            return _predicted_joint(
+                part, body, "revolute", *_upright_edge(part, body), -QUARTER_TURN_RAD
+            )
         if words & LIDS:
-            return _said(part, body, "revolute", *_rear_edge(part), -QUARTER_TURN_RAD)
+            return _predicted_joint(part, body, "revolute", *_rear_edge(part), -QUARTER_TURN_RAD)
         return None
 
 
 def _upright_edge(part: PartMesh, body: PartMesh) -> tuple[Array, Array]:
-    """Axis and point of the upright edge that is farther from the body's middle."""
+    """Return axis and point of the vertical edge that is farther from the body's centre."""
     low, high = part.bounds
     outer = low[1] if part.centre[1] < body.centre[1] else high[1]
     up = 1.0 if part.centre[1] < body.centre[1] else -1.0
@@ -71,12 +74,12 @@ def _upright_edge(part: PartMesh, body: PartMesh) -> tuple[Array, Array]:
 
 
 def _rear_edge(part: PartMesh) -> tuple[Array, Array]:
-    """Axis and point of the level edge at the back, below."""
+    """Return axis and point of the horizontal rear lower edge."""
     low, _ = part.bounds
     return np.array([0.0, 1.0, 0.0]), np.array([low[0], part.centre[1], low[2]])
 
 
-def _said(
+def _predicted_joint(
     part: PartMesh, body: PartMesh, kind: str, axis: Array, pivot: Array, end: float | None
 ) -> PredictedJoint:
     limits = (None, None) if end is None else (min(0.0, end), max(0.0, end))

@@ -1,12 +1,12 @@
-"""What an actor is given, what it says, and what a critic says of that.
+"""Interfaces of actors and critics: evidence, prediction and verdict.
 
 ::
 
-    Evidence ─► Actor.predict ─► Prediction ─► Critic.judge ─► Verdict
+    Evidence ─► Actor.predict ─► Prediction ─► Critic.assess ─► Verdict
 
-Everything is in one frame, ``o``: the frame of the object in which its parts were baked with every
-joint at 0. It is the world of the camera too. z is up, the object stands on z = 0, and its front is
-+x where the source of the object knows a front. Joints of an actor are those of a URDF.
+All coordinates are in the object frame ``o``, in which the parts are given with every joint at 0;
+it is the world frame of the camera too. z is up, the object is placed on z = 0, and its front is +x
+if the source of the object defines a front. Predicted joints are those of a URDF.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
 Pixels = NDArray[np.uint8]
 JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
 Failure = Literal["success", "joint_type", "joint_axis", "joint_origin", "joint_limit"]
-"""What a critic may say, in the order in which failures are attributed."""
+"""Verdicts of a critic, in the order in which failures are attributed."""
 FAILURES: tuple[Failure, ...] = (
     "success",
     "joint_type",
@@ -39,44 +39,36 @@ GOOD_ENOUGH = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Tracks:
-    """Points followed through a clip."""
-
-    uv: Array
-    """Pixels (T, N, 2), OpenCV's coordinates."""
-    visible: NDArray[np.bool_]
-    """Whether the point is seen (T, N)."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """Everything an actor may know of an object. Nothing in it tells a joint."""
+    """Everything that an actor may use; no joint is part of it."""
 
     modality: Modality
     parts: tuple[PartMesh, ...]
-    """The parts, in a meaningless order. Baked into the frame ``o`` if ``placed``; else each is
-    moved so that the middle of its box is the origin, and where it belongs is asked."""
+    """Parts in random order, in the frame ``o`` if ``placed``; otherwise each with the centre of
+    its box at the origin, and its placement is to be predicted."""
     labels: Mapping[str, str] = field(default_factory=dict)
-    """What parts are, by their name ("drawer", "door 2"); empty where the modality says nothing."""
+    """Labels of the parts by name ("drawer", "door 2"); empty if the modality has none."""
     placed: bool = True
-    """Whether the parts are where they belong."""
+    """The parts are in their places."""
     video: Pixels | None = None
-    """Frames (T, H, W, 3) in which something moves; None without video."""
+    """Frames of a video in which something moves (T, H, W, 3), 0 to 255; None without video."""
     times_s: Array | None = None
     """Time of each frame (T,) [s]."""
     image: Pixels | None = None
-    """One picture of the object (H, W, 3); None without one."""
+    """Image of the object (H, W, 3), 0 to 255; None without one."""
     camera: Camera | None = None
-    """Camera of the clip or picture, in the frame ``o``; None if it must be estimated."""
+    """Camera of the video or image in the frame ``o``; None if it must be estimated."""
     text: str = ""
-    """What a person said of the object; may be empty."""
-    tracks: Tracks | None = None
-    """Points that were followed before; None leaves that to the actor."""
+    """Description of the object; may be empty."""
     seed: int = 0
-    """Seed of everything random that the actor does."""
+    """Seed of the actor's random numbers."""
 
     def part(self, name: str) -> PartMesh:
-        """The part called ``name``; KeyError if there is none."""
+        """Return the part called ``name``.
+
+        Raises:
+            KeyError: There is none.
+        """
         for part in self.parts:
             if part.name == name:
                 return part
@@ -85,27 +77,27 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedJoint:
-    """One joint that an actor says there is."""
+    """A predicted joint."""
 
     part: str
-    """Name of the part that moves."""
+    """Name of the child part."""
     parent: str | None
-    """Name of the part that it moves against; None for what stands still."""
+    """Name of the parent part; None for a static part."""
     kind: JointKind
-    """``fixed`` says that the part does not move against its parent."""
+    """``fixed``: the part does not move relative to its parent."""
     axis_o: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """Direction of sliding or of the axis; need not be of unit length."""
+    """Direction of the axis or of sliding; need not be of unit length."""
     pivot_o: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """A point on the axis [m]; of no meaning for a slide."""
+    """A point on the axis [m]; unused for a slide."""
     lower: float | None = None
-    """Lower limit [m or rad], 0 being the pose in which the parts were given; None: no limit."""
+    """Lower limit [m or rad], 0 being the given pose; None: no limit."""
     upper: float | None = None
     """Upper limit [m or rad]."""
     confidence: float = 1.0
-    """How sure the actor is, in [0, 1]."""
+    """Confidence, in [0, 1]."""
 
     def T_o(self, q: ArrayLike) -> Array:
-        """What moving the joint from 0 to ``q`` (...) does to the part, (..., 4, 4), in ``o``."""
+        """Return the poses (..., 4, 4) of the part in ``o`` at positions ``q`` (...) [m or rad]."""
         q = np.asarray(q, dtype=np.float64)
         axis, pivot = normalised(self.axis_o), np.asarray(self.pivot_o, dtype=np.float64)
         if self.kind == "fixed":
@@ -118,74 +110,75 @@ class PredictedJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What a critic says of a prediction."""
+    """Assessment of a prediction by a critic."""
 
     failure: Failure
-    """``success``, or the first thing that is wrong."""
+    """``success``, or the first failure."""
     rating: float
     """0 to 10; above :data:`GOOD_ENOUGH` the loop stops."""
     reason: str = ""
-    """One sentence: what was seen."""
+    """Reason, one sentence."""
     figures: Mapping[str, float] = field(default_factory=dict)
-    """What was measured, by name with unit."""
+    """Measurements, by name with unit."""
     images: Mapping[str, bytes] = field(default_factory=dict)
-    """Evidence by caption, as WebP or PNG."""
+    """Images by caption, as WebP or PNG."""
     trace: tuple[TraceStep, ...] = ()
-    """How it came about."""
+    """Stages of the assessment."""
     calls: int = 0
     """Calls of models over a network."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActorAttempt:
-    """One turn of the loop: what was proposed and what the critic said."""
+    """One iteration of the loop: proposal and verdict."""
 
     joints: tuple[PredictedJoint, ...]
     verdict: Verdict | None = None
-    """None where no critic looked."""
+    """None without a critic."""
     seconds: float = 0.0
-    """Time this turn took [s]."""
+    """Duration [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TraceStep:
-    """One stage of an actor's work, for people to read."""
+    """One stage of an actor's work, for reports."""
 
     title: str
     text: str = ""
     figures: Mapping[str, float] = field(default_factory=dict)
     images: Mapping[str, bytes] = field(default_factory=dict)
-    """By caption, as WebP or PNG."""
+    """Images by caption, as WebP or PNG."""
     seconds: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """What an actor says about an object."""
+    """Joints and placements that an actor predicts for an object."""
 
     joints: tuple[PredictedJoint, ...]
-    """At most one for each part; parts that are not named do not move."""
+    """At most one for each part; other parts are fixed."""
     placements: Mapping[str, Array] = field(default_factory=dict)
-    """Where each part belongs, ``T_op`` (4, 4) from the given part to ``o``, by name; empty where
-    the parts were given in their places."""
+    """Placement ``T_op`` (4, 4) of each part from its given frame to ``o``, by name; empty for
+    placed parts."""
     rating: float | None = None
-    """The critic's rating of what is said, 0 to 10; None without a critic."""
+    """Rating by the critic, 0 to 10; None without a critic."""
     verdict: Verdict | None = None
-    """The critic's whole verdict; None without a critic."""
+    """Verdict of the critic; None without a critic."""
     attempts: tuple[ActorAttempt, ...] = ()
-    """Every turn in order; what stands in ``joints`` is the one the actor's own critic kept."""
+    """All iterations in order; ``joints`` are those with the best rating of the actor's own
+    critic."""
     trace: tuple[TraceStep, ...] = ()
-    """How it came about."""
+    """Stages of the actor's work."""
     calls: int = 0
     """Calls of models over a network."""
     rejection: str = ""
-    """Why nothing is said, one sentence; empty where something is."""
+    """Reason why nothing is predicted, one sentence; empty otherwise."""
     program: str = ""
-    """Source in the language of :mod:`articulate.reconstruct.program`, where the actor wrote one."""
+    """Source in the language of :mod:`articulate.reconstruct.program`, if the actor wrote one."""
 
 
 class Actor(Protocol):
-    """Finds joints, and where parts belong where that is asked."""
+    """Estimator of joints, and of placements of parts that are not placed."""
 
     @property
     def name(self) -> str:
@@ -193,12 +186,12 @@ class Actor(Protocol):
         ...
 
     def predict(self, evidence: Evidence) -> Prediction:
-        """What the evidence says of the object's joints."""
+        """Predict the joints of the object."""
         ...
 
 
 class Critic(Protocol):
-    """Judges a prediction by the evidence alone."""
+    """Assessor of predictions by the evidence only."""
 
     @property
     def name(self) -> str:
@@ -206,5 +199,5 @@ class Critic(Protocol):
         ...
 
     def assess(self, evidence: Evidence, prediction: Prediction) -> Verdict:
-        """What is wrong with the prediction, if anything is."""
+        """Return the first failure of the prediction, if any, and a rating."""
         ...

@@ -1,4 +1,4 @@
-"""Actors and critics by name, imported when they are asked for."""
+"""Actors by name, imported on demand."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from articulate.reconstruct.actors.protocol import Actor
 
 ACTORS = {
     "geometric-video": "articulate.reconstruct.actors.geometric.video:video_actor",
-    "geometric-image": "articulate.reconstruct.actors.placement.actor:PlacingActor",
+    "geometric-image": "articulate.reconstruct.actors.placement.actor:PlacementActor",
     "geometric-text": "articulate.reconstruct.actors.semantic.actor:SemanticActor",
     "prior": "articulate.reconstruct.actors.prior:PriorActor",
     "vlm": "articulate.reconstruct.actors.vlm.actor:vlm_actor",
     "hybrid": "articulate.reconstruct.actors.vlm.actor:hybrid_actor",
 }
-"""Where each actor is defined; called without arguments it gives an actor."""
+"""Callables without arguments that return an actor, by name."""
 
 
 def make_actor(name: str) -> Actor:
-    """The actor called ``name``, or the one that ``module:attribute`` makes.
+    """Return the actor called ``name``, or the one that ``module:attribute`` creates.
 
     Raises:
         ConfigError: There is none.
@@ -48,13 +48,13 @@ def make_actor(name: str) -> Actor:
         inspect.signature(kind).bind()
     except (TypeError, ValueError):
         raise ConfigError(
-            f"--actor {name}: {attribute} is not called without arguments; give a class or a "
-            "function that is"
+            f"--actor {name}: {attribute} needs arguments; give a class or a function that "
+            "needs none"
         ) from None
     made: Actor = kind()
     if not callable(getattr(made, "predict", None)):
         raise ConfigError(
-            f"--actor {name}: {attribute} gives no actor but {type(made).__name__}; an actor has "
+            f"--actor {name}: {attribute} returns {type(made).__name__}, no actor; an actor has "
             "predict(evidence)"
         )
     return made

@@ -20,14 +20,14 @@ def joint(name):
 
 @dataclass
 class Scripted:
-    """Proposes one joint after the other, and remembers what it was told."""
+    """Proposes one joint after the other, and records the verdicts it received."""
 
     names: list
     name: str = "scripted"
-    told: list = field(default_factory=list)
+    received: list = field(default_factory=list)
 
     def propose(self, evidence, attempts):
-        self.told.append([a.verdict.failure for a in attempts])
+        self.received.append([a.verdict.failure for a in attempts])
         if len(attempts) >= len(self.names):
             return Prediction(joints=(), rejection="nothing more to propose")
         return Prediction(joints=(joint(self.names[len(attempts)]),))
@@ -78,9 +78,9 @@ def test_of_equals_the_earlier_is_kept():
     assert found.joints[0].part == "a"
 
 
-def test_the_proposer_is_told_every_earlier_verdict():
+def test_the_proposer_receives_every_earlier_verdict():
     _, proposer = run(["a", "b"], {"a": 1.0, "b": 9.0})
-    assert proposer.told == [[], ["joint_axis"]]
+    assert proposer.received == [[], ["joint_axis"]]
 
 
 def test_a_refusal_ends_the_loop_and_what_was_best_stays():
@@ -96,9 +96,10 @@ def test_a_refusal_at_once_is_the_answer():
     assert found.attempts == ()
 
 
-@pytest.mark.parametrize("turns", [1, 3])
-def test_without_a_critic_the_first_proposal_is_the_answer(turns):
-    found = Loop(proposer=Scripted(["a", "b"]), critic=None, max_iterations=turns).predict(EVIDENCE)
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_without_a_critic_the_first_proposal_is_the_answer(iterations):
+    loop = Loop(proposer=Scripted(["a", "b"]), critic=None, max_iterations=iterations)
+    found = loop.predict(EVIDENCE)
     assert found.joints[0].part == "a"
     assert found.rating is None
     assert len(found.attempts) == 1
@@ -107,8 +108,8 @@ def test_without_a_critic_the_first_proposal_is_the_answer(turns):
 def test_every_verdict_is_a_step_of_the_trace():
     found, _ = run(["a", "b"], {"a": 1.0, "b": 9.0})
     assert [step.title for step in found.trace] == [
-        "turn 1: joint_axis, rated 1.0",
-        "turn 2: success, rated 9.0",
+        "iteration 1: joint_axis, rated 1.0",
+        "iteration 2: success, rated 9.0",
     ]
 
 
@@ -122,17 +123,17 @@ class Calling:
         return Prediction(joints=(joint("a"),), calls=2)
 
     def assess(self, evidence, prediction):
-        asked = (TraceStep(title="the critic asks"),)
-        return Verdict(failure="joint_axis", rating=1.0, calls=1, trace=asked)
+        steps = (TraceStep(title="the critic measures"),)
+        return Verdict(failure="joint_axis", rating=1.0, calls=1, trace=steps)
 
 
-def test_calls_of_all_turns_and_both_sides_are_added_up():
+def test_calls_of_all_iterations_and_both_sides_are_summed():
     both = Calling()
     found = Loop(proposer=both, critic=both, max_iterations=3).predict(EVIDENCE)
     assert found.calls == 3 * (2 + 1)
     titles = [step.title.split(":")[0] for step in found.trace]
-    assert titles[0::2] == ["the critic asks"] * 3
-    assert titles[1::2] == ["turn 1", "turn 2", "turn 3"]
+    assert titles[0::2] == ["the critic measures"] * 3
+    assert titles[1::2] == ["iteration 1", "iteration 2", "iteration 3"]
 
 
 @dataclass
@@ -146,13 +147,13 @@ class InTurn:
 
 
 def sought_besides(ratings):
-    def rest(evidence, kept):
+    def residual(evidence, kept):
         names = ["a", "b", "c"]
         if evidence.text == names[-1]:
             return None
         return Evidence(modality="video", parts=(), text=names[names.index(evidence.text) + 1])
 
-    loop = Loop(proposer=InTurn(), critic=Rated(ratings), max_iterations=1, rest=rest)
+    loop = Loop(proposer=InTurn(), critic=Rated(ratings), max_iterations=1, residual=residual)
     return loop.predict(Evidence(modality="video", parts=(), text="a"))
 
 

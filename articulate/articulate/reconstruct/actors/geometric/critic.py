@@ -96,16 +96,14 @@ class VideoCritic:
         if not scene.change.any():
             reason = "nothing changes in the video"
             return Verdict(failure="success", rating=CRITIC.neutral_rating, reason=reason)
-        return _assess_joint(scene, moving[0], prediction, self._tracks(scene, evidence))
+        return _assess_joint(scene, moving[0], prediction, self._tracks(scene))
 
-    def _tracks(self, scene: VideoScene, evidence: Evidence) -> PointTracks:
-        """Return point tracks where something changes, or those of the evidence."""
+    def _tracks(self, scene: VideoScene) -> PointTracks:
+        """Return point tracks where something changes."""
         if not self.tracks:
             n_frames = len(scene.video)
             nowhere = np.zeros((n_frames, 0), dtype=np.bool_)
             return PointTracks(uv=np.zeros((n_frames, 0, 2)), visible=nowhere)
-        if evidence.tracks is not None:
-            return PointTracks(uv=evidence.tracks.uv, visible=evidence.tracks.visible)
         near = cv2.dilate(scene.change.astype(np.uint8), np.ones((9, 9))).astype(np.bool_)
         return follow_points(scene.video, mask=near)
 

@@ -218,7 +218,7 @@ def residual_evidence(evidence: Evidence, prediction: Prediction) -> Evidence | 
         return None
     video = evidence.video.copy()
     video[:, swept] = video[0][swept]
-    return replace(evidence, video=video, tracks=None)
+    return replace(evidence, video=video)
 
 
 def _swept(scene: VideoScene, joint: PredictedJoint, prediction: Prediction) -> NDArray[np.bool_]:

@@ -56,7 +56,7 @@ def video_actor(
         critic=VideoCritic(tracks=tracks) if critic else None,
         max_iterations=max_iterations,
         prepare=calibrate_evidence if calibrate else None,
-        rest=residual_evidence,
+        residual=residual_evidence,
     )
 
 

@@ -1,1 +1,1 @@
-"""Where parts belong, found from a picture by drawing them and comparing."""
+"""Place parts where an image shows them."""

@@ -1,1 +1,1 @@
-"""Joints from what parts are called, from their shapes and from what is in their way."""
+"""Predict joints from the names and shapes of parts."""

@@ -1,4 +1,4 @@
-"""NamedActor: joints of an object of which only the parts, their names and a sentence are known."""
+"""Actor for texts: joints from the parts, their names and a sentence."""
 
 from __future__ import annotations
 
@@ -15,43 +15,54 @@ from articulate.reconstruct.actors.protocol import (
     Prediction,
     TraceStep,
 )
-from articulate.reconstruct.actors.semantic.hinge import UP, Line, bail_of, fold_of, hinge_of
+from articulate.reconstruct.actors.semantic.hinge import (
+    UP,
+    AxisCandidate,
+    find_bail_axis,
+    find_fold_axis,
+    find_hinge,
+)
 from articulate.reconstruct.actors.semantic.ontology import Role
-from articulate.reconstruct.actors.semantic.part_relations import Named, Shape, named_scene
+from articulate.reconstruct.actors.semantic.part_relations import (
+    LabelledScene,
+    PartShape,
+    build_labelled_scene,
+)
 from articulate.reconstruct.actors.semantic.rotary_parts import (
-    drawer_of,
-    held_at,
-    lift_of,
+    contact_centre,
+    find_drawer_axis,
+    find_lift_axis,
+    find_press_axis,
+    find_slide_axis,
+    find_spin_axis,
     panel_normal,
-    press_of,
-    slide_of,
-    spin_of,
 )
 from articulate.transforms import Array
 
 QUARTER_RAD = float(np.pi / 2)
-SHARES = {"drawer": 0.7, "press": 0.5, "lift": 0.5, "slot": 0.8}
-"""Slides go by this share of their part's depth along the way."""
+TRAVEL_SHARES = {"drawer": 0.7, "press": 0.5, "lift": 0.5, "slot": 0.8}
+"""Travel of slides, as a share of their part's extent along it."""
 ROUND_TRAY = 0.08
-"""A tray whose plan is this near to a square may be a turntable."""
-SURE: dict[str, float] = {"unknown": 0.2, "pane": 0.5, "fold": 0.6}
-"""How sure the actor is by role, where it is not the usual."""
-USUALLY = 0.8
-GUESSED = 0.3
-"""How sure it is of a role by the meaning of a name, at most."""
-BLOCKED, DOUBTED = 0.5, 0.2
-"""A slide on whose freest way more than this share of the part runs into others, and how sure the
-actor is of it. Hinges of real data run into their neighbours too often to be doubted for that."""
+"""A tray whose footprint is this close to a square may be a turntable."""
+ROLE_CONFIDENCE: dict[str, float] = {"unknown": 0.2, "pane": 0.5, "fold": 0.6}
+"""Confidence by role, where it is not the default."""
+DEFAULT_CONFIDENCE = 0.8
+GUESSED_CONFIDENCE = 0.3
+"""Highest confidence of a role inferred from the meaning of a name."""
+MAX_BLOCKED, BLOCKED_CONFIDENCE = 0.5, 0.2
+"""A slide on whose freest path more than the first share of the part collides with others has the
+second as confidence. Hinges of real data collide with their neighbours too often for such a
+rule."""
 
 
 @dataclass(frozen=True)
 class SemanticActor:
-    """Says joints from part names and geometry."""
+    """Actor that predicts joints from part names and geometry."""
 
     name: str = "geometric-text"
 
     def predict(self, evidence: Evidence) -> Prediction:
-        """A joint for every part whose name says that it moves.
+        """Return a joint for every part whose name implies that it moves.
 
         Raises:
             UsageError: The parts are not in their places, or there is only one.
@@ -61,27 +72,29 @@ class SemanticActor:
             raise UsageError("the text actor needs parts in their places; place them first")
         if len(evidence.parts) < 2:
             raise UsageError("the text actor needs two parts or more; give one mesh for each")
-        scene = named_scene(evidence)
+        scene = build_labelled_scene(evidence)
         joints = []
-        told = []
+        descriptions = []
         for shape in scene.shapes.values():
             if shape is scene.body:
                 continue
-            role = role_in(shape, scene)
+            role = refine_role(shape, scene)
             joint = joint_of(shape, scene, role)
             joints.append(joint)
-            told.append(f"{shape.label or shape.name}: {role}, {joint.kind} on {joint.parent}")
+            descriptions.append(
+                f"{shape.label or shape.name}: {role}, {joint.kind} on {joint.parent}"
+            )
         step = TraceStep(
             title="what parts are called, and how such parts move",
-            text="; ".join(told),
+            text="; ".join(descriptions),
             seconds=time.monotonic() - start,
         )
         return Prediction(joints=tuple(joints), trace=(step,))
 
 
-def role_in(shape: Shape, scene: Named) -> Role:
-    """What is looked for in a part: by its name, and by what its shape says against that."""
-    role, parent = shape.role, scene.shapes[scene.hangs[shape.name]]
+def refine_role(shape: PartShape, scene: LabelledScene) -> Role:
+    """Return the role of a part by its name, corrected by its shape."""
+    role, parent = shape.role, scene.shapes[scene.parent_names[shape.name]]
     if role == "drawer" and _is_turntable(shape):
         return "spin"
     if role == "door" and parent.role == "door":
@@ -91,71 +104,85 @@ def role_in(shape: Shape, scene: Named) -> Role:
     return role
 
 
-def joint_of(shape: Shape, scene: Named, role: Role) -> PredictedJoint:
-    """The joint of a part in its role."""
-    sure = min(SURE.get(role, USUALLY), GUESSED if shape.guessed else 1.0)
+def joint_of(shape: PartShape, scene: LabelledScene, role: Role) -> PredictedJoint:
+    """Return the joint of a part in its role."""
+    confidence = min(
+        ROLE_CONFIDENCE.get(role, DEFAULT_CONFIDENCE), GUESSED_CONFIDENCE if shape.guessed else 1.0
+    )
     if role in {"still", "unknown"}:
-        return _said(shape, scene, "fixed", None, 1.0)
+        return _predicted_joint(shape, scene, "fixed", None, 1.0)
     if role in {"drawer", "press", "lift", "slot", "pane"}:
         line = _slide(shape, scene, role)
-        sure = min(sure, DOUBTED) if line.blocked > BLOCKED else sure
-        share = SHARES.get(role, 0.5)
-        way = share * float(np.ptp(shape.points @ line.axis))
-        limits = (-way, 0.0) if role == "press" else (0.0, way)
-        return _said(shape, scene, "prismatic", line, sure, limits)
+        confidence = (
+            min(confidence, BLOCKED_CONFIDENCE) if line.blocked > MAX_BLOCKED else confidence
+        )
+        share = TRAVEL_SHARES.get(role, 0.5)
+        travel = share * float(np.ptp(shape.points @ line.axis))
+        limits = (-travel, 0.0) if role == "press" else (0.0, travel)
+        return _predicted_joint(shape, scene, "prismatic", line, confidence, limits)
     if role in {"spin", "roll"}:
-        return _said(shape, scene, "continuous", spin_of(shape, scene, level=role == "roll"), sure)
+        return _predicted_joint(
+            shape,
+            scene,
+            "continuous",
+            find_spin_axis(shape, scene, level=role == "roll"),
+            confidence,
+        )
     if role == "fold":
-        folded = fold_of(shape, scene)
+        folded = find_fold_axis(shape, scene)
         if folded is None:
             line = _along(shape)
-            way = 0.7 * float(np.ptp(shape.points @ line.axis))
-            return _said(shape, scene, "prismatic", line, sure, (0.0, way))
-        return _said(shape, scene, "revolute", folded, sure, (0.0, np.pi))
+            travel = 0.7 * float(np.ptp(shape.points @ line.axis))
+            return _predicted_joint(shape, scene, "prismatic", line, confidence, (0.0, travel))
+        return _predicted_joint(shape, scene, "revolute", folded, confidence, (0.0, np.pi))
     line = _turn(shape, scene, role)
     end = line.sign * QUARTER_RAD
     if role in {"swivel", "rocker"}:
-        return _said(shape, scene, "revolute", line, sure, (-QUARTER_RAD / 2, QUARTER_RAD / 2))
-    return _said(shape, scene, "revolute", line, sure, (min(0.0, end), max(0.0, end)))
+        return _predicted_joint(
+            shape, scene, "revolute", line, confidence, (-QUARTER_RAD / 2, QUARTER_RAD / 2)
+        )
+    return _predicted_joint(
+        shape, scene, "revolute", line, confidence, (min(0.0, end), max(0.0, end))
+    )
 
 
-def _slide(shape: Shape, scene: Named, role: Role) -> Line:
+def _slide(shape: PartShape, scene: LabelledScene, role: Role) -> AxisCandidate:
     if role == "drawer":
-        return drawer_of(shape, scene)
+        return find_drawer_axis(shape, scene)
     if role == "press":
-        return press_of(shape, scene)
+        return find_press_axis(shape, scene)
     if role == "lift":
-        return lift_of(shape, scene)
+        return find_lift_axis(shape, scene)
     if role == "slot":
-        return slide_of(shape, scene, [(UP, 0.0), (-UP, 0.1)])
+        return find_slide_axis(shape, scene, [(UP, 0.0), (-UP, 0.1)])
     y = np.eye(3)[1]
-    return slide_of(shape, scene, [(y, 0.0), (-y, 0.0), (UP, 0.3), (-UP, 0.3)])
+    return find_slide_axis(shape, scene, [(y, 0.0), (-y, 0.0), (UP, 0.3), (-UP, 0.3)])
 
 
-def _turn(shape: Shape, scene: Named, role: Role) -> Line:
-    parent = scene.shapes[scene.hangs[shape.name]]
+def _turn(shape: PartShape, scene: LabelledScene, role: Role) -> AxisCandidate:
+    parent = scene.shapes[scene.parent_names[shape.name]]
     if role == "bail":
-        return bail_of(shape, scene)
+        return find_bail_axis(shape, scene)
     if role == "swivel":
-        return Line(UP, held_at(shape, scene), 0.0, 1.0, "held")
+        return AxisCandidate(UP, contact_centre(shape, scene), 0.0, 1.0, "held")
     if role == "latch":
         normal = panel_normal(shape, parent, scene)
-        return Line(normal, held_at(shape, scene), 0.0, 1.0, "held")
+        return AxisCandidate(normal, contact_centre(shape, scene), 0.0, 1.0, "held")
     if role == "rocker":
         normal = panel_normal(shape, parent, scene)
         axis = np.cross(UP, normal)
         axis = np.eye(3)[1] if np.linalg.norm(axis) < 0.3 else axis / np.linalg.norm(axis)
-        return Line(axis, shape.centre, 0.0, 1.0, "middle")
-    return hinge_of(shape, scene, role)
+        return AxisCandidate(axis, shape.centre, 0.0, 1.0, "middle")
+    return find_hinge(shape, scene, role)
 
 
-def _along(shape: Shape) -> Line:
+def _along(shape: PartShape) -> AxisCandidate:
     axis = np.eye(3)[int(np.argmax(shape.size))]
-    return Line(axis, shape.centre, 0.0, 1.0, "along")
+    return AxisCandidate(axis, shape.centre, 0.0, 1.0, "along")
 
 
-def _is_turntable(shape: Shape) -> bool:
-    """Whether a tray is round: nothing of it reaches into the corners of its box."""
+def _is_turntable(shape: PartShape) -> bool:
+    """Return whether a tray is round: its corners do not reach those of its box."""
     size = shape.size
     if abs(size[0] - size[1]) > ROUND_TRAY * max(size[0], size[1]):
         return False
@@ -163,9 +190,9 @@ def _is_turntable(shape: Shape) -> bool:
     return bool(np.linalg.norm(arm, axis=-1).max() < 1.15)
 
 
-def _swings(shape: Shape, scene: Named) -> bool:
-    """Whether a pane has no other pane to slide behind."""
-    if "sliding" in scene.things:
+def _swings(shape: PartShape, scene: LabelledScene) -> bool:
+    """Return whether a pane has no other pane to slide behind."""
+    if "sliding" in scene.object_words:
         return False
     panes = [s for s in scene.shapes.values() if s.role == "pane" and s is not shape]
     wide = shape.size[1] > 0.75 * scene.body.size[1]
@@ -173,23 +200,23 @@ def _swings(shape: Shape, scene: Named) -> bool:
     return not apart and bool(wide or not panes)
 
 
-def _said(
-    shape: Shape,
-    scene: Named,
+def _predicted_joint(
+    shape: PartShape,
+    scene: LabelledScene,
     kind: JointKind,
-    line: Line | None,
-    sure: float,
+    line: AxisCandidate | None,
+    confidence: float,
     limits: tuple[float, float] | None = None,
 ) -> PredictedJoint:
     axis: Array = UP if line is None else line.axis
     pivot: Array = shape.centre if line is None else line.pivot
     return PredictedJoint(
         part=shape.name,
-        parent=scene.hangs[shape.name],
+        parent=scene.parent_names[shape.name],
         kind=kind,
         axis_o=(float(axis[0]), float(axis[1]), float(axis[2])),
         pivot_o=(float(pivot[0]), float(pivot[1]), float(pivot[2])),
         lower=None if limits is None else float(limits[0]),
         upper=None if limits is None else float(limits[1]),
-        confidence=sure,
+        confidence=confidence,
     )

@@ -1,7 +1,7 @@
-"""Words: how parts of a name mostly move. A small ontology, made by hand.
+"""Usual motion of parts by name: a small handwritten ontology.
 
-A role says what is looked for in the shape; the shape decides every number. What a word means may
-hang on the thing it belongs to: the handle of a bucket swings, that of a drawer stands still.
+A role determines what is sought in the shape; the shape determines every number. The meaning of a
+word may depend on the object: the handle of a bucket swings, that of a drawer is fixed.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ from typing import Literal
 
 Role = Literal[
     "drawer",  # slides out of the front
-    "press",  # is pressed into what it sits on
-    "lift",  # is drawn off along the way it was put on
+    "press",  # is pressed into its panel
+    "lift",  # is pulled off
     "slot",  # slides up and down
-    "spin",  # turns about its own axis, which stands on what it sits on
-    "roll",  # turns about its own level axis
-    "swivel",  # turns about an upright axis through where it is held
-    "latch",  # turns about an axis that stands on what it sits on, at its end
-    "rocker",  # tilts about a level axis through its middle
-    "door",  # a hinge at an edge, mostly upright
+    "spin",  # rotates about its own axis, normal to its panel
+    "roll",  # rotates about its own horizontal axis
+    "swivel",  # rotates about a vertical axis through its contact
+    "latch",  # rotates about the normal of its panel at its end
+    "rocker",  # tilts about a horizontal axis through its centre
+    "door",  # a hinge at an edge, usually vertical
     "flap",  # a hinge at the lower edge
-    "lid",  # a hinge at a level edge, mostly the rear one
-    "screen",  # a hinge at the level edge that touches
+    "lid",  # a hinge at a horizontal edge, usually the rear one
+    "screen",  # a hinge at the horizontal edge in contact
     "clip",  # a small hinge at the front
     "bail",  # a bow that swings about its two ends
-    "fold",  # folds in the plane in which it lies
-    "temple",  # folds about an upright axis where it is held
+    "fold",  # folds in its own plane
+    "temple",  # folds about a vertical axis at its contact
     "pane",  # slides sideways or swings
     "still",
     "unknown",
 ]
-"""What is looked for."""
+"""Kind of motion that is sought."""
 
 ROLES: dict[str, Role] = {
     **dict.fromkeys(("drawer", "tray", "rack", "basket", "crisper", "bin", "pullout"), "drawer"),
@@ -115,16 +115,16 @@ OF_THING: dict[tuple[str, str], Role] = {
     ("lighter", "wheel"): "roll",
     ("mouse", "wheel"): "roll",
 }
-"""Role of a part of a certain thing."""
+"""Role of a part of a certain object."""
 
 BODIES = ("body", "base", "frame", "housing", "carcass", "chassis", "cabinet")
-"""Words of the part that everything else moves against, the surest first."""
+"""Names of the part that all others move against, the most specific first."""
 SAME = {"cupboard": "furniture", "cabinet": "furniture", "chest": "furniture", "pan": "pot"}
-"""Things that are alike."""
+"""Synonyms of objects."""
 
 
 def words_of(label: str) -> list[str]:
-    """Words of a name in lower case, without numbers and without the ending of many."""
+    """Return the words of a name in lower case, singular, without numbers."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", label)
     found = re.findall(r"[a-z]+", spaced.lower())
     return [_singular(word) for word in found]
@@ -135,8 +135,8 @@ def _singular(word: str) -> str:
     return word if known or not word.endswith("s") or word.endswith("ss") else word[:-1]
 
 
-def things_in(labels: Iterable[str], text: str) -> frozenset[str]:
-    """What the object may be: words of the text, and of the names of its body."""
+def object_words_in(labels: Iterable[str], text: str) -> frozenset[str]:
+    """Return the words that may name the object: of the text, and of the names of its body."""
     found = set(words_of(text)) - set(ROLES)
     for label in labels:
         words = words_of(label)
@@ -145,11 +145,11 @@ def things_in(labels: Iterable[str], text: str) -> frozenset[str]:
     return frozenset({SAME.get(word, word) for word in found})
 
 
-def role_of(label: str, things: Iterable[str]) -> Role:
-    """What a part of this name mostly does in such a thing; ``unknown`` if no word is listed."""
+def role_of(label: str, object_words: Iterable[str]) -> Role:
+    """Return the usual role of a part of this name in such an object, or ``unknown``."""
     words = words_of(label)
-    for word in reversed(words):  # the last word names the part, those before say which
-        for thing in sorted(things):
+    for word in reversed(words):  # the last word names the part, earlier ones qualify it
+        for thing in sorted(object_words):
             if (thing, word) in OF_THING:
                 return OF_THING[thing, word]
         if word == "button" and "toggle" in words:

@@ -17,7 +17,7 @@ from articulate.errors import ConfigError
 from articulate.page import Page, Tile
 from articulate.reconstruct.actors.loop import Loop
 from articulate.reconstruct.actors.protocol import Actor, Critic, Evidence, Prediction
-from articulate.reconstruct.actors.semantic.part_relations import named_scene
+from articulate.reconstruct.actors.semantic.part_relations import build_labelled_scene
 from articulate.reconstruct.actors.vlm.actor import HybridCritic
 from articulate.reconstruct.actors.vlm.answers import MovingPart
 from articulate.reconstruct.actors.vlm.hybrid import choices_request, movers_request
@@ -89,7 +89,7 @@ def dry_run_requests(actor: Actor, evidence: Evidence) -> tuple[Model, list[DryR
     if not evidence.placed:
         return proposer.model, [DryRunRequest(request=link_request(evidence))]
     mover = _assumed_mover(evidence)
-    scene = with_carriers(named_scene(evidence), [mover])
+    scene = with_carriers(build_labelled_scene(evidence), [mover])
     candidates = joint_candidates([mover], scene)
     if proposer.strategy == "program":
         found = [DryRunRequest(request=program_request(evidence, ()))]

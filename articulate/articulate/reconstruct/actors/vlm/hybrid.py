@@ -24,7 +24,10 @@ from articulate.reconstruct.actors.protocol import (
     PredictedJoint,
     Prediction,
 )
-from articulate.reconstruct.actors.semantic.part_relations import Named, named_scene
+from articulate.reconstruct.actors.semantic.part_relations import (
+    LabelledScene,
+    build_labelled_scene,
+)
 from articulate.reconstruct.actors.vlm.answers import Choices, MovingPart, MovingParts
 from articulate.reconstruct.actors.vlm.joint_candidates import (
     JointCandidate,
@@ -64,7 +67,7 @@ def choose_joints(
     movers = session.generate(request, MovingParts, _check_parts(evidence)).movers
     if not movers:
         return Prediction(joints=(), rejection=f"{session.model.name} names no moving part")
-    scene = with_carriers(named_scene(evidence), movers)
+    scene = with_carriers(build_labelled_scene(evidence), movers)
     candidates = joint_candidates(movers, scene)
     request = choices_request(evidence, candidates, attempts)
     choices = session.generate(request, Choices, _check_choices(movers, candidates)).choices
@@ -153,7 +156,9 @@ def _check_choices(
     return check
 
 
-def _fit_joints(chosen: Sequence[JointCandidate], evidence: Evidence, scene: Named) -> Prediction:
+def _fit_joints(
+    chosen: Sequence[JointCandidate], evidence: Evidence, scene: LabelledScene
+) -> Prediction:
     """Fit joints near the chosen candidates to the video."""
     video = scene_from_evidence(evidence)
     names = [part.name for part in video.parts]
@@ -193,11 +198,11 @@ def _of_kind(joint: PredictedJoint, candidate: JointCandidate, q: np.ndarray) ->
     return joint
 
 
-def _carried(joints: Sequence[PredictedJoint], scene: Named) -> list[PredictedJoint]:
+def _carried(joints: Sequence[PredictedJoint], scene: LabelledScene) -> list[PredictedJoint]:
     """Return fixed joints of the parts that moving parts carry."""
     moving = {joint.part for joint in joints}
     return [
         PredictedJoint(part=name, parent=on, kind="fixed")
-        for name, on in scene.hangs.items()
+        for name, on in scene.parent_names.items()
         if name not in moving and on in moving
     ]

@@ -11,10 +11,10 @@ import numpy as np
 
 from articulate.reconstruct.actors.geometric.surface import perpendicular_axes
 from articulate.reconstruct.actors.protocol import Evidence, PredictedJoint
-from articulate.reconstruct.actors.semantic.actor import QUARTER_RAD, SHARES
-from articulate.reconstruct.actors.semantic.hinge import TASTES, directions, lines_of
-from articulate.reconstruct.actors.semantic.part_relations import Named, Shape
-from articulate.reconstruct.actors.semantic.rotary_parts import held_at
+from articulate.reconstruct.actors.semantic.actor import QUARTER_RAD, TRAVEL_SHARES
+from articulate.reconstruct.actors.semantic.hinge import HINGE_PRIORS, directions, hinge_candidates
+from articulate.reconstruct.actors.semantic.part_relations import LabelledScene, PartShape
+from articulate.reconstruct.actors.semantic.rotary_parts import contact_centre
 from articulate.reconstruct.actors.vlm.answers import Direction, MovingKind, MovingPart
 from articulate.reconstruct.actors.vlm.images import camera_of
 from articulate.reconstruct.actors.vlm.model import CaptionedImage
@@ -49,7 +49,7 @@ class JointCandidate:
     """Axis, pivot and positive direction as text."""
 
 
-def joint_candidates(movers: Iterable[MovingPart], scene: Named) -> list[JointCandidate]:
+def joint_candidates(movers: Iterable[MovingPart], scene: LabelledScene) -> list[JointCandidate]:
     """Return the candidates of all parts that move, numbered from 1."""
     found: list[JointCandidate] = []
     for mover in movers:
@@ -72,7 +72,9 @@ def describe_candidates(candidates: Iterable[JointCandidate]) -> str:
     return "\n".join(lines)
 
 
-def typical_joint(candidate: JointCandidate, direction: Direction, scene: Named) -> PredictedJoint:
+def typical_joint(
+    candidate: JointCandidate, direction: Direction, scene: LabelledScene
+) -> PredictedJoint:
     """Return the joint of a candidate with the typical range of such parts."""
     shape = scene.shapes[candidate.part]
     lower: float | None = None
@@ -81,14 +83,14 @@ def typical_joint(candidate: JointCandidate, direction: Direction, scene: Named)
         reach = QUARTER_RAD
         if candidate.kind == "prismatic":
             depth = float(np.ptp(shape.points @ candidate.axis_o))
-            reach = SHARES.get(shape.role, SLIDE_SHARE) * depth
+            reach = TRAVEL_SHARES.get(shape.role, SLIDE_SHARE) * depth
         ranges = {"positive": (0.0, 1.0), "negative": (-1.0, 0.0), "both": (-0.5, 0.5)}
         lower, upper = (reach * end for end in ranges[direction])
     x, y, z = (float(v) for v in candidate.axis_o)
     px, py, pz = (float(v) for v in candidate.pivot_o)
     return PredictedJoint(
         part=candidate.part,
-        parent=scene.hangs[candidate.part],
+        parent=scene.parent_names[candidate.part],
         kind=candidate.kind,
         axis_o=(x, y, z),
         pivot_o=(px, py, pz),
@@ -97,11 +99,11 @@ def typical_joint(candidate: JointCandidate, direction: Direction, scene: Named)
     )
 
 
-def with_carriers(scene: Named, movers: Iterable[MovingPart]) -> Named:
+def with_carriers(scene: LabelledScene, movers: Iterable[MovingPart]) -> LabelledScene:
     """Return the scene in which moving parts can carry other parts, whatever their names."""
     role_of = {m.part: "drawer" if m.kind == "prismatic" else "door" for m in movers}
     shapes = {
-        name: Shape(shape.mesh, shape.label, role_of[name])  # type: ignore[arg-type]  # two roles
+        name: PartShape(shape.mesh, shape.label, role_of[name])  # type: ignore[arg-type]  # two roles
         if name in role_of and shape.role in {"still", "unknown"}
         else shape
         for name, shape in scene.shapes.items()
@@ -138,7 +140,9 @@ def candidates_image(evidence: Evidence, candidates: list[JointCandidate]) -> Ca
     )
 
 
-def _lines(shape: Shape, scene: Named, kind: MovingKind) -> Iterator[tuple[Array, Array]]:
+def _lines(
+    shape: PartShape, scene: LabelledScene, kind: MovingKind
+) -> Iterator[tuple[Array, Array]]:
     """Yield axis and pivot, the likeliest first; positive positions move outwards."""
     if kind == "prismatic":
         for axis in directions(shape):
@@ -152,18 +156,20 @@ def _lines(shape: Shape, scene: Named, kind: MovingKind) -> Iterator[tuple[Array
             yield axis, pivot
 
 
-def _turns(shape: Shape, scene: Named, kind: MovingKind) -> Iterator[tuple[Array, Array]]:
+def _turns(
+    shape: PartShape, scene: LabelledScene, kind: MovingKind
+) -> Iterator[tuple[Array, Array]]:
     if kind == "continuous":
         for axis in directions(shape):
             yield axis, shape.centre
-        held = held_at(shape, scene)
+        held = contact_centre(shape, scene)
         for axis in directions(shape):
             yield axis, held
         return
-    role = shape.role if shape.role in TASTES else "unknown"
-    for line in lines_of(shape, scene, role):
+    role = shape.role if shape.role in HINGE_PRIORS else "unknown"
+    for line in hinge_candidates(shape, scene, role):
         yield line.sign * line.axis, line.pivot
-    held = held_at(shape, scene)
+    held = contact_centre(shape, scene)
     low, high = shape.bounds
     for axis in np.eye(3):
         yield axis, held
@@ -180,13 +186,13 @@ def _off(axis: Array, pivot: Array, other: Array, spot: Array) -> float:
     return float(np.linalg.norm(np.cross(spot - pivot, axis)))
 
 
-def _outwards(axis: Array, shape: Shape, scene: Named) -> Array:
+def _outwards(axis: Array, shape: PartShape, scene: LabelledScene) -> Array:
     """Return the axis with the sign that leads away from the object's centre, to front and up."""
     out = normalised(shape.centre - scene.middle + 1e-9) + np.array([0.5, 0.0, 0.5])
     return axis if float(axis @ out) >= 0.0 else -axis
 
 
-def _describe(shape: Shape, kind: MovingKind, axis: Array, pivot: Array) -> str:
+def _describe(shape: PartShape, kind: MovingKind, axis: Array, pivot: Array) -> str:
     if kind == "prismatic":
         return f"along {format_vector(axis)}; positive moves {describe_direction(axis)}"
     arm = shape.centre - pivot

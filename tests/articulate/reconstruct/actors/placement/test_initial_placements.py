@@ -1,4 +1,4 @@
-"""Parts that a picture hardly shows: a handle of wire, a button in the face of what it is in."""
+"""Parts that a image hardly shows: a handle of wire, a button in the face of what it is in."""
 
 from __future__ import annotations
 
@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from articulate.reconstruct.actors.placement.actor import usual_light
-from articulate.reconstruct.actors.placement.initial_placements import THIN, is_small, thin_seats
-from articulate.reconstruct.actors.placement.placement_problem import PlacementProblem, puzzle_of
+from articulate.reconstruct.actors.placement.actor import default_light
+from articulate.reconstruct.actors.placement.initial_placements import (
+    THIN,
+    is_small,
+    thin_part_candidates,
+)
+from articulate.reconstruct.actors.placement.placement_problem import (
+    PlacementProblem,
+    build_problem,
+)
 from articulate.reconstruct.actors.placement.search import solve
 from articulate.render.camera import front_camera
 from articulate.render.parts import PartMesh, plain_part
@@ -25,11 +32,11 @@ def part(name: str, mesh: trimesh.Trimesh, rgb: tuple[float, float, float]) -> P
 
 
 def puzzle_and_truth(parts: list[PartMesh]) -> tuple[PlacementProblem, dict[int, np.ndarray]]:
-    """The parts apart, a picture of them together, and where each one's middle is."""
-    picture = PartScene(parts).render_image(CAMERA)
+    """The parts apart, a image of them together, and where each one's middle is."""
+    image = PartScene(parts).render_image(CAMERA)
     apart = [p.moved(pose(-p.centre)) for p in parts]
-    puzzle = puzzle_of(apart, picture, CAMERA, usual_light(CAMERA))
-    return puzzle, {i: apply(CAMERA.T_cw, p.centre) for i, p in enumerate(parts)}
+    problem = build_problem(apart, image, CAMERA, default_light(CAMERA))
+    return problem, {i: apply(CAMERA.T_cw, p.centre) for i, p in enumerate(parts)}
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +56,7 @@ def bucket():
 
 @pytest.fixture(scope="module")
 def remote():
-    """A case, and a button that stands a millimetre proud of its face, 3.5 m away."""
+    """A case, and a button that is raised by a millimetre proud of its face, 3.5 m away."""
     case = trimesh.creation.box((0.3, 0.8, 1.2))
     case.apply_translation([0.0, 0.0, 0.6])
     button = trimesh.creation.box((0.1, 0.2, 0.15))
@@ -60,50 +67,54 @@ def remote():
 
 
 def test_a_wire_fills_little_of_its_outline_and_a_drum_nearly_all(bucket):
-    puzzle, _ = bucket
-    assert puzzle.filled[1] < THIN
-    assert puzzle.filled[0] == pytest.approx(1.0, abs=0.1)
-    assert is_small(puzzle, 1, {0: np.array([0.0, 0.0, 3.0])})
+    problem, _ = bucket
+    assert problem.filled[1] < THIN
+    assert problem.filled[0] == pytest.approx(1.0, abs=0.1)
+    assert is_small(problem, 1, {0: np.array([0.0, 0.0, 3.0])})
 
 
 def test_a_wire_is_tried_along_what_is_unexplained(bucket):
     """Two pixels beside its place a wire of two pixels explains nothing."""
-    puzzle, true = bucket
-    places = {0: true[0]}
-    seats = thin_seats(puzzle, 1, 1, places, puzzle.rest(1, 1, places))
-    across = np.linalg.norm((seats - true[1])[:, :2], axis=1)
+    problem, true = bucket
+    placements = {0: true[0]}
+    candidates = thin_part_candidates(problem, 1, 1, placements, problem.rendered(1, 1, placements))
+    across = np.linalg.norm((candidates - true[1])[:, :2], axis=1)
     assert across[0] < 0.05
-    assert not len(thin_seats(puzzle, 1, 0, {1: true[1]}, puzzle.rest(1, 0, {1: true[1]})))
+    assert not len(
+        thin_part_candidates(problem, 1, 0, {1: true[1]}, problem.rendered(1, 0, {1: true[1]}))
+    )
 
 
 def test_a_handle_of_wire_is_put_where_it_is(bucket):
-    puzzle, true = bucket
-    found = solve(puzzle)
+    problem, true = bucket
+    found = solve(problem)
     for i, place in true.items():
         assert np.linalg.norm(found[i] - place) < 0.05
 
 
 @pytest.mark.parametrize("moved", [0, 1])
-def test_a_button_shows_in_the_face_it_lies_in_whichever_is_moved(remote, moved):
+def test_a_button_is_visible_in_its_panel_whichever_is_moved(remote, moved):
     """At one depth the smaller part wins, so that neither order of drawing hides it."""
-    puzzle, true = remote
-    level = puzzle.levels[2]
-    together = level.total(level.rest(true, puzzle.light))
-    rest = puzzle.rest(2, moved, true)
-    added, _ = level.costs(moved, true[moved][None], rest, puzzle.light)
-    assert level.total(rest) + added[0] == pytest.approx(together, abs=10.0)
+    problem, true = remote
+    level = problem.levels[2]
+    together = level.total(level.rendered(true, problem.light))
+    rendered = problem.rendered(2, moved, true)
+    added, _ = level.costs(moved, true[moved][None], rendered, problem.light)
+    assert level.total(rendered) + added[0] == pytest.approx(together, abs=10.0)
 
 
-def test_a_case_drawn_last_would_hide_its_button(remote):
-    puzzle, true = remote
-    level = puzzle.levels[2]
-    rest = level.rest(true, puzzle.light, without=(0,))
-    added, _ = level.costs(0, true[0][None], rest, puzzle.light)
-    assert level.total(rest) + added[0] > level.total(level.rest(true, puzzle.light)) + 100.0
+def test_a_case_rendered_last_would_hide_its_button(remote):
+    problem, true = remote
+    level = problem.levels[2]
+    rendered = level.rendered(true, problem.light, without=(0,))
+    added, _ = level.costs(0, true[0][None], rendered, problem.light)
+    assert (
+        level.total(rendered) + added[0] > level.total(level.rendered(true, problem.light)) + 100.0
+    )
 
 
 def test_a_case_and_its_button_are_put_where_they_are(remote):
-    puzzle, true = remote
-    found = solve(puzzle)
+    problem, true = remote
+    found = solve(problem)
     for i, place in true.items():
         assert np.linalg.norm(found[i] - place) < 0.05

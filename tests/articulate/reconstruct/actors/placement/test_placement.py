@@ -1,4 +1,4 @@
-"""Parts put where a picture shows them: boxes whose places are known."""
+"""Parts put where a image shows them: boxes whose places are known."""
 
 from __future__ import annotations
 
@@ -12,12 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from articulate.errors import UsageError
-from articulate.reconstruct.actors.placement.actor import PlacementActor, places_of, usual_light
-from articulate.reconstruct.actors.placement.initial_placements import above_ground, sibling_seats
+from articulate.reconstruct.actors.placement.actor import (
+    PlacementActor,
+    default_light,
+    placements_of,
+)
+from articulate.reconstruct.actors.placement.initial_placements import (
+    above_ground,
+    symmetric_candidates,
+)
 from articulate.reconstruct.actors.placement.placement_problem import (
     SMALLEST_GAP,
     PlacementProblem,
-    puzzle_of,
+    build_problem,
     region_of,
 )
 from articulate.reconstruct.actors.placement.search import total_cost, unexplained_share
@@ -45,7 +52,7 @@ def box(name, centre=(0.0, 0.0, 0.0)):
 
 
 def question(names) -> Evidence:
-    """Boxes with the middle of each at the origin, and a picture of them in their places."""
+    """Boxes with the middle of each at the origin, and a image of them in their places."""
     scene = PartScene([box(name, CENTRES[name]) for name in names])
     return Evidence(
         modality="image",
@@ -64,23 +71,23 @@ def three() -> Evidence:
 
 @pytest.fixture(scope="module")
 def three_places(three):
-    return places_of(three)
+    return placements_of(three)
 
 
 @functools.cache
 def puzzle_of_three() -> PlacementProblem:
     evidence = question(["knob", "body", "door"])
     assert evidence.image is not None
-    return puzzle_of(evidence.parts, evidence.image, CAMERA, usual_light(CAMERA))
+    return build_problem(evidence.parts, evidence.image, CAMERA, default_light(CAMERA))
 
 
 @pytest.fixture
-def puzzle() -> PlacementProblem:
+def problem() -> PlacementProblem:
     return puzzle_of_three()
 
 
-def camera_places(puzzle: PlacementProblem, centres=CENTRES):
-    return {i: apply(CAMERA.T_cw, centres[p.name]) for i, p in enumerate(puzzle.parts)}
+def camera_places(problem: PlacementProblem, centres=CENTRES):
+    return {i: apply(CAMERA.T_cw, centres[p.name]) for i, p in enumerate(problem.parts)}
 
 
 @pytest.mark.parametrize("name", ["knob", "body", "door"])
@@ -95,21 +102,21 @@ def test_a_body_a_door_and_a_knob_are_placed_within_two_hundredths_of_the_object
 def test_names_labels_order_and_offsets_do_not_reach_the_search(three, three_places):
     """The same parts under other names, shifted, without labels: the same places of the boxes."""
     shift = {"body": [5.0, -3.0, 2.0], "door": [0.0, 0.0, 9.0], "knob": [-1.0, 0.5, 0.25]}
-    told = {"body": "part_01", "door": "part_02", "knob": "part_00"}
-    parts = tuple(p.renamed(told[p.name]).moved(pose(shift[p.name])) for p in three.parts)
-    other = places_of(dataclasses.replace(three, parts=parts, labels={}, seed=7))
+    moved = {"body": "part_01", "door": "part_02", "knob": "part_00"}
+    parts = tuple(p.renamed(moved[p.name]).moved(pose(shift[p.name])) for p in three.parts)
+    other = placements_of(dataclasses.replace(three, parts=parts, labels={}, seed=7))
     for name, place in three_places.items():
-        middle = other[told[name]][:3, 3] + shift[name]
+        middle = other[moved[name]][:3, 3] + shift[name]
         assert middle == pytest.approx(place[:3, 3], abs=1e-6)
 
 
-def test_the_true_places_explain_the_picture_and_others_do_not(puzzle):
-    share = unexplained_share(puzzle, camera_places(puzzle))
-    assert share < 0.015  # soft edges of a small picture made larger
-    true = total_cost(puzzle, 2, camera_places(puzzle))
+def test_the_true_places_explain_the_image_and_others_do_not(problem):
+    share = unexplained_share(problem, camera_places(problem))
+    assert share < 0.015  # soft edges of a small image made larger
+    true = total_cost(problem, 2, camera_places(problem))
     for name in CENTRES:
         moved = {**CENTRES, name: CENTRES[name] + np.array([0.0, 0.1, 0.0])}
-        assert total_cost(puzzle, 2, camera_places(puzzle, moved)) > true + 5.0
+        assert total_cost(problem, 2, camera_places(problem, moved)) > true + 5.0
 
 
 @settings(max_examples=20, deadline=None)
@@ -117,32 +124,33 @@ def test_the_true_places_explain_the_picture_and_others_do_not(puzzle):
     st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.6, -0.2)),
     st.integers(0, 2),
 )
-def test_what_a_part_adds_is_the_difference_of_the_pictures_with_and_without_it(shift, part):
-    puzzle = puzzle_of_three()
-    places = camera_places(puzzle)
-    level = puzzle.levels[0]
-    here = places[part] + np.array(shift)
-    rest = level.rest(places, puzzle.light, without=(part,))
-    added, _ = level.costs(part, here[None], rest, puzzle.light)
-    others = {i: place for i, place in places.items() if i != part}
-    whole = level.rest({**others, part: here}, puzzle.light)  # drawn last, as what is added is
-    assert level.total(whole) == pytest.approx(level.total(rest) + added[0], abs=1.0)
+def test_what_a_part_adds_is_the_difference_of_the_images_with_and_without_it(shift, part):
+    problem = puzzle_of_three()
+    placements = camera_places(problem)
+    level = problem.levels[0]
+    here = placements[part] + np.array(shift)
+    rendered = level.rendered(placements, problem.light, without=(part,))
+    added, _ = level.costs(part, here[None], rendered, problem.light)
+    others = {i: place for i, place in placements.items() if i != part}
+    # rendered last, like the added part
+    complete = level.rendered({**others, part: here}, problem.light)
+    assert level.total(complete) == pytest.approx(level.total(rendered) + added[0], abs=1.0)
 
 
 @pytest.mark.parametrize("apart", [0.0, 0.05, 0.3])
-def test_a_gap_is_the_distance_of_the_surfaces(puzzle, apart):
-    places = camera_places(puzzle)
-    names = [p.name for p in puzzle.parts]
+def test_a_gap_is_the_distance_of_the_surfaces(problem, apart):
+    placements = camera_places(problem)
+    names = [p.name for p in problem.parts]
     centre = CENTRES["body"] + [0.5 * (BODY[0] + DOOR[0]) + apart, 0.0, 0.0]
-    only = {names.index("body"): places[names.index("body")]}
-    found = puzzle.gap(names.index("door"), apply(CAMERA.T_cw, centre), only)
+    only = {names.index("body"): placements[names.index("body")]}
+    found = problem.gap(names.index("door"), apply(CAMERA.T_cw, centre), only)
     assert found == pytest.approx(max(0.0, apart - SMALLEST_GAP), abs=0.02)
 
 
-def test_nothing_is_tried_below_the_ground(puzzle):
-    door = [p.name for p in puzzle.parts].index("door")
+def test_nothing_is_tried_below_the_ground(problem):
+    door = [p.name for p in problem.parts].index("door")
     high = apply(CAMERA.T_cw, [[0.0, 0.0, 0.3], [0.0, 0.0, 0.1], [0.0, 0.0, 1.0]])
-    assert len(above_ground(puzzle, door, high)) == 2
+    assert len(above_ground(problem, door, high)) == 2
 
 
 def test_a_part_like_another_may_be_opposite_to_it():
@@ -150,21 +158,21 @@ def test_a_part_like_another_may_be_opposite_to_it():
     twin = evidence.parts[1].renamed("twin")
     parts = (*evidence.parts, twin)
     assert evidence.image is not None
-    puzzle = puzzle_of(parts, evidence.image, CAMERA, usual_light(CAMERA))
-    places = {i: apply(CAMERA.T_cw, CENTRES[n]) for i, n in enumerate(("body", "knob"))}
-    seats = apply(CAMERA.T_wc, sibling_seats(puzzle, 2, places))
+    problem = build_problem(parts, evidence.image, CAMERA, default_light(CAMERA))
+    placements = {i: apply(CAMERA.T_cw, CENTRES[n]) for i, n in enumerate(("body", "knob"))}
+    candidates = apply(CAMERA.T_wc, symmetric_candidates(problem, 2, placements))
     opposite = CENTRES["knob"] * [1, -1, 1] + 2.0 * CENTRES["body"] * [0, 1, 0]
-    assert np.linalg.norm(seats - opposite, axis=1).min() < 1e-9
+    assert np.linalg.norm(candidates - opposite, axis=1).min() < 1e-9
 
 
-def test_the_region_of_a_picture_holds_what_is_seen(three):
+def test_the_region_of_a_image_holds_what_is_seen(three):
     left, right, top, bottom = region_of(three.image)
     rows, columns = np.nonzero((three.image < 230).any(axis=-1))
     assert left <= columns.min() < columns.max() < right
     assert top <= rows.min() < rows.max() < bottom
 
 
-def test_a_picture_of_nothing_is_all_region():
+def test_a_image_of_nothing_is_all_region():
     assert region_of(np.full((24, 32, 3), 255, np.uint8)) == (0, 32, 0, 24)
 
 
@@ -176,14 +184,14 @@ def test_placed_parts_are_left_where_they_are():
     assert [j.part for j in found.joints] == ["door"]
 
 
-def test_a_picture_changes_nothing_where_parts_are_in_their_places(three):
+def test_a_image_changes_nothing_where_parts_are_in_their_places(three):
     parts = tuple(p.moved(pose(CENTRES[p.name])) for p in three.parts)
     seen = dataclasses.replace(three, parts=parts, placed=True)
     blind = dataclasses.replace(seen, modality="text", image=None, camera=None)
     assert PlacementActor().predict(seen).joints == SemanticActor().predict(blind).joints
 
 
-@pytest.mark.parametrize("missing", ["picture", "camera"])
-def test_without_picture_or_camera_nothing_can_be_placed(three, missing):
-    with pytest.raises(UsageError, match="picture and its camera"):
-        places_of(dataclasses.replace(three, **{missing: None}))
+@pytest.mark.parametrize("missing", ["image", "camera"])
+def test_without_image_or_camera_nothing_can_be_placed(three, missing):
+    with pytest.raises(UsageError, match="image and its camera"):
+        placements_of(dataclasses.replace(three, **{missing: None}))

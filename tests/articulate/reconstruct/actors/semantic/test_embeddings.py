@@ -5,8 +5,13 @@ import pytest
 from tests.articulate.reconstruct.actors.geometric.test_video import box
 
 from articulate.reconstruct.actors.protocol import Evidence
-from articulate.reconstruct.actors.semantic.actor import GUESSED, SemanticActor
-from articulate.reconstruct.actors.semantic.embeddings import FLOOR, SENTENCES, MiniLM, meant_role
+from articulate.reconstruct.actors.semantic.actor import GUESSED_CONFIDENCE, SemanticActor
+from articulate.reconstruct.actors.semantic.embeddings import (
+    DESCRIPTIONS,
+    MIN_COSINE,
+    MiniLM,
+    role_by_meaning,
+)
 from articulate.reconstruct.actors.semantic.ontology import ROLES
 
 
@@ -16,7 +21,7 @@ def saying(role, cosine):
     def encode(texts):
         vectors = np.eye(len(texts) + 1)[: len(texts)]
         vectors[0] = 0.0
-        vectors[0, list(texts).index(SENTENCES[role][0])] = cosine
+        vectors[0, list(texts).index(DESCRIPTIONS[role][0])] = cosine
         vectors[0, -1] = np.sqrt(1.0 - cosine**2)
         return vectors
 
@@ -24,14 +29,14 @@ def saying(role, cosine):
 
 
 def test_every_role_that_a_list_knows_has_a_sentence():
-    assert set(ROLES.values()) <= set(SENTENCES)
+    assert set(ROLES.values()) <= set(DESCRIPTIONS)
 
 
 def test_the_nearest_sentence_decides_above_the_floor():
-    assert meant_role("wicket", saying("door", FLOOR + 0.01)) == "door"
-    assert meant_role("wicket", saying("door", FLOOR - 0.01)) == "unknown"
-    assert meant_role("12", saying("door", 1.0)) == "unknown"
-    assert meant_role("part 3", saying("door", 1.0)) == "unknown"
+    assert role_by_meaning("wicket", saying("door", MIN_COSINE + 0.01)) == "door"
+    assert role_by_meaning("wicket", saying("door", MIN_COSINE - 0.01)) == "unknown"
+    assert role_by_meaning("12", saying("door", 1.0)) == "unknown"
+    assert role_by_meaning("part 3", saying("door", 1.0)) == "unknown"
 
 
 def cupboard(label):
@@ -46,7 +51,7 @@ def cupboard(label):
 def test_a_joint_by_meaning_alone_is_said_with_little_confidence(monkeypatch):
     monkeypatch.setattr(
         "articulate.reconstruct.actors.semantic.embeddings._installed",
-        lambda: saying("door", FLOOR + 0.1),
+        lambda: saying("door", MIN_COSINE + 0.1),
     )
     listed, guessed = (
         next(j for j in SemanticActor().predict(cupboard(label)).joints if j.part == "part_01")
@@ -54,14 +59,14 @@ def test_a_joint_by_meaning_alone_is_said_with_little_confidence(monkeypatch):
     )
     assert guessed.kind == listed.kind == "revolute"
     assert guessed.axis_o == listed.axis_o
-    assert guessed.confidence == GUESSED < listed.confidence
+    assert guessed.confidence == GUESSED_CONFIDENCE < listed.confidence
 
 
 def test_without_the_extra_an_unlisted_name_does_not_move(monkeypatch):
     monkeypatch.setattr(
         "articulate.reconstruct.actors.semantic.embeddings._installed", lambda: None
     )
-    assert meant_role("wicket") == "unknown"
+    assert role_by_meaning("wicket") == "unknown"
     (joint,) = SemanticActor().predict(cupboard("wicket")).joints
     assert joint.kind == "fixed"
 
@@ -74,5 +79,5 @@ def test_names_are_understood_by_the_model_of_the_extra():
     vectors = encoder(["a sliding drawer", "a drawer that slides", "a dog"])
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1.0)
     assert vectors[0] @ vectors[1] > 0.7 > vectors[0] @ vectors[2]
-    assert meant_role("pull-out compartment", encoder) == "drawer"
-    assert meant_role("quantum chromodynamics", encoder) == "unknown"
+    assert role_by_meaning("pull-out compartment", encoder) == "drawer"
+    assert role_by_meaning("quantum chromodynamics", encoder) == "unknown"

@@ -1,6 +1,6 @@
 import pytest
 
-from articulate.reconstruct.actors.semantic.ontology import role_of, things_in, words_of
+from articulate.reconstruct.actors.semantic.ontology import object_words_in, role_of, words_of
 
 
 @pytest.mark.parametrize(
@@ -25,9 +25,9 @@ def test_what_a_part_does_hangs_on_its_name_and_on_the_thing(label, thing, role)
 
 
 def test_things_are_named_by_the_body_and_by_the_sentence():
-    assert things_in(["coffee machine body", "door", "knob"], "") == {"coffee", "machine"}
-    assert "furniture" in things_in(["body"], "a cabinet with two doors")
-    assert "door" not in things_in(["body"], "a cabinet with two doors")
+    assert object_words_in(["coffee machine body", "door", "knob"], "") == {"coffee", "machine"}
+    assert "furniture" in object_words_in(["body"], "a cabinet with two doors")
+    assert "door" not in object_words_in(["body"], "a cabinet with two doors")
 
 
 def test_words_are_told_apart_in_camel_case_and_lose_numbers():

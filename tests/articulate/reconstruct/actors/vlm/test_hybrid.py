@@ -10,7 +10,7 @@ from tests.articulate.reconstruct.actors.vlm.conftest import DOOR, LABELS
 from tests.articulate.reconstruct.actors.vlm.server import saying
 
 from articulate.reconstruct.actors.loop import Loop
-from articulate.reconstruct.actors.semantic.part_relations import named_scene
+from articulate.reconstruct.actors.semantic.part_relations import build_labelled_scene
 from articulate.reconstruct.actors.vlm.actor import HybridCritic, hybrid_actor, vlm_actor
 from articulate.reconstruct.actors.vlm.answers import MovingPart
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
@@ -41,7 +41,7 @@ def at_the_right(heard):
 
 def offers(evidence, part="part_02", kind="revolute"):
     mover = MovingPart(part=part, kind=kind, why="")
-    scene = with_carriers(named_scene(evidence), [mover])
+    scene = with_carriers(build_labelled_scene(evidence), [mover])
     return joint_candidates([mover], scene), scene
 
 
