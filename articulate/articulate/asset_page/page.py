@@ -271,7 +271,13 @@ def _joint_cells(joint: JointCheck) -> list[str]:
         free = f'<span class="mark failed">blocked</span><small>{free} is free</small>'
     opened = "not tried" if joint.opened is None else f"{100.0 * joint.opened:.0f}{THIN}%"
     needs = f"{escape_text(', '.join(joint.needs))} open" if joint.needs else "–"
-    return [f"<b>{escape_text(joint.name)}</b>", f"{kind} {travel}<small>{limits}</small>", free, opened, needs]
+    return [
+        f"<b>{escape_text(joint.name)}</b>",
+        f"{kind} {travel}<small>{limits}</small>",
+        free,
+        opened,
+        needs,
+    ]
 
 
 def _checks(page: ReportPage, checks: Sequence[Check], meanings: Mapping[str, str]) -> None:

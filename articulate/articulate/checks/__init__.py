@@ -1,1 +1,1 @@
-"""Evidence about an asset: clauses measured one by one, and a verdict."""
+"""Checks of assets: each measures one property and reads the asset only."""

@@ -1,4 +1,4 @@
-"""Clauses ``check_cavities`` and ``fingers``: what is hollow to the eye is hollow to the engine."""
+"""Checks ``cavities`` and ``finger_clearance``: collision shapes leave visible cavities open."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ from articulate.checks.visual_collision import surface_of
 from articulate.transforms import Array, Ints, Mask, apply, inverse
 
 SAMPLES = 2000
-"""Points in the convex hull of what a link shows."""
+"""Sample points in the convex hull of a link's visual geometry."""
 HOLLOW = 0.5
-"""Points with a smaller winding number lie in the cavity."""
+"""Points with a smaller winding number are in the cavity."""
 LEAST_WIDTH_M = 0.01
-"""Links thinner than this hold nothing, whatever their back looks like [m]."""
+"""Links thinner than this have no cavity [m]."""
 LEAST_CAVITY = 0.05
-"""Links whose cavity is a smaller share of their hull count as solid."""
+"""Links whose cavity is a smaller fraction of their hull count as solid."""
 BALL_M = 0.01
-"""A cavity in which no ball of this diameter has room holds nothing: gaps between keys [m]."""
+"""Diameter of a ball that must fit into a cavity, unlike into gaps between keys [m]."""
 LEAST_ROOM = 0.01
-"""Least share of the hull in which the middle of such a ball can lie."""
+"""Least fraction of the hull in which the centre of such a ball fits."""
 SURE = 2.0
-"""By so many standard errors of the sample it has to be more: a keyboard of 0.8 % had 0.8 and 1.3 %
-of 2,000 points, as it was turned."""
+"""Standard errors of the sample by which it must be exceeded: a keyboard of 0.8 % measured 0.8 and
+1.3 % with 2,000 points, depending on its orientation."""
 ALLOWED_OPEN = 0.85
-"""Least share of the cavity that must lie outside the collision shapes."""
+"""Least fraction of the cavity outside the collision shapes."""
 
 WALL_M = (0.001, 0.003)
-"""Shapes may take at least and at most this much room beside what is seen [m] ..."""
+"""Least and largest thickness that shapes may have beside visible surfaces [m] ..."""
 WALL_SHARE = 0.015
-"""... and between them this share of a link's diagonal."""
+"""... and between them this fraction of the diagonal of the link."""
 
 FINGER_M = 0.008
-"""Room that a finger needs beside a handle [m]."""
+"""Space that a finger requires beside a handle [m]."""
 FINGER_WIDTH_M = 0.02
 """Width of a finger along the handle [m]."""
 REACH_M = 0.1
-"""Room beyond this is not measured [m]."""
+"""Space beyond this is not measured [m]."""
 
 
 Solids = Mapping[str, tuple[Solid, ...]]
-"""The collision shapes of each link."""
+"""Collision shapes by link."""
 
 
 def check_cavities(model: ObjectModel) -> tuple[Check, ...]:
-    """How much of each link's cavity the engine leaves free, and room for fingers."""
+    """Measure the free fraction of each link's cavity, and the space for fingers at handles."""
     solids = {link.name: solids_of(model, link.name) for link in model.asset.links}
     hollow = [_open(model, name, own) for name, own in solids.items()]
     data = model.data()
@@ -101,14 +101,14 @@ def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Check:
 
 
 def has_room(share: float, count: int) -> bool:
-    """Whether ``share`` of a sample of ``count`` points is surely more than ``LEAST_ROOM``."""
+    """Return whether a fraction of ``count`` points significantly exceeds ``LEAST_ROOM``."""
     return share - SURE * math.sqrt(share * (1.0 - share) / count) > LEAST_ROOM
 
 
 def cavity_points(model: ObjectModel, link: str) -> Array:
-    """Points (N, 3) [m] in the cavity of ``link``, not at its walls, which have some thickness.
+    """Sample points (N, 3) [m] in the cavity of ``link``, except at its walls.
 
-    They are others than those that judge it.
+    They differ from the points of the check.
     """
     corners, faces = surface_of(model, link)
     hull = _hull(corners)
@@ -123,7 +123,7 @@ def cavity_points(model: ObjectModel, link: str) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Surface:
-    """What a link shows, told from another by its content."""
+    """Visual surface of a link, compared by content."""
 
     corners: Array
     faces: Ints
@@ -141,9 +141,9 @@ class _Surface:
 
 @functools.lru_cache(maxsize=64)
 def _cavity(surface: _Surface) -> tuple[Array, Mask]:
-    """Points (N, 3) in the hull of a surface, and which of them lie in a cavity (N,).
+    """Return points (N, 3) [m] in the hull of a surface, and a mask (N,) of those in a cavity.
 
-    Kept, for shapes are made more than once for the same surface.
+    Cached, as shapes are computed several times for the same surface.
     """
     points = hull_points(ConvexHull(surface.corners), SAMPLES)
     return points, is_cavity(points, surface.corners[surface.faces])
@@ -154,11 +154,11 @@ def _not_hollow(link: str, message: str) -> Check:
 
 
 def is_cavity(points: Array, triangles: Array) -> Mask:
-    """Whether ``points`` (N, 3) in the hull of ``triangles`` lie in a hollow that is open (N,).
+    """Return a mask (N,) of ``points`` (N, 3) [m] in an open cavity of ``triangles`` (F, 3, 3) [m].
 
-    The winding number says what lies outside the material. Where a mesh is turned inside out in
-    places it says so of solid parts, too; from inside those no ray gets out, so that a point
-    counts only if one does. A void that is closed all round is no cavity, then.
+    Points with a small winding number are outside the material. Where parts of a mesh are
+    inverted this holds for solid parts as well; no ray escapes from those, so a point counts
+    only if one does. A closed void is therefore no cavity.
     """
     hollow = np.abs(winding_numbers(points, triangles)) < HOLLOW
     found = np.flatnonzero(hollow)
@@ -176,14 +176,14 @@ def _hull(corners: Array) -> ConvexHull | None:
 
 
 def width(hull: ConvexHull) -> float:
-    """Least distance of two parallel planes that hold ``hull`` between them, one along a face."""
+    """Return the least distance of two parallel planes around ``hull``, one on a face [m]."""
     planes = np.unique(hull.equations.round(9), axis=0)
     corners = hull.points[hull.vertices]
     return float(-(corners @ planes[:, :3].T + planes[:, 3]).min(axis=0).max(initial=-np.inf))
 
 
 def hull_points(hull: ConvexHull, count: int, *, seed: int = 0) -> Array:
-    """Up to ``count`` points (N, 3) spread evenly in ``hull``, others for each ``seed``."""
+    """Sample up to ``count`` points (N, 3) uniformly in ``hull`` [m], seeded by ``seed``."""
     planes = np.unique(hull.equations.round(9), axis=0)
     rng = np.random.default_rng(seed)
     low, high = hull.min_bound, hull.max_bound
@@ -198,7 +198,7 @@ def hull_points(hull: ConvexHull, count: int, *, seed: int = 0) -> Array:
 
 
 def _fingers(model: ObjectModel, data: Data, handle: Handle, solids: Solids) -> Check:
-    """Room on both sides of a handle, where the fingers of a gripper go, all joints closed."""
+    """Measure the space for fingers on both sides of a handle, all joints closed."""
     T_oh = model.T_ol(data, handle.link) @ handle_frame(handle)
     room = min(_room(model, data, T_oh, handle, side, solids) for side in (-1.0, 1.0))
     passed = room >= FINGER_M
@@ -222,7 +222,7 @@ def _fingers(model: ObjectModel, data: Data, handle: Handle, solids: Solids) -> 
 def _room(
     model: ObjectModel, data: Data, T_oh: Array, handle: Handle, side: float, solids: Solids
 ) -> float:
-    """Free way [m] from the handle's flank along its closing axis, at most ``REACH_M``."""
+    """Return the free distance from the handle along its closing axis, at most ``REACH_M`` [m]."""
     along = min(FINGER_WIDTH_M, handle.extent[0]) / 2.0
     steps = np.arange(0.0005, REACH_M, 0.001)
     least = REACH_M
@@ -230,10 +230,10 @@ def _room(
         points_h = np.zeros((len(steps), 3))
         points_h[:, 0] = x
         points_h[:, 1] = side * (handle.extent[1] / 2.0 + steps)
-        taken = np.zeros(len(steps), dtype=bool)
+        occupied = np.zeros(len(steps), dtype=bool)
         for link in model.asset.links:
             T_lh = inverse(model.T_ol(data, link.name)) @ T_oh
-            taken |= inside_any(solids[link.name], apply(T_lh, points_h))
-        if taken.any():
-            least = min(least, float(steps[int(taken.argmax())]))
+            occupied |= inside_any(solids[link.name], apply(T_lh, points_h))
+        if occupied.any():
+            least = min(least, float(steps[int(occupied.argmax())]))
     return least

@@ -1,4 +1,4 @@
-"""Clause ``coverage``: what is seen can be touched, and what can be touched is seen."""
+"""Check ``collision_coverage``: visual surfaces and collision shapes agree."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from articulate.checks.visual_collision import surface_of
 from articulate.transforms import Array, Mask
 
 SAMPLES = 1000
-"""Points on the visual surface of a link, and as many on its collision shapes."""
+"""Sample points on the visual surface of a link, and as many on its collision shapes."""
 ALLOWED_SHARE = 0.95
-"""Least share of them that must lie near the other surface."""
+"""Least fraction of them near the other surface."""
 NEAR_M = 0.003
-"""Points this near are near for links of any size [m]."""
+"""Distance that counts as near for links of any size [m] ..."""
 NEAR_SHARE = 0.01
-"""Points this share of the link's diagonal away are near as well."""
+"""... or this fraction of the diagonal of the link."""
 INSIDE = 0.5
-"""Points that the surface winds round more often than this lie inside the material."""
+"""Points with a larger winding number are inside the material."""
 
 
 def check_coverage(model: ObjectModel) -> tuple[Check, ...]:
@@ -44,14 +44,14 @@ def _covered(model: ObjectModel, link: str) -> Check:
     measured = min(touchable, seen)
     passed = measured >= ALLOWED_SHARE
     message = (
-        f"{touchable:.1%} of what {link} shows lies within {1000 * near_m:.1f} mm of its "
+        f"{touchable:.1%} of the visual surface of {link} is within {1000 * near_m:.1f} mm of its "
         f"collision shapes, {seen:.1%} the other way round"
     )
     if not passed:
         message += (
-            ": parts of it cannot be touched; give it collision geometry or raise --max-geoms"
+            ": parts of it have no collision shape; add collision geometry or raise --max-geoms"
             if touchable <= seen
-            else ": collision shapes stand where nothing is seen; decompose it more finely"
+            else ": collision shapes fill empty space; decompose it more finely"
         )
     return Check(
         name="collision_coverage",
@@ -65,19 +65,19 @@ def _covered(model: ObjectModel, link: str) -> Check:
 
 
 def near_of(corners: Array) -> float:
-    """Distance that counts as near [m] for a link that shows ``corners`` (V, 3) [m]."""
+    """Return the distance that counts as near for visual ``corners`` (V, 3) [m]."""
     return max(NEAR_M, NEAR_SHARE * float(np.linalg.norm(np.ptp(corners, axis=0))))
 
 
 def shares(triangles: Array, solids: tuple[Solid, ...], near_m: float) -> tuple[float, float]:
-    """Share of the surface within ``near_m`` of the solids, and of the solids' of the surface.
+    """Return the fraction of the surface near the solids, and of the solids near the surface.
 
-    Where shapes end inside the material, as they do where two of them lie against each other,
-    there is nothing to be seen and nothing to be touched: such points are left out.
+    Points of shapes inside the material, for example where two shapes touch, are ignored: there
+    is no surface to compare.
 
     Args:
-        triangles: What is seen (F, 3, 3) [m].
-        solids: What can be touched.
+        triangles: Visual surface (F, 3, 3) [m].
+        solids: Collision shapes.
         near_m: Distance that counts as near [m].
     """
     seen_points, _ = sample(triangles, SAMPLES) if len(triangles) else (np.zeros((0, 3)), None)

@@ -192,8 +192,7 @@ def explain(name: str) -> str:
     """
     check = meaning_of(name)
     return (
-        f"{name}\n\nMeaning. {check.means}\n\nImportance. {check.matters}\n\n"
-        f"Remedy. {check.remedy}"
+        f"{name}\n\nMeaning. {check.means}\n\nImportance. {check.matters}\n\nRemedy. {check.remedy}"
     )
 
 

@@ -1,7 +1,7 @@
-"""How deep collision shapes of one object lie in each other, by distance queries.
+"""Measure the penetration of collision shapes of one object by distance queries.
 
-Contact masks and excludes are ignored: two shapes that the engine never lets touch each other
-are measured all the same.
+Contact masks and exclusions are ignored: shapes that the engine never lets touch each other are
+measured as well.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ class Overlap:
     other: int
     """Geom of the second set."""
     depth_m: float
-    """Least way by which the first must move to come free [m], above 0."""
-    way_out_w: tuple[float, float, float]
-    """Unit vector of that way of the first, in the world frame."""
+    """Least distance by which the first must move to separate [m], above 0."""
+    separation_w: tuple[float, float, float]
+    """Unit vector of that motion of the first, in the world frame."""
 
 
 class Shapes:
-    """The collision geoms of an object, ready to be asked how deep they lie in each other.
+    """Collision geoms of an object, for queries of penetration depth.
 
     Args:
-        model: The object.
+        model: Compiled object.
     """
 
     def __init__(self, model: ObjectModel) -> None:
@@ -56,27 +56,27 @@ class Shapes:
         self._half_g = np.array(m.geom_aabb[:, 3:])
 
     def geoms(self, links: set[str]) -> Ints:
-        """Collision geoms of ``links``, in the order of the asset's links."""
+        """Return the collision geoms of ``links``, in the order of the asset's links."""
         own = [geoms for name, geoms in self.of_link.items() if name in links]
         return np.concatenate([np.zeros(0, dtype=np.int64), *own])
 
     def boxes(self, data: Data, geoms: Ints) -> tuple[Array, Array]:
-        """Lowest and highest corners (G, 3) [m] of upright boxes round ``geoms`` (G,)."""
+        """Return the corners (G, 3) [m] of axis-aligned boxes around ``geoms`` (G,)."""
         turn, centre = self._frames(data, geoms)
         half = np.einsum("gij,gj->gi", np.abs(turn), self._half_g[geoms])
         return centre - half, centre + half
 
     def _frames(self, data: Data, geoms: Ints) -> tuple[Array, Array]:
-        """Rotations (G, 3, 3) and middles (G, 3) [m] of the own boxes of ``geoms`` (G,)."""
+        """Return rotations (G, 3, 3) and centres (G, 3) [m] of local boxes of ``geoms`` (G,)."""
         turn = data.geom_xmat[geoms].reshape(-1, 3, 3)
         centre = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", turn, self._centre_g[geoms])
         return turn, centre
 
     def overlaps(self, data: Data, ones: Ints, others: Ints, *, least_m: float) -> list[Overlap]:
-        """Pairs of geoms of different links that lie in each other by more than ``least_m``.
+        """Return pairs of geoms of different links that overlap by more than ``least_m``.
 
-        Boxes round both say how far one must be moved at most along their axes; only pairs for
-        which that is more are asked for, and no depth is more.
+        Boxes around both give an upper bound of the depth; only pairs with a larger bound are
+        queried.
 
         Args:
             data: State, with geoms in place.
@@ -92,9 +92,9 @@ class Shapes:
         body = self.model.model.geom_bodyid
         candidates = (shared > least_m).all(axis=-1) & (body[ones][:, None] != body[others])
         a, b = np.nonzero(candidates)
-        most = np.minimum(shared[a, b].min(axis=1), self._shared(data, ones[a], others[b]))
+        bounds = np.minimum(shared[a, b].min(axis=1), self._shared(data, ones[a], others[b]))
         found = []
-        for one, other, bound in zip(ones[a].tolist(), others[b].tolist(), most, strict=True):
+        for one, other, bound in zip(ones[a].tolist(), others[b].tolist(), bounds, strict=True):
             if bound > least_m:
                 overlap = self._overlap(data, one, other, float(bound), least_m)
                 if overlap is not None:
@@ -102,7 +102,7 @@ class Shapes:
         return found
 
     def _shared(self, data: Data, ones: Ints, others: Ints) -> Array:
-        """Least way (N,) [m] along the axes of both own boxes that frees pairs of geoms."""
+        """Return the least motion (N,) along box axes that separates pairs of geoms [m]."""
         (turn_a, centre_a), (turn_b, centre_b) = (self._frames(data, g) for g in (ones, others))
         axes = np.concatenate([turn_a, turn_b], axis=2)  # (N, 3, 6), columns
         reach = sum(
@@ -115,7 +115,7 @@ class Shapes:
     def _overlap(
         self, data: Data, one: int, other: int, bound: float, least_m: float
     ) -> Overlap | None:
-        """How two geoms overlap, at most ``bound`` deep [m]; None up to ``least_m`` [m]."""
+        """Return the overlap of two geoms, at most ``bound`` [m]; None up to ``least_m`` [m]."""
         fromto = np.zeros(6)
         data.geom_xpos[one] += NUDGE_M
         depth = -float(mujoco.mj_geomDistance(self.model.model, data, one, other, 1e-3, fromto))
@@ -123,4 +123,4 @@ class Shapes:
         if depth <= max(least_m, 0.0):
             return None
         x, y, z = (float(v) for v in normalised(fromto[3:] - fromto[:3]))
-        return Overlap(one=one, other=other, depth_m=min(depth, bound), way_out_w=(x, y, z))
+        return Overlap(one=one, other=other, depth_m=min(depth, bound), separation_w=(x, y, z))

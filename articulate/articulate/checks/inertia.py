@@ -1,4 +1,4 @@
-"""Clauses ``inertia`` and ``mass``: every link could be made of something."""
+"""Checks ``inertia`` and ``mass``: every link has a physically possible inertia."""
 
 from __future__ import annotations
 
@@ -19,44 +19,44 @@ from articulate.transforms import Array
 SLACK = 1e-6
 """Share by which the triangle inequality and the box may be missed: digits of the file."""
 BOX_SLACK_M = 0.002
-"""How far outside its box a centre of mass may lie: thin parts are made this thick [m]."""
+"""Tolerance of a centre of mass outside its box: thin parts get this thickness [m]."""
 SAME = 1e-5
 """Share by which mass, centre and inertia may differ from those in object.urdf."""
 DENSITY_KG_M3 = (5.0, 3000.0)
-"""Mass by volume of the box of whole objects, from empty crates to solid stone."""
+"""Usual ratio of mass to box volume of objects, from empty crates to solid stone."""
 
 
 def check_inertia(model: ObjectModel) -> tuple[Check, ...]:
-    """One clause for each link, and one for the mass of the whole."""
+    """Return one check for each link, and one for the mass of the object."""
     asset = model.asset
     robot = robot_in(asset.folder / "object.urdf")
-    said = {} if robot is None else {x.name: x.inertial for x in robot.links if x.inertial}
-    links = tuple(_sound(model, link, said) for link in asset.links)
+    inertials = {} if robot is None else {x.name: x.inertial for x in robot.links if x.inertial}
+    links = tuple(_sound(model, link, inertials) for link in asset.links)
     return (*links, _mass(asset, model))
 
 
-def _sound(model: ObjectModel, link: Link, said: Mapping[str, Any]) -> Check:
+def _sound(model: ObjectModel, link: Link, inertials: Mapping[str, Any]) -> Check:
     m, body = model.model, model.bodies[link.name]
     mass = float(m.body_mass[body])
     principal = np.sort(np.asarray(m.body_inertia[body], dtype=np.float64))
     centre_l = np.asarray(m.body_ipos[body], dtype=np.float64)
     box = _box(model, link.name)
-    faults = [*_faults(mass, principal), *_misplaced(centre_l, box)]
+    violations = [*_violations(mass, principal), *_misplaced(centre_l, box)]
     if abs(mass - link.mass_kg) > SLACK * max(mass, link.mass_kg):
-        faults.append(f"asset.json says {link.mass_kg:.4g} kg")
+        violations.append(f"asset.json has {link.mass_kg:.4g} kg")
     if box is not None and mass > 0.0:
-        faults += _spread(mass, np.diag(_full(m, body)), centre_l, box)
-    if link.name in said:
-        faults += _told_apart(mass, centre_l, _full(m, body), said[link.name])
+        violations += _spread(mass, np.diag(_full(m, body)), centre_l, box)
+    if link.name in inertials:
+        violations += _urdf_differences(mass, centre_l, _full(m, body), inertials[link.name])
     share = float(principal[0] + principal[1] - principal[2]) / max(float(principal[2]), 1e-300)
     message = (
         f"{link.name}: {mass:.4g} kg, inertia {', '.join(f'{v:.3g}' for v in principal)} kg m2"
     )
-    if faults:
-        message += f"; {'; '.join(faults)}: give it the inertia of its geometry"
+    if violations:
+        message += f"; {'; '.join(violations)}: give it the inertia of its geometry"
     return Check(
         name="inertia",
-        outcome="failed" if faults else "passed",
+        outcome="failed" if violations else "passed",
         subject=link.name,
         measured=share if np.isfinite(share) else None,
         allowed=0.0,
@@ -65,8 +65,8 @@ def _sound(model: ObjectModel, link: Link, said: Mapping[str, Any]) -> Check:
     )
 
 
-def _faults(mass: float, principal: Array) -> list[str]:
-    """What is wrong with a mass [kg] and sorted principal moments (3,) [kg m2] by themselves."""
+def _violations(mass: float, principal: Array) -> list[str]:
+    """Return the faults of a mass [kg] and of sorted principal moments (3,) [kg m2]."""
     if not (np.isfinite(mass) and np.isfinite(principal).all()):
         return ["mass or inertia is not a number"]
     found = []
@@ -85,11 +85,11 @@ def _misplaced(centre_l: Array, box: Array | None) -> list[str]:
     beyond = float(np.maximum(box[0] - centre_l, centre_l - box[1]).max())
     if beyond <= BOX_SLACK_M:
         return []
-    return [f"its centre of mass lies {1000.0 * beyond:.0f} mm outside its box"]
+    return [f"its centre of mass is {1000.0 * beyond:.0f} mm outside its box"]
 
 
 def _spread(mass: float, moments: Array, centre_l: Array, box: Array) -> list[str]:
-    """Whether moments (3,) [kg m2] about the centre could be those of ``mass`` in the box."""
+    """Return a fault if moments (3,) [kg m2] about the centre do not fit ``mass`` in the box."""
     half = np.maximum(np.maximum(box[1] - centre_l, centre_l - box[0]), BOX_SLACK_M)
     squares = half**2
     most = mass * (squares.sum() - squares)
@@ -100,14 +100,14 @@ def _spread(mass: float, moments: Array, centre_l: Array, box: Array) -> list[st
     return found
 
 
-def _told_apart(mass: float, centre_l: Array, full: Array, inertial: Any) -> list[str]:
-    """What object.urdf says otherwise about a link."""
+def _urdf_differences(mass: float, centre_l: Array, full: Array, inertial: Any) -> list[str]:
+    """Return the differences between a link and object.urdf."""
     T_li = np.eye(4) if inertial.origin is None else np.asarray(inertial.origin)
     turn = T_li[:3, :3]
     other = turn @ np.asarray(inertial.inertia) @ turn.T
     found = []
     if abs(mass - inertial.mass) > SAME * max(mass, inertial.mass):
-        found.append(f"object.urdf says {inertial.mass:.4g} kg")
+        found.append(f"object.urdf has {inertial.mass:.4g} kg")
     if float(np.abs(centre_l - T_li[:3, 3]).max()) > SAME:
         found.append("object.urdf has its centre of mass elsewhere")
     if float(np.abs(full - other).max()) > SAME * float(np.abs(other).max()):
@@ -116,7 +116,7 @@ def _told_apart(mass: float, centre_l: Array, full: Array, inertial: Any) -> lis
 
 
 def _full(m: Model, body: int) -> Array:
-    """Inertia (3, 3) [kg m2] about the centre of mass along the axes of the link."""
+    """Return the inertia (3, 3) about the centre of mass in link axes [kg m2]."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, m.body_iquat[body])
     rot = turn.reshape(3, 3)
@@ -124,7 +124,7 @@ def _full(m: Model, body: int) -> Array:
 
 
 def _box(model: ObjectModel, link: str) -> Array | None:
-    """Lowest and highest corner (2, 3) [m] of all that ``link`` shows and touches with."""
+    """Return the corners (2, 3) of the box of visual and collision geometry of ``link`` [m]."""
     corners, _ = surface_of(model, link)
     touching = [solid.triangles.reshape(-1, 3) for solid in solids_of(model, link)]
     points = np.vstack([corners, *touching])
@@ -132,7 +132,7 @@ def _box(model: ObjectModel, link: str) -> Array | None:
 
 
 def _mass(asset: Asset, model: ObjectModel) -> Check:
-    """The total mass, said rather than judged: tables of masses are wide."""
+    """Report the total mass without a limit, as tables of masses have wide ranges."""
     total = float(model.model.body_mass.sum())
     low, high = np.array(asset.bounds_o)
     volume = float(np.prod(np.maximum(high - low, BOX_SLACK_M)))

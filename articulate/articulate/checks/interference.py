@@ -1,4 +1,4 @@
-"""Moving the joints of an object and asking which parts go through each other."""
+"""Move the joints of an object and find interferences of its parts."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from articulate.checks.visual_collision import Surfaces
 from articulate.transforms import Array, Ints
 
 LIMIT_M = 0.002
-"""Deeper beyond rest than this, one part goes through another [m]."""
+"""Depth beyond that at rest above which parts interfere [m]."""
 STEP_M = 0.003
 """The farthest point of a part moves by at most this from one state to the next [m] ..."""
 MAX_STATES = 400
 """... unless that makes more states than this along one way."""
 
 RATE_STATES = 65
-"""Positions of a leader in which the speed of a follower, a polynomial, is looked at."""
+"""Positions of a leader at which the speed of a mimic joint, a polynomial, is evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Interference:
-    """A state in which a moving part lies too deep in another one."""
+    """State in which a moving part penetrates another one too deeply."""
 
     excess_m: float
     """Depth beyond that at rest [m]."""
@@ -43,22 +43,22 @@ class Interference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
-    """What a joint met on its way through its range."""
+class JointSweep:
+    """Interferences of a joint on its travel."""
 
     free: float
-    """Share of the way before the first meeting."""
+    """Fraction of the travel before the first interference."""
     ends: tuple[float, float]
-    """Lowest and highest position that can be reached from closed without one [m or rad]."""
+    """Lowest and highest position that closed reaches without one [m or rad]."""
     deepest_m: float
-    """Greatest depth beyond rest, counted from 2 mm on; 0 without a meeting [m]."""
-    meetings: tuple[Interference, ...] = ()
+    """Largest depth beyond rest, if above 2 mm; 0 without interference [m]."""
+    interferences: tuple[Interference, ...] = ()
     """The deepest for each pair of links, deepest first."""
 
 
 @dataclass(kw_only=True)
 class _Group:
-    """Links that move as one while a joint moves, and geoms that they can meet."""
+    """Links that move together with a joint, and geoms that they can hit."""
 
     ones: Ints
     others: Ints
@@ -66,16 +66,16 @@ class _Group:
 
 @dataclass(kw_only=True)
 class Sweeper:
-    """Moves joints of one object and asks what meets."""
+    """Moves joints of one object and finds interferences."""
 
     model: ObjectModel
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
-    shown: dict[str, Array] = field(default_factory=dict)
+    visual_triangles: dict[str, Array] = field(default_factory=dict)
     """Triangles (F, 3, 3) [m] of links whose surfaces the model does not have."""
 
     def __post_init__(self) -> None:
         self.shapes = Shapes(self.model)
-        self.surfaces = Surfaces(self.model, self.shapes, self.shown)
+        self.surfaces = Surfaces(self.model, self.shapes, self.visual_triangles)
         self.data = self.model.data()
         self.chains = chains(self.model.asset)
         self.groups = {name: self._groups(name) for name in self.model.free_joints}
@@ -86,7 +86,7 @@ class Sweeper:
             self.rest_m[key] = max(self.rest_m.get(key, 0.0), found.depth_m)
 
     def moved_with(self, joint: str) -> set[str]:
-        """``joint`` and the joints that follow it."""
+        """Return ``joint`` and its mimic joints."""
         moved = {joint}
         for follower in self.model.followers:
             if follower.leader in moved:
@@ -106,7 +106,7 @@ class Sweeper:
         return groups
 
     def positions(self, joint: str, most: int) -> list[Array]:
-        """Ways from closed to each end of the range, one turn if it has none [m or rad]."""
+        """Return positions from closed to each end of the range, or one turn [m or rad]."""
         closed = self.model.closed[joint]
         low, high = self.model.limits(joint)
         ends = [low, high]
@@ -115,16 +115,16 @@ class Sweeper:
         reach = self._reach(joint)
         out = []
         for end in ends:
-            way = abs(end - closed) * reach
-            if way > 1e-6:
-                count = int(np.clip(math.ceil(min(way / STEP_M, most)), 2, most))
+            sweep = abs(end - closed) * reach
+            if sweep > 1e-6:
+                count = int(np.clip(math.ceil(min(sweep / STEP_M, most)), 2, most))
                 out.append(np.linspace(closed, end, count + 1)[1:])
         return out
 
     def _reach(self, joint: str) -> float:
-        """How far the farthest point moves for one unit of the joint [m per m or rad].
+        """Return the motion of the farthest point per unit of the joint [m per m or rad].
 
-        Those that follow it may be faster than what it moves itself.
+        Mimic joints may move faster than the joint.
         """
         self.model.set_joints(self.data, {})
         geoms = np.concatenate([group.ones for group in self.groups[joint]])
@@ -137,12 +137,12 @@ class Sweeper:
             moved = [name for name in chain if name in rates]
             if moved:
                 ones = self.shapes.geoms({link})
-                ways = np.sum([rates[name] * self._levers(name, ones) for name in moved], axis=0)
-                fastest = max(fastest, float(ways.max(initial=0.0)))
+                speeds = np.sum([rates[name] * self._levers(name, ones) for name in moved], axis=0)
+                fastest = max(fastest, float(speeds.max(initial=0.0)))
         return fastest
 
     def _levers(self, joint: str, geoms: Ints) -> Array:
-        """How far the farthest point of each geom moves for one unit of the joint (N,)."""
+        """Return the motion (N,) of the farthest point of each geom per unit of the joint [m]."""
         m = self.model.model
         if self.model.asset.joint(joint).kind == "slide":
             return np.ones(len(geoms))
@@ -155,7 +155,7 @@ class Sweeper:
         return np.asarray(np.linalg.norm(offset, axis=1) + m.geom_rbound[geoms])
 
     def _rates(self, joint: str) -> dict[str, float]:
-        """Greatest speed of ``joint`` and of those that follow it, for one unit of its own."""
+        """Return the largest speeds of ``joint`` and its mimic joints relative to ``joint``."""
         low, high = self.model.limits(joint)
         places = {joint: np.linspace(low, high, RATE_STATES)}
         rates = {joint: np.ones(RATE_STATES)}
@@ -167,8 +167,8 @@ class Sweeper:
                 rates[follower.joint] = rates[follower.leader] * line.deriv()(at)
         return {name: float(np.abs(rate).max()) for name, rate in rates.items()}
 
-    def meetings(self, joint: str, q: Mapping[str, float]) -> list[Interference]:
-        """Parts that lie too deep in each other with the joints at ``q``, others closed."""
+    def interferences(self, joint: str, q: Mapping[str, float]) -> list[Interference]:
+        """Return interferences with the joints at ``q`` [m or rad], others closed."""
         self.model.set_joints(self.data, q)
         out = []
         for group in self.groups[joint]:
@@ -177,7 +177,7 @@ class Sweeper:
                 excess = found.depth_m - self.rest_m.get((found.one, other), 0.0)
                 if excess > LIMIT_M:
                     one = self.shapes.link_of[found.one]
-                    met = Interference(
+                    found_one = Interference(
                         excess_m=excess,
                         overlap=found,
                         one=one,
@@ -185,55 +185,55 @@ class Sweeper:
                         joint=joint,
                         q=dict(q),
                     )
-                    out.append(met)
+                    out.append(found_one)
         return out
 
-    def way(self, joint: str, others: Mapping[str, float], most: int = MAX_STATES) -> Way:
-        """What ``joint`` meets with the ``others`` where they are said to be, the rest closed."""
+    def sweep(self, joint: str, others: Mapping[str, float], most: int = MAX_STATES) -> JointSweep:
+        """Sweep ``joint`` with the ``others`` at the given positions, the rest closed."""
         worst: dict[tuple[str, str], Interference] = {}
         total = 0
         ends = [self.model.closed[joint]]
         for positions in self.positions(joint, most):
             blocked = False
             for q in positions:
-                met = self.meetings(joint, {**others, joint: float(q)})
-                for meeting in met:
-                    key = (meeting.one, meeting.other)
-                    if key not in worst or meeting.excess_m > worst[key].excess_m:
-                        worst[key] = meeting
+                met = self.interferences(joint, {**others, joint: float(q)})
+                for interference in met:
+                    key = (interference.one, interference.other)
+                    if key not in worst or interference.excess_m > worst[key].excess_m:
+                        worst[key] = interference
                 blocked = blocked or bool(met)
                 if not blocked:
                     ends.append(float(q))
             total += len(positions)
         found = sorted(worst.values(), key=lambda m: -m.excess_m)
-        return Way(
+        return JointSweep(
             free=(len(ends) - 1) / total if total else 1.0,
             ends=(min(ends), max(ends)),
             deepest_m=found[0].excess_m if found else 0.0,
-            meetings=tuple(found),
+            interferences=tuple(found),
         )
 
-    def authored(self, meeting: Interference) -> bool:
-        """Whether the authored surfaces of two links cross as well in the state of a meeting.
+    def authored(self, interference: Interference) -> bool:
+        """Return whether the authored surfaces of two links cross in the state of an interference.
 
-        Looked at is every place where their shapes meet at least half as deep as there.
+        All places where their shapes overlap at least half as deep are searched.
         """
-        found = self.meetings(meeting.joint, meeting.q)
-        same = [m for m in found if (m.one, m.other) == (meeting.one, meeting.other)]
+        found = self.interferences(interference.joint, interference.q)
+        same = [m for m in found if (m.one, m.other) == (interference.one, interference.other)]
         return any(
             self.surfaces.cross(self.data, m.overlap)
             for m in same
-            if m.excess_m >= meeting.excess_m / 2.0
+            if m.excess_m >= interference.excess_m / 2.0
         )
 
-    def is_own(self, meeting: Interference) -> bool:
-        """Whether nothing but the joint itself decides how the two links lie."""
-        between = set(self.chains[meeting.one]) ^ set(self.chains[meeting.other])
-        return between <= self.moved_with(meeting.joint)
+    def is_own(self, interference: Interference) -> bool:
+        """Return whether only the joint itself determines the relative pose of the two links."""
+        between = set(self.chains[interference.one]) ^ set(self.chains[interference.other])
+        return between <= self.moved_with(interference.joint)
 
 
 def chains(asset: Asset) -> dict[str, tuple[str, ...]]:
-    """Joints between the root and each link, outermost last."""
+    """Return the joints between the root and each link, outermost last."""
     by_link = {joint.link: joint for joint in asset.joints}
     out: dict[str, tuple[str, ...]] = {}
     for link in asset.links:

@@ -1,4 +1,4 @@
-"""The MJCF of one asset alone, with everything found by name."""
+"""Compiled MJCF of a single asset, with access by name."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOVABLE = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 
 @dataclass(frozen=True, kw_only=True)
 class Follower:
-    """A joint whose position is a polynomial of another one's."""
+    """Joint whose position is a polynomial of that of another joint."""
 
     joint: str
     leader: str
@@ -33,16 +33,16 @@ class Follower:
     """Constant first, five of them."""
 
     def position(self, leader: float) -> float:
-        """Position of the joint [m or rad] with its leader at ``leader`` [m or rad]."""
+        """Return the position of the joint for that of its leader [m or rad]."""
         return float(np.polynomial.polynomial.polyval(leader, np.array(self.coefficients)))
 
 
 class ObjectModel:
-    """One asset compiled alone: addresses, geoms, followers, positions and poses.
+    """Single compiled asset: addresses, geoms, mimic joints, positions and poses.
 
     Args:
-        asset: What its folder says.
-        model: Its MJCF, compiled.
+        asset: Content of asset.json.
+        model: Its compiled MJCF.
 
     Raises:
         AssetError: A link or joint of the asset is not in the model.
@@ -65,7 +65,7 @@ class ObjectModel:
         """Joints of the asset that move by themselves."""
         self.closed = {joint.name: joint.closed for joint in asset.joints}
         """Closed position of each joint [m or rad], those that follow as their leaders are."""
-        self.closed.update(self.with_followers(self.closed))
+        self.closed.update(self.apply_mimics(self.closed))
 
     def _check(self, asset: Asset) -> None:
         where = asset.mjcf_path
@@ -81,7 +81,7 @@ class ObjectModel:
         for name in _all_joints(self.model):
             if name not in known:  # no measurement would move it
                 raise AssetError(
-                    f"{where}: joint {name!r} is not in asset.json; make the folder anew"
+                    f"{where}: joint {name!r} is not in asset.json; make the folder again"
                 )
 
     @property
@@ -90,15 +90,15 @@ class ObjectModel:
         return self.asset.links[0].name
 
     def qpos_address(self, joint: str) -> int:
-        """Index of ``joint`` in ``qpos``."""
+        """Return the index of ``joint`` in ``qpos``."""
         return int(self.model.jnt_qposadr[self.joints[joint]])
 
     def dof_address(self, joint: str) -> int:
-        """Index of ``joint`` in ``qvel`` and ``qfrc_applied``."""
+        """Return the index of ``joint`` in ``qvel`` and ``qfrc_applied``."""
         return int(self.model.jnt_dofadr[self.joints[joint]])
 
     def limits(self, joint: str) -> tuple[float, float]:
-        """Range of ``joint`` in the model [m or rad]; half a turn to both sides if it has none."""
+        """Return the range of ``joint`` [m or rad]; half a turn to both sides if it has none."""
         index = self.joints[joint]
         if not self.model.jnt_limited[index]:
             return -math.pi, math.pi
@@ -106,11 +106,11 @@ class ObjectModel:
         return float(low), float(high)
 
     def collision_geoms(self, link: str) -> Ints:
-        """Geoms of ``link`` that the engine can let touch something: its masks are not all 0."""
+        """Return the geoms of ``link`` that can collide: their masks are not all 0."""
         return self._geoms(link, colliding=True)
 
     def visual_geoms(self, link: str) -> Ints:
-        """Geoms of ``link`` that nothing can touch: they are seen only."""
+        """Return the geoms of ``link`` that cannot collide: they are visible only."""
         return self._geoms(link, colliding=False)
 
     def _geoms(self, link: str, *, colliding: bool) -> Ints:
@@ -119,8 +119,8 @@ class ObjectModel:
         own = m.geom_bodyid == self.bodies[link]
         return np.flatnonzero(own & (touches == colliding)).astype(np.int64)
 
-    def with_followers(self, q: Mapping[str, float]) -> dict[str, float]:
-        """``q`` [m or rad] with every joint that follows another one where its leader puts it."""
+    def apply_mimics(self, q: Mapping[str, float]) -> dict[str, float]:
+        """Return ``q`` [m or rad] with the positions of mimic joints that their leaders imply."""
         out = dict(q)
         for follower in self.followers:
             leader = out.get(follower.leader, self.closed.get(follower.leader, 0.0))
@@ -128,34 +128,33 @@ class ObjectModel:
         return out
 
     def data(self) -> Data:
-        """A state of the model with every joint closed, at rest."""
+        """Return a state of the model with every joint closed, at rest."""
         data = mujoco.MjData(self.model)
         self.set_joints(data, {})
         return data
 
     def set_joints(self, data: Data, q: Mapping[str, float]) -> None:
-        """Put the joints at ``q`` [m or rad], at rest, and place all bodies and geoms.
+        """Set the joints to ``q`` [m or rad], at rest, and compute poses of bodies and geoms.
 
-        Joints that ``q`` does not name are closed, and those that follow others go where their
-        leaders put them.
+        Joints that ``q`` does not name are closed; mimic joints follow their leaders.
         """
-        for name, position in self.with_followers({**self.closed, **q}).items():
+        for name, position in self.apply_mimics({**self.closed, **q}).items():
             data.qpos[self.qpos_address(name)] = position
         data.qvel[:] = 0.0
         mujoco.mj_kinematics(self.model, data)
 
     def T_ol(self, data: Data, link: str) -> Array:
-        """Pose (4, 4) of ``link`` in the object frame, which is that of the root's body."""
+        """Return the pose (4, 4) of ``link`` in the object frame, that of the root body."""
         return inverse(_T_wb(data, self.bodies[self.root])) @ _T_wb(data, self.bodies[link])
 
     def random_joints(self, rng: np.random.Generator) -> dict[str, float]:
-        """Uniform positions of all joints within their limits [m or rad]."""
+        """Sample uniform positions of all joints within their limits [m or rad]."""
         q = {name: float(rng.uniform(*self.limits(name))) for name in self.free_joints}
-        return self.with_followers({**self.closed, **q})
+        return self.apply_mimics({**self.closed, **q})
 
 
 def load_model(asset: Asset) -> ObjectModel:
-    """The asset's MJCF, compiled alone.
+    """Compile the MJCF of an asset.
 
     Raises:
         AssetError: MuJoCo does not accept it, or it lacks a link or joint of the asset.
@@ -177,12 +176,12 @@ def _T_wb(data: Data, body: int) -> Array:
 
 
 def _all_joints(model: Model) -> list[str]:
-    """Names of all joints, of whatever type."""
+    """Return the names of joints of all types."""
     return [model.joint(j).name for j in range(model.njnt)]
 
 
 def _followers(model: Model) -> tuple[Follower, ...]:
-    """Joint equalities between two joints, ordered so that leaders are placed first."""
+    """Return joint equalities between two joints, leaders first."""
     found: dict[str, Follower] = {}
     for e in range(model.neq):
         one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
@@ -198,7 +197,7 @@ def _followers(model: Model) -> tuple[Follower, ...]:
     waiting = dict(found)
     while waiting:
         ready = [f for f in waiting.values() if f.leader not in waiting]
-        if not ready:  # they follow each other in a ring: none leads
+        if not ready:  # a cycle: there is no leader
             break
         for follower in ready:
             ordered.append(follower)

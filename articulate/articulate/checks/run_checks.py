@@ -122,7 +122,7 @@ def _report(
     failed = [check for check in checks if check.outcome == "failed"]
     undecided = [check for check in checks if check.outcome == "undecided"]
     warned = any(check.outcome == "warning" for check in checks)
-    changed = warned or any(not is_note(sentence) for sentence in asset.repairs)
+    changed = warned or any(not is_note(text) for text in asset.repairs)
     verdict: Verdict = "repaired" if changed else "passed"
     if failed or undecided:
         verdict = "rejected" if failed else "undecided"

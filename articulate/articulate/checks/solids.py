@@ -1,4 +1,4 @@
-"""The collision shapes that the engine uses, as solids that can be asked about points."""
+"""Collision shapes of the engine as solids, for point queries."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ BOX = np.array(
 SEAM_M = 0.0005
 """Solids nearer than this to each other hide the faces between them [m]."""
 ROUND = 32
-"""Corners of the polygon that stands for a circle where a surface is sampled."""
+"""Corners of the polygon that approximates a circle for sampling a surface."""
 NEWTON_STEPS = 30
 """Steps to the point of an ellipsoid next to another; a handful settles all but needles."""
 
@@ -63,9 +63,9 @@ class Solid:
     """Half-spaces of a hull in the frame of the link (M, 4), inside where n x + d <= 0."""
 
     def outside_m(self, points: Array) -> Array:
-        """How far ``points`` (N, 3) lie outside [m], at most 0 inside; a lower bound for hulls.
+        """Return the distances (N,) of ``points`` (N, 3) outside [m]; at most 0 inside.
 
-        Inside an ellipsoid they lie at least so deep.
+        A lower bound for hulls, and an upper bound inside an ellipsoid.
         """
         if self.kind == "hull":
             return np.asarray((points @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1))
@@ -83,7 +83,7 @@ class Solid:
         return _rounded(np.stack([radial, np.abs(local[:, 2]) - self.size[1]], axis=1))
 
     def is_within(self, points: Array, distance_m: float) -> Mask:
-        """Whether ``points`` (N, 3) lie inside it or at most ``distance_m`` away (N,)."""
+        """Return a mask (N,) of ``points`` (N, 3) inside it or at most ``distance_m`` away [m]."""
         away = self.outside_m(points)
         near = away <= distance_m
         if self.kind != "hull":
@@ -94,9 +94,9 @@ class Solid:
 
 
 def solids_of(model: ObjectModel, link: str) -> tuple[Solid, ...]:
-    """The collision shapes of ``link``, hulls with the corners that the engine keeps.
+    """Return the collision shapes of ``link``, hulls with the corners that the engine keeps.
 
-    Those of a type that ``unknown_shape`` tells of are not among them, nor hulls without volume.
+    Types reported by ``unknown_shape`` and hulls without volume are omitted.
     """
     return tuple(
         solid
@@ -106,7 +106,7 @@ def solids_of(model: ObjectModel, link: str) -> tuple[Solid, ...]:
 
 
 def unknown_shape(model: ObjectModel, link: str) -> str:
-    """What is wrong with a collision shape of ``link`` that cannot be measured; "" if nothing."""
+    """Return why a collision shape of ``link`` cannot be measured; empty if all can."""
     m = model.model
     for geom in model.collision_geoms(link).tolist():
         kind = int(m.geom_type[geom])
@@ -122,7 +122,7 @@ def unknown_shape(model: ObjectModel, link: str) -> str:
 
 
 def inside_any(solids: tuple[Solid, ...], points: Array) -> Mask:
-    """Whether ``points`` (N, 3) lie in at least one of ``solids`` (N,)."""
+    """Return a mask (N,) of ``points`` (N, 3) [m] in at least one of ``solids``."""
     found = np.zeros(len(points), dtype=bool)
     for solid in solids:
         left = np.flatnonzero(~found)
@@ -131,7 +131,7 @@ def inside_any(solids: tuple[Solid, ...], points: Array) -> Mask:
 
 
 def within_any(solids: tuple[Solid, ...], points: Array, distance_m: float) -> Mask:
-    """Whether ``points`` (N, 3) lie in one of ``solids`` or at most ``distance_m`` away (N,)."""
+    """Return a mask (N,) of ``points`` (N, 3) at most ``distance_m`` from ``solids`` [m]."""
     found = np.zeros(len(points), dtype=bool)
     for solid in solids:
         left = np.flatnonzero(~found)
@@ -176,7 +176,7 @@ def _rounded(over: Array) -> Array:
 def _outside_ellipsoid_m(points: Array, radii: Array) -> Array:
     """Distance of ``points`` (N, 3) to an ellipsoid at the origin; inside at most minus it (N,).
 
-    The next point is ``r^2 y / (t + r^2)`` with the t at which it lies on the surface: the root
+    The next point is ``r^2 y / (t + r^2)`` with the t at which it is on the surface: the root
     of a convex falling function, which Newton's method reaches from its left (Eberly, Distance
     from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid).
     """

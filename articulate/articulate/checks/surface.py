@@ -47,7 +47,7 @@ def sample(triangles: Array, count: int) -> tuple[Array, Ints]:
 
 
 def is_near(points: Array, triangles: Array, distance_m: float) -> Mask:
-    """Whether each of ``points`` (N, 3) has one of ``triangles`` within ``distance_m`` (N,)."""
+    """Return a mask (N,) of ``points`` (N, 3) within ``distance_m`` of ``triangles`` [m]."""
     found = np.zeros(len(points), dtype=bool)
     if not len(triangles) or not len(points):
         return found
@@ -94,18 +94,18 @@ def distances(points: Array, triangles: Array) -> Array:
     edge = np.full(len(points), np.inf)
     for k in range(3):
         start, end = triangles[:, k], triangles[:, (k + 1) % 3]
-        way, off = end - start, points - start
-        above &= np.einsum("ni,ni->n", np.cross(way, off), normal) >= 0.0
-        square = np.einsum("ni,ni->n", way, way)
-        share = np.einsum("ni,ni->n", off, way) / np.where(square > 0.0, square, 1.0)
-        nearest = start + np.clip(share, 0.0, 1.0)[:, None] * way
+        side, off = end - start, points - start
+        above &= np.einsum("ni,ni->n", np.cross(side, off), normal) >= 0.0
+        square = np.einsum("ni,ni->n", side, side)
+        share = np.einsum("ni,ni->n", off, side) / np.where(square > 0.0, square, 1.0)
+        nearest = start + np.clip(share, 0.0, 1.0)[:, None] * side
         edge = np.minimum(edge, np.linalg.norm(points - nearest, axis=1))
     height = np.abs(np.einsum("ni,ni->n", points - triangles[:, 0], normal))
     return np.where(above, height, edge)
 
 
 def winding_numbers(points: Array, triangles: Array) -> Array:
-    """How often ``triangles`` (F, 3, 3) wind round each of ``points`` (N, 3): (N,).
+    """Return the winding numbers (N,) of ``triangles`` (F, 3, 3) [m] around ``points`` (N, 3) [m].
 
     1 inside a closed surface that is oriented outwards, 0 outside, between the two near holes.
     """
@@ -140,7 +140,7 @@ def _curve_order(centres: Array) -> Ints:
 
 
 def _solid_angles(points: Array, triangles: Array) -> Array:
-    """Sum (N,) of the signed solid angles of ``triangles`` seen from ``points`` [sr].
+    """Return the sum (N,) of the signed solid angles of ``triangles`` seen from ``points`` [sr].
 
     A. van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983.
     """
@@ -160,7 +160,7 @@ def _solid_angles(points: Array, triangles: Array) -> Array:
 
 
 def escapes(points: Array, triangles: Array) -> Mask:
-    """Whether from each of ``points`` (N, 3) one of twelve rays meets no triangle (N,).
+    """Return a mask (N,) of ``points`` (N, 3) [m] from which one of twelve rays hits no triangle.
 
     The rays go both ways along the axes of two frames, one upright and one turned.
     """
@@ -176,7 +176,7 @@ def escapes(points: Array, triangles: Array) -> Mask:
 
 
 def _sees_out(points: Array, triangles: Array, axis: int) -> Mask:
-    """Whether the ray from each of ``points`` up or the one down ``axis`` meets no triangle."""
+    """Return a mask of points whose ray up or down ``axis`` hits no triangle."""
     flat = [k for k in range(3) if k != axis]
     low, high = triangles[:, :, flat].min(axis=1), triangles[:, :, flat].max(axis=1)
     above, below = np.zeros((2, len(points)), dtype=bool)
@@ -190,7 +190,7 @@ def _sees_out(points: Array, triangles: Array, axis: int) -> Mask:
 
 
 def _crossing(points: Array, triangles: Array, axis: int, flat: list[int]) -> Array:
-    """Where the line along ``axis`` through each point crosses its triangle (N,), NaN if not."""
+    """Return the crossings (N,) of lines along ``axis`` with triangles [m], NaN without one."""
     a, b, c = (triangles[:, k][:, flat] for k in range(3))
     ab, ac, ap = b - a, c - a, points - a
     area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]

@@ -1,8 +1,9 @@
-"""Clause: every joint goes through its range without parts going through each other.
+"""Checks ``joint_sweep``, ``authored_overlap`` and ``joint_sweep_random``.
 
-By distance queries on the collision shapes, whatever the engine leaves out. What counts is how
-much deeper a shape lies in another part than it does with everything closed: parts of real
-objects touch, and their shapes overlap a little, while they are at rest.
+Every joint must move through its range without interference of parts, measured by distance
+queries on the collision shapes whatever contacts the engine excludes. The limit applies to the
+depth beyond that with all joints closed: parts of real objects touch, and their shapes overlap
+slightly, at rest.
 """
 
 from __future__ import annotations
@@ -12,24 +13,24 @@ from dataclasses import dataclass, replace
 
 from articulate.assets.asset import Joint
 from articulate.assets.check_report import Check, JointCheck
-from articulate.checks.interference import LIMIT_M, Interference, Sweeper, JointSweep
+from articulate.checks.interference import LIMIT_M, Interference, JointSweep, Sweeper
 from articulate.checks.model import ObjectModel
 
 OTHERS_SAMPLES = 8
-"""Draws of the other joints for each joint."""
+"""Random samples of the other joints for each joint."""
 SAMPLE_STATES = 32
-"""Most states along one way for each of them."""
+"""Largest number of states along one travel for each of them."""
 MAX_RESAMPLES = 24
-"""So often are the others drawn again where authored parts meet."""
+"""Samples of the others that are replaced because authored parts overlap."""
 MAX_NEEDS = 3
-"""So many joints may have to be open before another one can move."""
-ONLY_SHAPES = "; only the collision shapes meet there: the conversion made them too large"
-AUTHORED = "; the authored parts meet there too: mend the limits, the axis or the mesh"
+"""Largest number of joints that another one may require to be open."""
+ONLY_SHAPES = "; only the collision shapes overlap there: the conversion made them too large"
+AUTHORED = "; the authored parts overlap there too: correct the limits, the axis or the mesh"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """A way on which parts meet that should not."""
+    """Travel of a joint with interferences."""
 
     joint: str
     """Joint that is moved."""
@@ -37,14 +38,14 @@ class Violation:
     """Positions of the joints that are not closed [m or rad]."""
     sweep: JointSweep
     authored: tuple[tuple[str, str], ...]
-    """Pairs of links that meet as authored, too."""
+    """Pairs of links whose authored parts overlap, too."""
     isolated: bool
-    """Whether all other joints stand where they have to."""
+    """True if all other joints are closed or open as required, not at random."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResult:
-    """What sweeping the joints of an object brought to light."""
+    """Result of sweeping all joints of an object."""
 
     checks: tuple[Check, ...]
     joints: tuple[JointCheck, ...]
@@ -52,10 +53,10 @@ class SweepResult:
 
 
 def sweep_joints(model: ObjectModel) -> SweepResult:
-    """Clauses ``sweep_joints``, ``sweep_authored`` and ``sweep_random``, and how far each joint went.
+    """Sweep every joint, with the others closed and then at random positions.
 
-    ``sweep_authored`` appears, failed, where the authored parts meet in the same place: then the
-    object itself is at fault and not its shapes.
+    The check ``authored_overlap`` is added, failed, where the authored parts overlap in the same
+    place: then the object itself is wrong and not its collision shapes.
     """
     asset = model.asset
     sweeper = Sweeper(model=model)
@@ -111,10 +112,10 @@ def _leader(name: str, followers: Mapping[str, str]) -> str:
 
 
 def _needed(sweeper: Sweeper, joint: Joint) -> tuple[JointSweep, tuple[str, ...]]:
-    """The way of a joint, and the joints that had to be opened for it.
+    """Sweep a joint, and find the joints that must be open for it.
 
-    Another joint is opened only where the authored parts meet as well: shapes alone that
-    meet are a fault of the shapes. What no other joint can change is left as it is.
+    Another joint is opened only where the authored parts overlap as well: an overlap of shapes
+    only is a fault of the shapes. Interferences that no other joint can change are kept.
     """
     isolated = sweep = sweeper.sweep(joint.name, {})
     opened: dict[str, float] = {}
@@ -134,12 +135,16 @@ def _needed(sweeper: Sweeper, joint: Joint) -> tuple[JointSweep, tuple[str, ...]
 
 
 def _foreign(sweeper: Sweeper, sweep: JointSweep) -> list[Interference]:
-    """The meetings that another joint could change."""
-    return [interference for interference in sweep.interferences if not sweeper.is_own(interference)]
+    """Return the interferences that another joint could change."""
+    return [
+        interference for interference in sweep.interferences if not sweeper.is_own(interference)
+    ]
 
 
-def _stopper(sweeper: Sweeper, joint: Joint, sweep: JointSweep, opened: Mapping[str, float]) -> Joint | None:
-    """The joint that moves what is in the way, if there is one for every meeting."""
+def _stopper(
+    sweeper: Sweeper, joint: Joint, sweep: JointSweep, opened: Mapping[str, float]
+) -> Joint | None:
+    """Return the joint that moves the blocking part, if there is one for every interference."""
     free = set(sweeper.model.free_joints)
     kept = set(sweeper.chains[joint.link]) | sweeper.moved_with(joint.name)
     stoppers = []
@@ -152,7 +157,7 @@ def _stopper(sweeper: Sweeper, joint: Joint, sweep: JointSweep, opened: Mapping[
 
 
 def _locked(joints: Mapping[str, JointCheck]) -> dict[str, JointCheck]:
-    """The joints that need each other open, so that none of them can be the first."""
+    """Return the joints that require each other to be open, so that none can move first."""
     waiting = dict(joints)
     while True:
         free = [j for j in waiting.values() if not set(j.needs) & set(waiting)]
@@ -168,28 +173,32 @@ def _deadlock(joint: JointCheck) -> Check:
         outcome="failed",
         subject=joint.name,
         message=f"needs {' and '.join(joint.needs)} open, which needs this one open first: "
-        "mend the limits or the axes",
+        "correct the limits or the axes",
     )
 
 
 def _check_isolated(
     sweeper: Sweeper, joint: Joint, sweep: JointSweep, needs: Sequence[str]
 ) -> tuple[list[Check], Violation | None]:
-    """Clauses about a joint on its own, and what is at fault.
+    """Return the checks of a joint with the others closed, and the violation.
 
-    What the authored parts do themselves is told apart from what the shapes make of them.
+    Overlaps of authored parts are distinguished from those of collision shapes only.
     """
-    authored = [interference for interference in sweep.interferences if sweeper.authored(interference)]
+    authored = [
+        interference for interference in sweep.interferences if sweeper.authored(interference)
+    ]
     shapes = [interference for interference in sweep.interferences if interference not in authored]
     checks = []
     if shapes:
-        checks.append(_failed("joint_sweep", shapes[0], f"{_words(shapes[0], joint)}{ONLY_SHAPES}"))
+        checks.append(
+            _failed("joint_sweep", shapes[0], f"{_description(shapes[0], joint)}{ONLY_SHAPES}")
+        )
     if authored:
-        text = f"{_words(authored[0], joint)}{AUTHORED}"
+        text = f"{_description(authored[0], joint)}{AUTHORED}"
         checks.append(_failed("authored_overlap", authored[0], text))
     if not checks:
         extra = f"with {' and '.join(needs)} open" if needs else "with the others closed"
-        checks.append(_passed("joint_sweep", joint, f"goes through its whole range {extra}"))
+        checks.append(_passed("joint_sweep", joint, f"moves through its full range {extra}"))
     if not sweep.interferences:
         return checks, None
     violation = Violation(
@@ -205,13 +214,13 @@ def _check_isolated(
 def _check_with_others(
     sweeper: Sweeper, joint: Joint, isolated: JointSweep, needs: Sequence[str]
 ) -> tuple[Check, Violation | None]:
-    """The same with the other joints anywhere in their ranges.
+    """Sweep a joint with the other joints at random positions.
 
-    What nothing but the joint itself decides, and what it met ``isolated``, does not count again.
+    Interferences that only the joint itself determines, and those found before, do not count.
     """
     known = {(interference.one, interference.other) for interference in isolated.interferences}
-    done = redrawn = 0
-    while done < OTHERS_SAMPLES and redrawn < MAX_RESAMPLES:
+    done = resampled = 0
+    while done < OTHERS_SAMPLES and resampled < MAX_RESAMPLES:
         others = sweeper.model.random_joints(sweeper.rng)
         others = {k: v for k, v in others.items() if k in sweeper.model.free_joints}
         del others[joint.name]
@@ -220,22 +229,31 @@ def _check_with_others(
         new = [
             interference
             for interference in sweep.interferences
-            if (interference.one, interference.other) not in known and not sweeper.is_own(interference)
+            if (interference.one, interference.other) not in known
+            and not sweeper.is_own(interference)
         ]
         bad = [interference for interference in new if not sweeper.authored(interference)]
         if bad:
-            text = f"with the others at random: {_words(bad[0], joint)}{ONLY_SHAPES}"
+            text = f"with the others at random: {_description(bad[0], joint)}{ONLY_SHAPES}"
             sweep = replace(sweep, interferences=tuple(bad))
-            violation = Violation(joint=joint.name, others=others, sweep=sweep, authored=(), isolated=False)
+            violation = Violation(
+                joint=joint.name, others=others, sweep=sweep, authored=(), isolated=False
+            )
             return _failed("joint_sweep_random", bad[0], text), violation
-        redrawn += bool(new)
+        resampled += bool(new)
         done += not new
-    again = f"; {redrawn} states in which authored parts meet were drawn again" if redrawn else ""
-    text = f"goes through its whole range with the others at {done} random states{again}"
+    again = (
+        f"; {resampled} states in which authored parts overlap were sampled again"
+        if resampled
+        else ""
+    )
+    text = f"moves through its full range with the others at {done} random states{again}"
     check = _passed("joint_sweep_random", joint, text)
     if done:
         return check, None
-    text = f"in all of {redrawn} random states of the others the authored parts themselves meet"
+    text = (
+        f"in all of {resampled} random states of the others the authored parts themselves overlap"
+    )
     return replace(check, outcome="not_applicable", measured=None, message=text), None
 
 
@@ -263,8 +281,8 @@ def _passed(name: str, joint: Joint, message: str) -> Check:
     )
 
 
-def _words(worst: Interference, joint: Joint) -> str:
-    """What meets what, and where."""
+def _description(worst: Interference, joint: Joint) -> str:
+    """Describe an interference: parts, depth and position."""
     where = f"{worst.q[joint.name]:.3g} {'m' if joint.kind == 'slide' else 'rad'}"
     return (
         f"{worst.one} goes {1e3 * worst.excess_m:.1f} mm deeper into {worst.other} at {where} "

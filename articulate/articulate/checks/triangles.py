@@ -1,4 +1,4 @@
-"""What an asset shows and touches with, as triangles of few bytes for a page.
+"""Visual and collision geometry of an asset as compact triangles for a page.
 
 Geometry comes from the compiled model, so that a page shows the hulls that the engine uses and
 not the files that they were made of.
@@ -25,7 +25,7 @@ MOST_TRIANGLES: dict[Layer, int] = {"visual": 60_000, "collision": 30_000}
 """Triangles of a page at most; finer geometry is made coarser until it fits."""
 PALETTE = ((0.96, 0.62, 0.22), (0.30, 0.66, 0.93), (0.47, 0.78, 0.36), (0.93, 0.45, 0.60),
            (0.68, 0.56, 0.93), (0.27, 0.78, 0.72))  # fmt: skip
-"""Colours of collision shapes, in turn, so that neighbours can be told apart."""
+"""Colours of collision shapes, in turn, so that neighbours are distinguishable."""
 SEE_THROUGH = 0.5
 """Opacity of a collision shape."""
 STEPS = 65535

@@ -1,4 +1,4 @@
-"""Whether the authored (visual) surfaces of two parts cross each other."""
+"""Detect crossings of the authored (visual) surfaces of two parts."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from articulate.transforms import Array, Ints, Mask, apply, pose, quat_to_matrix
 APART_M = 0.0002
 """Surfaces that cross by less than this only touch [m]."""
 AROUND_M = 0.002
-"""Shapes stray a little from what they stand for: so far around them is looked [m]."""
+"""Margin of the search around shapes, which deviate from visual surfaces [m]."""
 MOST = 4000
-"""Most triangles of one part that are looked at in one place."""
+"""Largest number of triangles of one part in one search."""
 CHUNK = 500
-"""So many of them are compared with all of the other part at once."""
+"""Number of triangles that are compared with those of the other part at once."""
 
 
 class Surfaces:
-    """The authored surfaces of an object's links, ready to be asked whether they cross.
+    """Authored surfaces of the links of an object, for crossing queries.
 
     Args:
-        model: The object.
-        shapes: Its collision shapes, which say where to look.
+        model: Compiled object.
+        shapes: Its collision shapes, which limit the search.
         known: Triangles (F, 3, 3) [m] of links in their own frames; those of others are added.
     """
 
@@ -36,16 +36,16 @@ class Surfaces:
         self._built = {} if known is None else known
 
     def cross(self, data: Data, overlap: Overlap) -> bool:
-        """Whether the authored surfaces cross where two collision geoms overlap.
+        """Return whether the authored surfaces cross where two collision geoms overlap.
 
-        Surfaces that merely touch do not: the first part is moved out of the second by
+        Surfaces that only touch do not cross: the first part is moved out of the second by
         ``APART_M`` before.
 
         Args:
             data: State, with geoms in place.
             overlap: Where to look: around what the two geoms share.
         """
-        apart_w = APART_M * np.asarray(overlap.way_out_w)
+        apart_w = APART_M * np.asarray(overlap.separation_w)
         low, high = self.shapes.boxes(data, np.array([overlap.one, overlap.other]))
         low, high = low.max(axis=0) - AROUND_M, high.min(axis=0) + AROUND_M
         ones = _near(self._triangles_w(data, overlap.one) + apart_w, low, high)
@@ -76,7 +76,7 @@ def _near(triangles: Array, low: Array, high: Array) -> Array:
 
 
 def _boxes_meet(ones: Array, others: Array) -> Mask:
-    """Whether the upright boxes of triangles meet (A, B)."""
+    """Return a mask (A, B) of triangles whose axis-aligned boxes overlap."""
     apart = (ones.min(axis=1)[:, None] > others.max(axis=1)) | (
         ones.max(axis=1)[:, None] < others.min(axis=1)
     )
@@ -84,7 +84,7 @@ def _boxes_meet(ones: Array, others: Array) -> Mask:
 
 
 def cuts(ones: Array, others: Array) -> Array:
-    """Line in which each triangle of ``ones`` and its partner cut each other (N, 2, 3).
+    """Return the segments (N, 2, 3) in which triangles of ``ones`` and their partners cross [m].
 
     Those that do not, or lie in one plane, give NaN.
 
@@ -107,7 +107,7 @@ def _normals(triangles: Array) -> Array:
 
 
 def _pierced(edges_of: Array, planes_of: Array) -> Array:
-    """Where the three edges of triangles pierce their partners (N, 3, 3), NaN where not."""
+    """Return the points (N, 3, 3) where edges pierce the partner triangles [m], NaN without."""
     a, b, c = planes_of[:, 0], planes_of[:, 1], planes_of[:, 2]
     normal = _normals(planes_of)
     height = np.einsum("nki,ni->nk", edges_of - a[:, None], normal)
@@ -124,11 +124,11 @@ def _pierced(edges_of: Array, planes_of: Array) -> Array:
 
 
 def passes(lines: Array, low: Array, high: Array) -> Mask:
-    """Whether each line (N, 2, 3) passes through the upright box from ``low`` to ``high`` (N,)."""
-    start, way = lines[:, 0], lines[:, 1] - lines[:, 0]
+    """Return a mask (N,) of segments (N, 2, 3) through the box ``low`` to ``high`` (3,) [m]."""
+    start, span = lines[:, 0], lines[:, 1] - lines[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        one, two = (low - start) / way, (high - start) / way
-    level = np.abs(way) < 1e-15
+        one, two = (low - start) / span, (high - start) / span
+    level = np.abs(span) < 1e-15
     within = (start >= low) & (start <= high)
     enter = np.where(level, np.where(within, -np.inf, np.inf), np.minimum(one, two)).max(axis=1)
     leave = np.where(level, np.inf, np.maximum(one, two)).min(axis=1)
@@ -136,7 +136,7 @@ def passes(lines: Array, low: Array, high: Array) -> Mask:
 
 
 def surface_of(model: ObjectModel, link: str) -> tuple[Array, Ints]:
-    """Corners (V, 3) [m] and triangles (F, 3) of all that ``link`` shows, in its frame."""
+    """Return corners (V, 3) [m] and triangles (F, 3) of the visual geometry of ``link``."""
     corners, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for own in pieces_of(model, link):
         corners.append(own[0])
@@ -146,7 +146,7 @@ def surface_of(model: ObjectModel, link: str) -> tuple[Array, Ints]:
 
 
 def pieces_of(model: ObjectModel, link: str) -> list[tuple[Array, Ints]]:
-    """Corners (V, 3) [m] and triangles (F, 3) of each geom that ``link`` shows, in its frame."""
+    """Return corners (V, 3) [m] and triangles (F, 3) of each visual geom of ``link``."""
     m, found = model.model, []
     for geom in model.visual_geoms(link).tolist():
         own = triangles_of(m, geom, "visual")

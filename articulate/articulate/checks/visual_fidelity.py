@@ -1,4 +1,4 @@
-"""Clause ``shown``: every link looks as it does in the input, and none is lost."""
+"""Check ``visual_fidelity``: every link has the visual geometry of the input."""
 
 from __future__ import annotations
 
@@ -14,50 +14,52 @@ from articulate.checks.visual_collision import pieces_of
 from articulate.transforms import Array
 
 SAMPLES = 500
-"""Points on a link's surface in the input, and as many in the asset."""
+"""Sample points on the surface of a link in the input, and as many in the asset."""
 PIECE_SAMPLES = 40
 """Points on each of its meshes, where it has more than one."""
 ALLOWED_SHARE = 0.99
-"""Least share of either that must lie on the other surface."""
+"""Least fraction of either on the other surface."""
 NEAR_M = 2e-4
-"""Points this near lie on it [m]."""
+"""Distance within which points are on a surface [m] ..."""
 NEAR_SHARE = 1e-3
-"""So do points this share of the link's diagonal away."""
+"""... or this fraction of the diagonal of the link."""
 
 
 def check_visual_fidelity(model: ObjectModel, origin: Origin) -> tuple[Check, ...]:
-    """Compare what each link shows with what it shows in the input, both ways.
+    """Compare the visual surface of each link with that in the input, in both directions.
 
-    Each mesh counts by itself, too: links of hundreds of meshes lose one without losing a
-    hundredth of their surface.
+    Each mesh is compared separately as well: a link of hundreds of meshes can lose one without
+    losing a hundredth of its surface.
     """
     checks = []
     names = {origin.root: model.root}
-    for part, pieces in origin.shown.items():
+    for part, pieces in origin.visuals.items():
         link = names.get(part, part)
         if link in model.bodies:
             checks.append(_alike(link, pieces, model))
         elif pieces:
-            message = f"link {link} of the input is absent: make the asset anew"
+            message = f"link {link} of the input is missing: make the asset again"
             checks.append(
                 Check(name="visual_fidelity", outcome="failed", subject=link, message=message)
             )
     return tuple(checks)
 
 
-def _alike(link: str, given: Sequence[Array], model: ObjectModel) -> Check:
+def _alike(link: str, reference: Sequence[Array], model: ObjectModel) -> Check:
     own = [corners[faces] for corners, faces in pieces_of(model, link)]
-    if not given and not own:
-        message = f"{link} shows nothing, here and there"
+    if not reference and not own:
+        message = f"{link} has no visual geometry, in the input and here"
         return Check(
             name="visual_fidelity", outcome="not_applicable", subject=link, message=message
         )
-    kept, new = shares(given, own)
-    least_kept, least_new = (kept, new) if len(given) == len(own) == 1 else least_shares(given, own)
+    kept, new = shares(reference, own)
+    least_kept, least_new = (
+        (kept, new) if len(reference) == len(own) == 1 else least_shares(reference, own)
+    )
     measured = min(kept, new, least_kept, least_new)
     message = (
-        f"{kept:.1%} of what {link} shows in the input is there, and {new:.1%} of what it "
-        f"shows here was there; mesh by mesh at least {least_kept:.0%} and {least_new:.0%}"
+        f"{kept:.1%} of the surface of {link} in the input is in the asset, and {new:.1%} vice "
+        f"versa; for single meshes at least {least_kept:.0%} and {least_new:.0%}"
     )
     passed = measured >= ALLOWED_SHARE
     if not passed:
@@ -74,7 +76,7 @@ def _alike(link: str, given: Sequence[Array], model: ObjectModel) -> Check:
 
 
 def shares(ones: Sequence[Array], others: Sequence[Array]) -> tuple[float, float]:
-    """Share of ``ones``, pieces (F, 3, 3), that lies on ``others``, and the other way round."""
+    """Return the fraction of ``ones``, pieces (F, 3, 3) [m], on ``others``, and vice versa."""
     one, other = _joined(ones), _joined(others)
     if not len(one) or not len(other):
         return 0.0, 0.0
@@ -85,7 +87,7 @@ def shares(ones: Sequence[Array], others: Sequence[Array]) -> tuple[float, float
 
 
 def least_shares(ones: Sequence[Array], others: Sequence[Array]) -> tuple[float, float]:
-    """The same of that piece of ``ones`` of which least lies on ``others``, and of ``others``."""
+    """Return the least fractions of single pieces (F, 3, 3) [m] on the other surface."""
     one, other = _joined(ones), _joined(others)
     if not len(one) or not len(other):
         return 0.0, 0.0
@@ -94,7 +96,7 @@ def least_shares(ones: Sequence[Array], others: Sequence[Array]) -> tuple[float,
 
 
 def _least(pieces: Sequence[Array], other: Array, near_m: float) -> float:
-    """Least share of one of ``pieces`` that lies on ``other``."""
+    """Return the least fraction of one of ``pieces`` on ``other``."""
     points = [sample(piece, PIECE_SAMPLES)[0] for piece in pieces]
     found = is_near(np.concatenate(points), other, near_m)
     ends = np.cumsum([len(some) for some in points])
@@ -106,6 +108,6 @@ def _joined(pieces: Sequence[Array]) -> Array:
 
 
 def _near_m(one: Array, other: Array) -> float:
-    """Distance within which points lie on a surface [m]."""
+    """Return the distance within which points are on a surface [m]."""
     points = np.concatenate([one.reshape(-1, 3), other.reshape(-1, 3)])
     return max(NEAR_M, NEAR_SHARE * float(np.linalg.norm(np.ptp(points, axis=0))))

@@ -1,16 +1,16 @@
-"""Repairs that need measuring: shapes cut back and limits shortened until parts pass each other.
+"""Trim collision shapes and shorten limits until the parts of an object pass each other.
 
-Where parts meet on a joint's way, two things are sound. What the collision shapes have too much is
-cut away, as long as what is seen stays covered. And where the parts meet as authored, deeper than a
-cut can mend, the way ends there: no real part goes through another one. Where too little of the way
-would be left, all stays as it is, and the proof refuses it: no cut opens a way through a wall, and
-none leaves slices so thin that they pass one unnoticed.
+Where parts interfere on the travel of a joint, two repairs are sound. Excess collision volume is
+cut away, as long as the visible surface stays covered. And where the authored parts overlap, deeper
+than a cut can correct, the travel ends there, as no real part passes through another one. If too
+little of the travel would remain, nothing is changed and the checks reject the object. No cut opens
+a passage through a wall, and none leaves slices so thin that they pass a wall unnoticed.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,40 +19,43 @@ import numpy as np
 
 from articulate.assets.asset import Asset, Joint
 from articulate.checks.force import FORCE_N, Pull, pull_of
-from articulate.checks.interference import LIMIT_M, MAX_STATES, Interference, Sweeper
+from articulate.checks.interference import MAX_STATES, Interference, Sweeper
 from articulate.checks.model import ObjectModel
-from articulate.checks.sweep import DRAW_STATES, Violation, sweep_joints
+from articulate.checks.sweep import SAMPLE_STATES, Violation, sweep_joints
 from articulate.conversion.write_asset import Body, Mimic, mesh_files, mjcf
 from articulate.geometry.shapes import Shape
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
-from articulate.preparation.trim_colliders import APART_M, Offer, Part, carved, cut_back
+from articulate.preparation.joint_travel import (
+    exceeds_limit,
+    joint_range,
+    links_carried_by,
+    reach,
+    weight_on,
+)
+from articulate.preparation.trim_colliders import APART_M, Cut, Part, carved, cut_back
 from articulate.simulator import mujoco
 from articulate.transforms import Array, inverse
 
 ROUNDS = 6
-"""So often is everything swept again after repairs."""
+"""Largest number of rounds of sweeping and repairing."""
 AIM_M = 0.001
-"""A cut leaves this much of an overlap, beyond that at rest [m]."""
-MOST_PLANES = 16
-"""Nothing is carved round shapes with more faces than this."""
+"""Overlap beyond that at rest that a cut leaves [m]."""
+MAX_PLANES = 16
+"""Shapes with more faces than this are not carved out of others."""
 TRIES = 12
-"""Cuts at one state before it is given up."""
-LEAST_WAY = 0.5
-"""A shortened joint keeps at least this share of its way ..."""
-LEAST_TURN = math.radians(75.0)
+"""Largest number of cuts in one state."""
+MIN_TRAVEL_SHARE = 0.5
+"""A shortened joint keeps at least this fraction of its travel ..."""
+MIN_TURN = math.radians(75.0)
 """... or, if it is a hinge, this much [rad]."""
 SLOW_S = 1.5
-"""Damping alone may make the whole way take this long [s]."""
-MOST_FRICTION = 0.5
-"""Dry friction may take this share of what a hand gives."""
-HALVINGS = 5
-"""The step in which parts begin to meet is halved so often to find where."""
-MOST_WEIGHT = 0.8
-"""Weight and dry friction together may take this share of what a hand gives."""
-LEAST_MASS = 0.4
-"""A part that is balanced keeps at least this share of its mass."""
-WEIGHINGS = 9
-"""Positions along a way at which the weight is taken."""
+"""Longest time of the full travel against damping only [s]."""
+MAX_FRICTION = 0.5
+"""Largest dry friction as a fraction of the applied effort."""
+MAX_WEIGHT = 0.8
+"""Largest weight and dry friction together as a fraction of the applied effort."""
+MIN_MASS = 0.4
+"""A part whose mass is reduced keeps at least this fraction of it."""
 DIGITS = 4
 """Shortened limits are rounded inwards to this many decimals."""
 
@@ -64,13 +67,13 @@ class RepairResult:
     asset: Asset
     bodies: tuple[Body, ...]
     repairs: tuple[str, ...]
-    """What was changed, one sentence each; none if nothing was."""
+    """Changes, one sentence each; empty if nothing was changed."""
     model: ObjectModel
-    """It compiled, with what it shows."""
+    """Compiled object with its visual geometry."""
     cut: frozenset[str] = frozenset()
-    """Links of which shapes were cut back."""
+    """Links whose shapes were trimmed."""
     stuck: frozenset[str] = frozenset()
-    """Links that still go into each other on some way."""
+    """Links that still interfere on the travel of a joint."""
 
 
 def repair_joints(
@@ -80,53 +83,53 @@ def repair_joints(
     model: ObjectModel,
     budget: Budget = UNLIMITED,
 ) -> RepairResult:
-    """Repair what stands in the way of joints.
+    """Repair interferences, friction and weight that keep joints from moving.
 
     Args:
-        asset: The object.
-        bodies: Its bodies as they were written.
-        mimics: Joints that follow others.
-        model: The object compiled, with what it shows.
-        budget: Time for cuts; what is not done by then is left alone.
+        asset: Object to repair.
+        bodies: Its bodies as converted.
+        mimics: Mimic joints.
+        model: Compiled object with its visual geometry.
+        budget: Time for cuts; no cut begins after it.
     """
-    bench = RepairSession(asset=asset, bodies=bodies, mimics=mimics, budget=budget)
+    session = RepairSession(asset=asset, bodies=bodies, mimics=mimics, budget=budget)
     for name in model.free_joints:
         pull = pull_of(asset, model, name)
-        bench.ease(pull)
-        bench.balance(pull, model)
+        session.relax(pull)
+        session.reduce_masses(pull, model)
     for _ in range(ROUNDS):
-        faults = sweep_joints(model).faults
+        violations = sweep_joints(model).violations
         changed = False
-        for fault in faults:
-            changed |= bench.mend(fault, model)
+        for violation in violations:
+            changed |= session.repair(violation, model)
         if not changed:
             break
-        model = bench.model(shown=True)
-    met = {name for f in faults for m in f.way.meetings for name in (m.one, m.other)}
-    return replace(bench.done(model), stuck=frozenset(met))
+        model = session.model(with_visuals=True)
+    stuck = {name for f in violations for m in f.sweep.interferences for name in (m.one, m.other)}
+    return replace(session.result(model), stuck=frozenset(stuck))
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Reached:
-    """How far along a way shapes could be cut back."""
+class _Cleared:
+    """Part of a travel that cuts could clear."""
 
     ends: tuple[float, float]
-    """Lowest and highest position without a meeting [m or rad]."""
-    whole: bool
-    """Whether that is the whole way."""
+    """Lowest and highest position without interference [m or rad]."""
+    complete: bool
+    """True if that is the full travel."""
     barred: bool
-    """Whether what ends it are parts that meet as authored, everywhere it ends."""
+    """True if overlaps of authored parts end it, at all its ends."""
     states: Mapping[str, tuple[Any, ...]]
-    """The parts, cut so far."""
+    """States of the parts with these cuts."""
 
 
 class RepairSession:
-    """An object under repair.
+    """State of an object while it is repaired.
 
     Args:
-        asset: The object.
+        asset: Object to repair.
         bodies: Its bodies as converted.
-        mimics: Joints that follow others.
+        mimics: Mimic joints.
         budget: Time for cuts.
     """
 
@@ -142,59 +145,61 @@ class RepairSession:
         self._budget = budget
         self.parts = {body.name: Part(body) for body in bodies}
         self.mimics = mimics
-        self._shown = {
+        self._visual_triangles = {
             body.name: np.concatenate(
                 [np.zeros((0, 3, 3)), *(piece.mesh.triangles for piece in body.visuals)]
             )
             for body in bodies
         }
         self._authored: set[tuple[str, str]] = set()
-        """Pairs of links of the fault in hand that meet as authored."""
+        """Pairs of links of the current violation whose authored parts overlap."""
         self._barred = False
-        """Whether the parts meet as authored where they were to be cut last."""
+        """True if authored parts overlap at the last attempted cut."""
         self._shortened: dict[str, str] = {}
-        self._sparing: dict[str, tuple[dict[str, tuple[Any, ...]], Violation]] = {}
-        """By joint: what was before as little as had to be was cut on its way, and why."""
-        self._eased: list[str] = []
+        self._before_cuts: dict[str, tuple[dict[str, tuple[Any, ...]], Violation]] = {}
+        """By joint: states before minimal cuts on its travel, and the violation."""
+        self._relaxed: list[str] = []
 
-    def ease(self, pull: Pull) -> None:
-        """Lower damping and dry friction against which a hand could not open a joint in time."""
+    def relax(self, pull: Pull) -> None:
+        """Lower damping and dry friction that keep the reference force from opening a joint."""
         joint = pull.joint
-        if pull.way <= 0.0 or pull.effort <= 0.0:
+        if pull.travel <= 0.0 or pull.effort <= 0.0:
             return
         units = ("N s/m", "N") if joint.kind == "slide" else ("Nm s/rad", "Nm")
-        damping = min(joint.damping, SLOW_S * pull.effort / pull.way)
-        friction = min(joint.frictionloss, MOST_FRICTION * pull.effort)
-        for what, old, new, unit in (
+        damping = min(joint.damping, SLOW_S * pull.effort / pull.travel)
+        friction = min(joint.frictionloss, MAX_FRICTION * pull.effort)
+        for quantity, old, new, unit in (
             ("damping", joint.damping, damping, units[0]),
             ("dry friction", joint.frictionloss, friction, units[1]),
         ):
             if new < old:
-                self._eased.append(
-                    f"{what} of joint {joint.name} lowered from {old:.4g} to {new:.4g} {unit}: "
+                self._relaxed.append(
+                    f"{quantity} of joint {joint.name} lowered from {old:.4g} to {new:.4g} {unit}: "
                     f"{FORCE_N:g} N at {pull.where} would not open it in time"
                 )
         if (damping, friction) != (joint.damping, joint.frictionloss):
             self._set(replace(joint, damping=damping, frictionloss=friction))
 
-    def balance(self, pull: Pull, model: ObjectModel) -> None:
-        """Lower the masses that a joint carries where a hand could not move their weight.
+    def reduce_masses(self, pull: Pull, model: ObjectModel) -> None:
+        """Lower the masses that a joint carries if the reference force cannot move their weight.
 
-        Doors that fall open and seats that are lifted are balanced by springs, which no file
-        tells of. Masses that the source gives are left as they are.
+        Doors that fall open and seats that are lifted are balanced by springs, which files do not
+        describe. Masses from the source are not changed.
 
         Args:
-            pull: What the hand does to the joint.
-            model: The object, for its weight.
+            pull: Reference force on the joint.
+            model: Compiled object.
         """
-        carried = carried_by(self.asset, pull.joint.link)
+        carried = links_carried_by(self.asset, pull.joint.link)
         joint = self.asset.joint(pull.joint.name)
         weight = weight_on(model, joint)
-        most = MOST_WEIGHT * pull.effort - joint.frictionloss
-        if weight <= max(most, 0.0) or any(self.parts[n].body.inertial.from_source for n in carried):
+        limit = MAX_WEIGHT * pull.effort - joint.frictionloss
+        if weight <= max(limit, 0.0) or any(
+            self.parts[n].body.inertial.from_source for n in carried
+        ):
             return
-        share = most / weight
-        if share < LEAST_MASS:
+        share = limit / weight
+        if share < MIN_MASS:
             return
         before = after = 0.0
         for name in carried:
@@ -204,66 +209,69 @@ class RepairSession:
             part.body = replace(part.body, inertial=lighter)
             before, after = before + own.mass_kg, after + lighter.mass_kg
         unit = "N" if joint.kind == "slide" else "Nm"
-        self._eased.append(
+        self._relaxed.append(
             f"mass that joint {joint.name} carries lowered from {before:.3g} to {after:.3g} kg, as "
-            f"if a spring balanced it: its weight asks for {weight:.3g} {unit}, and {FORCE_N:g} N "
+            f"if a spring balanced it: its weight requires {weight:.3g} {unit}, and {FORCE_N:g} N "
             f"at {pull.where} give {pull.effort:.3g} {unit}"
         )
 
-    def mend(self, fault: Violation, model: ObjectModel) -> bool:
-        """Repair one fault; whether anything was changed.
+    def repair(self, violation: Violation, model: ObjectModel) -> bool:
+        """Repair one violation; return whether anything was changed.
 
         Args:
-            fault: What meets, and where.
-            model: The object as it is now.
+            violation: Interfering parts and positions.
+            model: Compiled object in its current state.
         """
         deep = {
-            (meeting.one, meeting.other)
-            for meeting in fault.way.meetings
-            if (meeting.one, meeting.other) in fault.authored and self._is_deep(meeting)
+            (interference.one, interference.other)
+            for interference in violation.sweep.interferences
+            if (interference.one, interference.other) in violation.authored
+            and self._is_deep(interference)
         }
         if (
             deep
-            and fault.alone
+            and violation.isolated
             and (
-                self._shorten(fault, deep, model)
-                or self._shorten(fault, deep, model, deep=True)  # what is left of it may be cut
+                self._shorten(violation, deep, model)
+                or self._shorten(violation, deep, model, deep=True)  # the remainder may be cut
             )
         ):
             return True
-        if self._cut(fault):
+        if self._cut(violation):
             return True
-        met = set(fault.authored)
-        ended = bool(met) and fault.alone and self._shorten(fault, met, model)
-        return ended or self._cut_apart(fault.joint)
+        pairs = set(violation.authored)
+        ended = bool(pairs) and violation.isolated and self._shorten(violation, pairs, model)
+        return ended or self._cut_apart(violation.joint)
 
-    def _is_deep(self, meeting: Interference) -> bool:
-        """Whether two parts meet deeper than their shapes may stray from what they show."""
-        near = max(self.parts[name].near_m for name in (meeting.one, meeting.other))
-        return meeting.excess_m > near
+    def _is_deep(self, interference: Interference) -> bool:
+        """Return whether an overlap exceeds the tolerance between shapes and visual surface."""
+        near = max(self.parts[name].near_m for name in (interference.one, interference.other))
+        return interference.excess_m > near
 
     def _shorten(
         self,
-        fault: Violation,
+        violation: Violation,
         pairs: set[tuple[str, str]],
         model: ObjectModel,
         *,
         deep: bool = False,
     ) -> bool:
-        """End the way of a joint where any of ``pairs`` of links meets; False if little is left.
+        """End the travel of a joint where ``pairs`` of links interfere; False if little remains.
 
-        Where ``deep``, it ends only where they meet deeper than a cut can mend.
+        With ``deep`` it ends only where they overlap deeper than a cut can correct.
         """
-        meets = self._is_deep if deep else _is_met
-        return self._end(fault.joint, reach(Sweeper(model=model), fault, pairs, meets), pairs)
+        counts = self._is_deep if deep else exceeds_limit
+        return self._end(
+            violation.joint, reach(Sweeper(model=model), violation, pairs, counts), pairs
+        )
 
     def _end(
         self, name: str, ends: tuple[float, float], pairs: Collection[tuple[str, str]]
     ) -> bool:
-        """End the way of a joint at ``ends`` [m or rad]; False if little is left of it."""
+        """End the travel of a joint at ``ends`` [m or rad]; False if too little of it remains."""
         joint = self.asset.joint(name)
         low, high = ends
-        lower, upper = _range(joint)
+        lower, upper = joint_range(joint)
         low, high = max(low, lower), min(high, upper)
         scale = 10.0**DIGITS
         if low > lower:
@@ -272,10 +280,10 @@ class RepairSession:
             high = math.floor(high * scale) / scale
         closed = min(max(joint.closed, low), high)
         far = min(max(joint.open, low), high)
-        way = abs(far - closed)
-        enough = way >= LEAST_WAY * abs(joint.span)
+        travel = abs(far - closed)
+        enough = travel >= MIN_TRAVEL_SHARE * abs(joint.span)
         if joint.kind == "hinge":
-            enough = enough or way >= LEAST_TURN
+            enough = enough or travel >= MIN_TURN
         if not enough or low >= high or (low, high) == (lower, upper):
             return False
         self._set(replace(joint, lower=low, upper=high, closed=closed, open=far))
@@ -283,7 +291,7 @@ class RepairSession:
         unit = "m" if joint.kind == "slide" else "rad"
         before = "turned without end" if joint.lower is None else f"{lower:.4g} to {upper:.4g}"
         self._shortened[joint.name] = (
-            f"way of joint {joint.name} shortened to {low:.4g} to {high:.4g} {unit} "
+            f"travel of joint {joint.name} shortened to {low:.4g} to {high:.4g} {unit} "
             f"(was {before}): beyond it the part goes into {' and '.join(others)}, as authored"
         )
         return True
@@ -294,75 +302,77 @@ class RepairSession:
         part = self.parts[joint.link]
         part.body = replace(part.body, joint=joint)
 
-    def _cut(self, fault: Violation) -> bool:
-        """Cut shapes back along a way until nothing meets there; else leave all as it is.
+    def _cut(self, violation: Violation) -> bool:
+        """Trim shapes along a travel until nothing interferes, or change nothing.
 
-        As little as has to be is tried first, then cuts after which two shapes do not meet at
-        all: many small ones can cost more than one that ends it. Where neither goes all the way,
-        for the parts meet as authored beyond, and enough was cleared, the way ends there.
+        Minimal cuts are tried first, then cuts that separate two shapes completely, as
+        many small cuts can cost more than a single one. Where neither clears the full travel
+        because authored parts overlap further on, the travel ends there if enough is cleared.
         """
-        self._authored = set(fault.authored)
+        self._authored = set(violation.authored)
         before = self._states()
         tried = []
-        for whole in (False, True):
+        for separate in (False, True):
             count = sum(part.cut_count for part in self.parts.values())
             try:
-                reached = self._cut_along(fault, whole=whole)
+                reached = self._cut_along(violation, separate=separate)
             except OutOfTimeError:
                 self._restore(before)
                 return False
-            if reached.whole:
-                if not whole:
-                    self._sparing.setdefault(fault.joint, (before, fault))
+            if reached.complete:
+                if not separate:
+                    self._before_cuts.setdefault(violation.joint, (before, violation))
                 return sum(part.cut_count for part in self.parts.values()) > count
             tried.append(reached)
             self._restore(before)
         best = max(tried, key=lambda reached: reached.ends[1] - reached.ends[0])
-        wall = best.barred and fault.alone and bool(fault.authored)
-        if not (wall and self._end(fault.joint, best.ends, fault.authored)):
+        wall = best.barred and violation.isolated and bool(violation.authored)
+        if not (wall and self._end(violation.joint, best.ends, violation.authored)):
             return False
         self._restore(best.states)
         return True
 
     def _cut_apart(self, joint: str) -> bool:
-        """Take sparing cuts along a joint's way back and cut its shapes apart instead.
+        """Undo minimal cuts along the travel of a joint and separate its shapes instead.
 
-        They leave less of an overlap at rest, beside which what is left on the way may be too much.
-        Cuts of other joints since then are gone with them, to be made again in the next round.
+        Minimal cuts reduce the overlap at rest, relative to which the remaining overlap may be too
+        deep. Later cuts for other joints are undone as well and made again in the next round.
         """
-        if joint not in self._sparing:
+        if joint not in self._before_cuts:
             return False
-        now, (before, fault) = self._states(), self._sparing.pop(joint)
+        now, (before, violation) = self._states(), self._before_cuts.pop(joint)
         self._restore(before)
-        self._authored = set(fault.authored)
+        self._authored = set(violation.authored)
         with suppress(OutOfTimeError):
-            if self._cut_along(fault, whole=True).whole:
+            if self._cut_along(violation, separate=True).complete:
                 return True
         self._restore(now)
         return False
 
     def _states(self) -> dict[str, tuple[Any, ...]]:
-        """All parts as they are now, to come back to with :meth:`_restore`."""
+        """Return the states of all parts, for :meth:`_restore`."""
         return {name: part.state() for name, part in self.parts.items()}
 
     def _restore(self, states: Mapping[str, tuple[Any, ...]]) -> None:
-        """Go back to earlier states, which stay as they are."""
-        for name, (*lists, gone, cuts, count, removed_m3) in states.items():
+        """Restore earlier states, which are copied."""
+        for name, (*lists, empty, cuts, count, removed_m3) in states.items():
             fresh = map(list, lists)
-            self.parts[name].restore((*fresh, set(gone), set(cuts), count, removed_m3))
+            self.parts[name].restore((*fresh, set(empty), set(cuts), count, removed_m3))
 
-    def _cut_along(self, fault: Violation, *, whole: bool) -> _Reached:
-        """Cut shapes back along a way, as far as that goes."""
-        most = MAX_STATES if fault.alone else DRAW_STATES
+    def _cut_along(self, violation: Violation, *, separate: bool) -> _Cleared:
+        """Trim shapes along a travel as far as possible."""
+        most = MAX_STATES if violation.isolated else SAMPLE_STATES
         start = Sweeper(model=self.model())
-        pairs = {(meeting.one, meeting.other) for meeting in fault.way.meetings}
-        ends, stops = [start.model.closed[fault.joint]], []
+        pairs = {
+            (interference.one, interference.other) for interference in violation.sweep.interferences
+        }
+        ends, stops = [start.model.closed[violation.joint]], []
         sweeper = self._sweeper_of(pairs)
-        for positions in start.positions(fault.joint, most):
+        for positions in start.positions(violation.joint, most):
             for q in positions.tolist():
                 before = self._states()
-                at = {**fault.others, fault.joint: q}
-                found = self._cut_at(sweeper, fault.joint, at, pairs, whole=whole)
+                at = {**violation.others, violation.joint: q}
+                found = self._cut_at(sweeper, violation.joint, at, pairs, separate=separate)
                 if found is None:
                     self._restore(before)
                     sweeper = self._sweeper_of(pairs)
@@ -372,9 +382,9 @@ class RepairSession:
                 ends.append(q)
             if stops and not all(stops):
                 break
-        return _Reached(
+        return _Cleared(
             ends=(min(ends), max(ends)),
-            whole=not stops,
+            complete=not stops,
             barred=bool(stops) and all(stops),
             states=self._states(),
         )
@@ -386,86 +396,90 @@ class RepairSession:
         q: Mapping[str, float],
         pairs: set[tuple[str, str]],
         *,
-        whole: bool,
+        separate: bool,
     ) -> Sweeper | None:
-        """Cut shapes of ``pairs`` of links back in one state.
+        """Trim shapes of ``pairs`` of links in one state.
 
         Returns:
-            The sweeper for the result, or None if the links would lose too much.
+            Sweeper of the result, or None if the links would lose too much.
         """
         self._barred = False
         for _ in range(TRIES):
             self._budget.check()
-            met = [m for m in sweeper.meetings(joint, q) if (m.one, m.other) in pairs]
-            if not met:
+            found = [m for m in sweeper.interferences(joint, q) if (m.one, m.other) in pairs]
+            if not found:
                 return sweeper
             touched: set[int] = set()
-            for meeting in sorted(met, key=lambda m: -m.excess_m):
-                geoms = {meeting.overlap.one, meeting.overlap.other}
+            for interference in sorted(found, key=lambda m: -m.excess_m):
+                geoms = {interference.overlap.one, interference.overlap.other}
                 if touched & geoms:
                     continue
-                if not self._cut_one(meeting, sweeper, whole=whole):
+                if not self._cut_one(interference, sweeper, separate=separate):
                     return None
                 touched |= geoms
             for part in self.parts.values():
-                part.tidy()
+                part.remove_empty()
             sweeper = self._sweeper_of(pairs)
         return None
 
     def _sweeper_of(self, pairs: set[tuple[str, str]]) -> Sweeper:
-        """A sweeper of the object as it is now in which only links of ``pairs`` have shapes."""
+        """Return a sweeper of the current object in which only links of ``pairs`` have shapes."""
         model = self.model(touching={name for pair in pairs for name in pair})
-        return Sweeper(model=model, shown=self._shown)
+        return Sweeper(model=model, visual_triangles=self._visual_triangles)
 
-    def _cut_one(self, meeting: Interference, sweeper: Sweeper, *, whole: bool) -> bool:
-        """Cut one of two shapes back, where its link loses least of what covers it.
+    def _cut_one(self, interference: Interference, sweeper: Sweeper, *, separate: bool) -> bool:
+        """Trim the one of two shapes whose link loses least coverage; return whether it was cut.
 
-        Where neither can lose as much, both are cut by half. Nothing is bared where the parts
-        meet as authored.
+        If neither can lose as much, both are cut by half. Nothing is bared where authored
+        parts overlap.
         """
-        self._barred = sweeper.surfaces.cross(sweeper.data, meeting.overlap)
-        met = self._barred or (meeting.one, meeting.other) in self._authored
-        way_out_w = np.asarray(meeting.overlap.way_out_w)
-        one, other = (meeting.one, meeting.overlap.one), (meeting.other, meeting.overlap.other)
-        sides = ((one, other, -way_out_w), (other, one, way_out_w))
-        depth_m = meeting.excess_m - AIM_M
-        offers: list[tuple[Part, Offer]] = []
+        self._barred = sweeper.surfaces.cross(sweeper.data, interference.overlap)
+        overlap = self._barred or (interference.one, interference.other) in self._authored
+        separation_w = np.asarray(interference.overlap.separation_w)
+        one, other = (
+            (interference.one, interference.overlap.one),
+            (interference.other, interference.overlap.other),
+        )
+        sides = ((one, other, -separation_w), (other, one, separation_w))
+        depth_m = interference.excess_m - AIM_M
+        candidates: list[tuple[Part, Cut]] = []
         for own, their, toward_w in sides:
             part, index = self.parts[own[0]], _index(sweeper.model, own[1])
-            rests = self._rests(sweeper, part.shapes[index], own[1], their)
-            offers += [(part, part.offer(index, rest)) for rest in rests]
-            if not whole:
-                offers.append(self._shaved(sweeper, own, toward_w, depth_m))
+            rests = self._remainders(sweeper, part.shapes[index], own[1], their)
+            candidates += [(part, part.evaluate(index, rest)) for rest in rests]
+            if not separate:
+                candidates.append(self._shaved(sweeper, own, toward_w, depth_m))
         allowed = [
-            (part, offer) for part, offer in offers if offer.allowed and not (met and offer.bared)
+            (part, cut) for part, cut in candidates if cut.allowed and not (overlap and cut.bared)
         ]
         if allowed:
-            part, offer = min(
+            part, cut = min(
                 allowed, key=lambda o: (round(o[1].lost, 3), len(o[1].rest), o[1].removed_m3)
             )
-            part.take(offer)
+            part.apply(cut)
             return True
-        halves = [self._shaved(sweeper, own, way, depth_m / 2.0) for own, _, way in sides]
-        if not all(offer.allowed and not (met and offer.bared) for _, offer in halves):
+        halves = [self._shaved(sweeper, own, away, depth_m / 2.0) for own, _, away in sides]
+        if not all(cut.allowed and not (overlap and cut.bared) for _, cut in halves):
             return False
-        for part, offer in halves:
-            part.take(offer)
+        for part, cut in halves:
+            part.apply(cut)
         return True
 
     def _shaved(
         self, sweeper: Sweeper, own: tuple[str, int], toward_w: Array, depth_m: float
-    ) -> tuple[Part, Offer]:
-        """The part of a link, and what cutting one of its geoms back by a plane would cost."""
+    ) -> tuple[Part, Cut]:
+        """Evaluate a planar cut of a geom by ``depth_m``, and return it with its part."""
         part, index = self.parts[own[0]], _index(sweeper.model, own[1])
         rest = cut_back(part.shapes[index], _turn(sweeper, own[1]).T @ toward_w, depth_m)
-        return part, part.offer(index, () if rest is None else (rest,))
+        return part, part.evaluate(index, () if rest is None else (rest,))
 
-    def _rests(
+    def _remainders(
         self, sweeper: Sweeper, shape: Shape, geom: int, other: tuple[str, int]
     ) -> list[tuple[Shape, ...]]:
-        """What can be left of ``shape`` so that it does not reach the ``other`` one at all.
+        """Return possible remainders of ``shape`` that do not reach the ``other`` shape.
 
-        One convex shape, cut by a plane along an axis of either; or several round the other.
+        Either one convex shape, cut by a plane along an axis of either, or several around the
+        other.
         """
         theirs = self.parts[other[0]].shapes[_index(sweeper.model, other[1])]
         model, data = sweeper.model, sweeper.data
@@ -480,127 +494,62 @@ class RepairSession:
                 rest = cut_back(shape, normal, depth_m)
                 rests.append(() if rest is None else (rest,))
         planes = theirs.planes
-        if len(planes) <= MOST_PLANES:
+        if len(planes) <= MAX_PLANES:
             turned = planes[:, :3] @ T[:3, :3].T
             offset = planes[:, 3] - turned @ T[:3, 3]
             rests.append(carved(shape, np.column_stack([turned, offset])))
         return rests
 
-    def model(self, *, shown: bool = False, touching: Collection[str] | None = None) -> ObjectModel:
-        """The object as it is now, compiled.
+    def model(
+        self, *, with_visuals: bool = False, touching: Collection[str] | None = None
+    ) -> ObjectModel:
+        """Compile the object in its current state.
 
         Args:
-            shown: With what it shows.
-            touching: The links that get their shapes; None: all.
+            with_visuals: Include the visual geometry.
+            touching: Links with collision shapes; None: all.
         """
-        bodies = [part.done() for part in self.parts.values()]
+        bodies = [part.trimmed_body() for part in self.parts.values()]
         if touching is not None:
             bodies = [b if b.name in touching else replace(b, shapes=()) for b in bodies]
-        if not shown:
+        if not with_visuals:
             bodies = [replace(body, visuals=()) for body in bodies]
         text = mjcf(self.asset.name, bodies, (), (), self.mimics)
         files = {f"meshes/{name}": content for name, content in mesh_files(bodies).items()}
         spec = mujoco.MjSpec.from_string(text, assets=files)
         return ObjectModel(self.asset, spec.compile())
 
-    def done(self, model: ObjectModel) -> RepairResult:
-        """The object with all that was changed; ``model`` is it compiled."""
-        repairs = [*self._eased, *self._shortened.values()]
+    def result(self, model: ObjectModel) -> RepairResult:
+        """Return the repaired object; ``model`` is the compiled object."""
+        repairs = [*self._relaxed, *self._shortened.values()]
         links = []
         for link in self.asset.links:
             part = self.parts[link.name]
             mass_kg = part.body.inertial.mass_kg
             share = 0.0
             if part.cuts:
-                whole = sum(shape.volume for shape in part.body.shapes)
-                share = part.removed_m3 / max(whole, 1e-12)
+                total = sum(shape.volume for shape in part.body.shapes)
+                share = part.removed_m3 / max(total, 1e-12)
                 repairs.append(
-                    f"part {link.name}: {len(part.cuts)} collision shapes cut back where parts "
-                    f"pass each other, by {share:.1%} of the volume of all"
+                    f"part {link.name}: {len(part.cuts)} collision shapes trimmed where parts "
+                    f"pass each other, by {share:.1%} of their total volume"
                 )
             links.append(replace(link, collisions=len(part.shapes), mass_kg=mass_kg, trimmed=share))
         return RepairResult(
             asset=replace(self.asset, links=tuple(links)),
-            bodies=tuple(part.done() for part in self.parts.values()),
+            bodies=tuple(part.trimmed_body() for part in self.parts.values()),
             repairs=tuple(repairs),
             model=model,
             cut=frozenset(name for name, part in self.parts.items() if part.cuts),
         )
 
 
-def carried_by(asset: Asset, link: str) -> list[str]:
-    """``link`` and all links that hang on it, at any remove."""
-    found = [link]
-    for name in found:
-        found += [other.name for other in asset.links if other.parent == name]
-    return found
-
-
-def weight_on(model: ObjectModel, joint: Joint) -> float:
-    """Largest effort of gravity on a joint along its way, the others closed [N or Nm]."""
-    data, effort = model.data(), np.zeros(model.model.nv)
-    most = 0.0
-    for q in np.linspace(joint.closed, joint.open, WEIGHINGS):
-        model.set_joints(data, {joint.name: float(q)})
-        mujoco.mj_comPos(model.model, data)
-        mujoco.mj_comVel(model.model, data)
-        mujoco.mj_rne(model.model, data, 0, effort)
-        most = max(most, abs(float(effort[model.dof_address(joint.name)])))
-    return most
-
-
-def _is_met(meeting: Interference) -> bool:
-    """Whether two parts meet deeper than the proof allows."""
-    return meeting.excess_m > LIMIT_M
-
-
-def reach(
-    sweeper: Sweeper,
-    fault: Violation,
-    pairs: set[tuple[str, str]],
-    counts: Callable[[Interference], bool] = _is_met,
-) -> tuple[float, float]:
-    """How far the joint of a fault goes from closed before ``pairs`` of links meet [m or rad].
-
-    Args:
-        sweeper: The object.
-        fault: Its joint, and where the other ones stand.
-        pairs: Names of links.
-        counts: Whether a meeting of theirs ends the way.
-    """
-
-    def meets(q: float) -> bool:
-        met = sweeper.meetings(fault.joint, {**fault.others, fault.joint: q})
-        return any((m.one, m.other) in pairs and counts(m) for m in met)
-
-    closed = sweeper.model.closed[fault.joint]
-    ends = [closed]
-    for positions in sweeper.positions(fault.joint, MAX_STATES):
-        free = closed
-        for q in positions.tolist():
-            if meets(q):
-                for _ in range(HALVINGS):
-                    middle = (free + q) / 2.0
-                    free, q = (free, middle) if meets(middle) else (middle, q)
-                break
-            free = q
-        ends.append(free)
-    return min(ends), max(ends)
-
-
-def _range(joint: Joint) -> tuple[float, float]:
-    """Limits of a joint [m or rad]; one turn from closed if it has none."""
-    if joint.lower is None or joint.upper is None:
-        return joint.closed - 2.0 * math.pi, joint.closed + 2.0 * math.pi
-    return joint.lower, joint.upper
-
-
 def _turn(sweeper: Sweeper, geom: int) -> Array:
-    """Rotation (3, 3) of the link of ``geom`` in the world."""
+    """Return the rotation (3, 3) of the link of ``geom`` in the world."""
     body = int(sweeper.model.model.geom_bodyid[geom])
     return np.asarray(sweeper.data.xmat[body].reshape(3, 3))
 
 
 def _index(model: ObjectModel, geom: int) -> int:
-    """Which shape of its body ``geom`` is; its name ends with that."""
+    """Return the index of the shape ``geom`` in its body, which its name ends with."""
     return int(model.model.geom(geom).name.rsplit("_", 1)[1])

@@ -1,4 +1,4 @@
-"""Cutting convex collision shapes back, as far as what they stand for stays covered."""
+"""Trim convex collision shapes as far as the visible surface of their part stays covered."""
 
 from __future__ import annotations
 
@@ -17,48 +17,48 @@ from articulate.geometry.shapes import Shape
 from articulate.transforms import Array, Ints, Mask, pose
 
 Levels = NDArray[np.int8]
-"""How well points are covered."""
+"""Coverage of points: :data:`NEAR`, 1 or :data:`FAR`."""
 
 MORE = 6000
-"""So many points on what a part shows say what a cut bares, besides those that judge coverage."""
+"""Additional points on the visual surface for detecting bared areas."""
 BARE = 3.0
-"""A cut bares what is seen where a point that was covered comes to lie more than so many times as
-far from all that is left as covered points may: it is a way through a wall then, and no edge."""
+"""A cut bares a covered point that is then farther from all shapes than this multiple of the
+distance for coverage: it opens a passage through a wall instead of trimming an edge."""
 STOUT_M = 0.003
-"""Cuts leave no piece thinner than this [m]: thin slices go through anything unnoticed ..."""
+"""Cuts leave no piece thinner than this [m], as thin slices pass others unnoticed ..."""
 STOUT_SHARE = 0.7
-"""... or than this share of the converted shape's thickness, if that is less ..."""
+"""... or than this fraction of the original thickness, if that is less ..."""
 SHEET_SHARE = 0.3
-"""... or than this share of it if that is a sheet, thinner than all that."""
+"""... or than this fraction of it for a sheet that is thinner than that."""
 
 MARGIN = 0.005
-"""Cuts leave the coverage of a link above what is allowed by this share."""
+"""Margin of coverage above the limit of the check that cuts leave."""
 THINNEST_M = 0.0005
-"""What is left of a shape is left out if it is thinner than this [m]."""
+"""Remainders thinner than this are removed [m]."""
 APART_M = 0.0002
-"""Shapes that are cut until they do not meet at all are this far apart [m]."""
-MOST_PIECES = 4
-"""So many pieces at most are left of a shape that another one is carved out of."""
-MOST_SHAPES = 4
-"""A link has at most this many times the shapes that it had, and as many more."""
+"""Distance of shapes after a cut that separates them [m]."""
+MAX_PIECES = 4
+"""Largest number of pieces of a shape that another one is carved out of."""
+MAX_SHAPES = 4
+"""Largest number of shapes of a link, as a multiple of the original number plus one."""
 ROUNDING_M = 1e-6
-"""Thicknesses that differ by less are the same [m]."""
+"""Tolerance of thicknesses [m]."""
 NEAR, FAR = 2, 0
-"""How a point lies to a shape that covers it, and to one that does not nearly so."""
+"""Coverage of a point by a shape that is near and by one that is far."""
 ALONG = 1.0 - 1e-8
 """A cut whose normal has this cosine with an axis of a box leaves a box."""
 
 
 def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
-    """What is left of ``shape`` without the ``depth_m`` [m] that reach farthest along ``normal``.
+    """Return ``shape`` without the outermost ``depth_m`` [m] along ``normal``.
 
     Args:
         shape: Convex shape in its part.
         normal: Unit vector (3,) in the part.
-        depth_m: Thickness of what is cut away [m].
+        depth_m: Thickness of the removed layer [m].
 
     Returns:
-        The rest, or None if it is next to nothing.
+        The remainder, or None if it is thinner than :data:`THINNEST_M`.
     """
     corners = shape.corners
     heights = corners @ normal
@@ -72,8 +72,8 @@ def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
         if along[axis] > ALONG:
             half = list(shape.half)
             half[axis] -= depth_m / 2.0
-            way = np.copysign(depth_m / 2.0, axes[:, axis] @ normal) * axes[:, axis]
-            T_ps = pose(shape.T_ps[:3, 3] - way, axes)
+            shift = np.copysign(depth_m / 2.0, axes[:, axis] @ normal) * axes[:, axis]
+            T_ps = pose(shape.T_ps[:3, 3] - shift, axes)
             return replace(shape, T_ps=T_ps, half=(half[0], half[1], half[2]))
     try:
         corners, edges = _edges(shape)
@@ -92,14 +92,14 @@ def cut_back(shape: Shape, normal: Array, depth_m: float) -> Shape | None:
 
 
 def _edges(shape: Shape) -> tuple[Array, Ints]:
-    """Corners (N, 3) [m] of the hull of ``shape`` and the ends of its edges (E, 2)."""
+    """Return corners (N, 3) [m] of the hull of ``shape`` and end indices of its edges (E, 2)."""
     faces = shape.faces
     index = faces.index
     return faces.corners, np.vstack([index[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
 
 
 def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
-    """Convex pieces of ``shape`` that lie outside another convex shape, largest first.
+    """Return the convex pieces of ``shape`` outside another convex shape, largest first.
 
     Args:
         shape: Convex shape in its part.
@@ -108,7 +108,7 @@ def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
     """
     out: list[Shape] = []
     rest: Shape | None = shape
-    while rest is not None and len(out) < MOST_PIECES:
+    while rest is not None and len(out) < MAX_PIECES:
         best: tuple[Shape, Array, float] | None = None
         for plane in planes:
             normal, limit = plane[:3], APART_M - float(plane[3])
@@ -127,7 +127,7 @@ def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
 
 
 def _thickness(shape: Shape) -> float:
-    """Extent [m] of a shape along the direction in which its corners vary least."""
+    """Return the extent of a shape along the direction of least variance of its corners [m]."""
     if shape.kind == "box":
         return 2.0 * min(shape.half)
     corners = shape.corners
@@ -137,41 +137,41 @@ def _thickness(shape: Shape) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Offer:
-    """A cut that could be made."""
+class Cut:
+    """Evaluated cut of one shape."""
 
     index: int
-    """Which shape of its body."""
+    """Index of the shape in its body."""
     rest: tuple[Shape, ...]
-    """What would be left of it."""
+    """Remainder of the shape."""
     lost: float
-    """Share of the link's visible surface that would lose its cover."""
+    """Fraction of the visible surface of the link that loses coverage."""
     removed_m3: float
-    """Volume that is cut away [m3]."""
+    """Removed volume [m3]."""
     bared: bool
-    """Whether what is seen would lie bare somewhere."""
+    """True if an area of the visible surface is bared."""
     allowed: bool
-    """Whether enough stays covered."""
+    """True if enough of the surface stays covered."""
 
 
 class Part:
-    """One body with the shapes that are left of it, and how well they cover what it shows.
+    """Body with its remaining shapes and their coverage of its visual surface.
 
     Args:
-        body: As converted.
+        body: Converted body.
     """
 
     def __init__(self, body: Body) -> None:
         self.body = body
         self.shapes = list(body.shapes)
         self.removed_m3 = 0.0
-        """Volume that was cut away [m3]."""
+        """Removed volume [m3]."""
         self.cut_count = 0
-        """Cuts that were made."""
+        """Number of applied cuts."""
         self.cuts: set[int] = set()
-        """Shapes that were cut, by the order of the converted body."""
+        """Indices of trimmed shapes in the converted body."""
         self._order = list(range(len(self.shapes)))
-        self._gone: set[int] = set()
+        self._empty: set[int] = set()
         triangles = [piece.mesh.triangles for piece in body.visuals]
         self._points = np.zeros((0, 3))
         near_m = NEAR_M
@@ -180,16 +180,18 @@ class Part:
             self._points = np.vstack([sample(every, count)[0] for count in (SAMPLES, MORE)])
             near_m = near_of(every.reshape(-1, 3))
         self.near_m = near_m
-        """Points of the surface this near to a shape are covered [m]."""
+        """Largest distance of covered points from a shape [m]."""
         self._levels = [self._level(shape) for shape in self.shapes]
-        self._held = np.max([*self._levels, np.zeros(len(self._points), np.int8)], axis=0) == NEAR
-        self._least = ALLOWED_SHARE + MARGIN
-        self._most = MOST_SHAPES * (len(self.shapes) + 1)
+        self._covered = (
+            np.max([*self._levels, np.zeros(len(self._points), np.int8)], axis=0) == NEAR
+        )
+        self._min_share = ALLOWED_SHARE + MARGIN
+        self._max_shapes = MAX_SHAPES * (len(self.shapes) + 1)
 
     def _level(self, shape: Shape, among: Mask | None = None) -> Levels:
-        """How well ``shape`` covers the points: 2 where near, 1 where nearly, else 0 (N,).
+        """Return the coverage of the points by ``shape`` (N,): 2 near, 1 intermediate, 0 far.
 
-        The points that are not ``among`` are not asked.
+        Points outside the mask ``among`` (N,) are not evaluated.
         """
         chosen = np.arange(len(self._points)) if among is None else np.flatnonzero(among)
         level = np.zeros(len(self._points), dtype=np.int8)
@@ -200,70 +202,70 @@ class Part:
         level[chosen] = (away <= bare_m).astype(np.int8) + (away <= self.near_m)
         return level
 
-    def offer(self, index: int, rest: tuple[Shape, ...]) -> Offer:
-        """What leaving only ``rest`` of shape ``index`` would cost, its thin slices gone."""
+    def evaluate(self, index: int, rest: tuple[Shape, ...]) -> Cut:
+        """Evaluate replacing shape ``index`` by ``rest``, without its thin slices."""
         shape = self.shapes[index]
-        whole_m = _thickness(self.body.shapes[self._order[index]])
-        share_m = (STOUT_SHARE if whole_m >= STOUT_M else SHEET_SHARE) * whole_m
+        thickness_m = _thickness(self.body.shapes[self._order[index]])
+        share_m = (STOUT_SHARE if thickness_m >= STOUT_M else SHEET_SHARE) * thickness_m
         least_m = min(STOUT_M, share_m) - ROUNDING_M
         rest = tuple(piece for piece in rest if _thickness(piece) >= least_m)
         own = self._levels[index]
         others = [level for k, level in enumerate(self._levels) if k != index]
         kept = np.max(others, axis=0) if others else np.zeros_like(own)
         before = np.maximum(kept, own)
-        lone = own > kept  # what is left lies in the shape: nothing else can be lost
+        lone = own > kept  # the remainder is inside the shape: no other point can be lost
         for piece in rest:
             kept = np.maximum(kept, self._level(piece, among=lone & (kept < own)))
         near = kept[:SAMPLES] == NEAR
         lost = float(((before[:SAMPLES] == NEAR) & ~near).mean()) if len(own) else 0.0
         share = float(near.mean()) if len(own) else 1.0
-        bared = bool((self._held & (before > FAR) & (kept == FAR)).any())
-        count = len(self.shapes) - len(self._gone) - 1 + len(rest)
-        enough = lost == 0.0 or share >= self._least
-        return Offer(
+        bared = bool((self._covered & (before > FAR) & (kept == FAR)).any())
+        count = len(self.shapes) - len(self._empty) - 1 + len(rest)
+        enough = lost == 0.0 or share >= self._min_share
+        return Cut(
             index=index,
             rest=rest,
             lost=lost,
             removed_m3=shape.volume - sum(piece.volume for piece in rest),
             bared=bared,
-            allowed=0 < count <= self._most and enough,
+            allowed=0 < count <= self._max_shapes and enough,
         )
 
-    def take(self, offer: Offer) -> None:
-        """Make a cut. Shapes of which nothing is left go with :meth:`tidy`."""
+    def apply(self, cut: Cut) -> None:
+        """Apply a cut. Shapes without remainder are removed by :meth:`remove_empty`."""
         self.cut_count += 1
-        whole = self._order[offer.index]
-        self.cuts.add(whole)
-        self.removed_m3 += offer.removed_m3
-        if not offer.rest:
-            self._levels[offer.index] = np.zeros(len(self._points), dtype=np.int8)
-            self._gone.add(offer.index)
+        original = self._order[cut.index]
+        self.cuts.add(original)
+        self.removed_m3 += cut.removed_m3
+        if not cut.rest:
+            self._levels[cut.index] = np.zeros(len(self._points), dtype=np.int8)
+            self._empty.add(cut.index)
             return
-        self.shapes[offer.index] = offer.rest[0]
-        self._levels[offer.index] = self._level(offer.rest[0])
-        for piece in offer.rest[1:]:
+        self.shapes[cut.index] = cut.rest[0]
+        self._levels[cut.index] = self._level(cut.rest[0])
+        for piece in cut.rest[1:]:
             self.shapes.append(piece)
             self._levels.append(self._level(piece))
-            self._order.append(whole)
+            self._order.append(original)
 
-    def tidy(self) -> None:
-        """Leave out the shapes of which nothing is left."""
-        keep = [k for k in range(len(self.shapes)) if k not in self._gone]
+    def remove_empty(self) -> None:
+        """Remove the shapes without remainder."""
+        keep = [k for k in range(len(self.shapes)) if k not in self._empty]
         self.shapes = [self.shapes[k] for k in keep]
         self._levels = [self._levels[k] for k in keep]
         self._order = [self._order[k] for k in keep]
-        self._gone.clear()
+        self._empty.clear()
 
     def state(self) -> tuple[Any, ...]:
-        """All that cutting changes, to come back to with :meth:`restore`."""
+        """Return everything that cuts change, for :meth:`restore`."""
         lists = (list(self.shapes), list(self._levels), list(self._order))
-        return (*lists, set(self._gone), set(self.cuts), self.cut_count, self.removed_m3)
+        return (*lists, set(self._empty), set(self.cuts), self.cut_count, self.removed_m3)
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Go back to an earlier ``state``."""
+        """Restore an earlier ``state``."""
         self.shapes, self._levels, self._order, *rest = state
-        self._gone, self.cuts, self.cut_count, self.removed_m3 = rest
+        self._empty, self.cuts, self.cut_count, self.removed_m3 = rest
 
-    def done(self) -> Body:
-        """The body with the shapes that are left."""
+    def trimmed_body(self) -> Body:
+        """Return the body with the remaining shapes."""
         return replace(self.body, shapes=tuple(self.shapes))

@@ -23,7 +23,7 @@ def test_a_link_without_collision_shapes_fails(tmp_path):
     check = covered(tmp_path, ())
     assert check.outcome == "failed"
     assert check.measured == 0.0
-    assert "cannot be touched" in check.message
+    assert "have no collision shape" in check.message
 
 
 @pytest.mark.parametrize("kind", ["ellipsoid", "plane"])
@@ -34,7 +34,7 @@ def test_shapes_beside_boxes_count_or_fail(tmp_path, kind):
     asset.mjcf_path.write_text(text.replace('<body name="body">', f'<body name="body">{geom}'))
     check = check_coverage(load_model(asset))[0]
     assert check.outcome == "failed"
-    said = "nothing is seen" if kind == "ellipsoid" else "of type plane, which cannot be measured"
+    said = "fill empty space" if kind == "ellipsoid" else "of type plane, which cannot be measured"
     assert said in check.message
 
 
@@ -49,7 +49,7 @@ def test_a_part_that_cannot_be_touched_is_measured_by_its_area(tmp_path):
 def test_a_shape_that_stands_for_nothing_fails(tmp_path):
     check = covered(tmp_path, (((0.0, 0.0, 0.1), (0.2, 0.2, 0.3)),))
     assert check.outcome == "failed"
-    assert "nothing is seen" in check.message
+    assert "fill empty space" in check.message
 
 
 def test_shapes_may_be_one_hundredth_of_the_diagonal_off(tmp_path):

@@ -31,9 +31,9 @@ def test_depth_and_way_out_of_two_cubes(tmp_path, depth_mm):
     one, other = shapes.of_link["slider"], shapes.of_link["body"]
     (found,) = shapes.overlaps(data, one, other, least_m=0.0)
     assert found.depth_m == pytest.approx(depth_mm / 1e3, abs=2e-5)
-    assert found.way_out_w == pytest.approx((1.0, 0.0, 0.0), abs=2e-5)
+    assert found.separation_w == pytest.approx((1.0, 0.0, 0.0), abs=2e-5)
     (back,) = shapes.overlaps(data, other, one, least_m=0.0)
-    assert back.way_out_w == pytest.approx((-1.0, 0.0, 0.0), abs=2e-5)
+    assert back.separation_w == pytest.approx((-1.0, 0.0, 0.0), abs=2e-5)
 
 
 def test_depth_of_a_cube_standing_on_its_edge(tmp_path):
@@ -46,7 +46,7 @@ def test_depth_of_a_cube_standing_on_its_edge(tmp_path):
     model.set_joints(data, {"cube_joint": math.pi / 4})
     (found,) = shapes.overlaps(data, *both, least_m=0.0)
     assert found.depth_m == pytest.approx(0.05 * math.sqrt(2.0) - 0.06, abs=2e-5)
-    assert found.way_out_w == pytest.approx((0.0, 0.0, 1.0), abs=2e-5)
+    assert found.separation_w == pytest.approx((0.0, 0.0, 1.0), abs=2e-5)
 
 
 def test_shallower_overlaps_than_asked_for_are_left_out(tmp_path):

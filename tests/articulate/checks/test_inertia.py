@@ -37,7 +37,7 @@ def test_a_box_with_its_own_inertia_passes(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"com": (0.0, 0.0, 0.35)}, "centre of mass lies 50 mm outside its box"),
+        ({"com": (0.0, 0.0, 0.35)}, "centre of mass is 50 mm outside its box"),
         ({"moments": [2.0, 2.0, 2.0]}, "times the most that fits into its box"),
     ],
 )
@@ -50,7 +50,7 @@ def test_what_no_such_box_can_have_fails(tmp_path, wrong, said):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('mass value="3"', 'mass value="3.1"', "object.urdf says 3.1 kg"),
+        ('mass value="3"', 'mass value="3.1"', "object.urdf has 3.1 kg"),
         ('xyz="0 0 0"', 'xyz="0 0 0.01"', "has its centre of mass elsewhere"),
         ('iyy="0.13"', 'iyy="0.12"', "gives it another inertia"),
         ("", "", None),
@@ -76,12 +76,12 @@ def test_a_mass_that_asset_json_does_not_know_fails(tmp_path):
     text = asset.mjcf_path.read_text()
     asset.mjcf_path.write_text(text.replace('mass="2.0"', 'mass="9.0"'))
     checks = {c.subject: c for c in check_inertia(load_model(asset))}
-    assert "asset.json says 2 kg" in checks["part"].message
+    assert "asset.json has 2 kg" in checks["part"].message
     assert checks["part"].outcome == "failed"
 
 
 def test_a_triangle_inequality_that_does_not_hold_fails(tmp_path):
-    """MuJoCo refuses it when it compiles; a model may be changed afterwards."""
+    """MuJoCo rejects it when it compiles; a model may be changed afterwards."""
     part = Part(name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=BOX)
     model = load_model(make_object(tmp_path / "object", part))
     model.model.body_inertia[model.bodies["part"]] = [0.1, 0.02, 0.03]

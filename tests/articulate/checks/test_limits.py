@@ -20,9 +20,9 @@ def test_ranges_that_say_the_same_pass(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "upper", "said"),
     [
-        ("revolute", 1.5, "object.urdf says from 0 to 1.5"),
-        ("continuous", 1.5, "object.urdf says without end"),
-        ("prismatic", 1.5707963267949, "object.urdf says prismatic"),
+        ("revolute", 1.5, "object.urdf has from 0 to 1.5"),
+        ("continuous", 1.5, "object.urdf has without end"),
+        ("prismatic", 1.5707963267949, "object.urdf has prismatic"),
     ],
 )
 def test_an_urdf_that_says_something_else_fails(tmp_path, kind, upper, said):
@@ -36,7 +36,7 @@ def test_an_urdf_that_says_something_else_fails(tmp_path, kind, upper, said):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('range="0.0 0.28"', 'range="0.0 0.2"', "its open position 0.28 lies outside"),
+        ('range="0.0 0.28"', 'range="0.0 0.2"', "its open position 0.28 is outside"),
         ('range="0.0 0.28"', "", "a slide without end"),
         ('type="slide"', 'type="hinge"', "asset.json calls it a slide, the MJCF a hinge"),
     ],
@@ -55,11 +55,11 @@ def test_a_range_that_was_changed_in_the_mjcf_fails(tmp_path, old, new, said):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('damping="5.0"', 'damping="50"', "its damping is 50 N s/m, asset.json says 5"),
+        ('damping="5.0"', 'damping="50"', "its damping is 50 N s/m, in asset.json 5"),
         (
             'frictionloss="2.0"',
             'frictionloss="1.9"',
-            "its dry friction is 1.9 N, asset.json says 2",
+            "its dry friction is 1.9 N, in asset.json 2",
         ),
     ],
 )

@@ -67,7 +67,7 @@ def test_what_the_model_lacks_is_named(tmp_path):
     with pytest.raises(AssetError, match=r"joint 'drawer_1_slide' of asset.json is absent"):
         load_model(asset)
     asset.mjcf_path.write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
-    with pytest.raises(AssetError, match="MuJoCo refuses it"):
+    with pytest.raises(AssetError, match="MuJoCo rejects it"):
         load_model(asset)
     asset.mjcf_path.unlink()
     with pytest.raises(AssetError, match="does not exist"):

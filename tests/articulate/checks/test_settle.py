@@ -41,7 +41,7 @@ def test_a_cabinet_stays_closed_and_makes_no_energy(tmp_path):
     for k in range(3):
         check = checks["settling", f"drawer_{k}_slide"]
         assert check.measured == pytest.approx(0.0, abs=1e-6)
-        assert check.message == "stays closed; stays where it is let go half open"
+        assert check.message == "stays closed; stays in place when released half open"
 
 
 def test_a_lid_falls_shut_and_says_so(tmp_path):
@@ -49,7 +49,7 @@ def test_a_lid_falls_shut_and_says_so(tmp_path):
     asset = flap(tmp_path / "a", axis_y=-1.0, span=math.radians(80.0), com=(0.2, 0.0, 0.0))
     check = clauses_of(asset)["settling", "flap_joint"]
     assert check.outcome == "passed"
-    assert check.message == "stays closed; falls shut when it is let go half open"
+    assert check.message == "stays closed; falls shut when released half open"
 
 
 def test_a_flap_that_hangs_falls_open_and_says_so(tmp_path):
@@ -57,8 +57,8 @@ def test_a_flap_that_hangs_falls_open_and_says_so(tmp_path):
     asset = flap(tmp_path / "a", axis_y=1.0, span=math.pi / 2, com=(0.02, 0.0, 0.2), damping=0.05)
     check = clauses_of(asset)["settling", "flap_joint"]
     assert check.outcome == "passed"
-    assert "falls open under gravity, to 100 % of its way" in check.message
-    assert "falls open when it is let go half open" in check.message
+    assert "falls open under gravity, to 100 % of its travel" in check.message
+    assert "falls open when released half open" in check.message
 
 
 def test_dry_friction_above_the_weight_holds_a_lid_half_open(tmp_path):
@@ -66,8 +66,8 @@ def test_dry_friction_above_the_weight_holds_a_lid_half_open(tmp_path):
         tmp_path / "a", axis_y=-1.0, span=math.radians(80.0), com=(0.2, 0.0, 0.0),
         friction=1.1 * G * 0.2 * math.cos(math.radians(40.0)),
     )  # fmt: skip
-    assert clauses_of(asset)["settling", "flap_joint"].message.endswith("let go half open")
-    assert "stays where" in clauses_of(asset)["settling", "flap_joint"].message
+    assert clauses_of(asset)["settling", "flap_joint"].message.endswith("when released half open")
+    assert "stays in place" in clauses_of(asset)["settling", "flap_joint"].message
 
 
 def test_a_pendulum_comes_to_rest_under_its_pivot(tmp_path):
@@ -75,7 +75,7 @@ def test_a_pendulum_comes_to_rest_under_its_pivot(tmp_path):
     asset = flap(tmp_path / "a", axis_y=1.0, span=math.pi, com=(0.2, 0.0, 0.0), damping=0.3)
     check = clauses_of(asset)["settling", "flap_joint"]
     assert check.outcome == "passed"
-    assert "to 50 % of its way" in check.message
+    assert "to 50 % of its travel" in check.message
 
 
 def undamped(tmp_path: Path) -> tuple[ObjectModel, mujoco.MjModel]:
@@ -86,10 +86,10 @@ def undamped(tmp_path: Path) -> tuple[ObjectModel, mujoco.MjModel]:
 
 
 def test_the_trace_of_a_pendulum_has_its_period_and_keeps_its_energy(tmp_path):
-    model, plant = undamped(tmp_path)
-    data = mujoco.MjData(plant)
+    model, sim_model = undamped(tmp_path)
+    data = mujoco.MjData(sim_model)
     data.qpos[0] = math.pi / 2 - 0.05  # hanging straight down is pi / 2
-    trace = simulate(model, plant, data, 2.0)
+    trace = simulate(model, sim_model, data, 2.0)
     period = 2.0 * math.pi * math.sqrt((0.002 + 0.2**2) / (G * 0.2))
     expected = math.pi / 2 - 0.05 * np.cos(2.0 * math.pi * trace.times_s / period)
     assert trace.positions[:, 0] == pytest.approx(expected, abs=0.002)
@@ -101,10 +101,10 @@ def test_the_trace_of_a_pendulum_has_its_period_and_keeps_its_energy(tmp_path):
 def test_until_still_ends_soon_after_the_motion(tmp_path):
     asset = flap(tmp_path / "a", axis_y=-1.0, span=math.radians(80.0), com=(0.2, 0.0, 0.0))
     model = load_model(asset)
-    plant = with_energy(model.model)
-    data = mujoco.MjData(plant)
+    sim_model = with_energy(model.model)
+    data = mujoco.MjData(sim_model)
     data.qpos[0] = math.radians(40.0)
-    trace = until_still(model, plant, data)
+    trace = until_still(model, sim_model, data)
     assert trace.positions[-1, 0] == pytest.approx(0.0, abs=0.02)
     assert 0.2 < trace.times_s[-1] < 5.0
 

@@ -56,7 +56,7 @@ def test_a_plug_blocks_a_drawer_where_it_stands(tmp_path, free):
     assert joint.blocked
     assert joint.swept == pytest.approx((free + LIMIT_M) / TRAVEL_M, abs=1.1 * STEP_M / TRAVEL_M)
     assert "drawer goes" in check.message
-    assert "authored parts meet there too" in check.message
+    assert "authored parts overlap there too" in check.message
 
 
 def test_depth_beyond_rest_is_measured(tmp_path):
@@ -104,7 +104,7 @@ def test_a_hull_that_seals_a_drawer_is_found_and_blamed(tmp_path):
     checks, joints = swept(sealed)
     check = checks["joint_sweep", "drawer_joint"]
     assert check.outcome == "failed"
-    assert "only the collision shapes meet there" in check.message
+    assert "only the collision shapes overlap there" in check.message
     assert joints["drawer_joint"].blocked
     open_ = make_object(tmp_path / "open", drawer, body=seen)
     assert swept(open_)[0]["joint_sweep", "drawer_joint"].outcome == "passed"
@@ -162,7 +162,7 @@ def test_states_in_which_authored_parts_meet_are_drawn_again_and_counted(tmp_pat
     checks, joints = swept(make_object(tmp_path / "a", *twins(None)))
     check = checks["joint_sweep_random", "left_joint"]
     assert check.outcome == "passed"
-    assert "drawn again" in check.message
+    assert "sampled again" in check.message
     assert not joints["left_joint"].needs
 
 
@@ -249,7 +249,7 @@ def test_a_part_that_scrapes_on_the_body_still_knows_what_it_needs(tmp_path):
 
 def test_the_ends_of_what_is_free_are_told(tmp_path):
     model = load_model(make_object(tmp_path / "a", SLIDER, body=(plug(0.15),)))
-    low, high = Sweeper(model=model).way("drawer_joint", {}).ends
+    low, high = Sweeper(model=model).sweep("drawer_joint", {}).ends
     assert low == 0.0
     assert high == pytest.approx(0.1 + LIMIT_M, abs=1.1 * STEP_M)
 

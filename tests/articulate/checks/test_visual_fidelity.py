@@ -52,9 +52,9 @@ def test_a_lost_visual_is_found(made):
 
 def test_a_link_that_is_absent_is_found(made):
     asset, origin = made
-    extra = {**origin.shown, "shelf": origin.shown["door"]}
+    extra = {**origin.visuals, "shelf": origin.visuals["door"]}
     from_elsewhere = type(origin)(
-        source=origin.source, frame=origin.frame, root=origin.root, shown=extra
+        source=origin.source, frame=origin.frame, root=origin.root, visuals=extra
     )
     failed = [
         c for c in check_visual_fidelity(load_model(asset), from_elsewhere) if c.outcome == "failed"

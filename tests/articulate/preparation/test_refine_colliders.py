@@ -16,35 +16,35 @@ from articulate.conversion.convert import Shaped, build_asset, read_input
 from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.preparation import refine_colliders
 from articulate.preparation.refine_colliders import (
-    MOST_S,
+    MAX_REFINE_S,
     PASS_S,
     Refiner,
-    is_worth_it,
     refined,
     shortfalls,
+    should_refine,
 )
 
 
 def test_two_finer_passes_are_always_worth_it_and_none_after_the_last():
-    assert is_worth_it([0.3], 3)
-    assert is_worth_it([0.3, 0.35], 2)
-    assert not is_worth_it([0.3], 0)
-    assert not is_worth_it([0.3, 0.01], 0)
+    assert should_refine([0.3], 3)
+    assert should_refine([0.3, 0.35], 2)
+    assert not should_refine([0.3], 0)
+    assert not should_refine([0.3, 0.01], 0)
 
 
 def test_a_pass_that_gained_little_is_the_last():
-    assert is_worth_it([0.40, 0.30, 0.15], 1)
-    assert is_worth_it([0.40, 0.30, 0.19], 1)
-    assert not is_worth_it([0.40, 0.30, 0.21], 1)
-    assert is_worth_it([0.40, 0.30, 0.21], 2)
-    assert not is_worth_it([0.40, 0.30, 0.30], 3)
-    assert not is_worth_it([0.40, 0.30, 0.35], 3)
+    assert should_refine([0.40, 0.30, 0.15], 1)
+    assert should_refine([0.40, 0.30, 0.19], 1)
+    assert not should_refine([0.40, 0.30, 0.21], 1)
+    assert should_refine([0.40, 0.30, 0.21], 2)
+    assert not should_refine([0.40, 0.30, 0.30], 3)
+    assert not should_refine([0.40, 0.30, 0.35], 3)
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.integers(0, 4))
 def test_what_is_worth_it_with_few_passes_left_is_so_with_more(before, now, left):
     history = [1.0, before, now]
-    assert not is_worth_it(history, left) or is_worth_it(history, left + 1)
+    assert not should_refine(history, left) or should_refine(history, left + 1)
 
 
 def test_a_link_lacks_what_its_worst_clause_does():
@@ -77,7 +77,7 @@ def failing(monkeypatch, measured):
         made.append(args[1].finer)
         return build_asset(*args)
 
-    monkeypatch.setattr(refine_colliders, "collision_coverage", covered)
+    monkeypatch.setattr(refine_colliders, "check_coverage", covered)
     monkeypatch.setattr(refine_colliders, "build_asset", build)
     return made
 
@@ -136,7 +136,7 @@ def test_finer_links_share_some_time(tmp_path, monkeypatch):
     refiner = Refiner(reading=reading, config=ConvertConfig(), name="two")
     for links in (["body", "drawer"], ["body"], ["body", "drawer"]):
         refiner.finer(links)
-    assert given == [2.0 * PASS_S, PASS_S, MOST_S - 80.0]
+    assert given == [2.0 * PASS_S, PASS_S, MAX_REFINE_S - 80.0]
 
 
 def test_a_link_that_takes_too_long_keeps_the_shapes_it_had(tmp_path: Path):

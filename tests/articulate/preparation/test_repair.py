@@ -17,8 +17,8 @@ from articulate.checks.sweep import sweep_joints
 from articulate.conversion import ConvertConfig, convert
 from articulate.errors import AssetError
 from articulate.geometry.presets import SLIDE
+from articulate.preparation.joint_travel import reach, weight_on
 from articulate.preparation.prepare import check_asset, load_checked_asset
-from articulate.preparation.repair import reach, weight_on
 
 PLATE = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.01))
 
@@ -49,7 +49,7 @@ def test_a_way_that_ends_at_an_authored_wall_is_shortened(tmp_path):
     (joint,) = check_report.joints
     assert joint.span == pytest.approx(0.2 + LIMIT_M, abs=2e-4)
     assert joint.swept == 1.0
-    assert "way of joint slide shortened to 0 to 0.20" in sentences(check_report)
+    assert "travel of joint slide shortened to 0 to 0.20" in sentences(check_report)
     assert "was 0 to 0.3" in sentences(check_report)
     limits = [c for c in check_report.checks if c.name == "joint_limits"]
     assert [c.outcome for c in limits] == ["passed"]
@@ -59,7 +59,7 @@ def test_a_way_of_which_too_little_would_be_left_is_refused(tmp_path):
     check_report = checked(written(tmp_path / "in", plug(0.1)), tmp_path)
     assert check_report.verdict == "rejected"
     assert check_report.joints[0].span == pytest.approx(0.3)
-    assert any(reason.startswith("sweep_authored of slide") for reason in check_report.reasons)
+    assert any(reason.startswith("authored_overlap of slide") for reason in check_report.reasons)
     assert "shortened" not in sentences(check_report)
 
 
@@ -81,9 +81,9 @@ def test_shapes_are_cut_back_as_far_as_that_goes_and_the_way_ends_there(tmp_path
     assert check_report.verdict == "repaired", check_report.reasons
     (joint,) = check_report.joints
     assert math.radians(90.0) < joint.span < 2.79
-    assert "way of joint hinge shortened" in sentences(check_report)
+    assert "travel of joint hinge shortened" in sentences(check_report)
     assert "goes into jamb, as authored" in sentences(check_report)
-    assert "collision shapes cut back where parts pass" in sentences(check_report)
+    assert "collision shapes trimmed where parts pass" in sentences(check_report)
 
 
 SILL = (
@@ -95,17 +95,17 @@ SILL = (
 
 
 def test_cuts_that_take_too_long_are_not_made(tmp_path, monkeypatch):
-    monkeypatch.setattr("articulate.preparation.prepare.MEND_S", -1.0)
+    monkeypatch.setattr("articulate.preparation.prepare.REPAIR_S", -1.0)
     check_report = checked(written(tmp_path / "in", SILL), tmp_path)
     assert check_report.verdict == "rejected"
-    assert "cut back" not in sentences(check_report)
+    assert "trimmed" not in sentences(check_report)
 
 
 def test_an_edge_that_reaches_a_little_into_the_way_is_cut_back(tmp_path):
     check_report = checked(written(tmp_path / "in", SILL), tmp_path)
     assert check_report.verdict == "repaired", check_report.reasons
     assert check_report.joints[0].span == pytest.approx(0.3)
-    assert "collision shapes cut back where parts pass each other" in sentences(check_report)
+    assert "collision shapes trimmed where parts pass each other" in sentences(check_report)
     coverage = [c for c in check_report.checks if c.name == "collision_coverage"]
     assert all(c.outcome == "passed" for c in coverage)
 
@@ -115,18 +115,18 @@ def test_a_way_ends_where_a_cut_mends_no_more_and_shapes_are_cut_before(tmp_path
     both = (old, sill + wall.removeprefix(old))
     source = written(tmp_path / "in", both)
     model = load_model(convert(source, tmp_path / "asset"))
-    (fault,) = sweep_joints(model).faults
-    pairs = {(met.one, met.other) for met in fault.way.meetings}
+    (violation,) = sweep_joints(model).violations
+    pairs = {(met.one, met.other) for met in violation.sweep.interferences}
     sweeper = Sweeper(model=model)
-    grazed = reach(sweeper, fault, pairs)[1]
-    barred = reach(sweeper, fault, pairs, lambda met: met.excess_m > 0.01)[1]
+    grazed = reach(sweeper, violation, pairs)[1]
+    barred = reach(sweeper, violation, pairs, lambda met: met.excess_m > 0.01)[1]
     assert grazed < 0.03  # the sill
     assert barred == pytest.approx(0.21, abs=5e-4)  # the plug, and 10 mm into it
     check_report = checked(source, tmp_path)
     assert check_report.verdict == "repaired", check_report.reasons
     assert 0.2 < check_report.joints[0].span < 0.215
-    assert "way of joint slide shortened to 0 to 0.21" in sentences(check_report)
-    assert "collision shapes cut back where parts pass each other" in sentences(check_report)
+    assert "travel of joint slide shortened to 0 to 0.21" in sentences(check_report)
+    assert "collision shapes trimmed where parts pass each other" in sentences(check_report)
 
 
 def walled(wall: float) -> tuple[str, str]:
@@ -150,7 +150,7 @@ def test_no_way_is_carved_through_a_wall(tmp_path, wall):
     out = (LIMIT, '<limit lower="0" upper="0.5"/>')
     check_report = checked(written(tmp_path / "in", walled(wall), inside, out), tmp_path)
     assert check_report.verdict == "rejected"
-    assert "cut back" not in sentences(check_report)
+    assert "trimmed" not in sentences(check_report)
     (reason,) = (reason for reason in check_report.reasons if reason.startswith("authored_overlap"))
     assert re.search(r"of slide: drawer goes [\d.]+ mm deeper into body at", reason)
 
@@ -165,7 +165,7 @@ def test_two_parts_that_both_reach_too_far_are_cut_by_half_each(tmp_path):
     assert check_report.verdict == "repaired", check_report.reasons
     assert check_report.joints[0].span == pytest.approx(0.3)
     assert (
-        len(re.findall("collision shapes cut back where parts pass", sentences(check_report))) == 2
+        len(re.findall("collision shapes trimmed where parts pass", sentences(check_report))) == 2
     )
 
 
@@ -202,7 +202,7 @@ def test_far_too_heavy_and_given_masses_stay_and_are_refused(tmp_path, given):
     inertial = f"<inertial>{mass}</inertial>" if given else ""
     check_report = checked(hatch(tmp_path / "in", 0.1 if given else 0.6, inertial), tmp_path)
     assert check_report.verdict == "rejected"
-    assert any(reason.startswith("close of slide") for reason in check_report.reasons)
+    assert any(reason.startswith("closing of slide") for reason in check_report.reasons)
     assert "spring" not in sentences(check_report)
 
 
@@ -221,7 +221,7 @@ def test_weight_on_a_joint_is_that_of_its_closed_form(tmp_path):
 def test_what_already_passes_is_left_as_it_is(tmp_path):
     check_report = checked(written(tmp_path / "in"), tmp_path)
     assert check_report.verdict != "rejected", check_report.reasons
-    assert "cut back" not in sentences(check_report)
+    assert "trimmed" not in sentences(check_report)
     assert "shortened" not in sentences(check_report)
 
 
@@ -248,13 +248,13 @@ def test_a_proven_asset_comes_from_the_cache_the_second_time(tmp_path, monkeypat
     path = written(tmp_path / "in", plug(0.2))
     asset = load_checked_asset(path, tmp_path / "cache")
     assert asset.joint("slide").open == pytest.approx(0.2, abs=0.01)
-    monkeypatch.setattr("articulate.preparation.prepare.prove", None)
+    monkeypatch.setattr("articulate.preparation.prepare.run_checks", None)
     assert load_checked_asset(path, tmp_path / "cache") == asset
 
 
 def test_a_refused_asset_is_no_asset(tmp_path):
     path = written(tmp_path / "in", plug(0.1))
-    with pytest.raises(AssetError, match=r"refused: sweep_authored of slide.*check-asset"):
+    with pytest.raises(AssetError, match=r"rejected: authored_overlap of slide.*check-asset"):
         load_checked_asset(path, tmp_path / "cache")
 
 
@@ -281,6 +281,4 @@ def test_what_no_hand_could_turn_and_weighs_nothing_is_refused_in_a_sentence(tmp
     </robot>""")
     check_report = checked(path, tmp_path)
     assert check_report.verdict == "rejected"
-    assert any("away from its axis" in reason for reason in check_report.reasons), (
-        check_report.reasons
-    )
+    assert any("are on its axis" in reason for reason in check_report.reasons), check_report.reasons

@@ -89,30 +89,30 @@ def test_next_to_nothing_is_nothing():
 
 
 def test_a_cut_within_the_tolerance_costs_nothing():
-    offer = Part(body(BOX)).offer(0, rest(0.0025))
-    assert offer.allowed
-    assert offer.lost == 0.0
-    assert offer.removed_m3 == pytest.approx(0.2 * 0.1 * 0.0025)
+    evaluate = Part(body(BOX)).evaluate(0, rest(0.0025))
+    assert evaluate.allowed
+    assert evaluate.lost == 0.0
+    assert evaluate.removed_m3 == pytest.approx(0.2 * 0.1 * 0.0025)
 
 
 def test_a_cut_that_bares_what_is_seen_is_refused():
-    offer = Part(body(BOX)).offer(0, rest(0.01))
-    assert offer.lost > 0.3  # the top and a quarter of the sides
-    assert not offer.allowed
+    evaluate = Part(body(BOX)).evaluate(0, rest(0.01))
+    assert evaluate.lost > 0.3  # the top and a quarter of the sides
+    assert not evaluate.allowed
 
 
 def test_what_is_left_is_no_thin_slice_unless_the_shape_was_one():
     slab = replace(BOX, half=(0.1, 0.05, 0.005))
     top = np.array([0.0, 0.0, 1.0])
-    offer = Part(body(slab)).offer(0, (left(slab, top, 0.008), left(slab, -top, 0.008)))
-    assert offer.rest == ()  # though all that is seen has a slice beside it
-    assert not offer.allowed
-    assert Part(body(slab)).offer(0, (left(slab, top, 0.0028),)).allowed
+    evaluate = Part(body(slab)).evaluate(0, (left(slab, top, 0.008), left(slab, -top, 0.008)))
+    assert evaluate.rest == ()  # though all that is seen has a slice beside it
+    assert not evaluate.allowed
+    assert Part(body(slab)).evaluate(0, (left(slab, top, 0.0028),)).allowed
     sheet = Shape(kind="box", T_ps=BOX.T_ps, half=(0.1, 0.05, 0.001))
     part = Part(body(sheet))
-    assert part.offer(0, (left(sheet, np.array([1.0, 0.0, 0.0]), 0.0028),)).allowed
-    assert part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.0013),)).rest
-    assert not part.offer(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.00145),)).rest
+    assert part.evaluate(0, (left(sheet, np.array([1.0, 0.0, 0.0]), 0.0028),)).allowed
+    assert part.evaluate(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.0013),)).rest
+    assert not part.evaluate(0, (left(sheet, np.array([0.0, 0.0, 1.0]), 0.00145),)).rest
 
 
 def test_an_edge_may_go_but_no_way_through_a_wall():
@@ -125,20 +125,20 @@ def test_an_edge_may_go_but_no_way_through_a_wall():
         )
     ]  # fmt: skip
     part = Part(body(wall))
-    offer = part.offer(0, tuple(around))  # but for 200 by 200 mm
-    assert offer.lost < 0.04
-    assert offer.bared
-    assert not part.offer(0, (left(wall, np.array([1.0, 0.0, 0.0]), 0.015),)).bared
+    evaluate = part.evaluate(0, tuple(around))  # but for 200 by 200 mm
+    assert evaluate.lost < 0.04
+    assert evaluate.bared
+    assert not part.evaluate(0, (left(wall, np.array([1.0, 0.0, 0.0]), 0.015),)).bared
 
 
 def test_what_another_shape_covers_is_not_lost():
     other = Shape(kind="box", T_ps=pose((0.1, 0.0, 0.015)), half=(0.1, 0.05, 0.005))
     part = Part(body(BOX, other))
-    offer = part.offer(0, rest(0.01))
-    assert offer.lost == 0.0
-    part.take(offer)
-    part.tidy()
-    assert len(part.done().shapes) == 2
+    evaluate = part.evaluate(0, rest(0.01))
+    assert evaluate.lost == 0.0
+    part.apply(evaluate)
+    part.remove_empty()
+    assert len(part.trimmed_body().shapes) == 2
     assert part.cuts == {0}
 
 
@@ -156,23 +156,23 @@ def test_an_offer_costs_what_counting_all_points_again_says(normal, depth):
         mesh = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces)
         away = trimesh.proximity.closest_point(mesh, points)[1]
         near |= (away <= part.near_m) | (shape.outside(points) <= 0.0)
-    offer = part.offer(0, () if piece is None else (piece,))
-    assert offer.lost == pytest.approx(float((before & ~near).mean()), abs=0.0021)
+    evaluate = part.evaluate(0, () if piece is None else (piece,))
+    assert evaluate.lost == pytest.approx(float((before & ~near).mean()), abs=0.0021)
 
 
 def test_the_only_shape_of_a_part_never_goes():
     part = Part(body(Shape(kind="box", T_ps=np.eye(4), half=(0.001, 0.001, 0.001))))
-    assert not part.offer(0, ()).allowed
+    assert not part.evaluate(0, ()).allowed
 
 
 def test_going_back_forgets_shapes_that_were_to_go():
     other = Shape(kind="box", T_ps=BOX.T_ps, half=(0.05, 0.02, 0.01))
     part = Part(body(BOX, other))
     state = part.state()
-    part.take(part.offer(1, ()))
+    part.apply(part.evaluate(1, ()))
     part.restore(state)
-    part.tidy()
-    assert part.done().shapes == (BOX, other)
+    part.remove_empty()
+    assert part.trimmed_body().shapes == (BOX, other)
 
 
 def test_a_shape_carved_out_of_another_leaves_pieces_around_it():
@@ -198,10 +198,10 @@ def test_a_shape_inside_another_leaves_nothing():
 def test_a_part_goes_back_to_an_earlier_state():
     part = Part(body(BOX))
     state = part.state()
-    part.take(part.offer(0, rest(0.002)))
+    part.apply(part.evaluate(0, rest(0.002)))
     assert part.cut_count == 1
     part.restore(state)
-    assert part.done().shapes == (BOX,)
+    assert part.trimmed_body().shapes == (BOX,)
     assert part.cut_count == 0
     assert not part.cuts
-    assert isinstance(part.done().shapes[0].mesh, trimesh.Trimesh)
+    assert isinstance(part.trimmed_body().shapes[0].mesh, trimesh.Trimesh)
