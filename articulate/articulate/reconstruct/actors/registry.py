@@ -48,8 +48,8 @@ def make_actor(name: str) -> Actor:
         inspect.signature(kind).bind()
     except (TypeError, ValueError):
         raise ConfigError(
-            f"--actor {name}: {attribute} needs arguments; give a class or a function that "
-            "needs none"
+            f"--actor {name}: {attribute} has required or unknown arguments; give a class or a "
+            "function that needs none"
         ) from None
     made: Actor = kind()
     if not callable(getattr(made, "predict", None)):
