@@ -1,4 +1,4 @@
-"""Which bodies of one object never need to touch each other."""
+"""Find the pairs of bodies of one object whose contact is excluded."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ TOUCH_M = 0.001
 def contact_excludes(
     asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], folder: Path
 ) -> list[tuple[str, str]]:
-    """Pairs of bodies whose contact is left out.
+    """Return the pairs of bodies whose contact is excluded.
 
-    A moving part runs in guides that the collision shapes do not have, so it never touches the
-    body that it moves against, nor the fixed one. Two moving parts are left out if they touch
-    while everything is closed.
+    The collision shapes do not model the guides of a moving part, so its contact with its parent
+    and with the fixed body is excluded; that of two moving parts if they touch while all joints
+    are closed.
 
     Args:
         asset: For its joints.
         bodies: As they will be written.
-        mimics: Joints that follow.
-        folder: Holds ``meshes/`` already.
+        mimics: Joints that follow others.
+        folder: Folder that already has ``meshes/``.
 
     Raises:
         AssetError: MuJoCo does not accept the model.
@@ -47,7 +47,9 @@ def contact_excludes(
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
-        raise AssetError(f"{asset.name}: MuJoCo refuses the converted model: {reason}") from None
+        raise AssetError(
+            f"{asset.name}: MuJoCo does not accept the converted model: {reason}"
+        ) from None
     data = mujoco.MjData(model)
     for joint in asset.joints:
         address = model.joint(joint.name).qposadr[0]

@@ -1,4 +1,4 @@
-"""From a URDF or MJCF to an asset folder, whole or absent."""
+"""Convert a URDF, SDF or MJCF to an asset folder, atomically."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.assets.asset import Asset, Joint, Link, load_asset, save_asset
+from articulate.assets.check_report import Counts
 from articulate.conversion.contact_exclusions import contact_excludes
 from articulate.conversion.handles import handles_of
 from articulate.conversion.joints import Travel, box_volume_of, travel_of
@@ -42,9 +43,9 @@ from articulate.geometry.time_budget import UNLIMITED, Budget, OutOfTimeError
 from articulate.transforms import Array, inverse, matrix_to_quat
 
 MOST_NAMES = 6
-"""At most this many links are named in one sentence."""
+"""At most this many links are named in one message."""
 VERSION = "29"
-"""Enters every cache key; change it with anything that changes what is written."""
+"""Part of every cache key; change it with anything that changes the files written."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +63,7 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """How units of the source become the object frame in metres."""
+    """Transform from units of the source to the object frame in metres."""
 
     scale: float
     rule: str
@@ -71,12 +72,12 @@ class Placement:
 
 
 def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Asset:
-    """Make the asset folder ``out`` from ``source``.
+    """Convert ``source`` to the asset folder ``out``.
 
     Args:
-        source: URDF or MJCF file, or a folder that holds one.
-        out: Folder to write; replaced if it is an asset, refused if it is anything else.
-        config: What to do otherwise than by default.
+        source: URDF, SDF or MJCF file, or a folder with one.
+        out: Folder to write; it may be absent, empty or an asset, which is replaced.
+        config: Options.
 
     Raises:
         AssetError: The source cannot be read or made into an object.
@@ -89,7 +90,7 @@ def convert(source: Path, out: Path, config: ConvertConfig | None = None) -> Ass
 
 
 def read_input(path: Path, config: ConvertConfig) -> Reading:
-    """What the URDF or MJCF at ``path`` says, with its geometry.
+    """Read the URDF, SDF or MJCF at ``path`` with its geometry and joints.
 
     Raises:
         AssetError: It cannot be read, or nothing in it has geometry.
@@ -111,7 +112,7 @@ def _travels(
     config: ConvertConfig,
     repairs: Repairs,
 ) -> dict[str, Travel]:
-    """How far each part goes, by part."""
+    """Return the travel of each part by its name."""
     moving = [(part, part.joint) for part in parts if part.joint is not None]
     own = {
         joint.name: travel_of(
@@ -127,7 +128,7 @@ def _travels(
 def _without_empty(
     parts: tuple[Part, ...], geometry: Mapping[str, PartGeometry], source: SourceObject
 ) -> tuple[Part, ...]:
-    """The parts without moving leaves that have no geometry and lead no other part."""
+    """Return the parts without moving leaves that have no geometry and lead no other part."""
     kept = list(parts)
     while True:
         parents = {part.parent for part in kept}
@@ -146,9 +147,9 @@ def _without_empty(
 
 
 def input_key(reading: Reading, config: ConvertConfig) -> str:
-    """Content hash of all that an asset is made from: files, options, version of the converter.
+    """Return the content hash of files, options and version of the converter.
 
-    The names of the file and of its folder are hashed too: an asset says where it comes from.
+    The names of the file and of its folder are part of it, because an asset names its source.
     """
     digest = hashlib.sha256(f"convert {VERSION}\0".encode())
     options = dataclasses.asdict(config)
@@ -186,7 +187,7 @@ def placement_of(reading: Reading, config: ConvertConfig) -> Placement:
     high = np.max([box[1] for box in found], axis=0)
     longest = float((high - low).max())
     if longest <= 0.0:
-        raise AssetError(f"{reading.source.path}: all geometry lies in one point")
+        raise AssetError(f"{reading.source.path}: all geometry is in one point")
     scale, rule = scale_of(reading.source.path, config, longest)
     T_os = T_up.copy()
     T_os[:3, 3] = -scale * np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
@@ -200,8 +201,7 @@ def _scaled_pose(T: Array, scale: float) -> Array:
 
 
 Shaped = dict[tuple[str, int], tuple[tuple[Shape, ...], tuple[str, ...]]]
-"""Collision shapes of links, and what was said of them, by name and how often they were made
-finer."""
+"""Collision shapes of links and the messages about them, by name and number of refinements."""
 
 
 def build_asset(
@@ -211,16 +211,16 @@ def build_asset(
     hollow: Mapping[str, Array] | None = None,
     budget: Budget = UNLIMITED,
 ) -> tuple[Asset, list[Body], list[Mimic]]:
-    """The asset with its bodies and followers, not written yet.
+    """Build the asset with its bodies and mimics, without writing it.
 
     Args:
         reading: The source.
-        config: What to do otherwise than by default.
-        known: Shapes of an earlier call for the same reading; those of this one are added.
+        config: Options.
+        known: Shapes of an earlier call for the same reading; those of this call are added.
         hollow: Points (H, 3) in the cavities of links that no shape may fill [m], by link and
             in its frame.
-        budget: Time for links that are made finer than in an earlier call; what is not done by
-            then stays as it was made there.
+        budget: Time for links that are refined since an earlier call; those that take longer
+            keep their earlier shapes.
     """
     source = reading.source
     place = placement_of(reading, config)
@@ -266,7 +266,7 @@ def _bodies(
     hollow: Mapping[str, Array],
     budget: Budget,
 ) -> tuple[list[Body], dict[str, Array]]:
-    """Bodies in metres and their poses in the object frame with every joint at 0."""
+    """Return the bodies in metres and their poses (4, 4) in the object frame, joints at 0."""
     repairs = reading.source.repairs
     bodies: list[Body] = []
     T_ob: dict[str, Array] = {}
@@ -281,7 +281,7 @@ def _bodies(
             repairs.add(f"part {part.name}: {specks} visual pieces of next to no area left out")
         T_op = place.T_os @ _scaled_pose(part.T_sp, place.scale)
         members = tuple((link, _scaled_pose(T, place.scale)) for link, T in part.members)
-        if part.joint is None:  # the fixed body has the object frame for its own
+        if part.joint is None:  # the frame of the fixed body is the object frame
             geometry = geometry.moved(T_op)
             members = tuple((link, T_op @ T_pl) for link, T_pl in members)
             T_op = np.eye(4)
@@ -290,8 +290,8 @@ def _bodies(
             name = free_name("world_link", reading.source.links)
         names[part.name] = name
         shapes, messages = _shapes_of(name, geometry, config, known, hollow, budget)
-        for sentence in messages:
-            repairs.add(sentence)
+        for message in messages:
+            repairs.add(message)
         inertial = inertial_of(
             members,
             shapes,
@@ -308,11 +308,12 @@ def _bodies(
         armature = 0.0
         if travel is not None and parent is not None and part.joint is not None:
             preset = joint_preset(travel.kind, inertial.mass_kg)
-            said = part.joint.armature
-            armature = said if said and not rescaled else preset.armature
+            own = part.joint.armature
+            armature = own if own and not rescaled else preset.armature
             joint = _joint(part.joint.name, name, parent, travel, place.scale, T_op)
-            given = (part.joint.damping, part.joint.friction)
-            damping, friction = joint_dynamics(preset, *given, rescaled=rescaled)
+            damping, friction = joint_dynamics(
+                preset, part.joint.damping, part.joint.friction, rescaled=rescaled
+            )
             joint = replace(joint, damping=damping, frictionloss=friction)
         bodies.append(
             Body(
@@ -342,9 +343,9 @@ def _shapes_of(
     hollow: Mapping[str, Array],
     budget: Budget,
 ) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
-    """Shapes of a body, and what was changed for them, made once for each fineness.
+    """Return the shapes of a body and messages about them, computed once for each refinement.
 
-    Finer ones that are not done within ``budget`` are left at what they were.
+    Refinements that are not done within ``budget`` keep the earlier shapes.
     """
     key = (name, config.finer.count(name))
     if key not in known:
@@ -452,7 +453,7 @@ def _check_out(out: Path) -> None:
 
 
 def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], out: Path) -> Asset:
-    """Write everything beside ``out`` and move it there in one step.
+    """Write all files beside ``out`` and move them there in one step.
 
     Raises:
         UsageError: ``out`` cannot be written, or holds something other than an asset.
@@ -474,10 +475,31 @@ def write_asset(asset: Asset, bodies: Sequence[Body], mimics: Sequence[Mimic], o
         text = mjcf(asset.name, bodies, asset.handles, excludes, mimics)
         write_text(folder / "object.xml", text)
         save_asset(replace(asset, folder=folder))
-        written = load_asset(folder)  # in its place another writer's may follow it at once
+        written = load_asset(folder)  # another writer may replace it right after the move
         replace_directory(folder, out, beside)
     except OSError as error:
         raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     return replace(written, folder=out)
+
+
+def counts_of(source: SourceObject, asset: Asset) -> Counts:
+    """Count links, moving joints and geometry of ``source`` and of its ``asset``.
+
+    The numbers differ for reasons that ``asset.repairs`` names: links fixed together become one, a
+    mesh of several materials becomes several visuals, collision geometry is computed.
+    """
+    links = source.links.values()
+    return Counts(
+        links=(len(links), len(asset.links)),
+        joints=(sum(joint.kind != "fixed" for joint in source.joints), len(asset.joints)),
+        visuals=(
+            sum(len(link.visuals) for link in links),
+            sum(link.visuals for link in asset.links),
+        ),
+        collisions=(
+            sum(len(link.collisions) for link in links),
+            sum(link.collisions for link in asset.links),
+        ),
+    )

@@ -19,8 +19,8 @@ from articulate.transforms import Array, angle_between, inverse, normalised
 SNAP_RAD = 0.6
 """A hinge's opening direction is turned to an axis of the object within this angle [rad]."""
 ALL_ROUND = 1e-6
-"""A part whose outermost points lie on average this near to its axis, as a share of its radius,
-lies all round it."""
+"""Largest mean offset of the outermost points of a part from its axis, as a share of its radius,
+with which the part is symmetric about it."""
 UPRIGHT = 0.9
 """Cosine of the angle to the vertical from which an axis is taken for upright."""
 

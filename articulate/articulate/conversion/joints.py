@@ -163,8 +163,8 @@ def are_degrees(lower: float, upper: float) -> bool:
         return False
     if largest < MEANINGLESS["hinge"]:
         return _off_multiples(lower, 0.5) < 1e-9 and _off_multiples(upper, 0.5) < 1e-9
-    whole_numbers = float(lower).is_integer() and float(upper).is_integer()
-    return whole_numbers or max(_off_multiples(q, QUARTER) for q in (lower, upper)) > 2e-3
+    integers = float(lower).is_integer() and float(upper).is_integer()
+    return integers or max(_off_multiples(q, QUARTER) for q in (lower, upper)) > 2e-3
 
 
 def _off_multiples(value: float, unit: float) -> float:

@@ -1,4 +1,4 @@
-"""Joints that follow others: which do, and how far that takes them."""
+"""Resolve mimic joints and their travel."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from articulate.conversion.joints import Travel
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceJoint
 
-LEAST_WAY = 1e-6
-"""A follower that goes less far than this [rad, source units] is held and not moved."""
+MIN_TRAVEL = 1e-6
+"""A follower of less travel than this [rad, source units] keeps its limits."""
 Followed = tuple[str, float, float]
-"""Joint that is followed, multiplier, offset in units of the source."""
+"""Leading joint, multiplier, offset in units of the source."""
 
 
 def resolve_mimics(joints: Iterable[SourceJoint]) -> tuple[dict[str, Followed], dict[str, str]]:
-    """Whom each joint follows, and of those that cannot whom they were to follow, in words.
+    """Return the leader of each mimic joint, and of those without a valid leader the reason.
 
-    Nobody follows a joint that does not move, or himself over others. Who follows a follower
-    follows the one that leads both.
+    A leader must move, and must not follow the joint in turn. A joint that follows a follower is
+    given the leader of both.
 
     Args:
-        joints: All that move.
+        joints: All moving joints.
     """
     joints = tuple(joints)
     moving = {joint.name for joint in joints}
@@ -48,7 +48,7 @@ def resolve_mimics(joints: Iterable[SourceJoint]) -> tuple[dict[str, Followed], 
 
 
 def _by_the_first(joint: str, leads: Mapping[str, Followed]) -> Followed:
-    """The joint at the head of the chain that ``joint`` follows, with the whole way to it."""
+    """Return the first leader of the chain of ``joint``, with the composed factor and offset."""
     leader, multiplier, offset = leads[joint]
     while leader in leads:
         leader, further, start = leads[leader]
@@ -57,7 +57,7 @@ def _by_the_first(joint: str, leads: Mapping[str, Followed]) -> Followed:
 
 
 def _circular(joint: str, leaders: Mapping[str, str]) -> bool:
-    """Whether following leaders from ``joint`` leads back to it."""
+    """Return whether the chain of leaders of ``joint`` leads back to it."""
     seen = {joint}
     while joint in leaders:
         joint = leaders[joint]
@@ -70,12 +70,12 @@ def _circular(joint: str, leaders: Mapping[str, str]) -> bool:
 def apply_mimics(
     travels: Mapping[str, Travel], leads: Mapping[str, Followed], repairs: Repairs
 ) -> dict[str, Travel]:
-    """The travels with each follower closed and open where its leader is.
+    """Return the travels, each follower closed and open where its leader is.
 
     Args:
-        travels: How far each joint goes by its own limits, by joint.
-        leads: Whom each follower follows, none of them another follower.
-        repairs: Takes which followers are stopped by limits of their own.
+        travels: Travel of each joint by its limits.
+        leads: Leader of each follower, which is not a follower.
+        repairs: Receives the followers whose limits are smaller than their travel.
     """
     out = dict(travels)
     for name, (leader, multiplier, offset) in leads.items():
@@ -85,13 +85,13 @@ def apply_mimics(
 
 
 def _moved(name: str, own: Travel, leader: str, ends: list[float], repairs: Repairs) -> Travel:
-    """The travel of a follower between two ``ends``, as far as its own limits let it."""
+    """Return the travel of a follower between two ``ends``, within its limits."""
     low = -math.inf if own.lower is None else own.lower
     high = math.inf if own.upper is None else own.upper
     closed, far = (min(max(q, low), high) for q in ends)
-    if not LEAST_WAY <= abs(far - closed) < math.inf:  # infinite: a factor beyond all numbers
+    if not MIN_TRAVEL <= abs(far - closed) < math.inf:  # infinite: a factor beyond all numbers
         return own
-    if max(abs(closed - ends[0]), abs(far - ends[1])) > LEAST_WAY:
+    if max(abs(closed - ends[0]), abs(far - ends[1])) > MIN_TRAVEL:
         repairs.note(
             f"joint {name} would go from {ends[0]:.4g} to {ends[1]:.4g} with {leader}, and its "
             f"limits are {low:.4g} and {high:.4g}"

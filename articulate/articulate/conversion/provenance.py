@@ -1,4 +1,4 @@
-"""Where an object comes from and under which licence."""
+"""Source and licence of an object."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ PARTNET_LICENCE = (
     "PartNet-Mobility (SAPIEN) terms: research and education only, non-commercial, "
     "no redistribution"
 )
-"""Terms of the data set, whoever published the copy; sapien.ucsd.edu/about."""
+"""Terms of the data set, for every copy; sapien.ucsd.edu/about."""
 
 
 def origin_of(urdf: Path, config: ConvertConfig) -> tuple[str, str]:
-    """Source and licence: as asked for, as said beside the file, by data set, or ``"unknown"``."""
+    """Return source and licence: configured, in ``source.json``, of the data set, or unknown."""
     source, licence = urdf.name, "unknown"
     if is_normalised(urdf):
         source, licence = f"PartNet-Mobility {urdf.parent.resolve().name}", PARTNET_LICENCE
-    said = read_json_object(urdf.parent / ORIGIN_FILE)
-    words = {key: value for key, value in said.items() if isinstance(value, str) and value}
-    source, licence = words.get("source", source), words.get("licence", licence)
+    content = read_json_object(urdf.parent / ORIGIN_FILE)
+    texts = {key: value for key, value in content.items() if isinstance(value, str) and value}
+    source, licence = texts.get("source", source), texts.get("licence", licence)
     return source, licence if config.licence == "unknown" else config.licence

@@ -17,7 +17,7 @@ FRONTS = frozenset({"Dishwasher", "Microwave", "Oven", "Refrigerator", "Safe", "
 
 
 def parts_opening_upwards(asset: Asset) -> tuple[str, ...]:
-    """Return the links that suggest that the object lies on its back, if there are any.
+    """Return the links that indicate an object on its back, if there are any.
 
     These are doors and drawers, by name or by category, that open upwards about a level axis or
     along an upright one, while no other part opens sideways. A quarter turn would set the hinge

@@ -1,4 +1,4 @@
-"""Writing the asset: MJCF, canonical URDF and meshes, with fixed order and full digits."""
+"""Write the asset: MJCF, canonical URDF and meshes, with fixed order and full digits."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from articulate.transforms import Array, matrix_to_quat, matrix_to_rpy
 
 MOVED_M = 1e-12
 DRY = ' solimpfriction="0.9999 0.9999 0.001"'
-"""Makes dry friction hold: by default MuJoCo lets a joint of 0.8 kg creep at 21 mm/s under a third
-of the load that it is said to hold, and at 63 mm/s under nine tenths; so at 0.03 mm/s or less."""
+"""Stops creep under dry friction: by default MuJoCo lets a joint of 0.8 kg creep at 21 mm/s under a
+third of its frictionloss, and at 63 mm/s under nine tenths; with this at 0.03 mm/s or less."""
 SHORT = {"slide": 0.005, "hinge": 0.1}
-"""Of a way shorter than this [m or rad] even that is much ..."""
+"""For a travel shorter than this [m or rad] the remaining creep matters ..."""
 STIFF = ' solreffriction="0.004 1"'
-"""... and a fifth of it is not: as fast as MuJoCo lets friction be at steps of 2 ms."""
+"""... and a fifth of it does not: the shortest time constant of friction at steps of 2 ms."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """One part, ready to be written, in metres."""
+    """One part in its final form, in metres."""
 
     name: str
     parent: str | None
@@ -54,7 +54,7 @@ class Body:
 
 @dataclass(frozen=True, kw_only=True)
 class Mimic:
-    """A joint that follows another one."""
+    """A joint that follows another one, in units of the asset."""
 
     joint: str
     leader: str
@@ -63,18 +63,18 @@ class Mimic:
 
 
 def numbers(values: Sequence[float] | Array | float) -> str:
-    """Numbers with 12 significant digits, separated by blanks."""
+    """Format numbers with 12 significant digits, separated by spaces."""
     flat = np.atleast_1d(np.asarray(values, dtype=np.float64)).ravel()
     return " ".join(f"{v:.12g}" for v in np.where(np.abs(flat) < MOVED_M, 0.0, flat))
 
 
 def mesh_files(bodies: Sequence[Body]) -> dict[str, bytes]:
-    """Content of every mesh file by name, as OBJ."""
+    """Return the content of every mesh file by name, as OBJ."""
     return {name: obj_bytes(of.mesh) for name, of in _meshed(bodies).items()}
 
 
 def _meshed(bodies: Sequence[Body]) -> dict[str, Piece | Shape]:
-    """What has a mesh file, by its name."""
+    """Return the pieces and shapes that have a mesh file, by its name."""
     found: dict[str, Piece | Shape] = {}
     for b, body in enumerate(bodies):
         for i, piece in enumerate(body.visuals):
@@ -86,8 +86,8 @@ def _meshed(bodies: Sequence[Body]) -> dict[str, Piece | Shape]:
 
 
 def obj_bytes(mesh: trimesh.Trimesh) -> bytes:
-    """Vertices and triangles as OBJ text."""
-    if len(mesh.vertices) < 4:  # a single triangle: MuJoCo wants four corners
+    """Return vertices and triangles as OBJ text, in the units of the mesh."""
+    if len(mesh.vertices) < 4:  # a single triangle: MuJoCo needs four corners
         mesh = mesh.subdivide()
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     vertices = np.where(np.abs(vertices) < MOVED_M, 0.0, vertices)
@@ -103,7 +103,7 @@ def mjcf(
     excludes: Sequence[tuple[str, str]],
     mimics: Sequence[Mimic] = (),
 ) -> str:
-    """The object as MJCF text."""
+    """Return the object as MJCF text."""
     friction = numbers([SLIDING_FRICTION, TORSIONAL_FRICTION_M, ROLLING_FRICTION_M])
     lines = [
         f"<mujoco model={quoteattr(name)}>",
@@ -145,14 +145,14 @@ def mjcf(
 
 
 def _site_names(bodies: Sequence[Body], handles: Sequence[Handle]) -> dict[str, str]:
-    """Name of the site of each frame: its own, but for those that a handle is called."""
+    """Return the name of the site of each frame; handles keep theirs."""
     frames = [name for body in bodies for name, _ in body.frames]
-    held = {handle.name for handle in handles}
-    taken = held | set(frames)
+    handle_names = {handle.name for handle in handles}
+    used = handle_names | set(frames)
     names = {}
     for name in frames:
-        names[name] = free_name(name, taken) if name in held else name
-        taken.add(names[name])
+        names[name] = free_name(name, used) if name in handle_names else name
+        used.add(names[name])
     return names
 
 
@@ -258,10 +258,10 @@ def urdf(name: str, bodies: Sequence[Body], mimics: Sequence[Mimic] = ()) -> str
         for k, shape in enumerate(body.shapes):
             lines += ["    <collision>", *_urdf_shape(shape, b, k), "    </collision>"]
         lines.append("  </link>")
-    taken = {body.joint.name for body in bodies if body.joint is not None}
+    used = {body.joint.name for body in bodies if body.joint is not None}
     for body in bodies:
         for frame, T_bf in body.frames:
-            lines += _urdf_frame(body.name, frame, free_name(f"{frame}_fixed", taken), T_bf)
+            lines += _urdf_frame(body.name, frame, free_name(f"{frame}_fixed", used), T_bf)
         if body.joint is not None and body.axis_l is not None:
             lines += _urdf_joint(body, body.joint, body.axis_l, mimics)
     lines.append("</robot>")
@@ -286,7 +286,7 @@ def _urdf_shape(shape: Shape, b: int, k: int) -> list[str]:
 
 
 def _urdf_frame(body: str, frame: str, joint: str, T_bf: Array) -> list[str]:
-    """A link without mass, said aloud because PyBullet takes 1 kg where nothing is said."""
+    """Return a link with an explicit mass of 0: PyBullet uses 1 kg where there is none."""
     return [
         f"  <link name={quoteattr(frame)}>",
         '    <inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'

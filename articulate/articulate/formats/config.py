@@ -23,28 +23,28 @@ class ConvertConfig:
     up: Literal["z", "y"] = "z"
     """Axis of the file that points up."""
     category: str | None = None
-    """Category that decides presets; None: read from the source where it says so."""
+    """Category that decides presets; None: read from the source if it has one."""
     closed: ClosedChoice = "auto"
     """Closed position: a limit, or 0 inside the range; auto: the limit nearer to 0, and where 0
-    lies inside the range the position at which the part is most compact."""
+    is inside the range the position at which the part is most compact."""
     mesh_dirs: tuple[Path, ...] = ()
-    """Further folders in which meshes are looked for."""
+    """Further folders that are searched for meshes."""
     collada_up: Literal["auto", "file", "y"] = "auto"
-    """Whether COLLADA meshes with z up stand as they are or are turned to y up, as Assimp reads
-    them; auto: turned where leaves would turn in their own plane otherwise."""
+    """Rotation of COLLADA meshes with z up: none, or to y up as Assimp does; auto: to y up where
+    leaves would rotate in their plane otherwise."""
     allow_missing: bool = True
-    """Go on without an absent mesh where its link keeps other geometry."""
+    """Continue without a missing mesh where its link has other geometry."""
     max_geoms: int = 48
     """Largest number of collision geoms of one link."""
     finer: tuple[str, ...] = ()
-    """Links whose shapes may stray half as far as usual, and be twice as many; named twice, the
-    same once more."""
+    """Links whose shapes may deviate half as far, and be twice as many; once more for each time a
+    link is named."""
     decompose: bool = True
-    """Decompose concave pieces; False: take their convex hulls."""
+    """Decompose concave pieces; False: use their convex hulls."""
     decompose_s: float = 5.0
     """Time limit of one decomposition [s]."""
     cache_dir: Path | None = None
-    """Where decompositions are kept; None: nowhere."""
+    """Cache folder of decompositions; None: no cache."""
     licence: str = "unknown"
     """Licence of the object."""
     accept: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Joints of several degrees of freedom, written as hinges and slides between helper links."""
+"""Convert joints of several degrees of freedom to hinges and slides between helper links."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from articulate.formats.source_object import SourceJoint, SourceLink, SourceObje
 from articulate.transforms import Array, normalised
 
 PLANAR_REACH = 0.5
-"""A planar joint without limits goes this far either way, in units of the source."""
+"""Travel of a planar joint without limits, to both sides, in units of the source."""
 
 
 def decompose_joints(source: SourceObject) -> SourceObject:
-    """The same object with hinges, slides and fixed joints alone.
+    """Return the object with hinges, slides and fixed joints only.
 
-    A planar joint becomes two slides and a turn, a screw a turn and a slide that follows it. A
-    floating joint is held where it is: what lies loose is no articulation.
+    A planar joint becomes two slides and a hinge, a screw a hinge and a slide that follows it. A
+    floating joint is fixed: a loose part is not articulated.
 
     Raises:
         AssetError: An axis is zero.
@@ -42,9 +42,9 @@ def _planar(
     joint: SourceJoint, source: SourceObject, links: dict[str, SourceLink], names: set[str]
 ) -> list[SourceJoint]:
     limited = joint.lower is not None or joint.upper is not None
-    reach = "its limits" if limited else f"{PLANAR_REACH:g} either way, for it had no limits"
+    reach = "its limits" if limited else f"{PLANAR_REACH:g} to both sides, for it had no limits"
     source.repairs.note(
-        f"joint {joint.name} is planar: two slides and a turn through helper links; {reach}"
+        f"joint {joint.name} is planar: two slides and a hinge through helper links; {reach}"
     )
     lower = joint.lower if limited else -PLANAR_REACH
     upper = joint.upper if limited else PLANAR_REACH
@@ -73,7 +73,7 @@ def _screw(
     joint: SourceJoint, source: SourceObject, links: dict[str, SourceLink], names: set[str]
 ) -> list[SourceJoint]:
     if not joint.pitch:
-        source.repairs.add(f"joint {joint.name} is a screw without a pitch: it turns in place")
+        source.repairs.add(f"joint {joint.name} is a screw without a pitch: it only turns")
         kind = "continuous" if joint.lower is None and joint.upper is None else "revolute"
         return [replace(joint, kind=kind)]
     lower, upper = joint.lower or 0.0, joint.upper or 0.0
@@ -81,8 +81,8 @@ def _screw(
         lower, upper = 0.0, 2.0 * math.pi
         source.repairs.add(f"joint {joint.name} is a screw without limits: one turn")
     source.repairs.note(
-        f"joint {joint.name} is a screw: a turn, and a slide of {joint.pitch:g} for each turn that "
-        "follows it through a helper link"
+        f"joint {joint.name} is a screw: a hinge, and a slide of {joint.pitch:g} for each turn "
+        "that follows it through a helper link"
     )
     rate = joint.pitch / (2.0 * math.pi)
     helper = _helper(f"{joint.child}_slide", links)
@@ -105,9 +105,7 @@ def _screw(
 def _floating(
     joint: SourceJoint, source: SourceObject, links: dict[str, SourceLink], names: set[str]
 ) -> list[SourceJoint]:
-    source.repairs.add(
-        f"joint {joint.name} is floating: link {joint.child} lies loose and is held where it is"
-    )
+    source.repairs.add(f"joint {joint.name} is floating: link {joint.child} is fixed at its pose")
     return [replace(joint, kind="fixed")]
 
 
@@ -115,7 +113,10 @@ _KINDS = {"planar": _planar, "screw": _screw, "floating": _floating}
 
 
 def plane_axes(normal: Array) -> tuple[Array, Array]:
-    """The x and y axes turned with z onto the unit vector ``normal`` by the shortest way."""
+    """Return the x and y axes (3,), turned with z onto the unit vector ``normal`` (3,).
+
+    The rotation is the smallest one.
+    """
     z = np.array([0.0, 0.0, 1.0])
     cross, cosine = np.cross(z, normal), float(normal[2])
     if cosine < -1.0 + 1e-9:

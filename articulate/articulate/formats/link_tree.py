@@ -1,4 +1,4 @@
-"""From links and joints to rigid parts: what is fixed together becomes one body."""
+"""Join links that are fixed together to rigid parts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from articulate.errors import AssetError, nearest
+from articulate.errors import AssetError, nearest, quote
 from articulate.formats.repairs import Repairs
 from articulate.formats.source_object import SourceJoint, SourceLink, SourceObject
 from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
@@ -15,10 +15,10 @@ from articulate.transforms import Array, axis_angle_to_matrix, normalised, pose
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Links that never move against each other."""
+    """Links that are rigidly connected."""
 
     name: str
-    """Link that gives the part its name and, but for the root, its frame."""
+    """Name of the link whose frame is that of the part; of the root the first with geometry."""
     parent: str | None
     """Name of the parent part."""
     joint: SourceJoint | None
@@ -32,7 +32,7 @@ class Part:
 
 
 def build_parts(source: SourceObject) -> tuple[Part, ...]:
-    """Rigid parts, parents first; the first is the fixed root.
+    """Return the rigid parts, parents first; the first is the fixed root.
 
     Raises:
         AssetError: A joint names an unknown link, a link has two parents, or there is a cycle.
@@ -44,13 +44,13 @@ def build_parts(source: SourceObject) -> tuple[Part, ...]:
         for link in (joint.parent, joint.child):
             if link not in source.links:
                 raise AssetError(
-                    f"{joint.where}: joint {joint.name!r} names link {link!r}, which does not exist"
-                    f"{nearest(link, source.links)}"
+                    f"{joint.where}: joint {quote(joint.name)} names link {quote(link)}, which does "
+                    f"not exist{nearest(link, source.links)}"
                 )
         if joint.child in parent_of:
             raise AssetError(
-                f"{joint.where}: link {joint.child!r} has two parents, joints "
-                f"{parent_of[joint.child].name!r} and {joint.name!r}"
+                f"{joint.where}: link {quote(joint.child)} has two parents, joints "
+                f"{quote(parent_of[joint.child].name)} and {quote(joint.name)}"
             )
         parent_of[joint.child] = joint
         by_parent.setdefault(joint.parent, []).append(joint)
@@ -61,7 +61,7 @@ def build_parts(source: SourceObject) -> tuple[Part, ...]:
     seen = sum(len(part.members) for part in parts)
     if seen != len(source.links):
         raise AssetError(
-            f"{source.path}: {len(source.links) - seen} links hang on a cycle of joints"
+            f"{source.path}: {len(source.links) - seen} links are part of a cycle of joints"
         )
     return _rooted(parts)
 
@@ -111,7 +111,7 @@ def _walk(
 
 
 def _rooted(parts: list[Part]) -> tuple[Part, ...]:
-    """The parts with the root called after the first of its links that has geometry."""
+    """Return the parts with the root named after the first of its links that has geometry."""
     root = parts[0]
     named = next((link.name for link, _ in root.members if link.visuals or link.collisions), None)
     if named is None or named == root.name:
@@ -121,19 +121,21 @@ def _rooted(parts: list[Part]) -> tuple[Part, ...]:
 
 
 def unit_axis(joint: SourceJoint) -> Array:
-    """Unit axis in the frame of the child (3,).
+    """Return the unit axis (3,) in the frame of the child.
 
     Raises:
         AssetError: It is zero.
     """
     axis = np.array(joint.axis)
     if np.linalg.norm(axis) < 1e-6:
-        raise AssetError(f"{joint.where}: joint {joint.name!r} has a zero axis; give its direction")
+        raise AssetError(
+            f"{joint.where}: joint {quote(joint.name)} has a zero axis; give its direction"
+        )
     return normalised(axis)
 
 
 def motion(joint: SourceJoint, q: float) -> Array:
-    """Pose (4, 4) of the child moved to ``q`` in the child's frame at 0, in source units."""
+    """Return the pose (4, 4) of the child at position ``q`` in its frame at 0, in source units."""
     axis = unit_axis(joint)
     if joint.kind == "prismatic":
         return pose(q * axis)
@@ -141,7 +143,10 @@ def motion(joint: SourceJoint, q: float) -> Array:
 
 
 def poses_at(parts: tuple[Part, ...], q: Mapping[str, float]) -> dict[str, Array]:
-    """Pose of each part in the URDF's root frame with the joints at ``q``, in source units."""
+    """Return the pose (4, 4) of each part in the root frame with the joints at ``q``.
+
+    Lengths are in source units, angles in radians.
+    """
     poses: dict[str, Array] = {}
     for part in parts:
         if part.joint is None or part.parent is None:

@@ -1,4 +1,4 @@
-"""Loading geometry: every format becomes plain triangles in the frame of a part."""
+"""Load geometry of any format as plain triangles in the frame of a part."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from articulate.errors import AssetError
+from articulate.errors import AssetError, quote
 from articulate.formats.collada import is_z_up
 from articulate.formats.config import ConvertConfig
 from articulate.formats.link_tree import Part
@@ -21,9 +21,9 @@ from articulate.formats.textures import mean_colour
 from articulate.transforms import Array
 
 LEAST_AREA_M2 = 1e-9
-"""Pieces of a smaller area are left out: a speck of 0.03 mm [m2]."""
+"""Pieces of a smaller area are left out: 0.03 mm wide [m2]."""
 SAME_DECIMALS = 4
-"""Poses that are alike to so many digits are one place: files write angles as 1.5708."""
+"""Poses equal to this many digits are the same: files write angles as 1.5708."""
 GREY = (0.7, 0.7, 0.7, 1.0)
 
 
@@ -32,7 +32,7 @@ class Piece:
     """One visual or collision element as triangles in the frame of its part."""
 
     name: str
-    """Names it goes by: link, element, file, groups, separated by blanks."""
+    """Names of link, element, file and groups, separated by spaces."""
     mesh: trimesh.Trimesh
     rgba: tuple[float, float, float, float] = GREY
     primitive: SourceGeometry | None = None
@@ -43,7 +43,7 @@ class Piece:
     """Number of the link's visual or collision element that it comes from."""
 
     def scaled(self, factor: float) -> Piece:
-        """The same piece, ``factor`` times as large about the origin of its part."""
+        """Return the piece scaled by ``factor`` about the origin of its part."""
         mesh = self.mesh.copy()
         mesh.apply_scale(factor)
         primitive = self.primitive
@@ -55,7 +55,7 @@ class Piece:
         return replace(self, mesh=mesh, primitive=primitive)
 
     def moved(self, T: Array) -> Piece:
-        """The same piece, moved by the rigid transform ``T`` (4, 4)."""
+        """Return the piece moved by the rigid transform ``T`` (4, 4)."""
         mesh = self.mesh.copy()
         mesh.apply_transform(T)
         primitive = self.primitive
@@ -66,20 +66,20 @@ class Piece:
 
 @dataclass(frozen=True, kw_only=True)
 class PartGeometry:
-    """Everything that a part shows and touches with."""
+    """Visual and collision geometry of a part."""
 
     visuals: tuple[Piece, ...]
     collisions: tuple[Piece, ...]
     collides_as_seen: bool
-    """The collision elements are the visual ones in the same places, or there are none."""
+    """True if the collision elements are the visual ones at the same poses, or absent."""
 
     @property
     def visible(self) -> tuple[Piece, ...]:
-        """The visual pieces, or the collision pieces where nothing is to be seen."""
+        """The visual pieces, or the collision pieces where there are none."""
         return self.visuals or self.collisions
 
     def scaled(self, factor: float) -> PartGeometry:
-        """The same geometry, ``factor`` times as large."""
+        """Return the geometry scaled by ``factor``, without specks."""
         return PartGeometry(
             visuals=_large(p.scaled(factor) for p in self.visuals),
             collisions=_large(p.scaled(factor) for p in self.collisions),
@@ -87,7 +87,7 @@ class PartGeometry:
         )
 
     def moved(self, T: Array) -> PartGeometry:
-        """The same geometry, moved by ``T`` (4, 4)."""
+        """Return the geometry moved by ``T`` (4, 4)."""
         return PartGeometry(
             visuals=tuple(p.moved(T) for p in self.visuals),
             collisions=tuple(p.moved(T) for p in self.collisions),
@@ -96,23 +96,23 @@ class PartGeometry:
 
 
 def _sameness(element: SourceGeometry) -> tuple[object, ...]:
-    """What two elements have in common that are the same geometry in the same place."""
+    """Return a key that is equal for the same geometry at the same pose."""
     place = tuple(np.round(element.T_lg, SAME_DECIMALS).ravel().tolist())
     own = None if element.triangles is None else element.triangles.tobytes()
     return (element.kind, element.filename, element.size, element.scale, own, place)
 
 
 def _large(pieces: Iterable[Piece]) -> tuple[Piece, ...]:
-    """The pieces that have an area worth the name."""
+    """Return the pieces that are more than specks."""
     return tuple(piece for piece in pieces if piece.mesh.area > LEAST_AREA_M2)
 
 
 class Loader:
-    """Reads each mesh file once.
+    """Load the geometry of an object, each mesh file once.
 
     Args:
         source: The object.
-        config: Where meshes are looked for, and what is done without them.
+        config: Folders of meshes, and whether they may be missing.
         y_up: Turn COLLADA meshes with z up to y up.
     """
 
@@ -126,7 +126,7 @@ class Loader:
         self._cache: dict[Path, list[Group]] = {}
 
     def part(self, part: Part) -> PartGeometry:
-        """Geometry of one part.
+        """Load the geometry of one part.
 
         Raises:
             AbsentMesh: A mesh is absent and its link has nothing else.
@@ -189,24 +189,24 @@ class Loader:
             return []
         self.files[element.filename] = path
         if found_elsewhere(element.filename, self.source.path, path):
-            said, at = element.filename, _short(path, self.source.path)
-            self.source.repairs.add(f"mesh {said!r} was found at {at}")
-        painted = self._painted(element)
+            at = _short(path, self.source.path)
+            self.source.repairs.add(f"mesh {quote(element.filename)} was found at {at}")
+        painted = self._texture_colour(element)
         pieces = []
         for group, mesh, colour in loaded:
             vertices = mesh.vertices * np.array(element.scale)
             faces = mesh.faces
             if np.prod(element.scale) < 0.0:
                 faces = faces[:, ::-1]
-                self.source.repairs.add(f"mirrored mesh {path.name}: winding turned back")
+                self.source.repairs.add(f"mirrored mesh {path.name}: face orientation reversed")
             copy = trimesh.Trimesh(trimesh.transform_points(vertices, T_pg), faces, process=False)
             rgba = element.rgba or (_four(colour) if colour else painted) or GREY
             names = f"{link} {element.name} {path.stem} {group}"
             pieces.append(Piece(name=names, mesh=copy, rgba=rgba, link=link))
         return pieces
 
-    def _painted(self, element: SourceGeometry) -> tuple[float, float, float, float] | None:
-        """Mean colour of the picture that the element names, if there is one."""
+    def _texture_colour(self, element: SourceGeometry) -> tuple[float, float, float, float] | None:
+        """Return the mean colour of the image that the element names, if there is one."""
         if not element.texture or element.rgba:
             return None
         try:
@@ -251,7 +251,10 @@ def _primitive(element: SourceGeometry) -> trimesh.Trimesh:
 
 
 def bounds(geometry: PartGeometry, T: Array) -> NDArray[np.float64] | None:
-    """Lowest and highest corner (2, 3) of what the part shows, moved by ``T`` (4, 4)."""
+    """Return the lowest and highest corner (2, 3) of the visible pieces, moved by ``T`` (4, 4).
+
+    Lengths are in the units of the geometry.
+    """
     corners = [trimesh.transform_points(piece.mesh.vertices, T) for piece in geometry.visible]
     if not corners:
         return None
@@ -264,7 +267,7 @@ def bounds(geometry: PartGeometry, T: Array) -> NDArray[np.float64] | None:
 
 
 def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """One mesh of the triangles of all, in their order."""
+    """Return one mesh of all triangles, in their order."""
     offsets = np.cumsum([0, *[len(mesh.vertices) for mesh in meshes]])[:-1]
     faces = [np.asarray(m.faces) + o for m, o in zip(meshes, offsets, strict=True)]
     vertices = [np.asarray(mesh.vertices) for mesh in meshes]

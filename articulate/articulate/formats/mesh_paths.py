@@ -1,4 +1,4 @@
-"""Finding the mesh that a URDF means."""
+"""Find the file that a reference in a URDF, SDF or MJCF means."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from articulate.errors import AssetError
+from articulate.errors import AssetError, quote
 
 
 class MissingMesh(AssetError):  # noqa: N818  # a kind of AssetError, which has the word
-    """A mesh that was looked for and is not there; it may come."""
+    """A mesh that was not found; it may be added later."""
 
 
 PARENTS = 4
-"""How many folders above the URDF are tried for ``package://`` names."""
+"""Folders above the URDF that are searched for ``package://`` names."""
 
 
 def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Path:
-    """The file that ``reference`` names.
+    """Return the file that ``reference`` names.
 
     ``package://``, ``model://``, ``file://``, relative, absolute and Windows paths are
     understood; case is ignored where no file matches exactly.
 
     Args:
-        reference: What stands in ``filename``.
-        urdf: File in which it stands.
+        reference: Value of ``filename`` or ``uri``.
+        urdf: File that contains it.
         mesh_dirs: Further folders to look in.
 
     Raises:
@@ -42,25 +42,25 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
     where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
     raise MissingMesh(
-        f"mesh {reference!r} not found; looked in {where}{ros}. Put it there, "
+        f"mesh {quote(reference)} not found; looked in {where}{ros}. Put it there, "
         "or name its folder: check-asset --mesh-dirs FOLDER, whose --out train takes"
     )
 
 
 def found_elsewhere(reference: str, urdf: Path, found: Path) -> bool:
-    """Whether ``found`` is not where ``reference`` says; a package may lie anywhere."""
+    """Return whether ``found`` is not at ``reference``; a package may be anywhere."""
     text, packaged = _plain(reference)
     if packaged:
         return not found.as_posix().endswith("/".join(PurePosixPath(text).parts[1:]))
-    said = Path(text) if PurePosixPath(text).is_absolute() else urdf.parent / text
+    expected = Path(text) if PurePosixPath(text).is_absolute() else urdf.parent / text
     try:
-        return not (said.is_file() and said.samefile(found))
+        return not (expected.is_file() and expected.samefile(found))
     except OSError:
         return True
 
 
 def _plain(reference: str) -> tuple[str, bool]:
-    """``reference`` as a path with slashes, and whether its first part names a package."""
+    """Return a path with slashes, and whether its first part names a package."""
     text = unquote(reference.strip()).replace("\\", "/")
     packaged = False
     for scheme in ("package://", "model://"):
@@ -103,7 +103,7 @@ def _candidates(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...]) -> Iter
 
 
 def _existing(path: Path) -> Path | None:
-    """``path`` itself, or the only one that differs in case."""
+    """Return ``path``, or the only file whose name differs in case."""
     try:
         if path.is_file():
             return path

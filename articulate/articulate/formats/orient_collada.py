@@ -1,9 +1,9 @@
-"""Which way is up in COLLADA meshes.
+"""Orient COLLADA meshes by the joints that move them.
 
-A COLLADA file says which of its axes points up. ROS takes the coordinates as they are. The
-importer Assimp, which Isaac Gym and others read meshes with, turns every scene so that y points
-up, and objects assembled with it hang their meshes on links whose y axis is the upright one. Taken
-as they are, the leaves of their doors then turn in their own plane.
+A COLLADA file declares its upward axis. ROS ignores it. The importer Assimp, which Isaac Gym and
+others use, rotates every scene so that y points up, and objects assembled with it attach meshes to
+links whose y axis is vertical. Read as in ROS, the leaves of their doors then rotate in their
+plane.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from articulate.formats.source_object import SourceObject
 from articulate.transforms import Array, normalised
 
 LEAF_SHARE = 0.35
-"""A leaf is at most this share of its breadth thick."""
+"""Largest thickness of a leaf, as a share of its breadth."""
 EDGE_SHARE = 0.4
-"""Its axis lies at least this share of its breadth from its middle."""
+"""Smallest distance of its axis from its middle, as a share of its breadth."""
 UPRIGHT = math.cos(math.radians(10.0))
-"""Cosine of the most by which a link's y axis leans where it is called upright."""
+"""Cosine of the largest tilt of a vertical y axis of a link."""
 COLLADA = ".dae"
 HINGES = ("revolute", "continuous")
 TURNED = (
     "COLLADA meshes turned from z up to y up, as Assimp reads them: the y axis of their links "
-    "points up, and as the files stand the leaf of {names} would turn in its own plane"
+    "points up, and without this the leaf of {names} would rotate in its plane"
 )
 
 
 def make_loader(source: SourceObject, config: ConvertConfig) -> Loader:
-    """What reads the geometry of an object, COLLADA meshes the way up that fits its joints.
+    """Return a loader whose COLLADA meshes are oriented by the joints of the object.
 
     Args:
-        source: The object; of what is found out about it only that meshes were turned is noted.
-        config: Where meshes are looked for, and which way is up if that is known.
+        source: The object; its repairs only receive that meshes were turned.
+        config: Folders of meshes, and the upward axis if it is known.
 
     Raises:
-        AssetError: It has COLLADA meshes, and a mesh cannot be read or its links are no tree.
+        AssetError: It has COLLADA meshes, and a mesh cannot be read or its links form no tree.
     """
     elements = [e for link in source.links.values() for e in (*link.visuals, *link.collisions)]
     if not any((element.filename or "").lower().endswith(COLLADA) for element in elements):
@@ -53,15 +53,15 @@ def make_loader(source: SourceObject, config: ConvertConfig) -> Loader:
     loader, _ = load_parts(source, build_parts(decompose_joints(source)), config)
     turned = [s for s in source.repairs.messages if s.startswith(TURNED[:40]) and s not in before]
     source.repairs.restore(before)
-    for sentence in turned:
-        source.repairs.add(sentence)
+    for message in turned:
+        source.repairs.add(message)
     return loader
 
 
 def load_parts(
     source: SourceObject, parts: Sequence[Part], config: ConvertConfig
 ) -> tuple[Loader, dict[str, PartGeometry]]:
-    """Geometry of the parts, and what read it; COLLADA meshes the way up that fits the joints.
+    """Load the geometry of the parts, COLLADA meshes oriented by the joints.
 
     Raises:
         AssetError: A mesh is absent or unreadable and its link has nothing else.
@@ -86,14 +86,14 @@ def load_parts(
 
 
 def has_y_up(parts: Sequence[Part]) -> bool:
-    """Whether the y axis of every link that does not move points up in the root's frame."""
+    """Return whether the y axis of every fixed link points up in the frame of the root."""
     root = parts[0]
     seen = [root.T_sp @ T for link, T in root.members if link.visuals or link.collisions]
     return bool(seen) and all(float(T_sl[2, 1]) >= UPRIGHT for T_sl in seen)
 
 
 def leaves_in_plane(parts: Sequence[Part], geometry: Mapping[str, PartGeometry]) -> tuple[str, ...]:
-    """Names of the hinges that turn a flat part in its own plane, about its edge."""
+    """Return the names of hinges that rotate a flat part in its plane, about its edge."""
     return tuple(
         part.joint.name
         for part in parts
@@ -109,7 +109,7 @@ def _corners(geometry: PartGeometry) -> Array:
 
 
 def _turns_in_plane(axis: Sequence[float], corners: Array) -> bool:
-    """Whether ``corners`` (N, 3), in the frame of the joint, are a leaf across its ``axis``."""
+    """Return whether ``corners`` (N, 3) in the joint's frame are a leaf across its ``axis``."""
     along = normalised(np.asarray(axis, dtype=np.float64))
     across = np.linalg.svd(along[None])[2][1:]
     flat = corners @ across.T

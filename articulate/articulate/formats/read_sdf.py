@@ -271,11 +271,11 @@ class _Reader:
         other.repairs = self.repairs
         model, version = other.top_model()
         for key in ("pose", "name"):
-            given = child_of(element, key)
-            if given is not None:
+            new = child_of(element, key)
+            if new is not None:
                 for old in children_of(model, key):
                     model.remove(old)
-                model.insert(0, given)
+                model.insert(0, new)
         if element.get("placement_frame") or child_of(element, "placement_frame") is not None:
             model.set("placement_frame", "?")
         name = _text(model, "name") or _name(model, file)
@@ -349,10 +349,10 @@ class _Reader:
             )
         ends = []
         for key in ("parent", "child"):
-            given = _text(element, key)
-            if not given:
+            end = _text(element, key)
+            if not end:
                 raise AssetError(f"{where}: joint {quote(name)} lacks a parent or a child")
-            ends.append(self.link_of(given if given == WORLD else scope + given, where))
+            ends.append(self.link_of(end if end == WORLD else scope + end, where))
         parent, child = ends
         if child == WORLD:
             raise AssetError(f"{where}: the child of joint {quote(name)} is the world")
@@ -526,11 +526,11 @@ class _Reader:
         if child_of(shape, "submesh") is not None:
             raise AssetError(f"{where}: <submesh> is not read; save the submesh as its own file")
         factors = (1.0, 1.0, 1.0)
-        given = child_of(shape, "scale")
-        if given is not None:
-            values = self.numbers(given, path)
+        scale = child_of(shape, "scale")
+        if scale is not None:
+            values = self.numbers(scale, path)
             if len(values) != 3 or any(abs(v) < 1e-9 for v in values):
-                raise AssetError(f"{where}: <scale> {quote(given.text or '')} flattens the mesh")
+                raise AssetError(f"{where}: <scale> {quote(scale.text or '')} flattens the mesh")
             factors = (values[0], values[1], values[2])
         if path != self.path:  # an included model: its files are looked for from its own folder
             try:

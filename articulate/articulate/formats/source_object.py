@@ -128,7 +128,7 @@ def check_counts(path: Path, links: int, joints: int, geometries: int) -> None:
             raise AssetError(f"{path}: {count} {name}; at most {most} are accepted")
 
 
-def free_name(name: str, taken: Container[str]) -> str:
-    """Return ``name``, or ``name`` with the first number from 2 on that is not ``taken``."""
+def free_name(name: str, used: Container[str]) -> str:
+    """Return ``name``, or ``name`` with the first number from 2 on that is not ``used``."""
     names = itertools.chain([name], (f"{name}_{i}" for i in itertools.count(2)))
-    return next(candidate for candidate in names if candidate not in taken)
+    return next(candidate for candidate in names if candidate not in used)

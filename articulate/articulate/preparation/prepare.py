@@ -20,11 +20,11 @@ from articulate.checks.run_checks import run_checks
 from articulate.checks.source import origin_of_reading
 from articulate.conversion.convert import (
     Reading,
+    counts_of,
     input_key,
     read_input,
     write_asset,
 )
-from articulate.conversion.counts import counts_of
 from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError, UsageError
 from articulate.files import copy_writable

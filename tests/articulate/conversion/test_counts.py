@@ -5,7 +5,7 @@ from pathlib import Path
 from tests.articulate.conversion.boxes import made
 
 from articulate.assets.check_report import Counts
-from articulate.conversion.counts import counts_of
+from articulate.conversion.convert import counts_of
 from articulate.formats.read_source import read_source
 
 
