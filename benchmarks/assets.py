@@ -30,16 +30,16 @@ from articulate.preparation.batch import Batch, Checked, Item
 from articulate.simulator import mujoco
 
 STEPS = 2000
-"""Physics steps timed together, by the time of the processor: other work does not count."""
+"""Physics steps timed together, in processor time."""
 ROUNDS = 7
-"""So often, in turn; the median counts."""
+"""Repetitions, alternating; the median counts."""
 FIRST = 10
-"""So many objects of the category are timed, by id."""
+"""Number of objects of the category that are timed, by id."""
 CATEGORY = "StorageFurniture"
 
 
 def items_of(data: Path, wanted: Sequence[str]) -> list[tuple[Item, dict[str, Any]]]:
-    """The objects of ``assets.json`` with their files, unpacked if need be.
+    """Return the objects of ``assets.json`` with their files, unpacked if necessary.
 
     Args:
         data: Folder with ``assets.json``.
@@ -58,7 +58,7 @@ def items_of(data: Path, wanted: Sequence[str]) -> list[tuple[Item, dict[str, An
 
 
 def row_of(checked: Checked, entry: dict[str, Any]) -> dict[str, Any]:
-    """What is kept of one object."""
+    """Return the recorded values of one object."""
     check_report = checked.check_report
     return {
         "id": checked.item.name,
@@ -74,7 +74,7 @@ def row_of(checked: Checked, entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def boxes_only(folder: Path) -> Any:
-    """The object with one oriented box for each connected component of what it shows."""
+    """Compile the object with one oriented box for each connected visual component."""
     import trimesh
 
     asset = load_asset(folder)
@@ -111,7 +111,7 @@ def boxes_only(folder: Path) -> Any:
 
 
 def step_ratio(folder: Path) -> float:
-    """Median time of a step of a proven object over that of the same with plain boxes."""
+    """Return the ratio of step times of an object and of the same with plain boxes."""
     models = (load_model(load_asset(folder)).model, boxes_only(folder))
     states = [mujoco.MjData(m) for m in models]
     times: tuple[list[float], list[float]] = ([], [])
@@ -124,15 +124,15 @@ def step_ratio(folder: Path) -> float:
 
 
 def physics_cost(out: Path, rows: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Ratios of :func:`step_ratio` of the first objects of the category, by id."""
+    """Return :func:`step_ratio` of the first objects of the category, by id."""
     own = [r for r in rows if r["category"] == CATEGORY and r["source"] == "partnet"]
     own.sort(key=lambda r: int(str(r["id"]).rsplit("_", 1)[1]))
-    first = [r for r in own if r["verdict"] != "rejected"][:FIRST]
+    first = [r for r in own if r["verdict"] in ("passed", "repaired")][:FIRST]
     return {r["id"]: round(step_ratio(out / r["id"]), 3) for r in first}
 
 
 def cached_seconds(done: Batch, items: Sequence[Item]) -> float:
-    """Median time of a second check of the same objects [s]."""
+    """Return the median time of a second check of the same objects [s]."""
     batch = Batch(out=done.out, cache=done.cache, options={}, limit_s=done.limit_s, single=False)
     times = []
     for item in items:
@@ -143,22 +143,22 @@ def cached_seconds(done: Batch, items: Sequence[Item]) -> float:
 
 
 def check_of(reason: str) -> str:
-    """The clause that ``reason`` begins with; ``unreadable`` if none was judged."""
+    """Return the check that ``reason`` begins with; ``unreadable`` if none ran."""
     first = reason.split(" ")[0].split(":")[0]
     return first if first in CHECKS else "unreadable"
 
 
-def summed(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Counts of verdicts, clauses that refused, and times."""
+def summarize(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Count verdicts, failed checks and times."""
     verdicts = Counter(r["verdict"] for r in rows)
     checks = Counter(check for r in rows for check in {check_of(reason) for reason in r["reasons"]})
     seconds = sorted(r["seconds"] for r in rows)
-    good = len(rows) - verdicts["rejected"]
+    good = verdicts["passed"] + verdicts["repaired"]
     return {
         "objects": len(rows),
         "verdicts": dict(verdicts),
         "good_share": round(good / max(len(rows), 1), 4),
-        "refused_by": dict(checks.most_common(20)),
+        "rejected_by": dict(checks.most_common(20)),
         "seconds_median": statistics.median(seconds) if seconds else None,
         "seconds_p95": seconds[int(0.95 * (len(seconds) - 1))] if seconds else None,
         "joints": sum(r["joints"] for r in rows),
@@ -167,7 +167,7 @@ def summed(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Check the objects, print a line for each and the sums."""
+    """Check the objects; print a line for each and a summary."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
@@ -176,7 +176,7 @@ def main() -> int:
     parser.add_argument("--limit", type=float, default=600.0, help="seconds for one object")
     parser.add_argument("--ids", nargs="*", default=(), help="these objects only, in this order")
     parser.add_argument("--minutes", type=float, help="stop then, and report what is done")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    parser.add_argument("--json", action="store_true", help="print only the result, as JSON")
     flags = parser.parse_args()
     found = items_of(flags.data, flags.ids)
     cache = flags.cache or flags.out / ".cache"
@@ -194,13 +194,13 @@ def main() -> int:
     done = {r["id"] for r in rows}
     rows.sort(key=lambda r: str(r["id"]))
     result = {
-        "asked": len(found),
-        **summed(rows),
+        "objects_requested": len(found),
+        **summarize(rows),
         "cached_seconds_median": round(
             cached_seconds(batch, [item for item, _ in found if item.name in done]), 3
         ),
         "step_ratios": physics_cost(flags.out, rows),
-        "rejected": [r for r in rows if r["verdict"] == "rejected"],
+        "rejected": [r for r in rows if r["verdict"] in ("rejected", "undecided")],
     }
     ratios = list(result["step_ratios"].values())
     result["step_ratio_median"] = statistics.median(ratios) if ratios else None

@@ -2,10 +2,9 @@
 
 python benchmarks/fuzz.py --count 2000 --seed 0 --jobs 2 --json
 
-Each mutant (``mutants.py``) is converted and proven in a process of its own, with a working
-folder, a folder for temporary files and an output folder of its own. Counted are verdicts,
-exceptions that are not ours, processes that a native library took with it, checks that run
-longer than 60 s, and files outside the output folder.
+Each mutant (``mutants.py``) is converted and checked in a separate process, with separate
+folders for work, temporary files and output. Counted are verdicts, unexpected exceptions, crashes
+of native libraries, checks that run longer than 60 s, and files outside the output folder.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ import numpy as np
 
 from articulate.errors import ArticulateError
 from articulate.preparation.prepare import check_asset
-from mutants import Mutant, drawn, write_mutant
+from mutants import Mutant, sample_mutant, write_mutant
 
 LIMIT_S = 60.0
 """A check that runs longer hangs [s]."""
@@ -38,7 +37,7 @@ LONGEST_LINE = 8000
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one mutant."""
+    """Result of one mutant."""
 
     index: int
     kind: str
@@ -110,10 +109,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", type=int, nargs="*", help="mutants of these numbers only")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
+    parser.add_argument("--json", action="store_true", help="print only the result, as JSON")
     flags = parser.parse_args()
     rng = np.random.default_rng(flags.seed)
-    mutants = [(k, drawn(rng)) for k in range(flags.count)]
+    mutants = [(k, sample_mutant(rng)) for k in range(flags.count)]
     wanted = [m for m in mutants if not flags.only or m[0] in flags.only]
     done: list[Outcome] = []
     # Workers have one thread each, so that what they fork finds no lock taken.

@@ -1,7 +1,7 @@
 """Mutated URDFs and meshes: what the fuzzing of check-asset and its tests change, and how.
 
-A mutant is plain data, numbers that name places in a small object, so that it can be drawn by a
-generator of random numbers or shrunk by hypothesis.
+A mutant is plain data, numbers that name places in a small object, so that it can be sampled by a
+random number generator or shrunk by hypothesis.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ SNIPPETS = (
 ENCODINGS = ("utf-8-sig", "utf-16", "utf-16-le", "utf-32", "cp037")
 MESHES = (".obj", ".stl", ".ply", ".glb", ".dae", ".off")
 TREE_KINDS = ("set", "set", "set", "tag", "key", "drop", "twice", "move")
-"""What happens to an element; values are changed most often."""
+"""Changes of an element; values are changed most often."""
 BYTE_KINDS = ("cut", "flip", "insert", "remove")
 MOST = 10_000
 """Places and choices are numbers up to this one, taken modulo what is there."""
@@ -74,7 +74,7 @@ MOST = 10_000
 
 @dataclass(frozen=True)
 class Mutant:
-    """What is done to the seed, by numbers that name places in it."""
+    """Changes of the seed, by numbers that select places in it."""
 
     tree: tuple[tuple[str, int, int, int], ...]
     text: tuple[tuple[str, int, int], ...]
@@ -158,8 +158,8 @@ def write_mutant(mutant: Mutant, folder: Path) -> Path:
     return path
 
 
-def drawn(rng: np.random.Generator) -> Mutant:
-    """A mutant at random.
+def sample_mutant(rng: np.random.Generator) -> Mutant:
+    """Sample a mutant.
 
     Up to three changes of the tree; in a fifth of all some of the text, in a half some of the mesh.
     """

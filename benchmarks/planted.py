@@ -1,8 +1,7 @@
-"""The kinds of defects that are planted, each with its least size and the clauses that name it.
+"""Kinds of planted defects, each with its least size and the checks that name it.
 
-A defect changes ``object.xml`` or a mesh in a copy of an asset's folder. It returns the links and
-joints that it concerns, with those that they carry; none where the asset has nothing that could
-be damaged in this way.
+A defect changes ``object.xml`` or a mesh in a copy of an asset folder. It returns the affected
+links and joints with their descendants; none if the asset has nothing to damage in this way.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ SEEN = 0.05
 SHOWS = 0.02
 """A mesh that is damaged shows at least this share of its link's area by itself."""
 ON_M = 1e-4
-"""What lies this near to another mesh is not shown by itself [m]."""
+"""Distance to another mesh within which a surface counts as hidden [m]."""
 POINTS = 500
-"""Points on a mesh that say how much of it that is."""
+"""Sample points on a mesh for that measurement."""
 MET_M = 0.005
 """A box in the way is met by at least this deep [m]."""
 
@@ -59,11 +58,11 @@ class Damaged:
 
     @property
     def root(self) -> Any:
-        """Body element of the part that stands still."""
+        """Body element of the fixed part."""
         return self.tree.getroot().find("worldbody/body")
 
     def joint(self, *, kind: str | None = None, limited: bool = False) -> Any | None:
-        """The first joint of a body, of a kind or with a range if that is asked for."""
+        """Return the first joint of a body, optionally of a kind or with a range."""
         for joint in self.tree.iterfind(".//body/joint"):
             if kind in (None, joint.get("type")) and (not limited or joint.get("range")):
                 return joint
@@ -78,28 +77,28 @@ class Damaged:
     def largest(self) -> tuple[Any, Path] | None:
         """The visual geom that shows most by itself, and its mesh file.
 
-        What lies on another mesh of the same link it does not show by itself. None shows enough
+        Surfaces on another mesh of the same link do not count. None shows enough
         where that is less than ``SHOWS`` of the area of its link's meshes.
         """
         best, most = None, 0.0
         for body in self.tree.iter("body"):
-            shown = [
+            visuals = [
                 (geom, path, np.asarray(trimesh.load_mesh(path, process=False).triangles))
                 for geom in body.findall("geom")
                 if geom.get("class") == "visual"
                 and (path := self.folder / "meshes" / f"{geom.get('mesh')}.obj").is_file()
             ]
-            areas = [float(trimesh.triangles.area(triangles).sum()) for _, _, triangles in shown]
+            areas = [float(trimesh.triangles.area(triangles).sum()) for _, _, triangles in visuals]
             for k in np.argsort(areas)[::-1]:
                 if areas[k] <= most:
                     break
                 others = np.concatenate(
-                    [np.zeros((0, 3, 3)), *(s[2] for s in shown[:k] + shown[k + 1 :])]
+                    [np.zeros((0, 3, 3)), *(s[2] for s in visuals[:k] + visuals[k + 1 :])]
                 )
-                hidden = is_near(sample(shown[k][2], POINTS)[0], others, ON_M)
+                hidden = is_near(sample(visuals[k][2], POINTS)[0], others, ON_M)
                 area = areas[k] * float((~hidden).mean())
                 if area > most and area >= SHOWS * sum(areas):
-                    best, most = shown[k][:2], area
+                    best, most = visuals[k][:2], area
         return best
 
 
@@ -148,8 +147,8 @@ def axis_reversed(d: Damaged) -> Names:
 def pivot_moved(d: Damaged) -> Names:
     if (joint := d.joint(kind="hinge")) is None:
         return ()
-    way = SHARE * d.diagonal * across(numbers(joint, "axis", "0 0 1"))
-    write(joint, "pos", numbers(joint, "pos", "0 0 0") + way)
+    direction = SHARE * d.diagonal * across(numbers(joint, "axis", "0 0 1"))
+    write(joint, "pos", numbers(joint, "pos", "0 0 0") + direction)
     return carried(joint.getparent())
 
 
@@ -209,10 +208,10 @@ def sealed(d: Damaged) -> Names:
 
 
 def blocked(d: Damaged) -> Names:
-    """A box of the fixed body stands in the middle of a part's way.
+    """Add a box of the fixed body in the middle of the travel of a part.
 
-    It stands in the middle of the part's largest shape, half open, that leaves it free of the
-    part when closed: what stands in a part from the beginning does not block its way.
+    It is at the centre of the largest shape of the half-open part that does not overlap the
+    closed part: an overlap from the beginning does not block the travel.
     """
     follow = {e.get("joint1") for e in d.tree.iterfind("equality/joint")}
     free = (j for j in d.asset.joints if j.lower is not None and j.name not in follow)
@@ -220,7 +219,7 @@ def blocked(d: Damaged) -> Names:
         return ()
     low, high = np.array(d.asset.link(joint.link).bounds_l)
     half = max(SHARE * d.diagonal, 0.25 * float((high - low).min()))
-    place = _in_the_way(d, joint, half)
+    place = _blocking_position(d, joint, half)
     if place is None:
         return ()
     geom = etree.SubElement(d.root, "geom", {"class": "collision", "type": "box", "name": "plug"})
@@ -229,8 +228,8 @@ def blocked(d: Damaged) -> Names:
     return carried(d.root)
 
 
-def _in_the_way(d: Damaged, joint: Joint, half: float) -> np.ndarray | None:
-    """Middle of a box of the root that ``joint``'s part meets half open and not closed."""
+def _blocking_position(d: Damaged, joint: Joint, half: float) -> np.ndarray | None:
+    """Return the centre (3,) of a box that hits the half-open part and not the closed [m]."""
     spec = mujoco.MjSpec.from_file(str(d.asset.mjcf_path))
     root = spec.body(d.asset.links[0].name)
     root.add_geom(name="plug", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, pos=[1, 2, 3])
@@ -255,7 +254,7 @@ def _in_the_way(d: Damaged, joint: Joint, half: float) -> np.ndarray | None:
 
 
 def stray_collider(d: Damaged) -> Names:
-    """A shape stands where nothing is seen, as large as a quarter of its link."""
+    """Add a shape in empty space, a quarter of the size of its link."""
     body = max(d.tree.iter("body"), key=lambda b: len(colliders(b)))
     low, high = np.array(d.asset.link(str(body.get("name"))).bounds_l)
     geom = etree.SubElement(body, "geom", {"class": "collision", "type": "box", "name": "stray"})
@@ -292,7 +291,7 @@ def centre_moved(d: Damaged) -> Names:
 
 
 def _vertices(path: Path, change: Callable[[np.ndarray], np.ndarray], *, flip: bool) -> bool:
-    """Whether the corners of a mesh were changed; not if it would look the same as before."""
+    """Change the corners of a mesh; return False if it would look the same as before."""
     lines = path.read_text().splitlines()
     at = [i for i, line in enumerate(lines) if line.startswith("v ")]
     points = np.array([[float(v) for v in lines[i].split()[1:4]] for i in at])
@@ -360,8 +359,8 @@ def link_moved(d: Damaged) -> Names:
     body = next(d.tree.iterfind(".//body/body"), None)
     if body is None:
         return ()
-    way = np.array([SHARE * d.diagonal, 0.0, 0.0])
-    write(body, "pos", numbers(body, "pos", "0 0 0") + way)
+    direction = np.array([SHARE * d.diagonal, 0.0, 0.0])
+    write(body, "pos", numbers(body, "pos", "0 0 0") + direction)
     return carried(body)
 
 
@@ -393,9 +392,9 @@ def sprung(d: Damaged) -> Names:
 class Kind:
     """A kind of defect."""
 
-    plant: Callable[[Damaged], Names]
+    apply: Callable[[Damaged], Names]
     named_by: Names
-    """Clauses that say what is wrong; others find it only by what it does elsewhere."""
+    """Checks that name the defect; others find only its effects."""
 
 
 POSES = ("forward_kinematics", "input_kinematics")
@@ -411,7 +410,7 @@ KINDS: dict[str, Kind] = {
     "range in degrees": Kind(range_in_degrees, ("joint_limits",)),
     "slide for hinge or hinge for slide": Kind(type_changed, ("joint_limits", *POSES)),
     "sealed by a box": Kind(sealed, ("cavities", "collision_coverage")),
-    "way blocked by a box": Kind(
+    "travel blocked by a box": Kind(
         blocked, ("joint_sweep", "authored_overlap", "opening", "closing")
     ),
     "stray collision shape": Kind(stray_collider, ("collision_coverage",)),
@@ -428,4 +427,4 @@ KINDS: dict[str, Kind] = {
     "damping of 1000 N s/m or Nm s/rad": Kind(sluggish, ("joint_limits", *MOTION)),
     "spring of 60 N or Nm that opens": Kind(sprung, MOTION),
 }
-"""What is planted, with its least size."""
+"""Planted defects with their least size."""

@@ -63,10 +63,10 @@ def test_every_object_and_seed_is_a_command_line_of_its_own(folder, tmp_path):
     assert names == ["a-seed-3", "a-seed-5", "b-seed-3", "b-seed-5"]
     job = cells[1].job
     made = str(tmp_path / "out" / "a-seed-5" / "run")
-    assert job.start[:4] == (sys.executable, "-m", "articulate", "train")
-    assert job.start[job.start.index("--seeds") + 1] == "5"
-    assert job.start[job.start.index("--asset") + 1] == str(folder / "a")
-    assert job.start[-1] == made
+    assert job.start_command[:4] == (sys.executable, "-m", "articulate", "train")
+    assert job.start_command[job.start_command.index("--seeds") + 1] == "5"
+    assert job.start_command[job.start_command.index("--asset") + 1] == str(folder / "a")
+    assert job.start_command[-1] == made
     assert job.resume_command[4:] == ("--resume", "--out", made)
     assert str(job.run_folder) == made
 

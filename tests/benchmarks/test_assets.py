@@ -21,11 +21,11 @@ def test_the_first_of_a_category_by_number_are_timed(monkeypatch: pytest.MonkeyP
     rows = [
         {"id": f"partnet_{k}", "category": category, "source": "partnet", "verdict": verdict}
         for k, category, verdict in (
-            (300, "StorageFurniture", "proven"),
+            (300, "StorageFurniture", "passed"),
             (45, "StorageFurniture", "repaired"),
-            (7, "StorageFurniture", "refused"),
-            (8, "Table", "proven"),
-            *((k, "StorageFurniture", "proven") for k in range(1000, 1020)),
+            (7, "StorageFurniture", "rejected"),
+            (8, "Table", "passed"),
+            *((k, "StorageFurniture", "passed") for k in range(1000, 1020)),
         )
     ]
     found = assets.physics_cost(Path("out"), rows)
@@ -55,12 +55,12 @@ def test_an_object_of_boxes_costs_what_boxes_cost(
 
 
 @pytest.mark.parametrize(
-    ("reason", "clause"),
+    ("reason", "check"),
     [
-        ("openness of link_1: 79.2% of the cavity is free", "openness"),
-        ("sweep_authored of door: it goes 9 mm deeper into the wall", "sweep_authored"),
+        ("cavities of link_1: 79.2% of the cavity is free", "cavities"),
+        ("authored_overlap of door: it goes 9 mm deeper into the wall", "authored_overlap"),
         ("/tmp/kettle.xml: a scene with 8 free bodies, not one object", "unreadable"),
     ],
 )
-def test_reasons_are_counted_by_their_clause(reason: str, clause: str) -> None:
-    assert assets.check_of(reason) == clause
+def test_reasons_are_counted_by_their_clause(reason: str, check: str) -> None:
+    assert assets.check_of(reason) == check

@@ -34,7 +34,7 @@ def damage(folder, copy, kind):
     """What the defect concerns, and whether object.xml or a mesh differs from before."""
     shutil.copytree(folder, copy)
     tree = etree.parse(str(copy / "object.xml"))
-    names = planted.KINDS[kind].plant(planted.Damaged(copy, load_asset(copy), tree))
+    names = planted.KINDS[kind].apply(planted.Damaged(copy, load_asset(copy), tree))
     tree.write(str(copy / "object.xml"))
     meshes = any(
         path.read_bytes() != (folder / "meshes" / path.name).read_bytes()
@@ -62,7 +62,7 @@ def test_a_kind_that_does_not_apply_changes_nothing(folder, tmp_path):
     before = etree.tostring(tree)
     d = planted.Damaged(copy, load_asset(copy), tree)
     for kind in ("axis reversed", "limits absent", "link lost", "spring of 60 N or Nm that opens"):
-        assert planted.KINDS[kind].plant(d) == ()
+        assert planted.KINDS[kind].apply(d) == ()
     assert etree.tostring(tree) == before
 
 
@@ -72,7 +72,7 @@ def test_clauses_that_name_a_kind_are_clauses_of_the_proof():
 
 def test_a_lost_link_is_refused_and_named(folder, source, tmp_path):
     origin = origin_of_reading(read_input(source, CONFIG), CONFIG)
-    names, check_report = defects.judged(folder, "link lost", tmp_path, origin)
+    names, check_report = defects.check_copy(folder, "link lost", tmp_path, origin)
     row = defects.row_of("link lost", names, check_report, 1.0)
     assert (row["planted"], row["found"], row["named"]) == (True, True, True)
     assert row["checks"] == ["loads"]
@@ -122,13 +122,13 @@ def test_sums_tell_missed_from_not_named_and_false_alarms():
             row("link lost", ["forward_kinematics"]),
         ],
     }
-    result = defects.summed(rows)
+    result = defects.summarize(rows)
     assert (result["planted"], result["found"], result["named"]) == (4, 3, 2)
     assert result["false_alarms"] == {"b": ["opening"]}
     assert result["kinds"]["axis reversed"]["missed"] == ["b"]
     assert result["kinds"]["link lost"]["not_named"] == ["b"]
-    assert result["kinds"]["mesh mirrored"]["by_input_alone"] == 1
-    assert result["kinds"]["axis reversed"]["by_input_alone"] == 0
+    assert result["kinds"]["mesh mirrored"]["by_input_only"] == 1
+    assert result["kinds"]["axis reversed"]["by_input_only"] == 0
     assert (result["assets"], result["complete"]) == (2, 0)
 
 
@@ -137,11 +137,11 @@ def test_results_are_gone_on_with_after_a_kill(folder, source, tmp_path, monkeyp
     path = defects.results_of(tmp_path, folder.name)
     first = {"kind": "untouched", "planted": True, "found": False}
     path.write_text(json.dumps(first) + '\n{"kind": "link l')
-    defects.of_one((str(folder), str(source), str(tmp_path), 0.0))  # no time is left
-    assert defects.noted(path) == [first]
-    defects.of_one((str(folder), str(source), str(tmp_path), float("inf")))
-    assert [row["kind"] for row in defects.noted(path)] == ["untouched", "link lost"]
-    assert defects.noted(path)[1]["found"]
+    defects.run_asset((str(folder), str(source), str(tmp_path), 0.0))  # no time is left
+    assert defects.read_results(path) == [first]
+    defects.run_asset((str(folder), str(source), str(tmp_path), float("inf")))
+    assert [row["kind"] for row in defects.read_results(path)] == ["untouched", "link lost"]
+    assert defects.read_results(path)[1]["found"]
 
 
 def test_the_mesh_that_is_damaged_is_the_one_that_shows_most_by_itself(folder, tmp_path):

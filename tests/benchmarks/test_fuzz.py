@@ -12,7 +12,7 @@ import pytest
 
 import fuzz
 from articulate.errors import AssetError
-from mutants import Mutant, drawn
+from mutants import Mutant, sample_mutant
 
 
 @pytest.fixture
@@ -25,12 +25,12 @@ def test_mutants_are_refused_or_proven_and_nothing_else_happens():
     command = [sys.executable, str(script), "--count", "8", "--only", "0", "2", "--jobs", "1"]
     done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
     told = json.loads(done.stdout)
-    assert told["kinds"] == {"refused": 1, "repaired": 1}
+    assert told["kinds"] == {"rejected": 1, "repaired": 1}
     assert told["bad"] == []
 
 
 def test_an_exception_that_is_not_ours_is_a_traceback(mutant, monkeypatch):
-    monkeypatch.setattr(fuzz, "check", lambda *_: 1 / 0)
+    monkeypatch.setattr(fuzz, "check_asset", lambda *_: 1 / 0)
     outcome = fuzz.outcome_of(3, mutant)
     assert (outcome.index, outcome.kind) == (3, "traceback")
     assert "ZeroDivisionError" in outcome.text
@@ -41,7 +41,7 @@ def test_one_line_of_ours_is_an_error_and_two_are_not(mutant, monkeypatch):
         def check(*_):
             raise AssetError(text)
 
-        monkeypatch.setattr(fuzz, "check", check)
+        monkeypatch.setattr(fuzz, "check_asset", check)
         return fuzz.outcome_of(0, mutant).kind
 
     assert say("one line") == "error"
@@ -49,16 +49,16 @@ def test_one_line_of_ours_is_an_error_and_two_are_not(mutant, monkeypatch):
 
 
 def test_a_process_that_dies_is_a_crash_and_one_that_waits_hangs(mutant, monkeypatch):
-    monkeypatch.setattr(fuzz, "check", lambda *_: os._exit(9))
+    monkeypatch.setattr(fuzz, "check_asset", lambda *_: os._exit(9))
     assert fuzz.outcome_of(0, mutant).kind == "crash"
     monkeypatch.setattr(fuzz, "LIMIT_S", 0.3)
-    monkeypatch.setattr(fuzz, "check", lambda *_: time.sleep(60))
+    monkeypatch.setattr(fuzz, "check_asset", lambda *_: time.sleep(60))
     assert fuzz.outcome_of(0, mutant).kind == "hang"
 
 
 def test_a_file_outside_the_output_is_told(mutant, monkeypatch):
     monkeypatch.setattr(
-        fuzz, "check", lambda urdf, _: [Path("here.txt").write_text("x"), raised(AssetError("no"))]
+        fuzz, "check_asset", lambda urdf, _: [Path("here.txt").write_text("x"), raised(AssetError("no"))]
     )
     outcome = fuzz.outcome_of(0, mutant)
     assert (outcome.kind, outcome.text) == ("stray", "cwd/here.txt")
@@ -69,8 +69,8 @@ def raised(error):
 
 
 def test_mutants_are_the_same_for_the_same_seed():
-    first = [drawn(np.random.default_rng(4)) for _ in range(3)]
-    again = [drawn(np.random.default_rng(4)) for _ in range(3)]
+    first = [sample_mutant(np.random.default_rng(4)) for _ in range(3)]
+    again = [sample_mutant(np.random.default_rng(4)) for _ in range(3)]
     assert first == again
     rng = np.random.default_rng(4)
-    assert len({drawn(rng) for _ in range(20)}) > 15
+    assert len({sample_mutant(rng) for _ in range(20)}) > 15
