@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from articulate.files import atomic_write
+from articulate.errors import MissingError
 from articulate.reconstruct.images import only_joint, poses_at
 from articulate.reconstruct.result import MakeRecord
+from articulate.render.rerun_recording import rerun_pose, rerun_recording
 from articulate.transforms import Ints, matrix_to_quat
 
 STEPS = 30
@@ -23,29 +24,23 @@ def write_recording(path: Path, record: MakeRecord) -> bool:
     The file is written atomically.
     """
     try:
-        import rerun  # heavy, and needed only here
-    except ImportError:  # also of one of its modules
+        with rerun_recording(path) as (rerun, stream):
+            stream.log("program", rerun.TextDocument(record.program), static=True)
+            for k, step in enumerate(record.prediction.trace):
+                text = f"{step.title}\n{step.text}"
+                stream.log(f"trace/{k:02d}", rerun.TextDocument(text), static=True)
+            _log_query(rerun, stream, record)
+            for mesh in record.part_set.meshes:
+                corners: Ints = mesh.faces.reshape(-1)
+                shape = rerun.Mesh3D(
+                    vertex_positions=mesh.vertices[corners],
+                    triangle_indices=np.arange(len(corners)).reshape(-1, 3),
+                    vertex_colors=mesh.rgb.repeat(3, axis=0),
+                )
+                stream.log(_entity(mesh.name), shape, static=True)
+            _log_motion(rerun, stream, record)
+    except MissingError:
         return False
-    with atomic_write(path) as temporary:
-        stream = rerun.RecordingStream("articulate", send_properties=False)
-        stream.save(temporary)
-        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        stream.log("program", rerun.TextDocument(record.program), static=True)
-        for k, step in enumerate(record.prediction.trace):
-            text = f"{step.title}\n{step.text}"
-            stream.log(f"trace/{k:02d}", rerun.TextDocument(text), static=True)
-        _log_query(rerun, stream, record)
-        for mesh in record.part_set.meshes:
-            corners: Ints = mesh.faces.reshape(-1)
-            shape = rerun.Mesh3D(
-                vertex_positions=mesh.vertices[corners],
-                triangle_indices=np.arange(len(corners)).reshape(-1, 3),
-                vertex_colors=mesh.rgb.repeat(3, axis=0),
-            )
-            stream.log(_entity(mesh.name), shape, static=True)
-        _log_motion(rerun, stream, record)
-        stream.flush()
-        stream.disconnect()
     return True
 
 
@@ -72,8 +67,6 @@ def _log_motion(rerun: Any, stream: Any, record: MakeRecord) -> None:
                 record.part_set.meshes, only_joint(record.part_joints, joint.part), float(share)
             )
             for mesh, T in zip(record.part_set.meshes, poses, strict=True):
-                w, *xyz = matrix_to_quat(T[:3, :3])
-                rotation = rerun.Quaternion(xyzw=[*xyz, w])
-                pose = rerun.Transform3D(translation=T[:3, 3], quaternion=rotation)
+                pose = rerun_pose(rerun, T[:3, 3], matrix_to_quat(T[:3, :3]))
                 stream.log(_entity(mesh.name), pose)
             step += 1

@@ -1,5 +1,5 @@
-"""The language that actors write: a small part of Python that places parts and joins them.
+"""Language of programs: a small part of Python that places parts and joins them.
 
-Nothing is imported here: the child process that runs programs imports this package with the
-standard library alone.
+Nothing is imported here: the child process that runs programs imports this package and needs only
+the standard library.
 """

@@ -1,7 +1,7 @@
-"""The allow-list: what of Python a program may be made of, looked at before anything runs.
+"""Allow-list of Python's syntax for programs, checked before anything runs.
 
-Whatever is not named here is refused, with line, column and a sentence that says what to write
-instead. Needs the standard library alone; the child process runs it before it interprets.
+Everything that is not listed here is rejected with line, column and an alternative. The module
+needs only the standard library; the child process runs it before the interpreter.
 """
 
 from __future__ import annotations
@@ -26,79 +26,81 @@ from articulate.reconstruct.program.language import (
     RESERVED,
     RuleViolation,
 )
-from articulate.reconstruct.program.parse import RuleError, parsed, rule_error
+from articulate.reconstruct.program.parse import RuleError, parse_program, rule_error
 
+MAX_LISTED = 600
+"""Most characters of a list of known names."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,49}|_")
 
 WHY: dict[type[ast.AST], str] = {
     ast.Import: "imports are not needed: every function of the language is there already",
     ast.ImportFrom: "imports are not needed: every function of the language is there already",
-    ast.While: "while loops are refused; write `for k in range(n):`",
-    ast.AsyncFor: "async is refused; write a plain for loop",
-    ast.AsyncWith: "async is refused; leave it out",
-    ast.AsyncFunctionDef: "async is refused; write a plain def",
-    ast.Await: "await is refused; leave it out",
-    ast.Yield: "generators are refused; return a list",
-    ast.YieldFrom: "generators are refused; return a list",
-    ast.GeneratorExp: "generator expressions are refused; write a list in brackets",
-    ast.SetComp: "set comprehensions are refused; write a list in brackets",
-    ast.DictComp: "dict comprehensions are refused; write the dict out",
-    ast.Set: "sets are refused; write a list in brackets",
-    ast.Lambda: "lambda is refused; write a def at the top of the program",
-    ast.ClassDef: "classes are refused; a program needs functions and values alone",
-    ast.Try: "try is refused; make sure that the call is right instead",
-    ast.Raise: "raise is refused; end the program without the call instead",
-    ast.Assert: "assert is refused; write an if",
-    ast.With: "with is refused; a program opens nothing",
-    ast.Global: "global is refused; hand values in as arguments",
-    ast.Nonlocal: "nonlocal is refused; hand values in as arguments",
-    ast.Delete: "del is refused; leave the value alone",
-    ast.Match: "match is refused; write if and elif",
-    ast.NamedExpr: "`:=` is refused; assign on a line of its own",
-    ast.Starred: "`*` before a value is refused; write the arguments or items out",
-    ast.AnnAssign: "type annotations are refused; leave them out",
-    ast.Slice: "slices are refused; take single items by their index",
-    ast.MatMult: "`@` is refused; write dot(a, b)",
-    ast.BitAnd: "bit operators are refused; write `and`",
-    ast.BitOr: "bit operators are refused; write `or`",
-    ast.BitXor: "bit operators are refused; write `!=`",
-    ast.LShift: "shifts are refused; multiply instead",
-    ast.RShift: "shifts are refused; divide instead",
-    ast.Invert: "`~` is refused; write `not`",
-    ast.Is: "`is` is refused; write `==`",
-    ast.IsNot: "`is not` is refused; write `!=`",
+    ast.While: "while loops are not allowed; write `for k in range(n):`",
+    ast.AsyncFor: "async is not allowed; write a plain for loop",
+    ast.AsyncWith: "async is not allowed; leave it out",
+    ast.AsyncFunctionDef: "async is not allowed; write a plain def",
+    ast.Await: "await is not allowed; leave it out",
+    ast.Yield: "generators are not allowed; return a list",
+    ast.YieldFrom: "generators are not allowed; return a list",
+    ast.GeneratorExp: "generator expressions are not allowed; write a list in brackets",
+    ast.SetComp: "set comprehensions are not allowed; write a list in brackets",
+    ast.DictComp: "dict comprehensions are not allowed; write the dict out",
+    ast.Set: "sets are not allowed; write a list in brackets",
+    ast.Lambda: "lambda is not allowed; write a def at the top of the program",
+    ast.ClassDef: "classes are not allowed; a program needs only functions and values",
+    ast.Try: "try is not allowed; make sure that the call is valid",
+    ast.Raise: "raise is not allowed; end the program without the call instead",
+    ast.Assert: "assert is not allowed; write an if",
+    ast.With: "with is not allowed; a program opens nothing",
+    ast.Global: "global is not allowed; pass values as arguments",
+    ast.Nonlocal: "nonlocal is not allowed; pass values as arguments",
+    ast.Delete: "del is not allowed; keep the value",
+    ast.Match: "match is not allowed; write if and elif",
+    ast.NamedExpr: "`:=` is not allowed; assign on a separate line",
+    ast.Starred: "`*` before a value is not allowed; write the arguments or items out",
+    ast.AnnAssign: "type annotations are not allowed; leave them out",
+    ast.Slice: "slices are not allowed; take single items by their index",
+    ast.MatMult: "`@` is not allowed; write dot(a, b)",
+    ast.BitAnd: "bit operators are not allowed; write `and`",
+    ast.BitOr: "bit operators are not allowed; write `or`",
+    ast.BitXor: "bit operators are not allowed; write `!=`",
+    ast.LShift: "shifts are not allowed; multiply instead",
+    ast.RShift: "shifts are not allowed; divide instead",
+    ast.Invert: "`~` is not allowed; write `not`",
+    ast.Is: "`is` is not allowed; write `==`",
+    ast.IsNot: "`is not` is not allowed; write `!=`",
 }
-"""What to do instead, for constructs that people and models tend to write."""
+"""Alternatives to constructs that people and models often write."""
 PLAIN: tuple[type[ast.AST], ...] = (
     ast.Module, ast.Expr, ast.If, ast.Pass, ast.Load, ast.Store, ast.And, ast.Or, ast.BoolOp,
     ast.UnaryOp, ast.Not, ast.USub, ast.UAdd, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv,
     ast.Mod, ast.Pow, ast.Compare, ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.In,
     ast.NotIn, ast.IfExp, ast.keyword,
 )  # fmt: skip
-"""Nodes that need no look of their own."""
+"""Nodes that need no check beyond their children."""
 
 
 def check(source: str) -> ast.Module | RuleViolation:
-    """The syntax tree of a program that keeps every rule, or the first rule that it breaks.
+    """Return the syntax tree of a program, or the first violation of a rule.
 
     Args:
         source: Text of the program.
     """
     try:
-        tree = parsed(source)
+        tree = parse_program(source)
         _Checker(tree).check()
-    except RuleError as refused:
-        return refused.violation
+    except RuleError as error:
+        return error.violation
     return tree
 
 
 class _Checker:
-    """Walks the tree once, from the top of the text to its end."""
+    """Checks all nodes of a tree once, in the order of the text."""
 
     def __init__(self, tree: ast.Module) -> None:
         self.tree = tree
         self.functions: dict[str, ast.FunctionDef] = {}
-        """Those defined so far: a function sees the ones above it, so that none can recur."""
+        """Functions defined so far; a function can call only those above it, never itself."""
         self.names: set[str] = set()
         self.special: dict[type[ast.AST], Callable[[ast.AST], None]] = {
             ast.Constant: self._constant, ast.Name: self._name, ast.Attribute: self._attribute,
@@ -109,7 +111,7 @@ class _Checker:
             ast.Dict: self._dict, ast.JoinedStr: self._joined,
             ast.FormattedValue: self._formatted, ast.ListComp: self._comprehension,
             ast.arguments: self._arguments, ast.arg: self._argument,
-            ast.comprehension: self._clause,
+            ast.comprehension: self._comprehension_for,
         }  # fmt: skip
         self.top = {id(statement) for statement in tree.body}
         self.loops = 0
@@ -118,7 +120,7 @@ class _Checker:
         self.comprehended = False
 
     def check(self) -> None:
-        """Raise Refused at the first violation."""
+        """Raise RuleError at the first violation."""
         self._measure()
         self.names = {
             node.id
@@ -128,7 +130,7 @@ class _Checker:
         self._look(self.tree)
 
     def _measure(self) -> None:
-        """Bound number and depth of the nodes without recursion."""
+        """Limit the number and depth of the nodes, without recursion."""
         stack: list[tuple[ast.AST, int, ast.AST]] = [(self.tree, 0, self.tree)]
         count = 0
         while stack:
@@ -160,7 +162,7 @@ class _Checker:
             self._look_at(child, node)
 
     def _look_at(self, child: ast.AST, parent: ast.AST) -> None:
-        """Look at ``child``; operators have no place of their own and take their parent's."""
+        """Check ``child``; operators have no position and use their parent's."""
         if hasattr(child, "lineno") or type(child) in self.special or type(child) in PLAIN:
             self._look(child)
         else:
@@ -175,7 +177,7 @@ class _Checker:
         if value is None or isinstance(value, bool):
             return
         if isinstance(value, (int, float)):
-            if not abs(value) <= MAX_NUMBER:  # nor if it is no number
+            if not abs(value) <= MAX_NUMBER:  # also rejects NaN
                 raise self._at(node, f"numbers are accepted up to {MAX_NUMBER:g}")
         elif isinstance(value, str):
             if len(value) > MAX_TEXT:
@@ -189,15 +191,15 @@ class _Checker:
         self._spelt(node, name)
         if isinstance(node.ctx, ast.Store):
             if name in RESERVED or name in self.functions:
-                raise self._at(node, f"{name!r} belongs to the language; choose another name")
+                raise self._at(node, f"{name!r} is a name of the language; choose another name")
         elif name in FUNCTIONS or name in HELPERS or name in self.functions:
-            raise self._at(node, f"{name!r} is a function and no value; call it")
+            raise self._at(node, f"{name!r} is a function, not a value; call it")
         elif name not in self.names and name not in RESERVED:
             raise self._at(node, f"{name!r} is not known; assign it first")
 
     def _spelt(self, node: ast.AST, name: str) -> None:
         if name.startswith("__"):
-            raise self._at(node, f"{name[:30]!r}: names with two underscores are refused")
+            raise self._at(node, f"{name[:30]!r}: names with two underscores are not allowed")
         if not NAME.fullmatch(name):
             raise self._at(node, f"{name[:30]!r}: names are ASCII, begin with a letter, <= 50 long")
 
@@ -205,7 +207,7 @@ class _Checker:
         assert isinstance(node, ast.Attribute)
         if node.attr not in ATTRIBUTES or not isinstance(node.ctx, ast.Load):
             known = ", ".join(sorted(ATTRIBUTES))
-            what = f"`.{node.attr[:30]}` is refused; after a dot may stand: {known}"
+            what = f"`.{node.attr[:30]}` is not allowed; allowed after a dot: {known}"
             raise self._at(node, what)
         self._look(node.value)
 
@@ -231,7 +233,7 @@ class _Checker:
             raise self._at(node, f"at most {MAX_ITEMS} items are accepted")
         for key in node.keys:
             if not (isinstance(key, ast.Constant) and isinstance(key.value, (str, int))):
-                raise self._at(key or node, "keys are texts or whole numbers, written out")
+                raise self._at(key or node, "keys are literal texts or integers")
         self._children(node)
 
     def _joined(self, node: ast.AST) -> None:
@@ -245,7 +247,7 @@ class _Checker:
             isinstance(part, (ast.Name, ast.Constant, ast.BinOp, ast.operator, ast.expr_context))
             for part in ast.walk(node.value)
         ):
-            raise self._at(node, "in an f-text write a name in braces; compute it before")
+            raise self._at(node, "in an f-text write a name in braces; compute its value before")
         if any(
             isinstance(p, ast.Constant) and isinstance(p.value, str) for p in ast.walk(node.value)
         ):
@@ -256,7 +258,7 @@ class _Checker:
         assert isinstance(node, ast.BinOp)
         written = [type(side) for side in (node.left, node.right)]
         if isinstance(node.op, ast.Pow) and not _small(node.right):
-            raise self._at(node, f"an exponent is a written number of at most {MAX_POWER:g}")
+            raise self._at(node, f"an exponent is a literal number of at most {MAX_POWER:g}")
         texts = (ast.JoinedStr, ast.List, ast.Tuple, ast.ListComp, ast.Dict)
         sides = any(kind in texts for kind in written) or any(
             isinstance(s, ast.Constant) and isinstance(s.value, str)
@@ -278,10 +280,10 @@ class _Checker:
         self.loops, self.rounds = self.loops - 1, self.rounds // with_rounds
         self.comprehended = False
 
-    def _clause(self, node: ast.AST) -> None:
+    def _comprehension_for(self, node: ast.AST) -> None:
         assert isinstance(node, ast.comprehension)
         if node.is_async:
-            raise self._at(node.target, "async is refused; write a plain for")
+            raise self._at(node.target, "async is not allowed; write a plain for")
         self._target(node.target)
         self._children(node)
 
@@ -297,7 +299,7 @@ class _Checker:
             if isinstance(argument, ast.Starred):
                 raise self._at(argument, WHY[ast.Starred])
         if any(keyword.arg is None for keyword in node.keywords):
-            raise self._at(node, "`**` before an argument is refused; write the arguments out")
+            raise self._at(node, "`**` before an argument is not allowed; write the arguments out")
         if name in FUNCTIONS:
             self._bound(node, FUNCTIONS[name].names, FUNCTIONS[name].required, name)
         elif name in HELPERS:
@@ -316,9 +318,9 @@ class _Checker:
 
     def _unknown(self, name: str) -> str:
         if self.inside is not None and name == self.inside.name:
-            return f"{name}() calls itself, which is refused; write a loop"
+            return f"{name}() calls itself, which is not allowed; write a loop"
         known = ", ".join(sorted({*FUNCTIONS, *HELPERS, *self.functions}))
-        return f"{name[:30]!r} is no function of the language; there are: {known}"
+        return f"{name[:30]!r} is no function of the language; known: {known[:MAX_LISTED]}"
 
     def _bound(
         self, node: ast.Call, names: tuple[str, ...], required: tuple[str, ...], name: str
@@ -326,22 +328,22 @@ class _Checker:
         head = FUNCTIONS[name].line(name) if name in FUNCTIONS else f"{name}({', '.join(names)})"
         if len(node.args) > len(names):
             raise self._at(node, f"too many arguments; write {head}")
-        given = list(names[: len(node.args)])
+        passed = list(names[: len(node.args)])
         for keyword in node.keywords:
-            if keyword.arg not in names or keyword.arg in given:
-                what = f"argument {str(keyword.arg)[:30]!r} is not known or given twice"
+            if keyword.arg not in names or keyword.arg in passed:
+                what = f"argument {str(keyword.arg)[:30]!r} is unknown or given twice"
                 raise self._at(keyword, f"{what}; write {head}")
-            given.append(keyword.arg)
-        lacking = [key for key in required if key not in given]
+            passed.append(keyword.arg)
+        lacking = [key for key in required if key not in passed]
         if lacking:
-            raise self._at(node, f"{', '.join(lacking)} lacks; write {head}")
+            raise self._at(node, f"{', '.join(lacking)} missing; write {head}")
 
     # Statements
 
     def _for(self, node: ast.AST) -> None:
         assert isinstance(node, ast.For)
         if node.orelse:
-            raise self._at(node, "else after for is refused; leave it out")
+            raise self._at(node, "else after for is not allowed; leave it out")
         self._target(node.target)
         self._look(node.target)
         self._look(node.iter)
@@ -359,7 +361,7 @@ class _Checker:
             raise self._at(node, f"these loops take more than {MAX_ROUNDS} rounds")
 
     def _rounds_of(self, node: ast.expr) -> int:
-        """Rounds of a range of written numbers; 1 where only the run can tell."""
+        """Return the rounds of a range of literal numbers; 1 if they are known only at run time."""
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
             return 1
         if node.func.id != "range":
@@ -370,7 +372,7 @@ class _Checker:
         try:
             count = len(range(*(int(end) for end in ends if end is not None)))
         except (ValueError, OverflowError, TypeError):
-            raise self._at(node, "range() needs one to three whole numbers") from None
+            raise self._at(node, "range() needs one to three integers") from None
         if count > MAX_ITEMS:
             raise self._at(node, f"a loop takes at most {MAX_ITEMS} rounds")
         return max(count, 1)
@@ -391,7 +393,7 @@ class _Checker:
         assert isinstance(node, ast.AugAssign)
         self._target(node.target)
         if isinstance(node.op, ast.Pow) and not _small(node.value):
-            raise self._at(node, f"an exponent is a written number of at most {MAX_POWER:g}")
+            raise self._at(node, f"an exponent is a literal number of at most {MAX_POWER:g}")
         if node.target.id not in self.names:  # type: ignore[union-attr]  # _target saw a name
             raise self._at(node, "assign it first")
         self._children(node)
@@ -402,13 +404,13 @@ class _Checker:
         if id(node) not in self.top:
             raise self._at(node, "define functions at the top, not within others or loops")
         if node.decorator_list:
-            raise self._at(node.decorator_list[0], "decorators are refused; leave them out")
+            raise self._at(node.decorator_list[0], "decorators are not allowed; leave them out")
         if node.returns is not None or getattr(
             node, "type_params", None
         ):  # the latter from 3.12 on
             raise self._at(node.returns or node, WHY[ast.AnnAssign])
         if node.name in RESERVED or node.name in self.functions or node.name in self.names:
-            raise self._at(node, f"{node.name!r} is taken; choose another name")
+            raise self._at(node, f"{node.name!r} is already used; choose another name")
         self._look(node.args)
         self.inside = node
         for statement in node.body:
@@ -420,7 +422,7 @@ class _Checker:
         assert isinstance(node, ast.arguments)
         if node.vararg or node.kwarg or node.kwonlyargs or node.posonlyargs:
             found = node.vararg or node.kwarg or [*node.kwonlyargs, *node.posonlyargs][0]
-            raise self._at(found, "plain arguments alone: no `*`, `**` and `/`")
+            raise self._at(found, "only plain arguments are allowed: no `*`, `**` and `/`")
         for default in node.defaults:
             if not isinstance(default, ast.Constant):
                 raise self._at(default, "a default is a number, a text, True, False or None")
@@ -432,20 +434,20 @@ class _Checker:
         if node.annotation is not None:
             raise self._at(node.annotation, WHY[ast.AnnAssign])
         if node.arg in RESERVED:
-            raise self._at(node, f"{node.arg!r} belongs to the language; choose another name")
+            raise self._at(node, f"{node.arg!r} is a name of the language; choose another name")
 
     def _return(self, node: ast.AST) -> None:
         if self.inside is None:
-            raise self._at(node, "return stands outside of a function; leave it out")
+            raise self._at(node, "return is outside of a function; leave it out")
         self._children(node)
 
     def _jump(self, node: ast.AST) -> None:
         if self.loops == 0:
-            raise self._at(node, "break and continue belong into a loop")
+            raise self._at(node, "break and continue are only allowed in a loop")
 
 
 def _number(node: ast.expr) -> float | None:
-    """A number written out, with its sign."""
+    """Return a literal number with its sign."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         inner = _number(node.operand)
         return None if inner is None else -inner

@@ -1,7 +1,7 @@
-"""Answers the calls of a program: keeps where parts are and how they are joined.
+"""Functions of programs in the parent process: poses of parts and their joints.
 
-The calls come from a process that runs a stranger's program. Every argument is looked at here
-again, whatever that process has looked at.
+The calls come from a process that runs an untrusted program. Every argument is checked here again,
+whatever that process has checked.
 """
 
 from __future__ import annotations
@@ -23,7 +23,12 @@ from articulate.reconstruct.program.arguments import (
     unit,
     vector,
 )
-from articulate.reconstruct.program.contact_distance import Hull, bullet_depth, has_bullet, sweep
+from articulate.reconstruct.program.contact_distance import (
+    Hull,
+    bullet_depth,
+    contact_along,
+    has_bullet,
+)
 from articulate.reconstruct.program.language import FUNCTIONS, PLACEMENTS
 from articulate.reconstruct.program.materials import DEFAULT, MATERIALS
 from articulate.reconstruct.program.placement import TABLE, centred, shift
@@ -46,22 +51,22 @@ from articulate.transforms import (
     rpy_to_matrix,
 )
 
-MOST_CALLS = 4_000
-MOST_SNAPS = 200
-"""Placements with contact in a run."""
-MOST_POINTS = 256
+MAX_CALLS = 4_000
+MAX_SNAPS = 200
+"""Most placements with contact in a run."""
+MAX_POINTS = 256
 """Most points that ``vertices`` gives."""
-MOST_FRAMES = 400
-DEEP = 0.002
-"""PyBullet may find a piece this share of its size within another before it is moved back."""
+MAX_FRAMES = 400
+MAX_PENETRATION = 0.002
+"""Largest penetration that PyBullet may find, as a share of the part's size."""
 
 
 class Builder:
-    """Keeps the state of one run.
+    """State of one run.
 
     Args:
-        parts: The parts that the program was given.
-        check_time: Called while an answer takes long; raises where it is too late to go on.
+        parts: Parts of the program.
+        check_time: Called during long computations; raises after the time limit.
     """
 
     def __init__(self, parts: Parts, check_time: Callable[[], None] = lambda: None) -> None:
@@ -71,10 +76,10 @@ class Builder:
         """Pose of each part and frame in the world."""
         self.frames: list[str] = []
         self.settled: set[str] = set()
-        """Parts that the program has put somewhere: they stand in the way of others."""
+        """Parts that the program has placed: they are obstacles for others."""
         self.joints: dict[str, ObjectJoint] = {}
-        """By child."""
-        self.rests_on: dict[str, str] = {}
+        """Joints by child."""
+        self.placed_at: dict[str, str] = {}
         """Parent of the last placement, by child."""
         self.materials: dict[str, str] = {}
         self.placed: list[PlacementRecord] = []
@@ -91,14 +96,14 @@ class Builder:
         }  # fmt: skip
 
     def answer(self, name: object, arguments: object) -> Any:
-        """What the function ``name`` gives for ``arguments``, ready for JSON.
+        """Call the function ``name`` and return its result as JSON values.
 
         Raises:
-            InvalidValueError: It is not accepted; the sentence is for the program's author.
+            InvalidValueError: The call is invalid; the message is for the program's author.
         """
         self.calls += 1
-        if self.calls > MOST_CALLS:
-            raise InvalidValueError(f"more than {MOST_CALLS} calls; shorten the program")
+        if self.calls > MAX_CALLS:
+            raise InvalidValueError(f"more than {MAX_CALLS} calls; shorten the program")
         if not isinstance(name, str) or name not in FUNCTIONS or not isinstance(arguments, dict):
             raise InvalidValueError("no function of the language")
         if set(arguments) != set(FUNCTIONS[name].names):
@@ -108,19 +113,19 @@ class Builder:
         except AssetError as error:  # a mesh that cannot be read
             raise InvalidValueError(str(error)) from None
 
-    # What there is
+    # Queries
 
     def list_parts(self) -> list[str]:
-        """Names of the given parts."""
+        """Return the names of all parts."""
         return list(self.parts)
 
     def box(self, part: Any) -> list[list[float]]:
-        """Lowest and highest corner in the world."""
+        """Return lowest and highest corner in the world."""
         points = self._hull(self._part(part)).points
         return [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
 
     def corners(self, part: Any) -> list[list[float]]:
-        """Corners of the box."""
+        """Return the corners of the box."""
         low, high = self.box(part)
         return [
             [x, y, z]
@@ -130,31 +135,31 @@ class Builder:
         ]
 
     def vertices(self, part: Any) -> list[list[float]]:
-        """Corners of the convex hull, at most ``MOST_POINTS``, spread over its sides."""
+        """Return corners of the convex hull, at most ``MAX_POINTS``, spread over its sides."""
         points = self._hull(self._part(part)).points
-        if len(points) > MOST_POINTS:
-            k = np.arange(MOST_POINTS) + 0.5  # directions of Fibonacci's sphere
-            z, turn = 1.0 - 2.0 * k / MOST_POINTS, np.pi * (1.0 + 5.0**0.5) * k
+        if len(points) > MAX_POINTS:
+            k = np.arange(MAX_POINTS) + 0.5  # directions of Fibonacci's sphere
+            z, turn = 1.0 - 2.0 * k / MAX_POINTS, np.pi * (1.0 + 5.0**0.5) * k
             r = np.sqrt(1.0 - z * z)
-            ways = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
-            points = points[np.unique((points @ ways.T).argmax(axis=0))]
+            directions = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+            points = points[np.unique((points @ directions.T).argmax(axis=0))]
         found: list[list[float]] = points.tolist()
         return found
 
-    # Where it is
+    # Poses
 
     def place(self, part: Any, position: Any, rpy: Any) -> None:
-        """Put the part's own frame."""
+        """Set the pose of the part's frame."""
         name = self._free(part)
         self.T_wp[name] = pose(vector(position, "position"), rpy_to_matrix(vector(rpy, "rpy")))
 
     def move(self, part: Any, by: Any) -> None:
-        """Move by a vector."""
+        """Move a part by a vector."""
         name = self._free(part)
         self.T_wp[name] = pose(vector(by, "by")) @ self.T_wp[name]
 
     def rotate(self, part: Any, axis: Any, angle: Any, pivot: Any) -> None:
-        """Turn about an axis through a point."""
+        """Rotate a part about an axis through a point."""
         name = self._free(part)
         turn = axis_angle_to_matrix(unit(axis), number(angle, "angle"))
         at = np.mean(self.box(part), axis=0) if pivot is None else vector(pivot, "pivot")
@@ -163,28 +168,29 @@ class Builder:
     def place_relative_to(
         self, child: Any, parent: Any, placement: Any, clearance: Any, snap: Any, align: Any
     ) -> None:
-        """Put the child at a side of the parent, up to contact if ``snap``."""
+        """Place the child at a side of the parent, up to contact if ``snap``."""
         name, other = self._free(child), self._part(parent)
         if name == other:
             raise InvalidValueError("a part cannot be placed relative to itself")
         if placement not in PLACEMENTS:
             raise InvalidValueError(
-                f"placement {format_value(placement)} is not known; there are: {', '.join(PLACEMENTS)}"
+                f"placement {format_value(placement)} is not known; "
+                f"there are: {', '.join(PLACEMENTS)}"
             )
         gap, side = number(clearance, "clearance"), TABLE[str(placement)]
         if not isinstance(snap, bool) or not isinstance(align, bool):
             raise InvalidValueError("snap and align are True or False")
         before = self.T_wp[name]
         own, its = np.array(self.box(name)), np.array(self.box(other))
-        way = centred(own, its, side) if align else np.zeros(3)
+        shift_m = centred(own, its, side) if align else np.zeros(3)
         touches, checked = False, tuple[str, ...]()
         if side is not None:
-            way[side.axis] = shift(side, own, its, gap)
-        self.T_wp[name] = pose(way) @ before
+            shift_m[side.axis] = shift(side, own, its, gap)
+        self.T_wp[name] = pose(shift_m) @ before
         if side is not None and snap:
             touches, checked = self._snap(name, other, placement, gap)
         moved = (self.T_wp[name] @ inverse(before))[:3, 3]
-        self.rests_on[name] = other
+        self.placed_at[name] = other
         self.placed.append(
             PlacementRecord(
                 child=name,
@@ -200,16 +206,14 @@ class Builder:
     def _snap(
         self, name: str, parent: str, placement: str, gap: float
     ) -> tuple[bool, tuple[str, ...]]:
-        """Move the child along the placement's axis until it touches; see docs/program.md."""
+        """Move the child along the placement's axis until it touches; see docs/reference/program.md."""
         self.snaps += 1
-        if self.snaps > MOST_SNAPS:
-            raise InvalidValueError(
-                f"more than {MOST_SNAPS} placements with snap; write snap=False"
-            )
+        if self.snaps > MAX_SNAPS:
+            raise InvalidValueError(f"more than {MAX_SNAPS} placements with snap; write snap=False")
         side = TABLE[placement]
         assert side is not None
         own, its = np.array(self.box(name)), np.array(self.box(parent))
-        # Outside: from the parent's face inwards. Inside: from the parent's middle to its face.
+        # Outside: from the parent's face inwards. Inside: from the parent's centre to its face.
         toward = side.sign if side.inside else -side.sign
         start = shift(side, own, its, 0.0)
         reach = float(its[1, side.axis] - its[0, side.axis])
@@ -222,42 +226,46 @@ class Builder:
         self.check_time()
         hulls = [h.moved(self.T_wp[name]) for h in self.parts[name].hulls]
         obstacles = self._obstacles(name, parent)
-        found = sweep(hulls, obstacles, side.axis, toward, self.check_time)
-        if found.overlaps:
-            self.notes.append(f"{name} cuts into something where its way to {parent} begins")
-        touches = found.way is not None and found.way <= reach + 1e-9
-        if touches and found.way is not None:
-            way = found.way - gap
+        contact = contact_along(hulls, obstacles, side.axis, toward, self.check_time)
+        if contact.overlaps:
+            self.notes.append(
+                f"{name} already overlaps something where its motion to {parent} begins"
+            )
+        touches = contact.distance_m is not None and contact.distance_m <= reach + 1e-9
+        if touches and contact.distance_m is not None:
+            travel_m = contact.distance_m - gap
         else:
-            self.notes.append(f"{name} meets nothing {placement} {parent}: left at its box")
-            way = (reach if side.inside else 0.0) - gap
-        step[side.axis] = toward * way
+            self.notes.append(f"{name} touches nothing {placement} {parent}: placed at its box")
+            travel_m = (reach if side.inside else 0.0) - gap
+        step[side.axis] = toward * travel_m
         self.T_wp[name] = pose(step) @ self.T_wp[name]
         checked = (
             "sweep",
-            *self._second_opinion(name, side.axis, -toward, obstacles, gap, found.overlaps),
+            *self._check_with_bullet(name, side.axis, -toward, obstacles, gap, contact.overlaps),
         )
         return touches, checked
 
-    def _second_opinion(
+    def _check_with_bullet(
         self, name: str, axis: int, back: int, obstacles: Array, gap: float, overlaps: bool
     ) -> tuple[str, ...]:
-        """PyBullet's look at the result: the child is moved back by what it finds too deep."""
+        """Check the result with PyBullet and move the child back if it penetrates too far."""
         if overlaps or gap < 0.0 or not len(obstacles) or not has_bullet():
             return ()
         self.check_time()
         hulls = [h.moved(self.T_wp[name]) for h in self.parts[name].hulls]
         size = float(np.linalg.norm(np.ptp(np.concatenate([h.points for h in hulls]), axis=0)))
         depth = bullet_depth(hulls, obstacles)
-        if depth > DEEP * size:
+        if depth > MAX_PENETRATION * size:
             step = np.zeros(3)
             step[axis] = back * depth
             self.T_wp[name] = pose(step) @ self.T_wp[name]
-            self.notes.append(f"{name} was {depth:.4f} m within something for PyBullet: moved back")
+            self.notes.append(
+                f"{name} penetrates something by {depth:.4f} m in PyBullet: moved back"
+            )
         return ("pybullet",)
 
     def _obstacles(self, name: str, parent: str) -> Array:
-        """Triangles (M, 3, 3) in the world of the parent and of what was placed before."""
+        """Return the triangles (M, 3, 3) of the parent and of placed parts, in the world."""
         found = [
             apply(self.T_wp[other], part.triangles)
             for other, part in self.parts.items()
@@ -265,21 +273,21 @@ class Builder:
         ]
         return np.concatenate(found) if found else np.zeros((0, 3, 3))
 
-    # How it is joined
+    # Joints
 
     def frame(self, name: Any) -> str:
         """Add a link without geometry."""
         label = named(name)
         if label in self.T_wp:
-            raise InvalidValueError(f"{format_value(name)} is taken; choose another name")
-        if len(self.frames) >= MOST_FRAMES:
-            raise InvalidValueError(f"at most {MOST_FRAMES} frames are accepted")
+            raise InvalidValueError(f"{format_value(name)} is already used; choose another name")
+        if len(self.frames) >= MAX_FRAMES:
+            raise InvalidValueError(f"at most {MAX_FRAMES} frames are accepted")
         self.frames.append(label)
         self.T_wp[label] = np.eye(4)
         return label
 
     def root(self, part: Any) -> None:
-        """Say what stands still."""
+        """Set the part that does not move."""
         name = self._part(part)
         if name in self.joints:
             raise InvalidValueError(
@@ -288,7 +296,7 @@ class Builder:
         self.chosen_root = name
 
     def material(self, part: Any, material: Any) -> None:
-        """Say what it is made of."""
+        """Set the material of a part."""
         if not isinstance(material, str) or material not in MATERIALS:
             raise InvalidValueError(
                 f"material {format_value(material)} is not known; there are: {', '.join(MATERIALS)}"
@@ -296,14 +304,14 @@ class Builder:
         self.materials[self._part(part)] = material
 
     def fixed(self, child: Any, parent: Any, name: Any) -> str:
-        """A joint that never moves."""
+        """Add a fixed joint."""
         return self._join("fixed", child, parent, name)
 
     def revolute(
         self, child: Any, parent: Any, axis: Any, pivot: Any, lower: Any, upper: Any, name: Any,
         damping: Any, friction: Any,
     ) -> str:  # fmt: skip
-        """A hinge with limits [rad]."""
+        """Add a hinge with limits [rad]."""
         low, high = limits(lower, upper)
         if low is not None and high is not None and max(-low, high) > 4.0 * math.pi:
             raise InvalidValueError(
@@ -318,7 +326,7 @@ class Builder:
     def continuous(
         self, child: Any, parent: Any, axis: Any, pivot: Any, name: Any, damping: Any, friction: Any
     ) -> str:
-        """A hinge without limits."""
+        """Add a hinge without limits."""
         return self._join(
             "continuous", child, parent, name, axis_w=_three(unit(axis)),
             pivot_w=_three(vector(pivot, "pivot")),
@@ -329,7 +337,7 @@ class Builder:
         self, child: Any, parent: Any, axis: Any, lower: Any, upper: Any, pivot: Any, name: Any,
         damping: Any, friction: Any,
     ) -> str:  # fmt: skip
-        """A slide with limits [m]."""
+        """Add a slide with limits [m]."""
         low, high = limits(lower, upper)
         return self._join(
             "prismatic", child, parent, name, axis_w=_three(unit(axis)),
@@ -339,7 +347,7 @@ class Builder:
         )  # fmt: skip
 
     def mimic(self, follower: Any, leader: Any, multiplier: Any, offset: Any) -> None:
-        """One joint follows another."""
+        """Couple a joint to another one."""
         by_name = {joint.name: child for child, joint in self.joints.items()}
         for joint in (follower, leader):
             if not isinstance(joint, str) or joint not in by_name:
@@ -349,13 +357,13 @@ class Builder:
         seen, at = {follower}, leader
         while at is not None:
             if at in seen:
-                raise InvalidValueError("joints that follow each other in a circle")
+                raise InvalidValueError("these joints would follow each other in a cycle")
             seen.add(at)
             ahead = self.joints[by_name[at]].mimic
             at = None if ahead is None else ahead[0]
         joints = [self.joints[by_name[joint]] for joint in (follower, leader)]
         if any(joint.kind == "fixed" for joint in joints):
-            raise InvalidValueError("a fixed joint neither follows nor leads")
+            raise InvalidValueError("a fixed joint cannot follow or lead")
         numbers = number(multiplier, "multiplier"), number(offset, "offset")
         fields = {**vars(joints[0]), "mimic": (leader, *numbers)}
         self.joints[joints[0].child] = ObjectJoint(**fields)
@@ -371,32 +379,32 @@ class Builder:
         at: str | None = above
         while at is not None:
             if at == below:
-                raise InvalidValueError(f"{above} hangs on {below}: the joints would form a circle")
+                raise InvalidValueError(f"{above} is below {below}: the joints would form a cycle")
             at = self.joints[at].parent if at in self.joints else None
-        taken = {joint.name for joint in self.joints.values()}
+        names = {joint.name for joint in self.joints.values()}
         label = f"{below}_joint" if name is None else named(name)
-        if label in taken:
+        if label in names:
             raise InvalidValueError(
                 f"a joint is called {format_value(label)} already; choose another name"
             )
         self.joints[below] = ObjectJoint(name=label, kind=kind, child=below, parent=above, **what)
         return label
 
-    # What comes out
+    # Result
 
     def built(self, layers: tuple[str, ...]) -> ProgramObject:
-        """The whole object; what nothing joins is fixed."""
+        """Return the object; parts without a joint are fixed."""
         names = list(self.T_wp)
         free = [name for name in names if name not in self.joints]
-        root = self.chosen_root or next((n for n in free if n not in self.rests_on), free[0])
+        root = self.chosen_root or next((n for n in free if n not in self.placed_at), free[0])
         joints = dict(self.joints)
-        taken = {joint.name for joint in joints.values()}
+        used = {joint.name for joint in joints.values()}
         for name in free:
             if name == root:
                 continue
             parent = self._support(name, root, joints)
-            self.notes.append(f"nothing joins {name}: fixed to {parent}")
-            label = _unused(f"{name}_joint", taken)
+            self.notes.append(f"{name} has no joint: fixed to {parent}")
+            label = _unused(f"{name}_joint", used)
             joints[name] = ObjectJoint(name=label, kind="fixed", child=name, parent=parent)
         parts = tuple(
             ObjectPart(
@@ -415,8 +423,8 @@ class Builder:
         )  # fmt: skip
 
     def _support(self, name: str, root: str, joints: dict[str, ObjectJoint]) -> str:
-        """What an unjoined part is fixed to: what it was placed at, unless that hangs on it."""
-        support = self.rests_on.get(name, root)
+        """Return the parent of a part without a joint: where it was placed, unless cyclic."""
+        support = self.placed_at.get(name, root)
         at: str | None = support
         while at is not None:
             if at == name:
@@ -433,12 +441,12 @@ class Builder:
         return name
 
     def _free(self, name: Any) -> str:
-        """The part, if it may still be moved."""
+        """Return the part if it can still be moved."""
         part = self._part(name)
         for joint in self.joints.values():
             if part in {joint.child, joint.parent}:
                 raise InvalidValueError(
-                    f"{part} is part of joint {joint.name}: place it before joining"
+                    f"{part} belongs to joint {joint.name}: place it before joining"
                 )
         self.settled.add(part)
         return part
@@ -462,8 +470,8 @@ def _four(value: Array) -> Quat:
     return (float(value[0]), float(value[1]), float(value[2]), float(value[3]))
 
 
-def _unused(name: str, taken: set[str]) -> str:
-    while name in taken:
+def _unused(name: str, used: set[str]) -> str:
+    while name in used:
         name += "_"
-    taken.add(name)
+    used.add(name)
     return name

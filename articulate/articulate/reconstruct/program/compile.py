@@ -1,4 +1,4 @@
-"""From plain data to a URDF: frames of links, mass, damping and friction, meshes."""
+"""Write an object of a program as a URDF with meshes, masses, damping and friction."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.geometry.inertia import Inertial
 from articulate.geometry.presets import MASS_KG, joint_preset
-from articulate.reconstruct.program.elements import elements_of, words_of, write_element
+from articulate.reconstruct.program.elements import common_name, elements_of, write_element
 from articulate.reconstruct.program.mass import inertial_of, scaled
 from articulate.reconstruct.program.materials import EFFORT, MATERIALS, VELOCITY
 from articulate.reconstruct.program.program_parts import Parts
@@ -35,14 +35,14 @@ class LinkPlan:
     T_lp: Array
     """Pose of the part's own frame in the link (4, 4)."""
     joint: ObjectJoint | None
-    """What joins it to its parent; None for the root."""
+    """Joint to its parent; None for the root."""
 
 
 def link_plans(built: ProgramObject) -> dict[str, LinkPlan]:
-    """Links by name, parents first.
+    """Return the links by name, parents first.
 
-    The frame of a link lies on its joint's pivot and is turned as the part's own frame; where
-    no pivot is given it is the part's own frame, and for the root the world's.
+    The origin of a link is its joint's pivot, with the rotation of the part's frame. Without a
+    pivot it is the part's frame, and for the root the world frame.
     """
     joint_of = {joint.child: joint for joint in built.joints}
     T_wp = {part.name: pose(part.pos_w, quat_to_matrix(part.quat_w)) for part in built.parts}
@@ -66,10 +66,10 @@ def _parents_first(built: ProgramObject) -> list[str]:
     for joint in built.joints:
         children.setdefault(joint.parent, []).append(joint.child)
     order = [built.root]
-    for name in order:  # grows while it is gone through
+    for name in order:  # grows during the loop
         order += children.get(name, [])
     if len(order) != len(built.parts):
-        raise AssetError(f"{built.root}: {len(built.parts) - len(order)} parts hang on nothing")
+        raise AssetError(f"{built.root}: {len(built.parts) - len(order)} parts have no parent")
     return order
 
 
@@ -78,14 +78,14 @@ def write_object(
 ) -> Path:
     """Write ``<name>.urdf`` with its meshes, the data and the program into ``out``.
 
-    The URDF is written last, and an earlier one is removed first, so that its presence says that
-    all is there.
+    The URDF is written last, and an earlier one is removed first, so that it exists only with all
+    other files.
 
     Args:
-        built: What is to be written.
+        built: Object of a program.
         parts: Geometry of its parts.
         out: Folder, made if absent.
-        source: The program it comes from, kept beside it.
+        source: Source of the program, written beside it.
         name: Name of the object and of the file.
 
     Raises:
@@ -95,7 +95,7 @@ def write_object(
     plans = link_plans(built)
     path = out / f"{name}.urdf"
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(name)}>"]
-    masses = _masses(built, parts, plans)  # all that may be refused comes before anything written
+    masses = _masses(built, parts, plans)  # may raise, so before anything is written
     _remove(path)
     for k, link in enumerate(plans.values()):
         lines += _link(link, k, parts, masses.get(link.name), out)
@@ -129,15 +129,15 @@ def _link(link: LinkPlan, k: int, parts: Parts, inertial: Inertial | None, out: 
     for i, element in enumerate(elements_of(pieces)):
         stem = f"p{k:03d}_{i:03d}"
         write_element(element, out / "meshes", stem)
-        name = f"name={quoteattr(words_of(element))}"
-        shown = [
+        name = f"name={quoteattr(common_name(element))}"
+        geometry = [
             f"      {origin}",
             f'      <geometry><mesh filename="meshes/{stem}.obj"/></geometry>',
         ]
         colour = f'<color rgba="{numbers(element[0].rgba)}"/>'
         painted = [f'      <material name="m{stem[1:]}">{colour}</material>'] * (len(element) == 1)
-        lines += [f"    <visual {name}>", *shown, *painted, "    </visual>"]
-        lines += [f"    <collision {name}>", *shown, "    </collision>"]
+        lines += [f"    <visual {name}>", *geometry, *painted, "    </visual>"]
+        lines += [f"    <collision {name}>", *geometry, "    </collision>"]
     return [*lines, "  </link>"]
 
 
@@ -195,7 +195,7 @@ def _move_kind(joint: ObjectJoint | None) -> MoveKind:
 
 
 def _groups(plans: Mapping[str, LinkPlan]) -> dict[str, list[str]]:
-    """Links that never move against each other, by each of them."""
+    """Return groups of links that are fixed to each other, by each link."""
     groups: dict[str, list[str]] = {}
     for name, link in plans.items():
         if link.joint is not None and link.joint.kind == "fixed":
@@ -209,7 +209,7 @@ def _groups(plans: Mapping[str, LinkPlan]) -> dict[str, list[str]]:
 def _masses(
     built: ProgramObject, parts: Parts, plans: Mapping[str, LinkPlan]
 ) -> dict[str, Inertial]:
-    """Mass properties by link: those of each rigid group together within the usual range."""
+    """Compute mass properties by link; each rigid group gets a total in the usual range."""
     materials = {part.name: MATERIALS[part.material] for part in built.parts}
     found = {}
     for name, link in plans.items():
@@ -226,6 +226,6 @@ def _masses(
         if total > 0.0:
             factor = float(np.clip(total, low, high)) / total
             found |= {n: scaled(found[n], factor) for n in members if n in found}
-        elif kind != "fixed":  # a helper that moves: simulators want some mass
+        elif kind != "fixed":  # a moving link without geometry: simulators need some mass
             found[name] = Inertial(mass_kg=low, com_p=np.zeros(3), inertia_p=1e-5 * np.eye(3))
     return found

@@ -1,9 +1,9 @@
-"""How far convex pieces can move along an axis until they touch triangles: computed, not searched.
+"""Exact distance that convex pieces can move along an axis until they touch triangles.
 
 Two polyhedra that approach along z touch first where a corner of one meets a face of the other or
-where two edges cross, seen along z. So the way to contact is the least difference in height over
-all such pairs: exact, for hollow obstacles too. Where PyBullet is installed it looks at the result
-as a second, independent opinion.
+where two edges cross, seen along z. The distance to contact is therefore the least difference in
+height over all such pairs, also for hollow obstacles. If PyBullet is installed, it checks the
+result independently.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from articulate.suppress_output import suppress_output
 from articulate.transforms import Array, Ints, Mask
 
 SLIVER = 1e-5
-"""Share of its width by which a moving piece is narrowed: what it slides along stops nothing."""
+"""Share by which a moving piece is narrowed, so that surfaces beside it do not stop it."""
 TOUCH = 1e-6
-"""Surfaces that overlap by this share of the piece's size or less touch [share]."""
+"""Surfaces that overlap by at most this share of the piece's size touch."""
 CHUNK = 64
-"""Triangles that are looked at together."""
+"""Triangles that are processed together."""
 SLICE = 4096
-"""Corners, faces or edges of a hull that are looked at together: they bound memory, and the time
-between two looks at the clock."""
+"""Corners, faces or edges of a hull that are processed together: they limit memory, and the time
+between two checks of the time limit."""
 BULLET_PAD_M = 0.001
 """Margin that PyBullet gives to shapes made of points [m]."""
-BULLET_MOST = 40_000
-"""Most triangles of an obstacle that are handed to PyBullet."""
+BULLET_MAX = 40_000
+"""Most triangles of an obstacle for PyBullet."""
 NEAR_M = 0.01
 """Triangles farther than this from the box of a piece cannot touch it [m]."""
 BOX_TRIANGLES = np.array(
@@ -57,22 +57,22 @@ class Hull:
         return np.unique(pairs, axis=0)
 
     def moved(self, T: Array) -> Hull:
-        """The same, moved by ``T`` (4, 4)."""
+        """Return the hull moved by ``T`` (4, 4)."""
         return Hull(self.points @ T[:3, :3].T + T[:3, 3], self.faces)
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """What a way along an axis meets."""
+class Contact:
+    """First contact of a motion along an axis."""
 
-    way: float | None
-    """Distance to the first contact [m]; None if there is none."""
+    distance_m: float | None
+    """Distance to the first contact [m]; None without contact."""
     overlaps: bool
-    """Whether the piece cut into something at the start, which does not stop it."""
+    """True if the piece overlaps something at the start, which does not stop it."""
 
 
 def hull_of(points: Array) -> Hull:
-    """Convex hull of points (N, 3); their box where they lie in a plane."""
+    """Compute the convex hull of points (N, 3); their box if they are coplanar."""
     try:
         found = ConvexHull(points)
         kept, faces = np.unique(found.simplices, return_inverse=True)
@@ -84,41 +84,41 @@ def hull_of(points: Array) -> Hull:
 
 
 def _no_clock() -> None:
-    """Never late."""
+    """Do not limit the time."""
 
 
-def sweep(
+def contact_along(
     hulls: Sequence[Hull],
     triangles: Array,
     axis: int,
     sign: int,
     check_time: Callable[[], None] = _no_clock,
-) -> Sweep:
-    """First contact of ``hulls`` that move along an axis with ``triangles`` (M, 3, 3).
+) -> Contact:
+    """Compute the first contact of hulls that move along an axis.
 
     Args:
         hulls: The moving piece, in the frame of the triangles.
-        triangles: What stands in the way.
+        triangles: Obstacles (M, 3, 3) [m].
         axis: 0, 1 or 2.
         sign: +1 or -1.
-        check_time: Called again and again; raises where it is too late to go on.
+        check_time: Called repeatedly; raises after the time limit.
     """
     order = [(axis + 1) % 3, (axis + 2) % 3, axis]
     turned = triangles[:, :, order] * np.array([1.0, 1.0, sign])
-    ways, overlaps = [], False
+    distances, overlaps = [], False
     for hull in hulls:
         points = hull.points[:, order] * np.array([1.0, 1.0, sign])
-        way, cut = _rise(Hull(points, hull.faces), turned, check_time)
+        distance, cut = _rise(Hull(points, hull.faces), turned, check_time)
         overlaps = overlaps or cut
-        if way is not None:
-            ways.append(way)
-    return Sweep(min(ways) if ways else None, overlaps)
+        if distance is not None:
+            distances.append(distance)
+    return Contact(min(distances) if distances else None, overlaps)
 
 
 def _rise(
     hull: Hull, triangles: Array, check_time: Callable[[], None]
 ) -> tuple[float | None, bool]:
-    """Way along +z to the first contact, and whether the start cuts into a triangle."""
+    """Return the distance along +z to the first contact, and whether the start overlaps."""
     low, high = hull.points.min(axis=0), hull.points.max(axis=0)
     touch = TOUCH * float(np.linalg.norm(high - low))
     middle = (low[:2] + high[:2]) / 2.0
@@ -150,9 +150,9 @@ def _rise(
 def _heights(
     points: Array, faces: Array, edges: Array, triangles: Array, check_time: Callable[[], None]
 ) -> tuple[Array, Array]:
-    """Least and largest rise (M,) at which a hull touches each triangle; inf where it never does.
+    """Return least and largest rise (M,) at which a hull touches each triangle, inf if never.
 
-    Between the two it cuts into the triangle. The hull is given by its corners (N, 3), its faces
+    Between the two it overlaps the triangle. The hull is given by its corners (N, 3), its faces
     (F, 3, 3) and its edges (E, 2, 3).
     """
     low, high = np.full(len(triangles), np.inf), np.full(len(triangles), -np.inf)
@@ -166,7 +166,7 @@ def _heights(
 
 
 def _gaps(points: Array, faces: Array, edges: Array, triangles: Array) -> Iterator[Array]:
-    """Heights of the triangles over a few corners, faces or edges of the hull at a time (M, K)."""
+    """Yield the heights (M, K) of the triangles over slices of the hull's corners, faces, edges."""
     corners = triangles.reshape(-1, 3)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2, 3)
     for at in range(0, len(points), SLICE):
@@ -178,7 +178,7 @@ def _gaps(points: Array, faces: Array, edges: Array, triangles: Array) -> Iterat
 
 
 def _over(points: Array, triangles: Array) -> Array:
-    """Height of each triangle over each point (M, N); NaN where the point is beside it."""
+    """Compute the height of each triangle over each point (M, N); NaN if not above it."""
     a, b, c = (triangles[:, None, k] for k in range(3))
     u, v, w = b - a, c - a, points[None] - a
     area = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
@@ -191,7 +191,7 @@ def _over(points: Array, triangles: Array) -> Array:
 
 
 def _crossed(edges: Array, others: Array) -> Array:
-    """Height of each of ``others`` (M, 2, 3) over each edge (E, 2, 3) where they cross (M, E)."""
+    """Compute the height of ``others`` (M, 2, 3) over crossing edges (E, 2, 3), (M, E)."""
     p, r = edges[None, :, 0], edges[None, :, 1] - edges[None, :, 0]
     q, s = others[:, None, 0], others[:, None, 1] - others[:, None, 0]
     cross = r[..., 0] * s[..., 1] - r[..., 1] * s[..., 0]
@@ -205,24 +205,24 @@ def _crossed(edges: Array, others: Array) -> Array:
 
 
 def has_bullet() -> bool:
-    """Whether PyBullet is installed."""
+    """Return whether PyBullet is installed."""
     return importlib.util.find_spec("pybullet") is not None
 
 
 def bullet_depth(hulls: Sequence[Hull], triangles: Array) -> float:
-    """How deep PyBullet finds ``hulls`` within ``triangles`` (M, 3, 3) [m]; 0 if they only touch.
+    """Compute the penetration of hulls into triangles (M, 3, 3) with PyBullet [m].
 
-    It pads each of both by ``BULLET_PAD_M``, which is taken off again. Triangles far from the
-    hulls are left out, for it takes no more than ``BULLET_MOST``.
+    PyBullet pads each of both by ``BULLET_PAD_M``, which is subtracted. Triangles far from the
+    hulls are omitted, as at most ``BULLET_MAX`` are accepted.
     """
     reach = np.concatenate([hull.points for hull in hulls])
     near = (triangles.min(axis=1) <= reach.max(axis=0) + NEAR_M).all(axis=1)
     near &= (triangles.max(axis=1) >= reach.min(axis=0) - NEAR_M).all(axis=1)
-    triangles = triangles[near][:BULLET_MOST]
+    triangles = triangles[near][:BULLET_MAX]
     if not len(triangles):
         return 0.0
     with suppress_output():
-        import pybullet  # announces itself below Python
+        import pybullet  # prints a message below Python
 
         client = pybullet.connect(pybullet.DIRECT)
     try:

@@ -1,4 +1,4 @@
-"""From a URDF to a program that says the same."""
+"""Convert a URDF to an equivalent program."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from articulate.formats.source_object import SourceJoint, SourceObject
 from articulate.reconstruct.program.language import MAX_NUMBER, MAX_SOURCE, MAX_TEXT
 from articulate.transforms import Array, matrix_to_rpy
 
-ABSURD_RAD = 4.0 * math.pi
-"""A hinge's limit beyond this says nothing [rad]."""
+MAX_LIMIT_RAD = 4.0 * math.pi
+"""Limits of a hinge beyond this are ignored [rad]."""
 
 
 def decompile(urdf: Path) -> str:
-    """A program over ``parts_of(urdf)`` that gives the same links, poses and joints.
+    """Write a program for ``parts_of(urdf)`` with the same links, poses and joints.
 
     Args:
-        urdf: File that is read.
+        urdf: File to read.
 
     Raises:
-        AssetError: It cannot be read, or is more than a program can say.
+        AssetError: It cannot be read, or exceeds the limits of a program.
     """
     source = decompose_joints(read_urdf(urdf))
     build_parts(source)  # raises where the tree is broken
@@ -37,9 +37,7 @@ def decompile(urdf: Path) -> str:
         if not np.array_equal(T, np.eye(4)):
             position, rpy = _row(T[:3, 3]), _row(matrix_to_rpy(T[:3, :3]))
             lines.append(f"place({_text(name)}, {position}, rpy={rpy})")
-    taken: set[str] = set()
     for joint in joints:
-        taken.add(joint.name)
         lines += _joined(joint, T_wl)
     for name in T_wl:  # further roots
         if name != _root(source) and not any(joint.child == name for joint in joints):
@@ -54,14 +52,14 @@ def decompile(urdf: Path) -> str:
 
 
 def _root(source: SourceObject) -> str:
-    """The root with the most children, as the converter takes it."""
+    """Return the root with the most children, as in the conversion."""
     children = {joint.child for joint in source.joints}
     roots = [name for name in source.links if name not in children]
     return max(roots, key=lambda name: sum(joint.parent == name for joint in source.joints))
 
 
 def _placed(source: SourceObject) -> tuple[dict[str, Array], list[SourceJoint]]:
-    """Pose of each link in the root with every joint at 0, and the joints, parents first."""
+    """Return the pose of each link with every joint at 0, and the joints, parents first."""
     by_parent: dict[str, list[SourceJoint]] = {}
     for joint in source.joints:
         by_parent.setdefault(joint.parent, []).append(joint)
@@ -92,23 +90,23 @@ def _joined(joint: SourceJoint, T_wl: Mapping[str, Array]) -> list[str]:
 
 
 def _limits(joint: SourceJoint) -> tuple[list[str], str, str]:
-    """Remarks, lower and upper limit as they are written."""
+    """Return comments, lower and upper limit as source text."""
     if joint.lower is None and joint.upper is None:
         return [], "None", "None"
     low, high, notes = joint.lower or 0.0, joint.upper or 0.0, []
     if low > high:
         notes, low, high = ["# The file has its limits swapped."], high, low
-    most = ABSURD_RAD if joint.kind == "revolute" else MAX_NUMBER
+    most = MAX_LIMIT_RAD if joint.kind == "revolute" else MAX_NUMBER
     if max(-low, high) > most:
-        return ["# The file's limits say nothing."], "None", "None"
+        return ["# The limits of the file are out of range."], "None", "None"
     return notes, _number(low), _number(high)
 
 
 def _dynamics(joint: SourceJoint) -> str:
-    given = {"damping": joint.damping, "friction": joint.friction}
+    values = {"damping": joint.damping, "friction": joint.friction}
     return "".join(
         f", {key}={_number(value)}"
-        for key, value in given.items()
+        for key, value in values.items()
         if value is not None and 0.0 < value <= MAX_NUMBER
     )
 
@@ -137,5 +135,5 @@ def _row(values: Array) -> str:
 
 
 def _number(value: float) -> str:
-    """All digits; no -0."""
+    """Format a number with all digits, without -0."""
     return repr(float(value) + 0.0)

@@ -1,7 +1,7 @@
-"""Elements: what was one mesh of several colours in the source is one mesh again.
+"""Combine the pieces of a mesh with several colours into one mesh again.
 
-A body whose colours lie in files of their own is a heap of open sheets to whoever makes collision
-shapes of it, and a handle that has lost its name is no handle.
+Collision shapes cannot be made from a body that is split into open sheets by colour, and handles
+are found by the names of meshes.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from articulate.files import write_bytes
 from articulate.formats.load_meshes import Piece
 
 OPAQUE = 1.0
-"""OBJ materials carry no opacity that readers agree on: what is seen through stays by itself."""
+"""OBJ readers disagree on the opacity of materials, so transparent pieces stay separate."""
 
 
 def elements_of(pieces: Sequence[Piece]) -> list[list[Piece]]:
-    """``pieces`` that come from one element of the source together, in order."""
+    """Group pieces that come from one element of the source, in order."""
     found: dict[tuple[str, str, int], list[Piece]] = {}
     for i, piece in enumerate(pieces):
-        alone = i + 1 if piece.rgba[3] < OPAQUE else 0
-        found.setdefault((piece.link, piece.element, alone), []).append(piece)
+        separate = i + 1 if piece.rgba[3] < OPAQUE else 0
+        found.setdefault((piece.link, piece.element, separate), []).append(piece)
     return list(found.values())
 
 
-def words_of(element: Sequence[Piece]) -> str:
-    """The words that all pieces of an element go by, those of the first where they share none."""
+def common_name(element: Sequence[Piece]) -> str:
+    """Return the words that all names of an element share; the first name if there are none."""
     first, *others = (piece.name.split() for piece in element)
     return " ".join([word for word in first if all(word in other for other in others)] or first)
 
 
 def write_element(element: Sequence[Piece], folder: Path, stem: str) -> None:
-    """Write ``stem``.obj into ``folder``, with a file of materials where there are several pieces.
+    """Write ``stem``.obj into ``folder``, with a material file if there are several pieces.
 
     Raises:
         UsageError: It cannot be written.

@@ -1,7 +1,7 @@
-"""Walks the checked tree of a program and computes, with a budget of steps; nothing is compiled.
+"""Interpret the checked syntax tree of a program with a limited number of steps.
 
-No object of Python's own machinery (function, frame, class, module) is ever a value, so that
-there is nothing to climb out by. Needs the standard library alone.
+Nothing is compiled. No object of Python's runtime (function, frame, class, module) is ever a value,
+so that a program cannot reach the interpreter. The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from articulate.reconstruct.program.parse import RuleError
 from articulate.reconstruct.program.values import (
     ARITHMETIC,
     COMPARISONS,
-    HELPED,
+    HELPER_FUNCTIONS,
     AxisBox,
     InvalidValueError,
     Value,
@@ -37,13 +37,13 @@ from articulate.reconstruct.program.values import (
     vector,
 )
 
-Ask = Callable[[str, dict[str, Any], tuple[int, int]], Any]
-"""Has a function answered: name, arguments as JSON, line and column; raises ValueRefused."""
+CallParent = Callable[[str, dict[str, Any], tuple[int, int]], Any]
+"""Calls a function of the parent: name, arguments as JSON, line and column; raises ValueRefused."""
 MAX_TOTAL = 200_000
 """Most items that all lists made in a run have together."""
 
 
-class _Jump(Exception):  # noqa: N818  # it is no error
+class _Jump(Exception):  # noqa: N818  # it is not an error
     """Leaves a loop or a function."""
 
     def __init__(self, kind: str, value: Value = None) -> None:
@@ -51,17 +51,17 @@ class _Jump(Exception):  # noqa: N818  # it is no error
         self.kind, self.value = kind, value
 
 
-def interpret(tree: ast.Module, ask: Ask) -> None:
-    """Run a tree that the guard has let pass.
+def interpret(tree: ast.Module, call_parent: CallParent) -> None:
+    """Run a checked tree.
 
     Args:
-        tree: From ``guard.check``.
-        ask: Answers the functions of the language.
+        tree: Tree from ``allow_list.check``.
+        call_parent: Function that calls the functions of the language.
 
     Raises:
         RuleError: A value breaks a rule, with its line and column.
     """
-    interpreter = _Interpreter(ask)
+    interpreter = _Interpreter(call_parent)
     try:
         interpreter.body(tree.body, interpreter.globals)
     except RecursionError:
@@ -70,8 +70,8 @@ def interpret(tree: ast.Module, ask: Ask) -> None:
 
 
 class _Interpreter:
-    def __init__(self, ask: Ask) -> None:
-        self.ask = ask
+    def __init__(self, call_parent: CallParent) -> None:
+        self.call_parent = call_parent
         self.functions: dict[str, ast.FunctionDef] = {}
         self.globals: dict[str, Value] = {}
         self.steps = self.made = 0
@@ -85,8 +85,8 @@ class _Interpreter:
         if self.steps > MAX_STEPS:
             raise self.at(node, f"the program takes more than {MAX_STEPS} steps; shorten its loops")
 
-    def kept(self, node: ast.AST, value: Value) -> Value:
-        """``value`` within all bounds, its items counted."""
+    def checked(self, node: ast.AST, value: Value) -> Value:
+        """Return ``value`` if it is within all limits, and count its items."""
         bounded(value)
         if isinstance(value, (list, tuple, dict)):
             self.made += len(value)
@@ -149,7 +149,7 @@ class _Interpreter:
             local[target.id] = value
             return
         assert isinstance(target, ast.Tuple)
-        parts = self.refusing(target, items, value)
+        parts = self.apply(target, items, value)
         if len(parts) != len(target.elts):
             raise self.at(target, f"{len(parts)} values for {len(target.elts)} names")
         for name, part in zip(target.elts, parts, strict=True):
@@ -161,17 +161,17 @@ class _Interpreter:
         self.step(node)
         return getattr(self, f"of_{type(node).__name__}")(node, local)
 
-    def refusing(self, node: ast.AST, function: Callable[..., Value], *values: Value) -> Value:
-        """``function(*values)``, its refusal told with the place of ``node``."""
+    def apply(self, node: ast.AST, function: Callable[..., Value], *values: Value) -> Value:
+        """Apply a function; errors get the position of ``node``."""
         try:
-            return self.kept(node, function(*values))
-        except InvalidValueError as refused:
-            raise self.at(node, str(refused)) from None
+            return self.checked(node, function(*values))
+        except InvalidValueError as error:
+            raise self.at(node, str(error)) from None
         except OverflowError:
             raise self.at(node, "the result is too large") from None
 
     def iterated(self, node: ast.expr, local: dict[str, Value]) -> list[Value]:
-        found: list[Value] = self.refusing(node, items, self.value(node, local))
+        found: list[Value] = self.apply(node, items, self.value(node, local))
         return found
 
     def true(self, node: ast.expr, local: dict[str, Value]) -> bool:
@@ -187,30 +187,30 @@ class _Interpreter:
         raise self.at(node, f"{node.id!r} has no value here; assign it before")
 
     def of_Attribute(self, node: ast.Attribute, local: dict[str, Value]) -> Value:
-        return self.refusing(node, attribute, self.value(node.value, local), node.attr)
+        return self.apply(node, attribute, self.value(node.value, local), node.attr)
 
     def of_Subscript(self, node: ast.Subscript, local: dict[str, Value]) -> Value:
-        whole, index = self.value(node.value, local), self.value(node.slice, local)
-        return self.refusing(node, item, whole, index)
+        container, index = self.value(node.value, local), self.value(node.slice, local)
+        return self.apply(node, item, container, index)
 
     def of_Tuple(self, node: ast.Tuple, local: dict[str, Value]) -> Value:
-        return self.kept(node, tuple(self.value(each, local) for each in node.elts))
+        return self.checked(node, tuple(self.value(each, local) for each in node.elts))
 
     def of_List(self, node: ast.List, local: dict[str, Value]) -> Value:
-        return self.kept(node, [self.value(each, local) for each in node.elts])
+        return self.checked(node, [self.value(each, local) for each in node.elts])
 
     def of_Dict(self, node: ast.Dict, local: dict[str, Value]) -> Value:
         keys = [key.value for key in node.keys if isinstance(key, ast.Constant)]
         values = [self.value(each, local) for each in node.values]
-        return self.kept(node, dict(zip(keys, values, strict=True)))
+        return self.checked(node, dict(zip(keys, values, strict=True)))
 
     def of_ListComp(self, node: ast.ListComp, local: dict[str, Value]) -> Value:
-        clause, inner, out = node.generators[0], dict(local), []
-        for each in self.iterated(clause.iter, local):
-            self.assign(clause.target, each, inner)
-            if all(self.true(test, inner) for test in clause.ifs):
+        generator, inner, out = node.generators[0], dict(local), []
+        for each in self.iterated(generator.iter, local):
+            self.assign(generator.target, each, inner)
+            if all(self.true(test, inner) for test in generator.ifs):
                 out.append(self.value(node.elt, inner))
-        return self.kept(node, out)
+        return self.checked(node, out)
 
     def of_JoinedStr(self, node: ast.JoinedStr, local: dict[str, Value]) -> Value:
         parts = []
@@ -222,20 +222,20 @@ class _Interpreter:
                     node, f"a text or number was expected in braces, not {format_value(value)}"
                 )
             parts.append(str(value))
-        return self.refusing(node, "".join, parts)
+        return self.apply(node, "".join, parts)
 
     def of_BinOp(self, node: ast.BinOp, local: dict[str, Value]) -> Value:
         left, right = self.value(node.left, local), self.value(node.right, local)
         return self.computed(node, node.op, left, right)
 
     def computed(self, node: ast.AST, sign: ast.operator, left: Value, right: Value) -> Value:
-        return self.refusing(node, ARITHMETIC[type(sign).__name__], left, right)
+        return self.apply(node, ARITHMETIC[type(sign).__name__], left, right)
 
     def of_UnaryOp(self, node: ast.UnaryOp, local: dict[str, Value]) -> Value:
         if isinstance(node.op, ast.Not):
             return not self.true(node.operand, local)
         value = self.value(node.operand, local)
-        return self.refusing(node, negated, value) if isinstance(node.op, ast.USub) else value
+        return self.apply(node, negated, value) if isinstance(node.op, ast.USub) else value
 
     def of_BoolOp(self, node: ast.BoolOp, local: dict[str, Value]) -> Value:
         is_or, value = isinstance(node.op, ast.Or), None
@@ -249,7 +249,7 @@ class _Interpreter:
         left = self.value(node.left, local)
         for sign, other in zip(node.ops, node.comparators, strict=True):
             right = self.value(other, local)
-            if not self.refusing(node, COMPARISONS[type(sign).__name__], left, right):
+            if not self.apply(node, COMPARISONS[type(sign).__name__], left, right):
                 return False
             left = right
         return True
@@ -263,22 +263,22 @@ class _Interpreter:
         values = [self.value(each, local) for each in node.args]
         named = {str(k.arg): self.value(k.value, local) for k in node.keywords}
         if name in HELPERS:
-            return self.refusing(node, HELPED[name], *values)
+            return self.apply(node, HELPER_FUNCTIONS[name], *values)
         if name in FUNCTIONS:
             function = FUNCTIONS[name]
-            given = dict(zip(function.names, values, strict=False)) | named
-            return self.asked(node, name, function, {**function.optional, **given})
+            passed = dict(zip(function.names, values, strict=False)) | named
+            return self.called_parent(node, name, function, {**function.optional, **passed})
         return self.called(node, self.functions[name], values, named)
 
-    def asked(
-        self, node: ast.Call, name: str, function: Function, given: Mapping[str, Value]
+    def called_parent(
+        self, node: ast.Call, name: str, function: Function, passed: Mapping[str, Value]
     ) -> Value:
         try:
-            arguments = {key: plain(value) for key, value in given.items()}
-            answer = self.ask(name, arguments, (node.lineno, node.col_offset + 1))
-            return self.kept(node, understood(answer, function))
-        except InvalidValueError as refused:
-            raise self.at(node, str(refused)) from None
+            arguments = {key: plain(value) for key, value in passed.items()}
+            answer = self.call_parent(name, arguments, (node.lineno, node.col_offset + 1))
+            return self.checked(node, from_answer(answer, function))
+        except InvalidValueError as error:
+            raise self.at(node, str(error)) from None
 
     def called(
         self, node: ast.Call, function: ast.FunctionDef, values: list[Value], named: dict[str, Any]
@@ -299,7 +299,7 @@ class _Interpreter:
 
 
 def plain(value: Value) -> Any:
-    """``value`` as JSON knows it."""
+    """Convert a value to JSON."""
     if isinstance(value, Vector):
         return list(value.all)
     if isinstance(value, AxisBox):
@@ -312,14 +312,14 @@ def plain(value: Value) -> Any:
 
 
 def number_or_text(value: Value) -> Any:
-    """``value`` if it is no list."""
+    """Return ``value`` if it is a number, a text, a boolean or None."""
     if value is None or type(value) in {bool, int, float, str}:
         return value
     raise InvalidValueError(f"{format_value(value)} is no argument here")
 
 
-def understood(answer: Any, function: Function) -> Value:
-    """The parent's answer as a value of the language."""
+def from_answer(answer: Any, function: Function) -> Value:
+    """Convert the parent's answer to a value of the language."""
     if function.returns == "box":
         low, high = answer
         return AxisBox(vector(low), vector(high))

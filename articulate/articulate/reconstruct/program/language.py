@@ -1,7 +1,7 @@
-"""The tables of the language: functions, constants, attributes and bounds.
+"""Tables of the language: functions, constants, attributes and limits.
 
-Read by the guard, by the interpreter in the child process and by the parent that answers its
-calls; needs the standard library alone.
+They are used by the allow-list, by the interpreter in the child process and by the parent that
+answers its calls. The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 MAX_SOURCE = 200_000
-"""Longest program [characters]: an object of 400 links, written out, has some 150,000."""
+"""Longest program [characters]; an object of 400 links has about 150,000."""
 MAX_NODES = 60_000
 """Most nodes of the syntax tree."""
 MAX_DEPTH = 40
@@ -24,7 +24,7 @@ MAX_TEXT = 200
 MAX_ITEMS = 2_000
 """Most items of a list, tuple or dict, and most rounds of a loop."""
 MAX_ROUNDS = 10_000
-"""Most rounds of loops inside loops, as far as their ranges are written as numbers."""
+"""Most rounds of nested loops with literal ranges."""
 MAX_LOOPS = 3
 """Deepest nesting of loops."""
 MAX_STEPS = 200_000
@@ -33,23 +33,23 @@ MAX_POWER = 8.0
 """Largest size of an exponent."""
 
 Returns = Literal["nothing", "name", "names", "box", "points"]
-PLACED: dict[str, str] = {
-    "above": "it stands on the parent, like a lamp on a cupboard",
-    "above_inside": "it hangs under the parent's roof, like the topmost shelf",
-    "below": "it is under the parent, like a foot",
-    "below_inside": "it stands on the parent's floor, like the lowest drawer",
-    "left": "it leans at the left side (-y), like a side table at a bed",
-    "left_inside": "it leans at the left wall from within",
-    "right": "it leans at the right side (+y)",
-    "right_inside": "it leans at the right wall from within",
-    "front": "it sits before the parent (+x), like a door, or a handle on it",
-    "front_inside": "it is flush with the parent's front, like the front of a closed drawer",
-    "back": "it is behind the parent (-x), like a back panel",
-    "back_inside": "it stands at the back wall from within",
-    "inside": "it stays; with `align=True` its middle goes to the parent's",
+PLACEMENT_TEXTS: dict[str, str] = {
+    "above": "on the parent, like a lamp on a cupboard",
+    "above_inside": "under the parent's top from within, like the topmost shelf",
+    "below": "under the parent, like a foot",
+    "below_inside": "on the parent's bottom from within, like the lowest drawer",
+    "left": "at the left side (-y), like a side table at a bed",
+    "left_inside": "at the left wall from within",
+    "right": "at the right side (+y)",
+    "right_inside": "at the right wall from within",
+    "front": "at the front (+x), like a door, or a handle on it",
+    "front_inside": "flush with the parent's front, like the front of a closed drawer",
+    "back": "at the back (-x), like a back panel",
+    "back_inside": "at the back wall from within",
+    "inside": "no motion; with `align=True` the centres are aligned",
 }
-"""Where the child ends, in words, by placement; the numbers stand in ``placement.TABLE``."""
-PLACEMENTS = tuple(PLACED)
+"""Description of each placement; ``placement.TABLE`` has the numbers."""
+PLACEMENTS = tuple(PLACEMENT_TEXTS)
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ class Function:
     """A function that the parent process answers."""
 
     required: tuple[str, ...]
-    """Names of the arguments that must be given, in order."""
+    """Names of the required arguments, in order."""
     optional: Mapping[str, Any]
-    """The others with their values if they are not given, in order."""
+    """Optional arguments with their defaults, in order."""
     returns: Returns
     about: str
-    """One sentence for those who write programs."""
+    """Description for authors of programs."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,14 +70,14 @@ class Function:
         return (*self.required, *self.optional)
 
     def line(self, name: str) -> str:
-        """Its head as one would write it."""
+        """Return its signature."""
         optional = [f"{key}={value!r}" for key, value in self.optional.items()]
         return f"{name}({', '.join([*self.required, *optional])})"
 
 
 _JOINT = {"name": None, "damping": None, "friction": None}
 FUNCTIONS: dict[str, Function] = {
-    "parts": Function((), {}, "names", "Names of all parts that were given, in order."),
+    "parts": Function((), {}, "names", "Names of all parts, in order."),
     "box": Function(
         ("part",), {}, "box", "Box around the part where it is now, along the world's axes."
     ),
@@ -98,7 +98,7 @@ FUNCTIONS: dict[str, Function] = {
         ("part", "axis", "angle"),
         {"pivot": None},
         "nothing",
-        "Turn the part about an axis through a point, by default the middle of its box.",
+        "Turn the part about an axis through a point, by default the centre of its box.",
     ),
     "place_relative_to": Function(
         ("child", "parent"),
@@ -108,9 +108,9 @@ FUNCTIONS: dict[str, Function] = {
     ),
     "frame": Function(("name",), {}, "name", "Add a link without geometry, at the world's origin."),
     "root": Function(
-        ("part",), {}, "nothing", "Say which part stands still; by default the first free one."
+        ("part",), {}, "nothing", "Set the part that does not move; by default the first free one."
     ),
-    "material": Function(("part", "material"), {}, "nothing", "Say what the part is made of."),
+    "material": Function(("part", "material"), {}, "nothing", "Set the material of the part."),
     "fixed": Function(
         ("child", "parent"), {"name": None}, "name", "The child never moves against the parent."
     ),
@@ -124,7 +124,7 @@ FUNCTIONS: dict[str, Function] = {
         ("child", "parent", "axis", "pivot"),
         _JOINT,
         "name",
-        "The child turns about an axis through a pivot without end.",
+        "The child turns about an axis through a pivot without limits.",
     ),
     "prismatic": Function(
         ("child", "parent", "axis", "lower", "upper"),
@@ -136,10 +136,10 @@ FUNCTIONS: dict[str, Function] = {
         ("follower", "leader"),
         {"multiplier": 1.0, "offset": 0.0},
         "nothing",
-        "A joint goes where another one is, times the multiplier, plus the offset.",
+        "The position of a joint is that of another one, times the multiplier, plus the offset.",
     ),
 }
-"""What a program may ask of the parent process."""
+"""Functions that the parent process answers."""
 
 HELPERS: dict[str, tuple[int, int]] = {
     "vec": (3, 3), "dot": (2, 2), "cross": (2, 2), "norm": (1, 1), "unit": (1, 1),
@@ -148,25 +148,25 @@ HELPERS: dict[str, tuple[int, int]] = {
     "sqrt": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "asin": (1, 1), "acos": (1, 1),
     "atan2": (2, 2), "radians": (1, 1), "degrees": (1, 1),
 }  # fmt: skip
-"""Functions that the interpreter knows itself, with the least and the most arguments."""
+"""Functions of the interpreter, with the least and the most arguments."""
 
 CONSTANTS: dict[str, float] = {"pi": math.pi}
 VECTOR_FIELDS = ("x", "y", "z")
 BOX_FIELDS = ("low", "high", "centre", "center", "size")
 ATTRIBUTES = frozenset({*VECTOR_FIELDS, *BOX_FIELDS})
-"""All that may stand behind a dot."""
+"""Names that are allowed after a dot."""
 RESERVED = frozenset({*FUNCTIONS, *HELPERS, *CONSTANTS})
-"""Names that a program may not give to its own values."""
+"""Names that a program must not assign."""
 
 
 @dataclass(frozen=True)
 class RuleViolation:
-    """Where a program breaks a rule, and what to do about it."""
+    """Violation of a rule: its position and an alternative."""
 
     line: int
-    """From 1; 0 if no line is to blame."""
+    """From 1; 0 if no line is known."""
     column: int
-    """From 1; 0 if no column is to blame."""
+    """From 1; 0 if no column is known."""
     message: str
-    kind: str = "guard"
-    """``syntax``, ``guard`` (a rule of the language), ``value`` (seen while running)."""
+    kind: str = "rule"
+    """``syntax``, ``rule`` (a rule of the language), ``value`` (an error at run time)."""

@@ -1,4 +1,4 @@
-"""Mass and inertia of parts from their triangles and what they are made of."""
+"""Mass and inertia of parts from their triangles and materials."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from articulate.reconstruct.program.contact_distance import hull_of
 from articulate.reconstruct.program.materials import PartMaterial
 from articulate.transforms import Array, apply
 
-LEAST_SIDE_M = 1e-4
-"""Sides of the box that stands for a flat piece are at least so long [m]."""
+MIN_SIDE_M = 1e-4
+"""Shortest side of the box that replaces a flat piece [m]."""
 
 
 def inertial_of(pieces: Sequence[Piece], material: PartMaterial, T_lp: Array) -> Inertial | None:
-    """Mass properties in the frame of a link, or None where there is no geometry.
+    """Compute mass properties in the frame of a link; None without geometry.
 
-    A piece weighs as much as walls of the material's thickness along its surface, at most as much
-    as if it were solid; its mass lies as in its convex hull.
+    The mass of a piece is that of walls with the material's thickness along its surface, at most
+    that of a solid; it is distributed as in its convex hull.
 
     Args:
-        pieces: What the part consists of, in the part's own frame.
-        material: What it is made of.
+        pieces: Pieces of the part, in the part's own frame.
+        material: Material of the part.
         T_lp: Pose of the part in its link (4, 4).
     """
-    with np.errstate(all="ignore"):  # a flat hull has no middle
+    with np.errstate(all="ignore"):  # a flat hull has no centre of mass
         bodies = [_body(piece.mesh, material, T_lp) for piece in pieces]
     mass = float(sum(body.mass_kg for body in bodies))
     if mass <= 0.0:
@@ -46,7 +46,7 @@ def inertial_of(pieces: Sequence[Piece], material: PartMaterial, T_lp: Array) ->
 
 
 def scaled(inertial: Inertial, factor: float) -> Inertial:
-    """The same distribution with ``factor`` times the mass."""
+    """Scale the mass by ``factor``."""
     return replace(
         inertial, mass_kg=factor * inertial.mass_kg, inertia_p=factor * inertial.inertia_p
     )
@@ -59,11 +59,11 @@ def _body(mesh: trimesh.Trimesh, material: PartMaterial, T_lp: Array) -> Inertia
     solid.fix_normals()
     walls = float(mesh.area) * material.wall_m
     filled = abs(float(solid.volume))
-    whole = abs(float(mesh.volume)) if mesh.is_watertight else filled
-    volume = min(walls, whole) if whole > 0.0 else walls
+    solid_m3 = abs(float(mesh.volume)) if mesh.is_watertight else filled
+    volume = min(walls, solid_m3) if solid_m3 > 0.0 else walls
     mass = material.density * volume
-    if filled <= LEAST_SIDE_M * float(solid.area):  # flat: as its box
-        sides = np.maximum(np.ptp(points, axis=0), LEAST_SIDE_M)
+    if filled <= MIN_SIDE_M * float(solid.area):  # flat: as its box
+        sides = np.maximum(np.ptp(points, axis=0), MIN_SIDE_M)
         com = (points.min(axis=0) + points.max(axis=0)) / 2.0
         squares = mass * sides**2 / 12.0
         return Inertial(mass_kg=mass, com_p=com, inertia_p=np.diag(squares.sum() - squares))

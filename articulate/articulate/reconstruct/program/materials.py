@@ -1,4 +1,4 @@
-"""The one table of materials: what a mesh does not say."""
+"""Table of materials: density and thickness of walls."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class PartMaterial:
-    """What a part is made of."""
+    """Material of a part."""
 
     density: float
-    """Of the stuff itself [kg/m3]."""
+    """Density of the material [kg/m3]."""
     wall_m: float
-    """Thickness of its walls where the mesh is a mere surface or the part is hollow [m]."""
+    """Thickness of walls of hollow parts and of open surfaces [m]."""
 
 
 MATERIALS: dict[str, PartMaterial] = {
@@ -24,10 +24,9 @@ MATERIALS: dict[str, PartMaterial] = {
     "fabric": PartMaterial(density=300.0, wall_m=0.010),
     "rubber": PartMaterial(density=1100.0, wall_m=0.005),
 }
-"""Densities and walls as sold; damping and friction of joints are those of ``convert.presets``."""
+"""Common commercial materials; ``geometry.presets`` has damping and friction of joints."""
 DEFAULT = "wood"
 EFFORT = {"slide": 100.0, "hinge": 50.0}
-"""Largest effort that a URDF must name [N or Nm]: beyond what the arm gives, so that it never
-limits."""
+"""Effort limit of the URDF [N or Nm], above that of the arm, so that it never limits."""
 VELOCITY = {"slide": 2.0, "hinge": 6.0}
-"""Largest speed that a URDF must name [m/s or rad/s], likewise."""
+"""Velocity limit of the URDF [m/s or rad/s], likewise."""

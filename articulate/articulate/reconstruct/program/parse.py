@@ -1,6 +1,6 @@
-"""From text to a syntax tree, without harm to the parser: what is looked at before it is parsed.
+"""Parse programs safely: text and tokens are checked before Python's parser reads them.
 
-Needs the standard library alone.
+The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from articulate.reconstruct.program.language import MAX_DEPTH, MAX_SOURCE, RuleV
 MAX_RUN = 12
 """Most unary operators or openers in a row."""
 MAX_TOKENS = 9_000
-"""Most words and signs of a statement: a list of 2,000 items, with their commas and brackets."""
+"""Most tokens of a statement: a list of 2,000 items with commas and brackets."""
 COOKIE = re.compile(r"^[ \t\f]*#.*?coding[:=][ \t]*[-\w.]+")
-"""What Python takes for the declaration of an encoding in the first two lines."""
+"""A comment that Python reads as an encoding declaration in the first two lines."""
 INVISIBLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\U000e0000-\U000e007f]"
 )
-"""Characters that show nothing or turn the direction of writing."""
+"""Invisible characters and those that change the direction of writing."""
 
 
-class RuleError(Exception):  # a verdict
+class RuleError(Exception):
     """A rule is broken; carries the violation."""
 
     def __init__(self, violation: RuleViolation) -> None:
@@ -34,13 +34,13 @@ class RuleError(Exception):  # a verdict
         self.violation = violation
 
 
-def rule_error(line: int, column: int, message: str, kind: str = "guard") -> RuleError:
-    """The exception for a rule that is broken at a place, both from 1."""
+def rule_error(line: int, column: int, message: str, kind: str = "rule") -> RuleError:
+    """Create the exception for a broken rule at a line and column, both from 1."""
     return RuleError(RuleViolation(line, column, message, kind))
 
 
 def _check_text(source: str) -> None:
-    """Rules that hold before the parser may see the text."""
+    """Check the text before the parser reads it."""
     if len(source) > MAX_SOURCE:
         raise rule_error(
             0, 0, f"the program has {len(source)} characters; {MAX_SOURCE} are accepted"
@@ -50,22 +50,22 @@ def _check_text(source: str) -> None:
         found = INVISIBLE.search(line.removesuffix("\r"))
         if found:
             code = f"U+{ord(found[0]):04X}"
-            what = f"the character {code} cannot be seen and is refused; remove it"
+            what = f"the character {code} is invisible and not allowed; remove it"
             raise rule_error(number, found.start() + 1, what)
         if number <= 2 and COOKIE.match(line):
             raise rule_error(
-                number, 1, "a declaration of the encoding is refused; remove the comment"
+                number, 1, "a declaration of the encoding is not allowed; remove the comment"
             )
     _check_tokens(source)
 
 
 def _check_tokens(source: str) -> None:
-    """Bound what the parser, which recurs, would have to nest."""
+    """Limit the nesting for the parser, which is recursive."""
     counts = _Counts()
     for token in _tokens(source):
         line, column = token.start[0], token.start[1] + 1
         if token.type not in {tokenize.STRING, tokenize.COMMENT} and not token.string.isascii():
-            what = f"{token.string[:20]!r} is not ASCII; only texts and comments may be otherwise"
+            what = f"{token.string[:20]!r} is not ASCII; only texts and comments may contain others"
             raise rule_error(line, column, what)
         if counts.too_deep(token):
             raise rule_error(
@@ -74,13 +74,13 @@ def _check_tokens(source: str) -> None:
 
 
 class _Counts:
-    """What of a statement nests."""
+    """Counts of nested tokens of a statement."""
 
     def __init__(self) -> None:
         self.depth = self.run = self.length = self.lambdas = self.elifs = 0
 
     def too_deep(self, token: tokenize.TokenInfo) -> bool:
-        """Count a token; whether it is one too many."""
+        """Count a token and return whether a limit is exceeded."""
         text = "" if token.type in {tokenize.STRING, tokenize.COMMENT} else token.string
         opens = text in {"(", "[", "{"}
         self.depth += opens - (text in {")", "]", "}"})
@@ -96,7 +96,7 @@ class _Counts:
 
 
 def _tokens(source: str) -> Iterator[tokenize.TokenInfo]:
-    """Tokens up to the first that is none; what is left open at the end the parser tells better."""
+    """Yield tokens up to the first invalid one; the parser reports open brackets at the end."""
     try:
         yield from tokenize.generate_tokens(io.StringIO(source).readline)
     except tokenize.TokenError:
@@ -106,11 +106,11 @@ def _tokens(source: str) -> Iterator[tokenize.TokenInfo]:
         raise rule_error(line, max(column, 1), f"not Python: {error.msg}", "syntax") from None
 
 
-def parsed(source: str) -> ast.Module:
-    """The tree of a text that the parser can take.
+def parse_program(source: str) -> ast.Module:
+    """Parse a program.
 
     Raises:
-        RuleError: It is too long, too deep, not to be read by people, or no Python.
+        RuleError: It is too long, too deep, not Python, or contains invisible characters.
     """
     _check_text(source)
     try:
@@ -123,14 +123,14 @@ def parsed(source: str) -> ast.Module:
     except (RecursionError, MemoryError):
         raise rule_error(0, 0, "the program is nested too deeply; simplify it", "syntax") from None
     except ValueError as error:
-        raise rule_error(0, 0, f"not Python: {error}", "syntax") from None
+        raise rule_error(0, 0, f"not Python: {str(error)[:200]}", "syntax") from None
     if not source.isascii():
         _count_letters(tree, source)
     return tree
 
 
 def _count_letters(tree: ast.Module, source: str) -> None:
-    """Make columns count letters; the parser counts bytes."""
+    """Convert columns from bytes to characters."""
     lines = [line.encode() for line in source.split("\n")]
     for node in ast.walk(tree):
         at = getattr(node, "lineno", 0)

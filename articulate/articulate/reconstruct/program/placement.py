@@ -1,4 +1,4 @@
-"""Where a child goes at its parent: one table, one formula."""
+"""Placement of a child relative to its parent: one table and one formula."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Side:
     axis: int
     """0, 1 or 2: the axis along which the child moves."""
     sign: int
-    """Which of the two faces: +1 the one with the larger coordinate."""
+    """Face of that axis: +1 for the larger coordinate, -1 for the smaller one."""
     inside: bool
-    """Whether the child lies within the parent's box, flush with that face, or outside at it."""
+    """True if the child is inside the parent's box and flush with the face, else outside of it."""
 
 
 TABLE: dict[str, Side | None] = {
@@ -40,14 +40,14 @@ TABLE: dict[str, Side | None] = {
 
 
 def shift(side: Side, child: Array, parent: Array, clearance: float) -> float:
-    """Way of the child along the side's axis [m].
+    """Compute the shift of the child along the side's axis [m].
 
     Args:
-        side: Where it goes.
+        side: Side of the parent.
         child: Lowest and highest corner of its box (2, 3) [m].
-        parent: The same of the parent.
-        clearance: Gap between the faces that meet: outwards from the parent's face where the
-            child lies outside, inwards where it lies inside [m].
+        parent: Lowest and highest corner of the parent's box (2, 3) [m].
+        clearance: Gap between the faces [m]: outwards from the parent's face for a child outside,
+            inwards for a child inside.
     """
     outer = (1 + side.sign) // 2  # row of the face on that side
     face = parent[outer, side.axis]
@@ -57,8 +57,8 @@ def shift(side: Side, child: Array, parent: Array, clearance: float) -> float:
 
 
 def centred(child: Array, parent: Array, side: Side | None) -> Array:
-    """Way (3,) that brings the middles together on every axis but the side's own [m]."""
-    way = (parent.sum(axis=0) - child.sum(axis=0)) / 2.0
+    """Compute the shift (3,) that aligns the centres of boxes (2, 3), except along the side [m]."""
+    shift_m = (parent.sum(axis=0) - child.sum(axis=0)) / 2.0
     if side is not None:
-        way[side.axis] = 0.0
-    return np.asarray(way)
+        shift_m[side.axis] = 0.0
+    return np.asarray(shift_m)

@@ -1,8 +1,8 @@
-"""What a process may no longer do: limits, a user without rights, Landlock, seccomp.
+"""Restrictions of a process: resource limits, an unprivileged user, Landlock, seccomp.
 
-Called by the child process on itself before it reads a single byte of a program. Each layer
-holds on its own; those that the kernel does not have are left out, and the names of the active
-ones are returned for the trace. Needs the standard library alone.
+The child process applies them to itself before it reads any byte of a program. Each layer is
+effective without the others. Layers that the kernel lacks are omitted; the names of the active ones
+are returned for the trace. The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import sys
 from collections.abc import Iterable, Sequence
 
 LAYERS = ("limits", "user", "landlock", "seccomp")
-"""In the order in which they are laid."""
+"""Layers in the order in which they are applied."""
 NOBODY = 65534
-"""Number of the user and group without rights."""
+"""Id of the unprivileged user and group."""
 
 _PR_SET_PDEATHSIG, _PR_SET_DUMPABLE, _PR_SET_SECCOMP, _PR_SET_NO_NEW_PRIVS = 1, 4, 22, 38
 _SECCOMP_MODE_FILTER = 2
 _LANDLOCK_CREATE, _LANDLOCK_RESTRICT = 444, 446
 _LANDLOCK_FILES = {1: 13, 2: 14, 3: 15, 5: 16}
-"""Number of rights over files that a version of Landlock knows, from that version on."""
+"""Number of file rights of Landlock, by the version that introduced them."""
 _LANDLOCK_TCP, _LANDLOCK_SCOPES = 4, 6
 """Versions that can also forbid TCP, and sockets and signals to processes outside."""
 
@@ -44,10 +44,10 @@ _NUMBERS: dict[str, dict[str, int]] = {
         "clock_gettime": 113, "exit_group": 94, "sigaltstack": 132,
     },
 }  # fmt: skip
-"""System calls that stay: memory, time, the two pipes and the end. By machine."""
+"""Allowed system calls by machine: memory, time, the two pipes and exit."""
 _PROT_EXEC = 4
-_ALLOW, _REFUSE, _KILL = 0x7FFF0000, 0x00050001, 0x80000000
-"""Verdicts of a filter; refusing answers EPERM."""
+_ALLOW, _DENY, _KILL = 0x7FFF0000, 0x00050001, 0x80000000
+"""Actions of a filter; ``_DENY`` returns EPERM."""
 _LD, _JEQ, _JGE, _JSET, _RET = 0x20, 0x15, 0x35, 0x45, 0x06
 """Instructions of the filter: load a word, jump if equal, if at least, if a bit is set, return."""
 _NR, _ARCH, _ARGS = 0, 4, 16
@@ -59,18 +59,18 @@ class _Filter(ctypes.Structure):
 
 
 def restrict_process(*, memory_bytes: int, cpu_s: int, layers: Iterable[str] = LAYERS) -> list[str]:
-    """Give up what a program never needs; return the layers that are active.
+    """Restrict this process and return the names of the active layers.
 
     Args:
-        memory_bytes: Largest address space.
-        cpu_s: Time of the processor after which the kernel ends the process [s].
-        layers: Names of the layers to lay, as far as the kernel has them.
+        memory_bytes: Largest address space [bytes].
+        cpu_s: Processor time after which the kernel ends the process [s].
+        layers: Names of the layers to apply if the kernel has them.
     """
     wanted = set(layers)
     active = []
     if "user" in wanted and os.geteuid() == 0 and _become_nobody():
         active.append("user")
-    if sys.platform == "linux":  # after the change of user, which forgets both
+    if sys.platform == "linux":  # after the change of user, which resets both
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         _prctl(_PR_SET_DUMPABLE, 0)
     if "landlock" in wanted and _landlock():
@@ -83,8 +83,8 @@ def restrict_process(*, memory_bytes: int, cpu_s: int, layers: Iterable[str] = L
 
 
 def _limit(memory_bytes: int, cpu_s: int) -> bool:
-    """Bound what the process may take; whether the system took every bound."""
-    taken = True
+    """Limit the resources of the process; return whether every limit was set."""
+    is_complete = True
     for kind, most in (
         (resource.RLIMIT_AS, memory_bytes),
         (resource.RLIMIT_CPU, cpu_s),
@@ -96,8 +96,8 @@ def _limit(memory_bytes: int, cpu_s: int) -> bool:
         try:
             resource.setrlimit(kind, (most, most))
         except (ValueError, OSError):
-            taken = False
-    return taken
+            is_complete = False
+    return is_complete
 
 
 def _become_nobody() -> bool:
@@ -145,7 +145,7 @@ def _landlock() -> bool:
 
 
 def _seccomp() -> bool:
-    """Refuse every system call but a few; the last layer, for it forbids the other ones' calls."""
+    """Deny all but a few system calls; the last layer, as it forbids the calls of the others."""
     machine = platform.machine()
     if sys.platform != "linux" or machine not in _NUMBERS or struct.calcsize("P") != 8:
         return False
@@ -166,7 +166,7 @@ def _seccomp() -> bool:
 
 
 def seccomp_filter(machine: str) -> Sequence[bytes]:
-    """Instructions of the filter for ``machine``, eight bytes each.
+    """Return the instructions of the filter for ``machine``, eight bytes each.
 
     ``read`` is allowed from 0, ``write`` to 1, and memory without the right to execute.
     """
@@ -177,14 +177,14 @@ def seccomp_filter(machine: str) -> Sequence[bytes]:
         out += [_word(_JEQ, numbers[name], 0, 6)]
         out += [_word(_LD, _ARGS), _word(_JEQ, stream, 0, 3)]
         out += [_word(_LD, _ARGS + 4), _word(_JEQ, 0, 0, 1)]
-        out += [_word(_RET, _ALLOW), _word(_RET, _REFUSE)]
+        out += [_word(_RET, _ALLOW), _word(_RET, _DENY)]
     for name in ("mmap", "mprotect"):
         out += [_word(_JEQ, numbers[name], 0, 4), _word(_LD, _ARGS + 16)]
-        out += [_word(_JSET, _PROT_EXEC, 0, 1), _word(_RET, _REFUSE), _word(_RET, _ALLOW)]
+        out += [_word(_JSET, _PROT_EXEC, 0, 1), _word(_RET, _DENY), _word(_RET, _ALLOW)]
     special = {"read", "write", "mmap", "mprotect"}
     for name in sorted(set(numbers) - special):
         out += [_word(_JEQ, numbers[name], 0, 1), _word(_RET, _ALLOW)]
-    return [*out, _word(_RET, _REFUSE)]
+    return [*out, _word(_RET, _DENY)]
 
 
 def _word(code: int, value: int, then: int = 0, otherwise: int = 0) -> bytes:

@@ -1,4 +1,4 @@
-"""The parts that a program is given: a name and triangles for each, read when they are needed."""
+"""Parts of a program: a name and triangles for each, read on first use."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from articulate.formats.source_object import SourceObject
 from articulate.reconstruct.program.contact_distance import Hull, hull_of
 from articulate.transforms import Array
 
-MOST_HULLS = 48
-"""A part of more loose pieces is taken as one for contact."""
-MOST_PARTS = 400
-MOST_LETTERS = 100
-"""Letters of a part's name."""
-LEAST_AREA = 1e-12
+MAX_HULLS = 48
+"""A part with more loose pieces is one piece for contact."""
+MAX_PARTS = 400
+MAX_NAME = 100
+"""Longest name of a part [characters]."""
+MIN_AREA = 1e-12
 
 
 class PartGeometry:
-    """The geometry of one part in its own frame."""
+    """Geometry of one part in its own frame."""
 
     def __init__(self, name: str, load: Callable[[], tuple[Piece, ...]]) -> None:
         self.name = name
@@ -40,7 +40,7 @@ class PartGeometry:
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
-        """What is seen of it, one mesh and colour each; empty for a part without geometry."""
+        """Visual pieces with one mesh and colour each; empty for a part without geometry."""
         return self._load()
 
     @cached_property
@@ -51,20 +51,20 @@ class PartGeometry:
 
     @cached_property
     def hull(self) -> Hull:
-        """Convex hull of all of it."""
+        """Convex hull of the part."""
         return hull_of(self.triangles.reshape(-1, 3))
 
     @cached_property
     def hulls(self) -> tuple[Hull, ...]:
         """Convex hulls of its loose pieces, for contact."""
-        whole = joined([piece.mesh for piece in self.pieces])
-        whole.merge_vertices()
+        mesh = joined([piece.mesh for piece in self.pieces])
+        mesh.merge_vertices()
         loose = trimesh.graph.connected_components(
-            whole.edges_unique, nodes=np.arange(len(whole.vertices))
+            mesh.edges_unique, nodes=np.arange(len(mesh.vertices))
         )
-        if not 1 <= len(loose) <= MOST_HULLS:
+        if not 1 <= len(loose) <= MAX_HULLS:
             return (self.hull,)
-        return tuple(hull_of(whole.vertices.view(np.ndarray)[corners]) for corners in loose)
+        return tuple(hull_of(mesh.vertices.view(np.ndarray)[corners]) for corners in loose)
 
 
 class Parts(Mapping[str, PartGeometry]):
@@ -72,9 +72,9 @@ class Parts(Mapping[str, PartGeometry]):
 
     def __init__(self, parts: Mapping[str, PartGeometry]) -> None:
         if not parts:
-            raise AssetError("no parts were given; a program needs at least one mesh")
-        if len(parts) > MOST_PARTS:
-            raise AssetError(f"{len(parts)} parts were given; at most {MOST_PARTS} are accepted")
+            raise AssetError("there are no parts; a program needs at least one mesh")
+        if len(parts) > MAX_PARTS:
+            raise AssetError(f"there are {len(parts)} parts; at most {MAX_PARTS} are accepted")
         self._parts = dict(parts)
 
     def __getitem__(self, name: str) -> PartGeometry:
@@ -87,33 +87,33 @@ class Parts(Mapping[str, PartGeometry]):
         return len(self._parts)
 
 
-def parts_of(given: Path | Mapping[str, Path | trimesh.Trimesh]) -> Parts:
-    """Parts from a folder of meshes, a URDF, or a mapping from names to meshes.
+def parts_of(source: Path | Mapping[str, Path | trimesh.Trimesh]) -> Parts:
+    """Read parts from a folder of meshes, a URDF, or a mapping from names to meshes.
 
     Args:
-        given: A folder: each mesh file in it is a part, called after the file. A URDF: each of
-            its links is a part in the link's own frame. A mapping: files or meshes.
+        source: A folder, of which each mesh file is a part with the name of the file; a URDF, of
+            which each link is a part in its own frame; or a mapping to files or meshes.
 
     Raises:
-        AssetError: There is none, or a name cannot be one.
+        AssetError: There is no part, or a name is invalid.
     """
-    if isinstance(given, Parts):
-        return given
-    if isinstance(given, Path):
-        return _from_urdf(given) if given.suffix.lower() == ".urdf" else _from_folder(given)
-    return Parts({name: _part(name, mesh) for name, mesh in given.items()})
+    if isinstance(source, Parts):
+        return source
+    if isinstance(source, Path):
+        return _from_urdf(source) if source.suffix.lower() == ".urdf" else _from_folder(source)
+    return Parts({name: _part(name, mesh) for name, mesh in source.items()})
 
 
 def check_name(name: str) -> None:
-    """Refuse what cannot be the name of a part.
+    """Check the name of a part.
 
     Raises:
-        AssetError: It is empty, too long, or not all of it can be seen.
+        AssetError: It is empty, too long, or contains invisible characters.
     """
-    if not (0 < len(name) <= MOST_LETTERS and name.isprintable()):
-        format_value = name if len(name) <= MOST_LETTERS else f"{name[:40]}…"
+    if not (0 < len(name) <= MAX_NAME and name.isprintable()):
+        format_value = name if len(name) <= MAX_NAME else f"{name[:40]}…"
         raise AssetError(
-            f"part {format_value!r}: a name has 1 to {MOST_LETTERS} characters that can be seen"
+            f"part {format_value!r}: a name has 1 to {MAX_NAME} characters that can be seen"
         )
 
 
@@ -128,7 +128,7 @@ def _part(name: str, mesh: Path | trimesh.Trimesh) -> PartGeometry:
 
 def _plain(name: str, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
-    if len(mesh.faces) == 0 or not np.isfinite(vertices).all() or mesh.area <= LEAST_AREA:
+    if len(mesh.faces) == 0 or not np.isfinite(vertices).all() or mesh.area <= MIN_AREA:
         raise AssetError(f"part {name}: the mesh has no area or is not finite")
     return trimesh.Trimesh(vertices, np.asarray(mesh.faces), process=False)
 
@@ -149,10 +149,10 @@ def _four(colour: tuple[float, ...] | None) -> tuple[float, float, float, float]
 
 
 def mesh_files(folder: Path) -> dict[str, Path]:
-    """The mesh files of a folder by what their parts are called.
+    """Return the mesh files of a folder by part name.
 
     Raises:
-        AssetError: There is none, or a name is taken twice.
+        AssetError: There is none, or two have the same name.
     """
     if not folder.is_dir():
         raise AssetError(f"{folder}: does not exist; give a folder of meshes or a URDF")
@@ -161,10 +161,10 @@ def mesh_files(folder: Path) -> dict[str, Path]:
         if path.suffix.lower() not in FORMATS or not path.is_file():
             continue
         if path.stem in found:
-            raise AssetError(f"{folder}: two meshes are called {path.stem}; rename one")
+            raise AssetError(f"{folder}: two meshes have the name {path.stem}; rename one")
         found[path.stem] = path
     if not found:
-        raise AssetError(f"{folder}: holds no mesh; {', '.join(FORMATS)} are read")
+        raise AssetError(f"{folder}: contains no mesh; {', '.join(FORMATS)} are supported")
     return found
 
 
@@ -189,10 +189,10 @@ def _of_link(source: SourceObject, loader: Loader, name: str) -> tuple[Piece, ..
         T_pc=np.eye(4),
         members=((source.links[name], np.eye(4)),),
     )
-    pieces = [p for p in loader.part(body).visible if p.mesh.area > LEAST_AREA]
+    pieces = [p for p in loader.part(body).visible if p.mesh.area > MIN_AREA]
     return tuple(replace(piece, link=name) for piece in pieces)
 
 
 def known(parts: Parts, name: str) -> str:
-    """The end of a sentence about a name that is no part."""
+    """Suggest a part for an unknown name, as the end of a message."""
     return nearest(name, list(parts)[:60])

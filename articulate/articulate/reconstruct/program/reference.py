@@ -1,4 +1,4 @@
-"""The language in one text, made from its tables: for prompts, and for people in a hurry."""
+"""Reference of the language as text, generated from its tables: for prompts and users."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from articulate.reconstruct.program.language import (
     HELPERS,
     MAX_ITEMS,
     MAX_LOOPS,
-    PLACED,
+    PLACEMENT_TEXTS,
     VECTOR_FIELDS,
 )
 from articulate.reconstruct.program.materials import MATERIALS
@@ -18,15 +18,15 @@ FRAME = """\
 The world: metres and radians; front +x, back -x, right +y, left -y, up +z. A part is named by its
 text. A vector is vec(x, y, z) or three numbers in brackets."""
 JOINTS = """\
-Axis, pivot and limits are those of the world while the joint is at 0, where the program puts the
-parts. Positive positions turn by the right-hand rule, or slide along the axis. Place first, then
-join: a joined part is not moved any more. Each part is the child of one joint at most."""
+Axis and pivot are in the world frame with the joint at 0, where the program places the parts.
+Positive positions turn by the right-hand rule, or slide along the axis. Place parts first, then
+join them: joined parts cannot be moved. Each part is the child of at most one joint."""
 
 
 def reference() -> str:
-    """What one needs to know to write a program, as plain text."""
+    """Return the reference as plain text."""
     functions = [f"{f.line(name)}\n    {f.about}" for name, f in FUNCTIONS.items()]
-    placements = [f"{name}: {words}" for name, words in PLACED.items()]
+    placements = [f"{name}: {words}" for name, words in PLACEMENT_TEXTS.items()]
     return "\n".join(
         [
             "A program is a small part of Python that places parts and joins them.",
@@ -34,21 +34,21 @@ def reference() -> str:
             "",
             "Functions:",
             *functions,
-            f"Helpers, as in Python or obvious: {', '.join(HELPERS)}, {', '.join(CONSTANTS)}.",
-            f"Behind a dot: {', '.join(VECTOR_FIELDS)} of a vector; "
+            f"Helpers, as in Python or mathematics: {', '.join(HELPERS)}, {', '.join(CONSTANTS)}.",
+            f"Attributes: {', '.join(VECTOR_FIELDS)} of a vector; "
             f"{', '.join(BOX_FIELDS)} of a box.",
             "",
             "Placements of the child at the parent:",
             *placements,
-            "With snap=True the child goes on until surfaces touch; clearance is the gap that is",
-            "left, negative to sink in. With align=True the middles meet on the other axes first.",
+            "With snap=True the child moves until surfaces touch; clearance is the remaining gap,",
+            "negative for an overlap. With align=True the other axes are centred first.",
             "",
             JOINTS,
             f"Materials: {', '.join(MATERIALS)}.",
             "",
-            "There is: assignment, if, for over lists and range(), def at the top, one list",
+            "Allowed: assignment, if, for over lists and range(), def at the top, one list",
             f"comprehension at a time; loops of {MAX_ITEMS} rounds, nested {MAX_LOOPS} deep.",
-            "There is not: import, class, while, lambda, try, with, methods, slices, annotations,",
+            "Not allowed: import, class, while, lambda, try, with, methods, slices, annotations,",
             "decorators, generators, names with two underscores.",
             "",
         ]

@@ -1,4 +1,4 @@
-"""What running a program gives: poses of parts and joints, plain data in the world's frame."""
+"""Result of a program: poses of parts and joints as plain data in the world frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ JointKind = Literal["fixed", "revolute", "continuous", "prismatic"]
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectPart:
-    """Where a part is while every joint is at 0."""
+    """Pose of a part with every joint at 0."""
 
     name: str
     pos_w: Vec3
@@ -23,7 +23,7 @@ class ObjectPart:
     quat_w: Quat
     """Rotation of the part's own frame in the world, wxyz."""
     material: str
-    """Key of the table of materials."""
+    """Name in the table of materials."""
     geometry: bool = True
     """False for a link that the program added."""
 
@@ -41,67 +41,67 @@ class ObjectJoint:
     pivot_w: Vec3 | None = None
     """A point on the axis in the world [m]; None: the part's own origin."""
     lower: float | None = None
-    """Lower limit [m or rad]; None: not known, or none."""
+    """Lower limit [m or rad]; None if unknown or unlimited."""
     upper: float | None = None
     damping: float | None = None
-    """Viscous damping [N s/m or Nm s/rad]; None: by the table."""
+    """Viscous damping [N s/m or Nm s/rad]; None: the default of the table."""
     friction: float | None = None
-    """Dry friction [N or Nm]; None: by the table."""
+    """Dry friction [N or Nm]; None: the default of the table."""
     mimic: tuple[str, float, float] | None = None
-    """Joint that is followed, multiplier, offset."""
+    """Leading joint, multiplier, offset."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlacementRecord:
-    """What one ``place_relative_to`` did."""
+    """Record of one ``place_relative_to``."""
 
     child: str
     parent: str
     placement: str
     clearance: float
-    """Gap that was asked for [m]."""
+    """Requested gap [m]."""
     moved_m: Vec3
-    """Way of the child in the world [m]."""
+    """Displacement of the child in the world [m]."""
     touches: bool
-    """Whether it was moved up to a contact."""
+    """True if it was moved up to a contact."""
     checked_by: tuple[str, ...]
-    """Which checks for contact were made: ``sweep``, ``pybullet``."""
+    """Contact checks that were made: ``sweep``, ``pybullet``."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramObject:
-    """A whole object, as a program describes it."""
+    """An object as a program describes it."""
 
     root: str
-    """The part that stands still."""
+    """Part that does not move."""
     parts: tuple[ObjectPart, ...]
-    """All parts, in the order in which they were given, then frames."""
+    """All parts in the order of the input, then frames."""
     joints: tuple[ObjectJoint, ...]
     """One for each part but the root."""
     placed: tuple[PlacementRecord, ...] = ()
     notes: tuple[str, ...] = ()
-    """What was decided for the program, one sentence each."""
+    """Decisions that the program left open, one sentence each."""
     layers: tuple[str, ...] = ()
     """Layers of the sandbox that were active while the program ran."""
 
     def json(self) -> str:
-        """All of it as JSON text."""
+        """Return the object as JSON text."""
         content = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **asdict(self)}
         return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 @dataclass(frozen=True)
 class ProgramError:
-    """Why a program gives nothing: a value to be shown to its author, not an exception."""
+    """Error of a program: a value for its author, not an exception."""
 
     line: int
-    """From 1; 0 if no line is to blame."""
+    """From 1; 0 if no line is known."""
     column: int
-    """From 1; 0 if no column is to blame."""
+    """From 1; 0 if no column is known."""
     message: str
-    """What is wrong and what to write instead."""
-    kind: str = "guard"
-    """``syntax``, ``guard``, ``value`` (a call refused it), ``limit`` (time, memory, size)."""
+    """The error and an alternative."""
+    kind: str = "rule"
+    """``syntax``, ``rule``, ``value`` (an invalid argument), ``limit`` (time, memory, size)."""
     layers: tuple[str, ...] = ()
     """Layers of the sandbox that were active."""
 

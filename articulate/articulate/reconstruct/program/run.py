@@ -1,4 +1,4 @@
-"""Running programs: source in, plain data or a sentence out."""
+"""Run programs: from source to an object as plain data, or an error."""
 
 from __future__ import annotations
 
@@ -16,33 +16,35 @@ from articulate.reconstruct.program.result import ProgramError, ProgramObject
 from articulate.reconstruct.program.sandbox import ChildEnded, Sandbox, SandboxLimits
 from articulate.reconstruct.program.values import InvalidValueError
 
+MAX_MESSAGE = 1_000
+"""Longest message of a child [characters]."""
 CHILD = Path(__file__).with_name("child.py")
-PartSet = Parts | Path | Mapping[str, Path | trimesh.Trimesh]
+PartsInput = Parts | Path | Mapping[str, Path | trimesh.Trimesh]
 """Parts, a folder of meshes, a URDF, or meshes by name."""
 
 
 def run_program(
-    source: str, parts: PartSet, limits: SandboxLimits | None = None
+    source: str, parts: PartsInput, limits: SandboxLimits | None = None
 ) -> ProgramObject | ProgramError:
-    """What a program describes, run in a locked-up process.
+    """Run a program in a restricted process and return the object that it describes.
 
     Args:
-        source: Text of the program, from whomever.
-        parts: What it may place and join.
-        limits: What it may take; the default suits programs of people and models.
+        source: Text of the program; it may be untrusted.
+        parts: Parts that it may use.
+        limits: Limits of the run; the defaults suit programs of people and models.
 
     Raises:
         AssetError: The parts cannot be read.
     """
     limits = limits or SandboxLimits()
-    given = parts if isinstance(parts, Parts) else parts_of(parts)
+    loaded = parts if isinstance(parts, Parts) else parts_of(parts)
     if len(source) > MAX_SOURCE:
         what = f"the program has {len(source)} characters; {MAX_SOURCE} are accepted"
         return ProgramError(0, 0, what)
     layers: tuple[str, ...] = ()
     last = (0, 0)
     with Sandbox(CHILD, limits) as child:
-        builder = Builder(given, child.check_time)
+        builder = Builder(loaded, child.check_time)
         try:
             layers = _layers(child.receive())
             child.send({"source": source})
@@ -58,45 +60,45 @@ def run_program(
 
 def compile_program(
     source: str,
-    parts: PartSet,
+    parts: PartsInput,
     out: Path,
     limits: SandboxLimits | None = None,
     *,
     name: str = "object",
 ) -> Path | ProgramError:
-    """Run a program and write what it describes into the folder ``out``.
+    """Run a program and write the object that it describes into the folder ``out``.
 
     Args:
-        source: Text of the program, from whomever.
-        parts: What it may place and join.
+        source: Text of the program; it may be untrusted.
+        parts: Parts that it may use.
         out: Folder for ``<name>.urdf``, ``meshes/``, ``built.json`` and ``program.py``.
-        limits: What the program may take.
+        limits: Limits of the run.
         name: Name of the object.
 
     Returns:
-        Path of the URDF, or why there is none.
+        Path of the URDF, or the error of the program.
 
     Raises:
         AssetError: The parts cannot be read.
         UsageError: The folder cannot be written.
     """
-    given = parts if isinstance(parts, Parts) else parts_of(parts)
-    found = run_program(source, given, limits)
+    loaded = parts if isinstance(parts, Parts) else parts_of(parts)
+    found = run_program(source, loaded, limits)
     if isinstance(found, ProgramError):
         return found
-    return write_object(found, given, out, source=source, name=name)
+    return write_object(found, loaded, out, source=source, name=name)
 
 
 def _layers(message: dict[str, Any]) -> tuple[str, ...]:
-    said = message.get("layers")
-    return tuple(str(layer) for layer in said) if isinstance(said, list) else ()
+    layers = message.get("layers")
+    return tuple(str(layer) for layer in layers) if isinstance(layers, list) else ()
 
 
 def _answer(builder: Builder, message: dict[str, Any]) -> dict[str, Any]:
     try:
         return {"value": builder.answer(message.get("call"), message.get("arguments"))}
-    except InvalidValueError as refused:
-        return {"error": str(refused)}
+    except InvalidValueError as error:
+        return {"error": str(error)}
 
 
 def _outcome(
@@ -106,12 +108,14 @@ def _outcome(
         return builder.built(layers)
     found = message.get("violation")
     if not isinstance(found, dict):
-        return ProgramError(0, 0, "the program was stopped: its process broke off", "limit", layers)
+        return ProgramError(
+            0, 0, "the program was stopped: its process sent no result", "limit", layers
+        )
     line, column = _number(found.get("line")), _number(found.get("column"))
-    text, kind = str(found.get("message"))[:2000], str(found.get("kind"))[:20]
+    text, kind = str(found.get("message"))[:MAX_MESSAGE], str(found.get("kind"))[:20]
     return ProgramError(line, column, text.replace("\n", " "), kind, layers)
 
 
 def _number(value: object) -> int:
-    """A line or column that a child names."""
+    """Return a line or column of the child, 0 if it is invalid."""
     return value if type(value) is int and 0 <= value <= MAX_SOURCE else 0

@@ -1,4 +1,4 @@
-"""The parent's side of a locked-up child process: lines of JSON with bounded sizes and time."""
+"""Parent's side of a restricted child process: lines of JSON with limits of size and time."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from articulate.reconstruct.program.process_limits import LAYERS
 
 READ_BYTES = 65_536
 MAX_LINE = 1_000_000
-"""Longest line that is taken from a child [bytes]."""
+"""Longest line of a child [bytes]."""
 MAX_BYTES = 20_000_000
-"""Most that is taken from a child in all [bytes]."""
+"""Longest output of a child in all [bytes]."""
 WAIT_S = 0.005
-"""Between two looks at whether a silent child has ended [s]."""
+"""Interval at which a child without output is polled [s]."""
 ENDS = {
-    signal.SIGXCPU: "it took more time of the processor than it may",
-    signal.SIGKILL: "it took more time or memory than it may",
-    signal.SIGSYS: "it made a system call that is forbidden",
-    signal.SIGSEGV: "the interpreter broke down on it",
+    signal.SIGXCPU: "it exceeded its processor time",
+    signal.SIGKILL: "it exceeded its time or memory",
+    signal.SIGSYS: "it made a forbidden system call",
+    signal.SIGSEGV: "the interpreter crashed",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class SandboxLimits:
-    """What a run of a program may take."""
+    """Limits of a run of a program."""
 
     seconds: float = 30.0
-    """Time by the clock, answers of the parent included [s]."""
+    """Wall-clock time, including answers of the parent [s]."""
     cpu_s: int = 10
-    """Time of the processor in the child [s]."""
+    """Processor time of the child [s]."""
     memory_bytes: int = 256_000_000
-    """Address space of the child."""
+    """Address space of the child [bytes]."""
     layers: tuple[str, ...] = LAYERS
-    """Layers of the lockdown that are asked for; those that the kernel lacks are left out."""
+    """Requested layers of restrictions; those that the kernel lacks are omitted."""
 
 
-class ChildEnded(Exception):  # noqa: N818  # the child ended; what that means, the caller knows
-    """The child is gone, too late, or says what it may not; the sentence says which."""
+class ChildEnded(Exception):  # noqa: N818  # an end is not always an error
+    """The child has ended, exceeded its time, or sent invalid output."""
 
 
 class Sandbox:
@@ -55,13 +55,13 @@ class Sandbox:
 
     Args:
         script: Python file; it gets the limits as JSON in its first argument.
-        limits: What it may take.
+        limits: Limits of the run.
     """
 
     def __init__(self, script: Path, limits: SandboxLimits) -> None:
         self.limits = limits
         self._rest = b""
-        self._taken = 0
+        self._received = 0
         self._deadline = time.monotonic() + limits.seconds
         settings = asdict(limits)
         del settings["seconds"]
@@ -89,9 +89,9 @@ class Sandbox:
         self.close()
 
     def close(self) -> None:
-        """End the child and all of its group, and forget them."""
+        """End the child with its process group, and close its streams."""
         if self.process.returncode is None:
-            # Not yet waited for, so that the number of the group cannot be another's by now.
+            # The child was not waited for yet, so that its process id cannot be reused.
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
@@ -103,7 +103,7 @@ class Sandbox:
         """Write one line to the child.
 
         Raises:
-            ChildEnded: It reads nothing in time, or is gone.
+            ChildEnded: It does not read in time, or has ended.
         """
         assert self.process.stdin is not None
         data = memoryview(json.dumps(content, allow_nan=False).encode() + b"\n")
@@ -118,22 +118,22 @@ class Sandbox:
                 raise ChildEnded(self._end()) from None
 
     def receive(self) -> dict[str, Any]:
-        """The next line of the child.
+        """Return the next line of the child.
 
         Raises:
-            ChildEnded: There is none in time, it is too long, or no JSON object.
+            ChildEnded: There is none in time, it is too long, or not a JSON object.
         """
         while b"\n" not in self._rest:
             self._rest += self._more()
-            if len(self._rest) > MAX_LINE or self._taken > MAX_BYTES:
-                raise ChildEnded("it says too much")
+            if len(self._rest) > MAX_LINE or self._received > MAX_BYTES:
+                raise ChildEnded("its output is too long")
         line, self._rest = self._rest.split(b"\n", 1)
         try:
             content = json.loads(line)
         except (ValueError, RecursionError):
             content = None
         if not isinstance(content, dict):
-            raise ChildEnded("what it says is not understood")
+            raise ChildEnded("its output is not JSON")
         return content
 
     def _more(self) -> bytes:
@@ -144,14 +144,14 @@ class Sandbox:
         data = os.read(stream, READ_BYTES)
         if not data:
             raise ChildEnded(self._end())
-        self._taken += len(data)
+        self._received += len(data)
         return data
 
     def check_time(self) -> None:
-        """End what the parent computes for the child once its time is over.
+        """Check the time limit, also while the parent computes for the child.
 
         Raises:
-            ChildEnded: It is.
+            ChildEnded: The time is over.
         """
         self._left()
 
@@ -162,7 +162,7 @@ class Sandbox:
         return left
 
     def _end(self) -> str:
-        """How the child ended that says no more; whatever it has left of its group ends, too."""
+        """Return how a child without output has ended, and end its process group."""
         options = os.WEXITED | os.WNOHANG | os.WNOWAIT
         late = f"it took more than {self.limits.seconds:g} s"
         while os.waitid(os.P_PID, self.process.pid, options) is None:

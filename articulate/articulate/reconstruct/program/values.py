@@ -1,7 +1,7 @@
-"""What a program computes with: numbers, texts, vectors, boxes and lists of them, all bounded.
+"""Values of programs: numbers, texts, vectors, boxes and lists of them, all of limited size.
 
-Every operation is a line of a table and looks at its operands first, so that nothing grows beyond
-the bounds of the language. Needs the standard library alone.
+Every operation is an entry of a table and checks its operands first, so that no value exceeds the
+limits of the language. The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from articulate.reconstruct.program.language import (
 Value = Any
 
 
-class InvalidValueError(Exception):  # a verdict
-    """An operation that its operands do not allow; the sentence is for the program's author."""
+class InvalidValueError(Exception):
+    """An operation is invalid for its operands; the message is for the author of the program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Vector:
 
     @property
     def all(self) -> tuple[float, float, float]:
-        """The three as a tuple."""
+        """Return the components as a tuple."""
         return self.x, self.y, self.z
 
 
@@ -51,17 +51,17 @@ class AxisBox:
 
     @property
     def size(self) -> Vector:
-        """Its full sides."""
+        """Lengths of its sides."""
         return _each(operator.sub, self.high, self.low)
 
     @property
     def centre(self) -> Vector:
-        """Its middle."""
+        """Its centre."""
         return _each(lambda a, b: (a + b) / 2.0, self.low, self.high)
 
 
 def attribute(value: Value, name: str) -> Value:
-    """What stands behind a dot."""
+    """Return an attribute of a value."""
     if isinstance(value, Vector) and name in VECTOR_FIELDS:
         return dict(zip(VECTOR_FIELDS, value.all, strict=True))[name]
     if isinstance(value, AxisBox) and name in BOX_FIELDS:
@@ -71,7 +71,7 @@ def attribute(value: Value, name: str) -> Value:
 
 
 def item(value: Value, index: Value) -> Value:
-    """What stands at an index or key."""
+    """Return the item at an index or key."""
     if isinstance(value, dict):
         if not isinstance(index, (str, int)) or index not in value:
             raise InvalidValueError(f"the dict has no key {format_value(index)}")
@@ -80,21 +80,21 @@ def item(value: Value, index: Value) -> Value:
     if not isinstance(items, (list, tuple)):
         raise InvalidValueError(f"{format_value(value)} has no items")
     if type(index) is not int or not -len(items) <= index < len(items):
-        raise InvalidValueError(f"index {format_value(index)} is outside of the {len(items)} items")
+        raise InvalidValueError(f"index {format_value(index)} is not within the {len(items)} items")
     return items[index]
 
 
 def items(value: Value) -> list[Value]:
-    """What a loop goes through."""
+    """Return the items of a loop."""
     if isinstance(value, Vector):
         return list(value.all)
     if isinstance(value, (list, tuple, dict)):
         return list(value)
-    raise InvalidValueError(f"{format_value(value)} cannot be gone through; give a list or range()")
+    raise InvalidValueError(f"{format_value(value)} cannot be iterated; give a list or range()")
 
 
 def number(value: Value) -> float:
-    """``value`` if it is a number."""
+    """Return ``value`` if it is a number."""
     if type(value) not in {int, float}:
         raise InvalidValueError(f"a number was expected, {format_value(value)} was given")
     found: float = value
@@ -102,7 +102,7 @@ def number(value: Value) -> float:
 
 
 def vector(value: Value) -> Vector:
-    """``value`` as a vector, if it is one or a list of three numbers."""
+    """Convert a vector or a list of three numbers to a vector."""
     if isinstance(value, Vector):
         return value
     if isinstance(value, (list, tuple)) and len(value) == 3:
@@ -113,7 +113,7 @@ def vector(value: Value) -> Vector:
 
 
 def format_value(value: Value) -> str:
-    """``value`` in a message."""
+    """Format a value for a message."""
     if isinstance(value, Vector):
         return f"vec({value.x:g}, {value.y:g}, {value.z:g})"
     if isinstance(value, str):
@@ -124,10 +124,10 @@ def format_value(value: Value) -> str:
 
 
 def bounded(value: Value) -> Value:
-    """``value`` if it keeps the bounds of the language."""
+    """Return ``value`` if it is within the limits of the language."""
     if type(value) in {int, float}:
-        if not abs(value) <= MAX_NUMBER:  # nor if it is no number
-            raise InvalidValueError(f"the result is beyond {MAX_NUMBER:g} or no number")
+        if not abs(value) <= MAX_NUMBER:  # also rejects NaN
+            raise InvalidValueError(f"the result is beyond {MAX_NUMBER:g} or not a number")
     elif isinstance(value, Vector):
         for part in value.all:
             bounded(part)
@@ -146,7 +146,7 @@ def _each(operation: Callable[[float, float], float], a: Vector, b: Vector) -> V
 def _add(a: Value, b: Value) -> Value:
     for kind in (str, list, tuple):
         if isinstance(a, kind) and isinstance(b, kind):
-            if len(a) + len(b) > max(MAX_ITEMS, MAX_TEXT):  # before it is made
+            if len(a) + len(b) > max(MAX_ITEMS, MAX_TEXT):  # before it is created
                 raise InvalidValueError(f"lists have at most {MAX_ITEMS} items")
             return a + b  # type: ignore[operator]  # both are of one kind that adds
     return _linear(operator.add, a, b)
@@ -188,7 +188,7 @@ def _equal(a: Value, b: Value) -> bool:
     if isinstance(a, (list, tuple, dict)) and isinstance(b, (list, tuple, dict)):
         raise InvalidValueError(
             "lists are not compared; compare their items"
-        )  # shared ones take for ever
+        )  # shared items would take forever
     return bool(a == b)
 
 
@@ -255,17 +255,17 @@ def _cross(a: Value, b: Value) -> Vector:
 
 def _extreme(choose: Callable[..., float]) -> Callable[..., float]:
     def found(*values: Value) -> float:
-        given = items(values[0]) if len(values) == 1 else list(values)
-        if not given:
+        operands = items(values[0]) if len(values) == 1 else list(values)
+        if not operands:
             raise InvalidValueError("an empty list has no extreme")
-        return choose(*(number(v) for v in given), number(given[0]))
+        return choose(*(number(v) for v in operands), number(operands[0]))
 
     return found
 
 
 def _range(*ends: Value) -> list[int]:
     if any(type(end) is not int for end in ends):
-        raise InvalidValueError("range() takes whole numbers")
+        raise InvalidValueError("range() takes integers")
     if len(ends) == 3 and ends[2] == 0:
         raise InvalidValueError("range() cannot step by 0")
     rounds = range(*ends)
@@ -283,8 +283,10 @@ def _real(function: Callable[..., float]) -> Callable[..., float]:
         try:
             return function(*(number(v) for v in values))
         except (ValueError, OverflowError):
-            given = ", ".join(format_value(v) for v in values)
-            raise InvalidValueError(f"{function.__name__}() is not defined for {given}") from None
+            operands = ", ".join(format_value(v) for v in values)
+            raise InvalidValueError(
+                f"{function.__name__}() is not defined for {operands}"
+            ) from None
 
     return applied
 
@@ -302,7 +304,7 @@ def _summed(value: Value) -> Value:
     return total
 
 
-HELPED: Mapping[str, Callable[..., Value]] = {
+HELPER_FUNCTIONS: Mapping[str, Callable[..., Value]] = {
     "vec": lambda x, y, z: vector([x, y, z]),
     "dot": _dot,
     "cross": _cross,

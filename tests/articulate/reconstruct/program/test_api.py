@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.articulate.reconstruct.program import scenes
 
-from articulate.reconstruct.program.api import MOST_CALLS, Builder
+from articulate.reconstruct.program.api import MAX_CALLS, Builder
 from articulate.reconstruct.program.compile import link_plans
 from articulate.reconstruct.program.language import FUNCTIONS
 from articulate.reconstruct.program.program_parts import parts_of
@@ -125,7 +125,7 @@ def test_what_nothing_joins_is_fixed_to_what_it_was_placed_at(builder):
     assert {j.child: (j.kind, j.parent) for j in built.joints} == {
         "door": ("fixed", "body"), "handle": ("fixed", "door"), "drawer": ("fixed", "body"),
     }  # fmt: skip
-    assert "nothing joins drawer: fixed to body" in built.notes
+    assert "drawer has no joint: fixed to body" in built.notes
 
 
 def test_parts_placed_at_each_other_in_a_circle_still_make_a_tree(builder):
@@ -167,12 +167,12 @@ WRONG = {
     "limits": (("prismatic", "door", "body", (1, 0, 0), 1, 0), "swap them"),
     "one limit": (("prismatic", "door", "body", (1, 0, 0), 1, None), "upper is None"),
     "degrees": (("revolute", "door", "body", (0, 0, 1), (0, 0, 0), 0, 90), "radians(90)"),
-    "joint to itself": (("fixed", "door", "door"), "form a circle"),
+    "joint to itself": (("fixed", "door", "door"), "form a cycle"),
     "damping": (("continuous", "door", "body", (0, 0, 1), (0, 0, 0), None, -1), "0 or more"),
     "follower": (("mimic", "a", "b"), "joint 'a' is not known"),
-    "frame taken": (("frame", "door"), "is taken"),
-    "frame unseen": (("frame", "a\nb"), "can be seen"),
-    "empty name": (("fixed", "door", "body", ""), "can be seen"),
+    "frame taken": (("frame", "door"), "is already used"),
+    "frame unseen": (("frame", "a\nb"), "visible characters"),
+    "empty name": (("fixed", "door", "body", ""), "visible characters"),
 }  # fmt: skip
 
 
@@ -196,7 +196,7 @@ def test_joints_make_a_tree_with_names_of_their_own(builder):
     call(builder, "fixed", "door", "body", "hinge")
     for wanted, words in (
         (("fixed", "door", "handle"), "child of joint hinge already"),
-        (("fixed", "body", "door"), "form a circle"),
+        (("fixed", "body", "door"), "form a cycle"),
         (("fixed", "handle", "body", "hinge"), "called 'hinge' already"),
         (("root", "door"), "no root"),
     ):
@@ -213,7 +213,7 @@ def test_joints_do_not_follow_in_circles(builder):
     call(builder, "mimic", "door", "handle", -2, 0.5)
     call(builder, "mimic", "handle", "drawer")
     for follower, leader in (("drawer", "door"), ("door", "door")):
-        with pytest.raises(InvalidValueError, match="in a circle"):
+        with pytest.raises(InvalidValueError, match="in a cycle"):
             call(builder, "mimic", follower, leader)
     assert builder.joints["door"].mimic == ("handle", -2.0, 0.5)
 
@@ -241,7 +241,7 @@ def test_forged_calls_are_refused(builder, name, arguments):
 
 
 def test_calls_are_counted(builder):
-    for _ in range(MOST_CALLS):
+    for _ in range(MAX_CALLS):
         builder.answer("parts", {})
     with pytest.raises(InvalidValueError, match="shorten the program"):
         builder.answer("parts", {})

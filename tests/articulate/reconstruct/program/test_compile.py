@@ -187,7 +187,7 @@ def test_data_that_are_no_tree_are_refused(tmp_path):
     joints = tuple(
         ObjectJoint(name=c, kind="fixed", child=c, parent=p) for c, p in (("b", "c"), ("c", "b"))
     )
-    with pytest.raises(AssetError, match="2 parts hang on nothing"):
+    with pytest.raises(AssetError, match="2 parts have no parent"):
         link_plans(ProgramObject(root="a", parts=parts, joints=joints))
 
 

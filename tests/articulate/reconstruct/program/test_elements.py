@@ -6,9 +6,9 @@ import trimesh
 
 from articulate.formats.load_meshes import Piece
 from articulate.formats.mesh_file import read_mesh
-from articulate.formats.textures import named_files
 from articulate.formats.repairs import Repairs
-from articulate.reconstruct.program.elements import elements_of, words_of, write_element
+from articulate.formats.textures import named_files
+from articulate.reconstruct.program.elements import common_name, elements_of, write_element
 
 RED, BLUE, GLASS = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0), (0.5, 0.5, 0.5, 0.3)
 
@@ -39,7 +39,7 @@ def test_glass_stays_by_itself_for_meshes_tell_no_opacity():
     ],
 )
 def test_an_element_goes_by_the_words_that_its_pieces_share(names, words):
-    assert words_of([piece(name) for name in names]) == words
+    assert common_name([piece(name) for name in names]) == words
 
 
 def test_one_mesh_of_several_colours_is_read_as_it_was(tmp_path):

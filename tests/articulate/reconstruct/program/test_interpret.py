@@ -85,7 +85,9 @@ def test_arithmetic_agrees_with_python(expression):
     try:
         expected = eval(expression)
     except ZeroDivisionError:
-        assert "division by zero" in rejection(source).message or "number" in rejection(source).message
+        assert (
+            "division by zero" in rejection(source).message or "number" in rejection(source).message
+        )
         return
     found, message = outcome(source)
     if message is None:

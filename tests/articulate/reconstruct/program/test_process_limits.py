@@ -167,7 +167,7 @@ def test_a_child_has_no_environment_and_no_third_stream(tmp_path):
         "names = sorted(os.environ)\n"
         "print(json.dumps({'names': names, 'fds': fds, 'cwd': os.getcwd()}), flush=True)\n"
     )
-    with (ROOT / "articulate" / "asset.py").open() as _, Sandbox(script, SandboxLimits()) as child:
+    with (ROOT / "articulate" / "errors.py").open() as _, Sandbox(script, SandboxLimits()) as child:
         found = child.receive()
     assert set(found["names"]) <= {"LC_CTYPE"}  # Python sets it itself
     assert (found["fds"], found["cwd"]) == ([], "/")

@@ -10,7 +10,7 @@ from tests.articulate.reconstruct.program import scenes
 
 from articulate.errors import AssetError
 from articulate.reconstruct.program import api, run
-from articulate.reconstruct.program.contact_distance import sweep
+from articulate.reconstruct.program.contact_distance import contact_along
 from articulate.reconstruct.program.program_parts import parts_of
 from articulate.reconstruct.program.result import ProgramError, ProgramObject
 from articulate.reconstruct.program.run import run_program
@@ -52,7 +52,7 @@ def test_the_same_program_gives_the_same_bytes(parts):
 @pytest.mark.parametrize(
     ("source", "line", "column", "kind"),
     [
-        ("x = 1\nimport os", 2, 1, "guard"),
+        ("x = 1\nimport os", 2, 1, "rule"),
         ("x = (", 1, 5, "syntax"),
         ("x = 1\ny = box('bod')", 2, 5, "value"),
         ("x = [0]\nfor k in range(90):\n    x = x + x", 3, 9, "value"),
@@ -71,10 +71,10 @@ def test_the_clock_stops_what_the_parent_computes(parts, monkeypatch):
 
     def slow(*arguments):
         time.sleep(1.2)
-        done.append(sweep(*arguments))
+        done.append(contact_along(*arguments))
         return done[-1]
 
-    monkeypatch.setattr(api, "sweep", slow)
+    monkeypatch.setattr(api, "contact_along", slow)
     source = 'place_relative_to("drawer", "body", "above")\n'
     found = run_program(source, parts, SandboxLimits(seconds=1.0))
     assert isinstance(found, ProgramError)
@@ -97,15 +97,15 @@ FORGED = {
     "private call": ("say({'call': '_join', 'arguments': {}}); hear(); say({'done': True})", None),
     "strange call": ("say({'call': {}, 'arguments': 7}); hear(); say({'done': True})", None),
     "nothing": ("pass", "ended with code 0"),
-    "no JSON": ("os.write(1, b'hello\\n'); hear()", "not understood"),
-    "a list": ("os.write(1, b'[1]\\n'); hear()", "not understood"),
-    "deep JSON": ("os.write(1, b'[' * 200000 + b'\\n'); hear()", "not understood"),
-    "long line": ("[os.write(1, b'x' * 60000) for k in range(100)]", "says too much"),
-    "unknown message": ("say({'hello': 1})", "broke off"),
-    "crash": ("import ctypes; ctypes.string_at(0)", "broke down"),
+    "no JSON": ("os.write(1, b'hello\\n'); hear()", "not JSON"),
+    "a list": ("os.write(1, b'[1]\\n'); hear()", "not JSON"),
+    "deep JSON": ("os.write(1, b'[' * 200000 + b'\\n'); hear()", "not JSON"),
+    "long line": ("[os.write(1, b'x' * 60000) for k in range(100)]", "too long"),
+    "unknown message": ("say({'hello': 1})", "sent no result"),
+    "crash": ("import ctypes; ctypes.string_at(0)", "crashed"),
     "forged violation": ("say({'violation': {'line': 'x', 'column': -1, 'message': [1]}})", "[1]"),
     "silence": ("import time; time.sleep(60)", "more than 2 s"),
-    "kill": ("import signal; os.kill(os.getpid(), 9)", "more time or memory"),
+    "kill": ("import signal; os.kill(os.getpid(), 9)", "exceeded its time or memory"),
 }
 HEAD = """
 import json, os, sys

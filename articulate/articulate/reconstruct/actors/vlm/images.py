@@ -15,7 +15,7 @@ from articulate.reconstruct.actors.vlm.model import CaptionedImage
 from articulate.render.camera import Camera, front_camera
 from articulate.render.image import png
 from articulate.render.parts import PartMesh, joint_bounds
-from articulate.render.scene import NOTHING, PartScene, segmentation_image, segmentation_palette
+from articulate.render.scene import NO_PART, PartScene, segmentation_image, segmentation_palette
 from articulate.transforms import Array
 
 LONGEST_PX = 640
@@ -166,7 +166,7 @@ def _around(scene: PartScene, camera: Camera, poses: Sequence[Array]) -> Callabl
     """Return a function that crops images to the parts in all poses and scales them down."""
     seen = np.zeros((camera.height_px, camera.width_px), dtype=np.bool_)
     for T in poses:
-        seen |= scene.rasterize(camera, T).part_ids != NOTHING
+        seen |= scene.rasterize(camera, T).part_ids != NO_PART
     rows, columns = np.nonzero(seen)
     if not len(rows):
         return lambda image: scale_down(image, TILE_PX)
