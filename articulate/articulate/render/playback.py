@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from articulate.errors import MissingError
-from articulate.files import atomic_write
 from articulate.render.canvas import GEOM_GROUPS
+from articulate.render.rerun_recording import rerun_pose, rerun_recording
+from articulate.render.viewer import open_viewer
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 
-APPLICATION = "articulate"
 PAUSE_S = 1.0
 """Pause between two repetitions in the viewer [s]."""
 
@@ -46,23 +43,11 @@ class EpisodePlayback:
 def write_rerun(path: Path, play: EpisodePlayback) -> Path:
     """Write an episode as a rerun recording (``.rrd``) and return its path.
 
-    The file is replaced atomically.
-
     Raises:
         MissingError: rerun-sdk is not installed.
     """
-    try:
-        import rerun  # heavy; imported on demand
-    except ImportError:
-        raise MissingError(
-            f"{path}: .rrd needs rerun-sdk, which is not installed; "
-            'run: pip install "articulate-robots[watch]", or end --out in .mp4'
-        ) from None
     model, data = play.model, mujoco.MjData(play.model)
-    with atomic_write(path) as temporary:
-        stream = rerun.RecordingStream(APPLICATION, send_properties=False)
-        stream.save(temporary)
-        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    with rerun_recording(path) as (rerun, stream):
         stream.log("title", rerun.TextDocument(f"{play.title}: {play.reason}"), static=True)
         for i in _visible_geoms(model):
             _log_geom(rerun, stream, model, i)
@@ -71,15 +56,10 @@ def write_rerun(path: Path, play: EpisodePlayback) -> Path:
             data.qpos[:] = q
             mujoco.mj_kinematics(model, data)
             for b in range(1, model.nbody):
-                w, *xyz = data.xquat[b]
-                pose = rerun.Transform3D(
-                    translation=data.xpos[b], quaternion=rerun.Quaternion(xyzw=[*xyz, w])
-                )
+                pose = rerun_pose(rerun, data.xpos[b], data.xquat[b])
                 stream.log(f"world/{_name(model, b)}", pose)
             for name, values in play.curves.items():
                 stream.log(f"curves/{name}", rerun.Scalars(float(values[k])))
-        stream.flush()
-        stream.disconnect()
     return path
 
 
@@ -114,10 +94,7 @@ def _log_geom(rerun: Any, stream: Any, model: mujoco.MjModel, i: int) -> None:
         shape = rerun.Ellipsoids3D(half_sizes=[half], colors=[rgba], fill_mode="solid")
     body = int(model.geom_bodyid[i])
     path = f"world/{_name(model, body)}/geom_{i}" if body else f"world/geom_{i}"
-    w, *xyz = model.geom_quat[i]
-    pose = rerun.Transform3D(
-        translation=model.geom_pos[i], quaternion=rerun.Quaternion(xyzw=[*xyz, w])
-    )
+    pose = rerun_pose(rerun, model.geom_pos[i], model.geom_quat[i])
     stream.log(path, pose, shape, static=True)
 
 
@@ -132,15 +109,8 @@ def show_in_viewer(play: EpisodePlayback) -> None:
     Raises:
         MissingError: There is no display.
     """
-    displays = [name for name in ("DISPLAY", "WAYLAND_DISPLAY") if os.environ.get(name)]
-    if sys.platform == "linux" and not displays:
-        raise MissingError(
-            "--viewer: no display (DISPLAY is not set); without --viewer a video is written"
-        )
-    import mujoco.viewer  # noqa: TID251  # GLFW; imported on demand
-
     data = mujoco.MjData(play.model)
-    with mujoco.viewer.launch_passive(play.model, data) as window:
+    with open_viewer(play.model, data) as window:
         while window.is_running():
             for q in play.qpos:
                 begin = time.monotonic()
