@@ -39,13 +39,16 @@ MADE_EXITS = (0, 3)
 
 def articulate(*words: object) -> str:
     """Run a command of ours and return what it prints; what it says besides goes on to stderr."""
-    part_set = [str(word) for word in words]
-    sys.stderr.write(f"articulate {' '.join(part_set)}\n")
+    arguments = [str(word) for word in words]
+    sys.stderr.write(f"articulate {' '.join(arguments)}\n")
     done = subprocess.run(
-        [sys.executable, "-m", "articulate", *part_set], stdout=subprocess.PIPE, text=True, check=False
+        [sys.executable, "-m", "articulate", *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
     )
     if done.returncode not in MADE_EXITS:
-        raise UsageError(f"articulate {' '.join(part_set)}: exit {done.returncode}")
+        raise UsageError(f"articulate {' '.join(arguments)}: exit {done.returncode}")
     return done.stdout
 
 

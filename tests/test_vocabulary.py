@@ -24,13 +24,19 @@ PACKAGES = (
     "deploy/articulate_deploy",
 )
 
-NAME_WORDS = frozenset(
-    """told tell tells said say says saying asked asks shown heeded heeds heed anew gone drawn draw
-    draws judged judge judges judging judgement felt plant tick ticks film films filmed clips
-    company suspects wish wishes worth price prices priced story clause clauses proof proofs prove
-    proven proves refused refuse refuses refusal recipe mend mended mends meeting meetings astray
-    lies lied stood stands relief spoken whole alone taken given picture pictures sentence
-    sentences hand hands way ways unheard""".split()
+NAME_WORDS = set(
+    re.findall(
+        r"\w+",
+        """
+        told tell tells said say says saying asked asks shown heeded heeds heed anew gone
+        drawn draw draws judged judge judges judging judgement felt plant tick ticks film
+        films filmed clips company suspects wish wishes worth price prices priced story
+        clause clauses proof proofs prove proven proves refused refuse refuses refusal
+        recipe mend mended mends meeting meetings astray lies lied stood stands relief
+        spoken whole alone taken given picture pictures sentence sentences hand hands way
+        ways unheard
+        """,
+    )
 )
 """Parts of names (split at ``_`` and capitals) for which the field has another term."""
 
@@ -48,7 +54,7 @@ REAL_USES = re.compile(
     r"""`[^`]*`                                  # code keeps the names it quotes
     |\b(?:by|other|left|right|first|second)[ -]hand\b|\bhand-?(?:held|written|made|eye)\b
     |\bpanda_hand\b
-    |\b(?:as|is|are|was|were|be)\ shown\ (?:in|by|on|at|to|with|as|below|above)\b   # figures and pages
+    |\b(?:as|is|are|was|were|be)\ shown\ (?:in|by|on|at|to|with|as|below|above)\b   # figures
     |\bhttps?://\S+""",
     re.VERBOSE | re.IGNORECASE,
 )
