@@ -1,22 +1,20 @@
-"""Checks ``cavities`` and ``finger_clearance``: collision shapes leave visible cavities open."""
+"""Check ``cavities``: collision shapes leave visible cavities open."""
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from articulate.assets.asset import Handle, handle_frame
 from articulate.assets.check_report import Check
-from articulate.checks.model import Data, ObjectModel
-from articulate.checks.solids import Solid, inside_any, solids_of, unknown_shape
+from articulate.checks.model import ObjectModel
+from articulate.checks.solids import inside_any, solids_of, unknown_shape
 from articulate.checks.surface import escapes, is_near, winding_numbers
 from articulate.checks.visual_collision import surface_of
-from articulate.transforms import Array, Ints, Mask, apply, inverse
+from articulate.transforms import Array, Ints, Mask
 
 SAMPLES = 2000
 """Sample points in the convex hull of a link's visual geometry."""
@@ -41,27 +39,13 @@ WALL_M = (0.001, 0.003)
 WALL_SHARE = 0.015
 """... and between them this fraction of the diagonal of the link."""
 
-FINGER_M = 0.008
-"""Space that a finger requires beside a handle [m]."""
-FINGER_WIDTH_M = 0.02
-"""Width of a finger along the handle [m]."""
-REACH_M = 0.1
-"""Space beyond this is not measured [m]."""
-
-
-Solids = Mapping[str, tuple[Solid, ...]]
-"""Collision shapes by link."""
-
 
 def check_cavities(model: ObjectModel) -> tuple[Check, ...]:
-    """Measure the free fraction of each link's cavity, and the space for fingers at handles."""
-    solids = {link.name: solids_of(model, link.name) for link in model.asset.links}
-    hollow = [_open(model, name, own) for name, own in solids.items()]
-    data = model.data()
-    return (*hollow, *(_fingers(model, data, handle, solids) for handle in model.asset.handles))
+    """Measure the free fraction of each link's cavity."""
+    return tuple(_open(model, link.name) for link in model.asset.links)
 
 
-def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Check:
+def _open(model: ObjectModel, link: str) -> Check:
     unknown = unknown_shape(model, link)
     if unknown:
         return Check(name="cavities", outcome="failed", subject=link, message=unknown)
@@ -83,7 +67,7 @@ def _open(model: ObjectModel, link: str, solids: tuple[Solid, ...]) -> Check:
             f"{link} has only gaps: a ball of {1000 * BALL_M:.0f} mm has room in {room:.1%} of its "
             f"convex hull, of which {share:.0%} is cavity",
         )
-    free = ~inside_any(solids, cavity)
+    free = ~inside_any(solids_of(model, link), cavity)
     measured = float(free.mean())
     passed = measured >= ALLOWED_OPEN
     message = f"{measured:.1%} of the cavity of {link} ({share:.0%} of its hull) is free"
@@ -195,45 +179,3 @@ def hull_points(hull: ConvexHull, count: int, *, seed: int = 0) -> Array:
         if len(found) >= count:
             break
     return found[:count]
-
-
-def _fingers(model: ObjectModel, data: Data, handle: Handle, solids: Solids) -> Check:
-    """Measure the space for fingers on both sides of a handle, all joints closed."""
-    T_oh = model.T_ol(data, handle.link) @ handle_frame(handle)
-    room = min(_room(model, data, T_oh, handle, side, solids) for side in (-1.0, 1.0))
-    passed = room >= FINGER_M
-    most = " or more" if room >= REACH_M else ""
-    message = (
-        f"{handle.name}, a {handle.kind}: {1000 * room:.0f} mm{most} free beside it for fingers"
-    )
-    if not passed:
-        message += f"; {1000 * FINGER_M:.0f} mm are needed to hold it with everything closed"
-    return Check(
-        name="finger_clearance",
-        outcome="passed" if passed else "not_applicable",
-        subject=handle.joint,
-        measured=room,
-        allowed=FINGER_M,
-        unit="m",
-        message=message,
-    )
-
-
-def _room(
-    model: ObjectModel, data: Data, T_oh: Array, handle: Handle, side: float, solids: Solids
-) -> float:
-    """Return the free distance from the handle along its closing axis, at most ``REACH_M`` [m]."""
-    along = min(FINGER_WIDTH_M, handle.extent[0]) / 2.0
-    steps = np.arange(0.0005, REACH_M, 0.001)
-    least = REACH_M
-    for x in (-along, 0.0, along):
-        points_h = np.zeros((len(steps), 3))
-        points_h[:, 0] = x
-        points_h[:, 1] = side * (handle.extent[1] / 2.0 + steps)
-        occupied = np.zeros(len(steps), dtype=bool)
-        for link in model.asset.links:
-            T_lh = inverse(model.T_ol(data, link.name)) @ T_oh
-            occupied |= inside_any(solids[link.name], apply(T_lh, points_h))
-        if occupied.any():
-            least = min(least, float(steps[int(occupied.argmax())]))
-    return least

@@ -13,6 +13,7 @@ from articulate.assets.check_report import Check, CheckReport, JointCheck, Verdi
 from articulate.checks.accepted_overlap import AUTHORED_OVERLAP, accept_overlaps
 from articulate.checks.cavities import check_cavities
 from articulate.checks.coverage import check_coverage
+from articulate.checks.finger_clearance import check_finger_clearance
 from articulate.checks.force import check_opening
 from articulate.checks.forward_kinematics import check_forward_kinematics, check_input_kinematics
 from articulate.checks.inertia import check_inertia
@@ -56,6 +57,7 @@ def run_checks(asset: Asset, origin: Origin | None = None) -> CheckReport:
         ("joint_limits", check_limits),
         ("inertia", check_inertia),
         ("cavities", check_cavities),
+        ("finger_clearance", check_finger_clearance),
         ("collision_coverage", check_coverage),
         ("trimming", check_trimming),
     ):

@@ -85,7 +85,7 @@ def _boxes_with(points: Array, low: Array, high: Array) -> tuple[Ints, Ints]:
 
 
 def distances(points: Array, triangles: Array) -> Array:
-    """Distance (N,) of each of ``points`` (N, 3) from its triangle (N, 3, 3)."""
+    """Return the distances (N,) of ``points`` (N, 3) from their triangles (N, 3, 3) [m]."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     length = np.linalg.norm(normal, axis=1)
     flat = length <= 1e-18

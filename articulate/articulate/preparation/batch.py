@@ -151,7 +151,7 @@ class Batch:
         open_items = []
         for item in items:
             store.check_out(self._out(item))
-            found = None if self.fresh else store.find(item.file, self.options, self.cache)
+            found = None if self.fresh else store.load(item.file, self.options, self.cache)
             if found is None:
                 open_items.append((item, self._request(item)))
             else:

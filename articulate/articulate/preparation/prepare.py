@@ -77,7 +77,7 @@ def check_asset(
         if against is not None:
             options["against"] = str(against.resolve())
         file = _source_of(source)
-        folder = store.find(file, options, cache)
+        folder = store.load(file, options, cache)
         if folder is None:
             folder = prepare_in_cache(file, replace(config, cache_dir=cache), options, against)
         store.export(folder, out)
@@ -100,7 +100,7 @@ def load_checked_asset(source: Path, cache: Path, config: ConvertConfig | None =
     file = _source_of(source)
     options = options_of(config)
     try:
-        folder = store.find(file, options, cache) or prepare_in_cache(file, config, options)
+        folder = store.load(file, options, cache) or prepare_in_cache(file, config, options)
     except OSError as error:
         raise UsageError(
             f"{cache}: cannot be written ({error.strerror}); "
@@ -144,7 +144,7 @@ def prepare_in_cache(
     assert config.cache_dir is not None
     cache = config.cache_dir
     with entry_lock(cache, store.record_key(file, options)[:32]) as waited:
-        found = store.find(file, options, cache) if waited else None
+        found = store.load(file, options, cache) if waited else None
         return found or _prepare(file, config, options, against, cache)
 
 
@@ -193,6 +193,7 @@ def _copied(
 ) -> _Result:
     """Check a copy of the asset folder ``file``."""
     check_asset_files(file)
+    load_asset(file)  # messages name the file that was given, not the copy
     folder = cache / "assets" / f"{file.name[:40]}-{store.record_key(file, options)[:20]}"
     copy_writable(file, folder)
     inputs: list[Path] = []

@@ -84,7 +84,7 @@ def simulator_versions() -> tuple[str, ...]:
     return tuple(found)
 
 
-def find(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
+def load(source: Path, options: Mapping[str, Any], cache: Path) -> Path | None:
     """Return the folder with the result of an earlier check of ``source``, or None.
 
     Args:

@@ -103,7 +103,7 @@ def carved(shape: Shape, planes: Array) -> tuple[Shape, ...]:
 
     Args:
         shape: Convex shape in its part.
-        planes: Half-spaces (M, 4) of the other shape in the same frame, inside where
+        planes: Half-spaces (M, 4) of the other shape in the same frame [m], inside where
             n x + d <= 0.
     """
     out: list[Shape] = []

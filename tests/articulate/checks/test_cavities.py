@@ -15,6 +15,7 @@ from articulate.checks.cavities import (
     is_cavity,
     width,
 )
+from articulate.checks.finger_clearance import check_finger_clearance
 from articulate.checks.model import load_model
 
 TRAY = (
@@ -162,11 +163,11 @@ def test_room_for_fingers_is_the_gap_beside_the_handle(tmp_path):
         name="part", kind="slide", axis=(1.0, 0.0, 0.0), boxes=(bar, lid), handle=(0.0, 0.0, 0.05)
     )
     asset = make_object(tmp_path / "object", part)
-    (check,) = [c for c in check_cavities(load_model(asset)) if c.name == "finger_clearance"]
+    (check,) = check_finger_clearance(load_model(asset))
     assert check.outcome == "passed"
     assert check.measured == pytest.approx(0.020, abs=0.001)
     wide = dataclasses.replace(asset.handles[0], extent=(0.1, 0.04, 0.01))
     asset = dataclasses.replace(asset, handles=(wide,))
-    (check,) = [c for c in check_cavities(load_model(asset)) if c.name == "finger_clearance"]
+    (check,) = check_finger_clearance(load_model(asset))
     assert check.outcome == "not_applicable"
     assert check.measured == pytest.approx(0.005, abs=0.001)

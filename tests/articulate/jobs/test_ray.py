@@ -18,7 +18,6 @@ WAITS = (
 )
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_jobs_survive_the_loss_of_a_node(tmp_path):
     from ray.cluster_utils import Cluster

@@ -169,7 +169,7 @@ def test_names_with_folders_lie_in_folders(tmp_path, monkeypatch):
     folder = tmp_path / "cache" / "a"
     folder.mkdir(parents=True)
     save_check_report(CheckReport(asset="a", verdict="passed"), folder)
-    monkeypatch.setattr(store, "find", lambda *_: folder)
+    monkeypatch.setattr(store, "load", lambda *_: folder)
     run = Batch(out=tmp_path / "out", cache=tmp_path, options={}, limit_s=1.0, single=False)
     result = run.one(Item(name="x/y", file=tmp_path / "a.urdf"))
     assert result.folder == tmp_path / "out" / "x" / "y"

@@ -308,3 +308,31 @@ def test_a_lid_that_cuts_would_spoil_is_made_finer_first(data_folder, tmp_path):
         data_folder / "assets" / "partnet" / "8867" / "mobility.urdf", tmp_path / "out", config
     )
     assert check_report.verdict == "repaired"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("asset.json", "[]", "a JSON object was expected"),
+        ("asset.json", "[" * 100_000, "nested deeper"),
+        ("asset.json", '{"schema": NaN}', "not a JSON number"),
+        ("object.xml", '<mujoco><include file="/etc/passwd"/></mujoco>', "<include>"),
+        ("object.xml", "link", "a link"),
+    ],
+)
+def test_a_hostile_asset_folder_is_rejected_in_one_line(tmp_path, name, text, reason):
+    folder = make_object(tmp_path / "object").folder
+    path = folder / name
+    if text == "link":
+        path.unlink()
+        path.symlink_to("/etc/passwd")
+    else:
+        path.write_text(text)
+    check_report = check_asset(folder, tmp_path / "out", CONFIG)
+    assert check_report.verdict == "rejected"
+    (line,) = check_report.reasons
+    assert reason in line
+    assert line.startswith(f"{folder}/")
+    assert len(line) < len(str(path)) + 250
+    assert "root:" not in (tmp_path / "out" / "check_report.html").read_text()
+    assert not (tmp_path / "out" / "object.xml").exists()

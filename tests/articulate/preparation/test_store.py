@@ -22,7 +22,7 @@ def kept(tmp_path):
 
 def test_what_was_checked_is_found_again(kept):
     source, _, cache, folder = kept
-    assert store.find(source, {}, cache) == folder
+    assert store.load(source, {}, cache) == folder
 
 
 @pytest.mark.parametrize("change", ["source", "mesh", "options", "new file", "result", "record"])
@@ -41,21 +41,21 @@ def test_whatever_changes_it_is_checked_anew(kept, change):
         (folder / "check_report.json").unlink()
     else:
         next((cache / "checks").iterdir()).write_text("{")
-    assert store.find(source, options, cache) is None
+    assert store.load(source, options, cache) is None
 
 
 def test_the_code_that_proves_is_part_of_the_key(kept, monkeypatch):
     source, _, cache, _ = kept
     monkeypatch.setattr(store, "code_id", lambda: "another")
-    assert store.find(source, {}, cache) is None
+    assert store.load(source, {}, cache) is None
 
 
 def test_how_the_path_is_written_does_not_matter(kept, monkeypatch, tmp_path):
     source, _, cache, folder = kept
     monkeypatch.chdir(tmp_path)
-    assert store.find(source.relative_to(tmp_path), {}, cache) == folder
+    assert store.load(source.relative_to(tmp_path), {}, cache) == folder
     (tmp_path / "link").symlink_to(source)
-    assert store.find(tmp_path / "link", {}, cache) == folder
+    assert store.load(tmp_path / "link", {}, cache) == folder
 
 
 def test_package_folders_and_simulator_versions_are_part_of_the_key(kept, monkeypatch):
@@ -76,7 +76,7 @@ def test_simulators_have_a_version_or_are_absent(monkeypatch):
 def test_a_source_that_is_gone_is_not_found(kept):
     source, _, cache, _ = kept
     source.unlink()
-    assert store.find(source, {}, cache) is None
+    assert store.load(source, {}, cache) is None
 
 
 def test_handing_over_replaces_an_earlier_result_and_nothing_else(kept, tmp_path):
