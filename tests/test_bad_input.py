@@ -230,7 +230,7 @@ def test_a_full_disk_is_reported_before_the_work(rejected, monkeypatch, run_fold
         "chest.urdf --limit 0",
         "chest.urdf --max-geoms 0",
         "chest.urdf --closed uper",
-        "chest.urdf --against nowhere.urdf",
+        "chest.urdf --compare-with nowhere.urdf",
         "chest.urdf --config absent.yaml",
         "chest.urdf --size -1",
         "--explain opennes",

@@ -1,6 +1,7 @@
 import errno
 import importlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 from articulate import commands
 from articulate.commands import console
 from articulate.commands.fields import POSITIONAL
-from articulate.commands.flags import first_sentence, parse
+from articulate.commands.flags import parse, summary_of
 from articulate.errors import ConfigError, UsageError
 
 HEAVY = {
@@ -33,7 +34,7 @@ HEAVY = {
 
 @dataclass(frozen=True, kw_only=True)
 class Ppo:
-    """How to learn."""
+    """Learning."""
 
     learning_rate: float = 1e-3
     """Step of the optimiser."""
@@ -50,7 +51,7 @@ class Train:
     asset: Path
     """The object."""
     task: Literal["open_drawer", "open_joint"] = "open_drawer"
-    """What to do with it."""
+    """Task."""
     ppo: Ppo = Ppo()
     seeds: tuple[int, ...] = (0,)
     """Seeds."""
@@ -65,23 +66,23 @@ def raising(error):
     return command
 
 
-def fresh(code, **env):
-    """Output of ``code`` in a fresh interpreter."""
+def run_python(code, **env):
+    """Output of ``code`` in a new interpreter."""
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=env or None, timeout=60
     )
 
 
-def test_flags_lie_over_defaults():
+def test_flags_override_defaults():
     flags = parse(
-        Train, ["R", "--asset", "a.urdf", "--ppo.horizon", "7", "--seeds", "1", "2", "--json"]
+        Train, ["R", "--asset", "a.urdf", "--set", "ppo.horizon=7", "--seeds", "1", "2", "--json"]
     )
     assert flags == Train(
         run=Path("R"), asset=Path("a.urdf"), ppo=Ppo(horizon=7), seeds=(1, 2), json=True
     )
 
 
-def test_flags_lie_over_presets_and_later_presets_over_earlier(tmp_path):
+def test_flags_override_presets_and_later_presets_earlier_ones(tmp_path):
     low, high = tmp_path / "low.yaml", tmp_path / "high.yaml"
     low.write_text("asset: low.urdf\nppo: {horizon: 1, learning_rate: 1e-5}\n")
     high.write_text("ppo: {horizon: 2}\nseeds: [5]\n")
@@ -92,7 +93,7 @@ def test_flags_lie_over_presets_and_later_presets_over_earlier(tmp_path):
     )
 
 
-def test_presets_lie_over_a_given_default(tmp_path):
+def test_presets_override_a_default(tmp_path):
     (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
     default = Train(run=Path("D"), asset=Path("d.urdf"), ppo=Ppo(learning_rate=0.5), json=True)
     flags = parse(Train, ["R", "--config", str(tmp_path / "x.yaml")], default)
@@ -101,10 +102,10 @@ def test_presets_lie_over_a_given_default(tmp_path):
     assert flags.json
 
 
-def test_values_in_dashes_or_underscores_are_the_same_flag():
+def test_keys_in_dashes_or_underscores_are_the_same():
     argv = ["R", "--asset", "a"]
-    assert parse(Train, [*argv, "--ppo.learning_rate", "1"]) == parse(
-        Train, [*argv, "--ppo.learning-rate", "1"]
+    assert parse(Train, [*argv, "--set", "ppo.learning_rate=1"]) == parse(
+        Train, [*argv, "--set=ppo.learning-rate=1"]
     )
 
 
@@ -112,9 +113,15 @@ def test_values_in_dashes_or_underscores_are_the_same_flag():
     "argv",
     [
         "R --asset a --ppo.lerning-rate 3",
+        "R --asset a --ppo.learning-rate 3",
+        "R --asset a --set ppo.lerning_rate=3",
+        "R --asset a --set horizon=3",
+        "R --asset a --set xyz=3",
+        "R --asset a --set ppo.horizon",
+        "R --asset a --set",
         "R --aset a",
         "R --asset a --xyz",
-        "R --asset a --ppo.learning-rate fast",
+        "R --asset a --set ppo.learning_rate=fast",
         "R --asset a --task open_door",
         "R --asset a --seeds 1 b",
         "R S --asset a",
@@ -131,29 +138,31 @@ def test_wrong_flags_are_one_line(argv, error_line):
     error_line(f"parse(Train, {argv.split()})", lambda: parse(Train, argv.split(), prog="train"))
 
 
-def test_help_is_told_where_output_is_not_utf_8():
+def test_help_is_printed_if_the_output_is_not_utf_8():
     result = subprocess.run(
-        [sys.executable, "-m", "articulate", "train", "--help"],
+        [sys.executable, "-m", "articulate", "train", "--help-all"],
         capture_output=True,
         env={**os.environ, "PYTHONIOENCODING": "ascii"},
     )
     assert result.returncode == 0
-    assert b"--randomization.position-m" in result.stdout
+    assert b"randomization.position_m=" in result.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("--ppo.horizon=7", {"ppo": Ppo(horizon=7)}),
-        ("--ppo.horizon 1e3", {"ppo": Ppo(horizon=1000)}),
-        ("--ppo.learning-rate -1", {"ppo": Ppo(learning_rate=-1.0)}),
+        ("--set ppo.horizon=7", {"ppo": Ppo(horizon=7)}),
+        ("--set=ppo.horizon=1e3", {"ppo": Ppo(horizon=1000)}),
+        ("--set ppo.learning_rate=-1", {"ppo": Ppo(learning_rate=-1.0)}),
         ("--seeds", {}),
+        ("--set seeds=1,2", {"seeds": (1, 2)}),
+        ("--set json=true", {"json": True}),
         ("--seeds 1 2 --seeds 3", {"seeds": (3,)}),
         ("--json --no-json", {"json": False}),
         ("--task=open_joint", {"task": "open_joint"}),
     ],
 )
-def test_values_can_be_given_in_several_ways(words, expected):
+def test_values_have_several_forms(words, expected):
     argv = ["R", "--asset", "a", *words.split()]
     if words == "--seeds":
         with pytest.raises(ConfigError, match="--seeds: a value is missing; give --seeds INT"):
@@ -163,31 +172,31 @@ def test_values_can_be_given_in_several_ways(words, expected):
 
 
 @pytest.mark.parametrize(
-    ("flag", "heard"), [("-q", ""), ("--quiet", ""), ("--json", "told "), ("-v", "told more ")]
+    ("flag", "printed"), [("-q", ""), ("--quiet", ""), ("--json", "some "), ("-v", "some more ")]
 )
-def test_every_command_can_say_less_or_more(flag, heard, capsys):
+def test_every_command_has_levels_of_verbosity(flag, printed, capsys):
     def verb(argv):
         parse(Train, argv)
-        console.show_progress("told")
+        console.show_progress("some")
         console.detail("more")
         return 0
 
     assert commands.run_command(verb, ["R", "--asset", "a", flag]) == 0
-    assert capsys.readouterr().err == heard.replace(" ", "\n")
+    assert capsys.readouterr().err == printed.replace(" ", "\n")
 
 
-def test_words_after_two_dashes_are_no_flags():
+def test_words_after_two_dashes_are_not_flags():
     assert parse(Train, ["--asset", "a", "--", "--run"]).run == Path("--run")
 
 
 def test_values_of_two_presets_and_a_flag_meet_in_one_group(tmp_path):
     (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
     default = Train(run=Path("D"), asset=Path("d"))
-    argv = ["--config", str(tmp_path / "x.yaml"), "--ppo.learning-rate", "0.5"]
+    argv = ["--config", str(tmp_path / "x.yaml"), "--set", "ppo.learning_rate=0.5"]
     assert parse(Train, argv, default).ppo == Ppo(horizon=2, learning_rate=0.5)
 
 
-def test_flag_that_no_preset_gives_stays_required(tmp_path):
+def test_flag_without_a_preset_stays_required(tmp_path):
     (tmp_path / "x.yaml").write_text("ppo: {horizon: 2}\n")
     with pytest.raises(ConfigError, match="missing: --asset PATH"):
         parse(Train, ["R", "--config", str(tmp_path / "x.yaml")])
@@ -205,14 +214,14 @@ def test_unknown_key_of_a_preset_names_the_file(tmp_path, error_line):
 @pytest.mark.parametrize(
     ("text", "first"),
     [
-        ("A film, e.g. an .mp4, of a part. More.", "A film, e.g. an .mp4, of a part"),
+        ("A video, e.g. an .mp4, of a part. More.", "A video, e.g. an .mp4, of a part"),
         ("Folder of the run; of several, to compare them.", "Folder of the run"),
-        ("Where to.", "Where to"),
+        ("Output folder.", "Output folder"),
         ("", ""),
     ],
 )  # fmt: skip
-def test_the_first_sentence_does_not_end_in_an_abbreviation(text, first):
-    assert first_sentence(text) == first
+def test_the_summary_of_does_not_end_in_an_abbreviation(text, first):
+    assert summary_of(text) == first
 
 
 def test_help_of_a_command_shows_flags_units_and_presets(capsys):
@@ -223,11 +232,28 @@ def test_help_of_a_command_shows_flags_units_and_presets(capsys):
     for word in [
         "articulate train",
         "Train a policy",
-        "--ppo.horizon",
-        "[steps]",
+        "Further settings of --help-all: ppo.",
+        "ppo.learning_rate=0.001",
         "--config FILE|PRESET",
     ]:
         assert word in text
+    assert "ppo.horizon" not in text
+
+
+def test_help_all_lists_every_setting_with_its_unit(capsys):
+    with pytest.raises(SystemExit):
+        parse(Train, ["--help-all"], prog="train")
+    text = capsys.readouterr().out
+    assert "ppo.horizon=INT" in text
+    assert "[steps]" in text
+
+
+@pytest.mark.parametrize("verb", sorted(metadata.entry_points(group=commands.GROUP).names))
+def test_help_of_a_command_is_short(verb, capsys):
+    with pytest.raises(SystemExit):
+        commands._command(verb)(["--help"])
+    flags = re.findall(r"(?m)^  (--?\w[\w-]*)", capsys.readouterr().out)
+    assert 5 < len(flags) <= 35
 
 
 def test_bad_input_is_one_line_and_exit_2(capsys):
@@ -243,20 +269,20 @@ def test_interrupt_is_exit_130(capsys):
 def test_interrupt_while_a_module_is_imported_that_swallows_it_is_exit_130(
     tmp_path, capsys, monkeypatch
 ):
-    """As trimesh does, which tries what there is and takes any exception for no."""
+    """As trimesh does with optional imports."""
     swallow = "import os, signal\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n    x = 1\n"
     swallow += "except BaseException:\n    x = 2\n"
     (tmp_path / "swallowing.py").write_text(swallow)
     monkeypatch.syspath_prepend(tmp_path)
-    said = []
+    values = []
 
     def command(argv):
-        said.append(importlib.import_module("swallowing").x)
+        values.append(importlib.import_module("swallowing").x)
         time.sleep(30.0)
         return 0
 
     assert commands.run_command(command, []) == 130
-    assert said == [1]
+    assert values == [1]
     assert capsys.readouterr().err.endswith("interrupted\n")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -267,7 +293,7 @@ def test_full_disk_is_one_line_and_exit_2(capsys):
     assert "no space left on the disk for runs/x" in capsys.readouterr().err
 
 
-def test_bug_is_exit_1_and_its_trace_lies_in_the_file_that_is_named(capsys, tmp_path, monkeypatch):
+def test_bug_is_exit_1_and_names_the_file_of_its_trace(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert commands.run_command(raising(RuntimeError("boom\nboom")), []) == 1
     line = capsys.readouterr().err
@@ -289,12 +315,12 @@ def test_exit_code_of_a_command_is_passed_on():
     assert commands.run_command(len, ["a", "b", "c"]) == 3
 
 
-def test_unknown_verb_is_answered_with_the_nearest(capsys):
+def test_unknown_command_names_the_nearest(capsys):
     assert commands.main(["trian"]) == 2
     assert capsys.readouterr().err == "trian: no such command; did you mean train?\n"
 
 
-def test_help_lists_the_verbs_and_version_is_told(capsys):
+def test_help_lists_the_commands_and_version_is_printed(capsys):
     assert commands.main(["--help"]) == 0
     text = capsys.readouterr().out
     assert all(verb in text for verb in ["train", "evaluate", "export", "deploy"])
@@ -304,7 +330,7 @@ def test_help_lists_the_verbs_and_version_is_told(capsys):
 
 def test_no_verb_at_all_shows_the_help_and_is_exit_2(capsys):
     assert commands.main([]) == 2
-    assert "usage: articulate VERB" in capsys.readouterr().out
+    assert "usage: articulate COMMAND" in capsys.readouterr().out
 
 
 def test_short_names_call_their_verb(monkeypatch):
@@ -330,14 +356,14 @@ def plug_in(tmp_path):
 
 def test_broken_plug_in_is_listed_and_does_not_break_help(plug_in):
     code = "import sys; from articulate.commands import main; sys.exit(main(['--help']))"
-    result = fresh(code, PYTHONPATH=str(plug_in))
+    result = run_python(code, PYTHONPATH=str(plug_in))
     assert result.returncode == 0
     assert "shine" in result.stdout
 
 
 def test_broken_plug_in_fails_in_one_line_when_called(plug_in):
     code = "import sys; from articulate.commands import main; sys.exit(main(['shine']))"
-    result = fresh(code, PYTHONPATH=str(plug_in))
+    result = run_python(code, PYTHONPATH=str(plug_in))
     assert result.returncode == 2
     assert result.stderr.startswith("shine: shiny:main needs the module module_that_is_not_there")
     assert result.stderr.count("\n") == 1
@@ -347,7 +373,7 @@ def test_broken_plug_in_fails_in_one_line_when_called(plug_in):
     "code", ["import articulate", "from articulate.commands import main; main(['--help'])"]
 )
 def test_import_and_help_touch_no_heavy_module(code):
-    result = fresh(f"{code}; import sys; print(*sys.modules, file=sys.stderr)")
+    result = run_python(f"{code}; import sys; print(*sys.modules, file=sys.stderr)")
     assert result.returncode == 0
     assert not HEAVY & set(result.stderr.split())
 
@@ -357,7 +383,7 @@ VERBS = sorted(metadata.entry_points(group=commands.GROUP).names)
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_of_a_verb_has_an_example_and_touches_no_heavy_module(verb):
-    result = fresh(
+    result = run_python(
         f"import sys; sys.argv = ['articulate', '{verb}', '--help']\n"
         "from articulate.commands import main\n"
         "try: main()\n"
@@ -365,7 +391,7 @@ def test_help_of_a_verb_has_an_example_and_touches_no_heavy_module(verb):
     )
     assert result.returncode == 0
     assert "\nExample: " in result.stdout
-    assert result.stdout.count("--help") == 1
+    assert result.stdout.count("-h, --help") == 1
     assert not HEAVY - {"numpy"} & set(result.stderr.split())
     if verb != "train":  # its defaults are classes that compute
         assert "numpy" not in result.stderr.split()
@@ -378,7 +404,7 @@ def test_python_m_articulate_is_the_command():
     assert result.stdout == f"articulate {commands.version()}\n"
 
 
-def test_reader_that_goes_away_is_no_bug():
+def test_reader_that_closes_the_pipe_is_no_bug():
     code = (
         "from articulate.commands import console, run_command; "
         "run_command(lambda _: console.emit('x' * 10**7), [])"
@@ -390,6 +416,6 @@ def test_reader_that_goes_away_is_no_bug():
 
 
 def test_usage_error_raised_by_a_verb_reaches_the_user_through_main(capsys, monkeypatch):
-    monkeypatch.setattr(commands, "_verb", lambda name: raising(UsageError(f"{name}: refused")))
+    monkeypatch.setattr(commands, "_command", lambda name: raising(UsageError(f"{name}: rejected")))
     assert commands.main(["train"]) == 2
-    assert capsys.readouterr().err == "train: refused\n"
+    assert capsys.readouterr().err == "train: rejected\n"

@@ -88,10 +88,17 @@ def test_a_moment_is_due_once_whatever_the_length_of_updates():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"n_checkpoints": 0}, {"episodes": 0}, {"finalists": 0}, {"final_episodes": 0}, {"start_fraction": 1.0},
-        {"member_episodes": -1}, {"ood_scale": 0.9}, {"ood_scale": math.inf}, {"ood_scale": math.nan},
+        {"n_checkpoints": 0},
+        {"episodes": 0},
+        {"finalists": 0},
+        {"final_episodes": 0},
+        {"start_fraction": 1.0},
+        {"member_episodes": -1},
+        {"ood_scale": 0.9},
+        {"ood_scale": math.inf},
+        {"ood_scale": math.nan},
     ],
-)  # fmt: skip
+)
 def test_settings_that_cannot_be_are_refused(wrong):
     name = next(iter(wrong))
     with pytest.raises(ConfigError, match=f"checkpoint_selection.{name}"):

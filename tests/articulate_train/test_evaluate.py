@@ -36,7 +36,7 @@ def test_every_episode_counts_once_from_home_with_sampled_parameters(trained):
     assert rollout.ended.rows.tolist() == [0, 1, 2, 3, 4]
     assert rollout.ended.from_home.all()
     assert np.ptp(result.params[:, COLUMNS.index("scale")]) > 0
-    ticks = trained.scene().ticks
+    ticks = trained.scene().n_steps
     for array in (rollout.traces.force, rollout.traces.opened, rollout.traces.speed_share):
         assert array.shape == (ticks, 5)
     assert {REASONS[c] for c in result.codes} <= set(REASONS)
@@ -49,7 +49,7 @@ def test_more_episodes_than_run_at_once_have_the_same_parameters_and_each_is_rep
     seen: dict[int, int] = {}
 
     def run(batch_size):
-        qpos = np.zeros((scene.ticks - 1, 5, scene.nominal.nq))
+        qpos = np.zeros((scene.n_steps - 1, 5, scene.nominal.nq))
 
         def watch(t, which, engine):
             seen[batch_size] = max(seen.get(batch_size, 0), engine.n_envs)

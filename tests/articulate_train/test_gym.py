@@ -29,6 +29,6 @@ def test_their_ppo_learns_on_it_and_counts_its_episodes(env, drawer):
     model.learn(64)
     assert model.ep_info_buffer is not None
     (first, *_) = model.ep_info_buffer
-    assert first["l"] == drawer.ticks
+    assert first["l"] == drawer.n_steps
     action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
     assert np.isfinite(env.step(action)[0]).all()

@@ -126,7 +126,7 @@ def test_run_that_is_made_is_the_run_that_is_opened(checked, tmp_path):
     assert made.task.joint == JOINT
     assert made.asset.folder == made.folder / "asset"
     assert made.seed_folder(5) == made.folder / "seed_5"
-    assert made.scene().ticks == round(made.task.episode_s * config.control.rate_hz)
+    assert made.scene().n_steps == round(made.task.episode_s * config.control.rate_hz)
     assert [p.name for p in (tmp_path / "runs").iterdir()] == ["one"]
 
 

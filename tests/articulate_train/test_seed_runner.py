@@ -141,7 +141,7 @@ def test_seed_that_crashes_or_is_killed_is_no_bad_input(tiny, fake, code, log, w
 def test_seed_that_is_killed_from_outside_names_the_command_that_continues(
     tiny, fake, code, name, capsys
 ):
-    """With the exit status of a shell, by which a launcher distinguishes a lost job from a failed one."""
+    """With the exit status of a shell, so that a launcher retries the job."""
     fake(code=code)
     assert run_command(lambda _: train_seeds(tiny, lambda _: None) or 0, []) == 128 - code
     assert capsys.readouterr().err == (

@@ -58,7 +58,7 @@ def test_steps_give_what_the_spaces_say(env):
 def test_end_of_an_episode_is_a_termination_with_its_last_observation_and_reason(env, drawer):
     env.reset()
     seen = []
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         observation, _, done, infos = env.step(np.zeros((N, 8), dtype=np.float32))
         for i in range(N):
             if done[i]:
@@ -82,7 +82,7 @@ def test_episode_cut_at_rest_is_a_truncation_whose_last_observation_can_be_value
     env.reset()
     start = home_start(drawer, nominal_params(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         _, _, done, infos = env.step(np.zeros((N, 8), dtype=np.float32))
         if done.any():
             break

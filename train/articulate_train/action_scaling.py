@@ -8,7 +8,7 @@ are scaled down again where the part is at its goal. Training and the exported n
 same formula, so engines and robots need not.
 
 If the stop of a part is near its target, the excess of the tracking error is compensated as well
-(:func:`lead_compensation`). A drawer that arrives at 0.16 m/s leads by 6 cm, which alone would
+(:func:`lead_compensation`). A drawer that arrives at 0.16 m/s leads by 6 cm, which would
 run it shut, and small actions would add up to a force at the stop.
 """
 

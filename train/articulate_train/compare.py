@@ -58,7 +58,7 @@ class Row:
     task: str
     joint: str
     steps: int
-    """Control steps that were asked for, of each seed."""
+    """Configured control steps of each seed."""
     unfinished: str
     """Seeds with incomplete training and their progress; empty if there are none."""
     seeds: int

@@ -355,9 +355,9 @@ class TrainConfig:
             raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
         seeds = self.seeds
         if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0 or max(seeds) >= SEEDS:
-            given = " ".join(map(str, seeds))
+            values = " ".join(map(str, seeds))
             raise ConfigError(
-                f"seeds are {given}; they must be distinct, not negative and below {SEEDS}"
+                f"seeds are {values}; they must be distinct, not negative and below {SEEDS}"
             )
         check_least(1, {"episodes": self.episodes, "checkpoint_updates": self.checkpoint_updates})
         check_least(1, {"ensemble_size": self.ensemble_size})

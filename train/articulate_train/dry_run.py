@@ -126,7 +126,7 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
         jobs = min(config.jobs or processors(), len(config.seeds))
         threads = max(1, processors() // jobs)
         rate = _steps_per_s(scene, config, threads=threads)
-        episode_rate = _evaluation_steps_per_s(scene, config, threads=threads) / scene.ticks
+        episode_rate = _evaluation_steps_per_s(scene, config, threads=threads) / scene.n_steps
         image, note = _write_image(scene, file)
     rounds = math.ceil(len(config.seeds) / jobs)
     selected = selection_episodes(config.checkpoint_selection, config.ensemble_size)

@@ -125,8 +125,8 @@ def roll_out(
     on_progress: Progress = lambda _: None,
 ) -> Rollout:
     """Run and record ``episodes`` episodes from home with the policy's mean action."""
-    qpos = np.zeros((scene.ticks, episodes, scene.nominal.nq))
-    force, speed, opened = (np.zeros((scene.ticks, episodes)) for _ in range(3))
+    qpos = np.zeros((scene.n_steps, episodes, scene.nominal.nq))
+    force, speed, opened = (np.zeros((scene.n_steps, episodes)) for _ in range(3))
 
     def trace(t: int, which: slice, engine: ThreadEngine) -> None:
         state = engine.state()
@@ -229,12 +229,12 @@ def run_with_params(
         )
         try:
             observation = env.reset(start=home_start(scene, batch))
-            for t in range(scene.ticks):
+            for t in range(scene.n_steps):
                 step = env.step(policy.act(observation))
                 observation = step.observation
                 if step.ended is not None:
                     ended.append(replace(step.ended, rows=step.ended.rows + begin))
-                if t + 1 < scene.ticks:
+                if t + 1 < scene.n_steps:
                     on_step(t, which, engine)
         finally:
             engine.close()

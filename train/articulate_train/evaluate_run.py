@@ -125,12 +125,12 @@ def evaluate_run_folder(
 
 def _at_intervals(show_progress: Callable[[str], None], name: str) -> Callable[[float], None]:
     """Return a callback that shows the completed fraction every :data:`INTERVAL_S`."""
-    shown_at = time.monotonic()
+    last_s = time.monotonic()
 
     def on_progress(fraction: float) -> None:
-        nonlocal shown_at
-        if time.monotonic() - shown_at >= INTERVAL_S:
-            shown_at = time.monotonic()
+        nonlocal last_s
+        if time.monotonic() - last_s >= INTERVAL_S:
+            last_s = time.monotonic()
             show_progress(f"{name}: {fraction:.0%} of the randomized episodes")
 
     return on_progress

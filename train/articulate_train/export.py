@@ -1,4 +1,4 @@
-"""From a trained seed to a bundle that a robot runs."""
+"""Export a trained seed as a bundle for robots."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ from articulate_train.run import Run, open_run, versions
 from articulate_train.seed_runner import last_progress
 
 OPSET = 18
-"""Version of ONNX's operators that is asked for."""
+"""Version of the ONNX operators."""
 BUNDLE_BYTES = 40_000_000
-"""What a large bundle takes, with what it is packed from."""
+"""Size of a large bundle with its unpacked files [bytes]."""
 ARM_LICENCE = "Apache-2.0 (meshes of franka_description), MIT (model of robosuite)"
 """Licence of the arm in the exported scene."""
 _NOT_FREE = re.compile(r"non[- ]?commercial|\bnc\b|research only|academic", re.IGNORECASE)
@@ -77,7 +77,7 @@ _UNKNOWN = re.compile(r"^\s*(unknown|none)?\s*$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Exported:
-    """A bundle that was written."""
+    """Written bundle."""
 
     path: Path
     seed: int
@@ -85,10 +85,10 @@ class Exported:
     files: int
     size_bytes: int
     warnings: tuple[str, ...]
-    """What the user must know before giving the bundle away."""
+    """Warnings about the licence of the bundle."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the fields as a JSON object."""
         return {
             "bundle": str(self.path),
             "seed": self.seed,
@@ -100,7 +100,7 @@ class Exported:
 
 
 def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = None) -> Exported:
-    """Write the bundle of one seed of the run in ``folder`` to ``out``, whole or not at all.
+    """Write the bundle of one seed of the run in ``folder`` to ``out``, atomically.
 
     Args:
         folder: The run.
@@ -123,7 +123,7 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
     with reject_other_versions(path):
         policy, steps = policy_of(checkpoint), trained_steps(checkpoint)
     scene = run.scene((1.0,))
-    files = bundle_files(scene, policy, draws_of(run, scene))
+    files = bundle_files(scene, policy, sampled_episodes(run, scene))
     manifest = make_manifest(
         run,
         scene,
@@ -150,7 +150,7 @@ def export_policy(folder: Path, out: Path | None = None, *, seed: int | None = N
 
 
 def select_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
-    """Seed, the rule it was chosen by, and its measured success if there is one.
+    """Return the seed, the rule of its selection, and its measured success if known.
 
     Raises:
         RunError: The run has no such seed, or none that was trained.
@@ -173,7 +173,7 @@ def select_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
 
 
 def _success_of_report(run: Run) -> dict[int, float]:
-    """Measured success of the seeds whose checkpoint is still the one that was evaluated."""
+    """Return the success rates of seeds whose checkpoint is the evaluated one."""
     try:
         report = json.loads((run.folder / "report.json").read_text(encoding="utf-8"))
         return {
@@ -185,24 +185,24 @@ def _success_of_report(run: Run) -> dict[int, float]:
         return {}
 
 
-def draws_of(run: Run, scene: Scene) -> EpisodeParams:
-    """What is drawn for the episodes that robots are compared on.
+def sampled_episodes(run: Run, scene: Scene) -> EpisodeParams:
+    """Return the episode parameters on which robots are compared.
 
-    It is the run's randomisation, the object at the size of the bundle's scene, under the seed of
-    the run's evaluation.
+    They are sampled from the run's randomization with the seed of its evaluation, for the object at
+    the size of the bundle's scene.
     """
-    entry = draws_entry(run)
+    entry = randomization_entry(run)
     config = at_size(run.config.randomization, scene_scale(scene))
     return sample_episode_params_each(config, entry.seed, entry.count, begin=run.task.begin)
 
 
-def draws_entry(run: Run) -> EpisodesEntry:
-    """The manifest's entry for :func:`draws_of`."""
+def randomization_entry(run: Run) -> EpisodesEntry:
+    """Return the manifest's entry of :func:`sampled_episodes`."""
     return EpisodesEntry(seed=run.config.evaluation_seed)
 
 
-def bundle_files(scene: Scene, policy: Policy, draws: EpisodeParams) -> dict[str, bytes]:
-    """Contents of the bundle by path, the manifest aside."""
+def bundle_files(scene: Scene, policy: Policy, params: EpisodeParams) -> dict[str, bytes]:
+    """Return the files of the bundle by path, without the manifest."""
     with tempfile.TemporaryDirectory(prefix="articulate-export-") as name:
         folder = Path(name)
         export_scene(scene.nominal, folder / Path(SCENE_FILE).parent)
@@ -218,7 +218,7 @@ def bundle_files(scene: Scene, policy: Policy, draws: EpisodeParams) -> dict[str
     return {
         POLICY_FILE: to_onnx(policy),
         GOLDEN_FILE: _npz(observation=pairs[0], action=pairs[1]),
-        EPISODES_FILE: _npz(values=draws.values),
+        EPISODES_FILE: _npz(values=params.values),
         **files,
     }
 
@@ -249,7 +249,7 @@ def to_onnx(policy: Policy) -> bytes:
 
 
 def _without_traces(model: Any) -> Any:
-    """The model without notes of where in the source and on which machine it was made."""
+    """Remove notes on the source code and the machine from the model."""
     graph = model.graph
     for item in (
         model,
@@ -268,7 +268,7 @@ def _without_traces(model: Any) -> Any:
 
 @contextmanager
 def _quiet_exporter() -> Iterator[None]:
-    """Without what torch 2.13 says of its own exporter: deprecated calls, no torchvision."""
+    """Suppress warnings of torch's exporter: deprecated calls, no torchvision."""
     log = logging.getLogger("torch.onnx._internal.exporter._registration")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -282,7 +282,7 @@ def _quiet_exporter() -> Iterator[None]:
 
 
 def onnx_opset(model: bytes) -> int:
-    """Version of the default operators of a model."""
+    """Return the version of the default operators of a model."""
     loaded = onnx.load_from_string(model)
     return int(next(item.version for item in loaded.opset_import if item.domain in ("", "ai.onnx")))
 
@@ -297,8 +297,8 @@ def golden_pairs(policy: Policy, rng: np.random.Generator, count: int) -> tuple[
 
 
 def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> Manifest:
-    """The manifest of a run's bundle, its files' sums still missing."""
-    draws, control, arm = run.config.randomization, scene.control, scene.arm
+    """Return the manifest of a run's bundle, without the hashes of its files."""
+    ranges, control, arm = run.config.randomization, scene.control, scene.arm
     return Manifest(
         name=f"{run.asset.name}-{run.task.name}",
         created_utc=datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -307,14 +307,14 @@ def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> 
         files={},
         policy=PolicyEntry(opset=opset),
         control=control,
-        controller=ControllerEntry(trained_delay_steps=draws.delay_steps),
+        controller=ControllerEntry(trained_delay_steps=ranges.delay_steps),
         observation=OBSERVATION,
         action=ACTION,
         robot=arm,
         limit_table_sha256=limit_table_sha256(arm),
         start=StartEntry(
             q=run.placement.start_q,
-            tolerance_rad=draws.start_rad,
+            tolerance_rad=ranges.start_rad,
             gripper_width_m=arm.gripper.max_width_m,
         ),
         task=run.task,
@@ -322,16 +322,16 @@ def make_manifest(run: Run, scene: Scene, *, opset: int, training: Training) -> 
         object=scene.asset,
         object_sha256=run.asset.content_id(),
         scene=scene_entry(scene),
-        estimator=_estimator(draws, control.rate_hz),
-        randomization=draws,
-        episodes=draws_entry(run),
+        estimator=_estimator(ranges, control.rate_hz),
+        randomization=ranges,
+        episodes=randomization_entry(run),
         training=training,
         golden=Golden(),
     )
 
 
 def scene_entry(scene: Scene) -> SceneEntry:
-    """Names in the exported scene."""
+    """Return the names in the exported scene."""
     model, at = scene.nominal, scene.at
     first = scene.asset.links[0].name
     return SceneEntry(
@@ -354,7 +354,7 @@ def scene_entry(scene: Scene) -> SceneEntry:
 
 
 def scene_scale(scene: Scene) -> float:
-    """Size of the object in the model that is exported."""
+    """Return the size factor of the object in the exported model."""
     return float(scene.scales[int(np.argmin(np.abs(np.asarray(scene.scales) - 1.0)))])
 
 
@@ -372,16 +372,16 @@ def _fingers(scene: Scene) -> FingersEntry:
     )
 
 
-def _estimator(draws: RandomizationConfig, rate_hz: float) -> EstimatorEntry:
+def _estimator(ranges: RandomizationConfig, rate_hz: float) -> EstimatorEntry:
     return EstimatorEntry(
         needs=("T_wh", "opened", "speed"),
         rate_hz=rate_hz,
-        max_age_s=draws.estimate_delay_steps[1] / rate_hz,
+        max_age_s=ranges.estimate_delay_steps[1] / rate_hz,
     )
 
 
 def licence_warnings(licence: str, name: str) -> tuple[str, ...]:
-    """What to say of the licence of the object ``name`` that the bundle holds."""
+    """Return warnings about the licence of the object ``name`` in the bundle."""
     if _UNKNOWN.match(licence):
         return (f"the licence of {name} is unknown; the bundle holds its geometry",)
     if _NOT_FREE.search(licence):
@@ -390,7 +390,7 @@ def licence_warnings(licence: str, name: str) -> tuple[str, ...]:
 
 
 def write_bundle(out: Path, files: dict[str, bytes]) -> None:
-    """Write ``files`` to a zip file or a new folder, whole or not at all."""
+    """Write ``files`` to a zip file or a new folder, atomically."""
     if out.suffix == ".zip":
         with atomic_write(out) as temporary, zipfile.ZipFile(temporary, "w") as archive:
             for name, content in files.items():
@@ -402,7 +402,7 @@ def write_bundle(out: Path, files: dict[str, bytes]) -> None:
     part = None
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        # A name of its own: another bundle may be written beside this one at the same moment.
+        # A unique name: another bundle may be written beside this one at the same time.
         part = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
         part.chmod(0o755)
         for name, content in files.items():

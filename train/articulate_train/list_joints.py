@@ -18,9 +18,9 @@ from articulate_train.config import TrainConfig
 from articulate_train.feasibility_check import describe_feasibility, feasibility_of
 
 PART_TEXT = {
-    "drawer": "a part that slides level",
-    "door": "a part that turns about an upright axis, or stands upright when closed",
-    "lid": "a part that lies flat when closed and turns about a level axis, or lifts off",
+    "drawer": "a part that slides horizontally",
+    "door": "a part that turns about a vertical axis, or is vertical when closed",
+    "lid": "a part that is flat when closed and turns about a horizontal axis, or lifts off",
     "joint": "any movable part",
 }
 """Definition of the parts of :data:`articulate.task.task.TASK_RULES` without a telling name."""

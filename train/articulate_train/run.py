@@ -42,11 +42,11 @@ from articulate.errors import ConfigError, RunError, field_error, quote, shorten
 from articulate.files import copy_writable, read_json_object, require_space, write_json, write_text
 from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA, Arm
+from articulate.task.object_placement import ObjectPlacement
 from articulate.task.observation import ACTION
 from articulate.task.task import Task
 from articulate.untrusted import load_json_object
 from articulate_envs.joint_selection import choose_joint
-from articulate_envs.placement_search import ObjectPlacement
 from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
 from articulate_train.run_lock import lock_run

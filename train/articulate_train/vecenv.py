@@ -42,7 +42,7 @@ class EpisodesVecEnv(VecEnv):
     Observations are those of the policy, followed by the privileged ones of the value function
     (:data:`articulate_envs.privileged_observation.PRIVILEGED`). Episodes have a fixed length and
     the observation holds the time left, so their end is a termination; an early end while the part
-    rests at the target is a truncation. Actions are those of the policy before action scaling
+    is at rest at the target is a truncation. Actions are those of the policy before action scaling
     (:mod:`articulate_train.action_scaling`).
     """
 
@@ -96,24 +96,24 @@ class EpisodesVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[Singles, Singles, Mask, list[dict[str, Any]]]:
         """Run one control step."""
-        tick = self.episodes.step(self._action)
+        step = self.episodes.step(self._action)
         infos: list[dict[str, Any]] = self._infos
-        if tick.ended is not None:
+        if step.ended is not None:
             infos = [{} for _ in range(self.num_envs)]
-            both = (tick.ended.observation, tick.ended.privileged)
+            both = (step.ended.observation, step.ended.privileged)
             last = np.concatenate(both, axis=1).astype(np.float32)
-            self.finished.append(Finished(**{n: getattr(tick.ended, n) for n in FINISHED}))
-            for k, i in enumerate(tick.ended.rows):
+            self.finished.append(Finished(**{n: getattr(step.ended, n) for n in FINISHED}))
+            for k, i in enumerate(step.ended.rows):
                 infos[i] = {
                     "terminal_observation": last[k],
-                    "TimeLimit.truncated": bool(tick.ended.cut[k]),
-                    "reason": REASONS[int(tick.ended.code[k])],
-                    "is_success": bool(tick.ended.code[k] == 0),
+                    "TimeLimit.truncated": bool(step.ended.cut[k]),
+                    "reason": REASONS[int(step.ended.code[k])],
+                    "is_success": bool(step.ended.code[k] == 0),
                 }
         return (
-            self._with_privileged(tick.observation),
-            tick.reward.astype(np.float32),
-            tick.done,
+            self._with_privileged(step.observation),
+            step.reward.astype(np.float32),
+            step.done,
             infos,
         )
 

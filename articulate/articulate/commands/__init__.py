@@ -1,10 +1,10 @@
-"""Commands: ``articulate VERB ...`` and the short names of its verbs.
+"""Commands: ``articulate COMMAND ...`` and their short names.
 
-Verbs are entry points of the group ``articulate.commands``, imported when they are asked for.
-A verb is a function ``main(argv) -> int`` that lets errors through; what is said about them,
-and the exit code, is decided here. It prints results by :func:`articulate.commands.console.emit`,
-progress by :func:`~articulate.commands.console.show_progress`, and its module names the class of its flags
-``FLAGS``, from which completion is made.
+Commands are entry points of the group ``articulate.commands``, imported on use. A command is a
+function ``main(argv) -> int`` that lets errors through; :func:`run_command` prints them and returns
+the exit code. It prints results by :func:`articulate.commands.console.emit` and progress by
+:func:`~articulate.commands.console.show_progress`. Its module names the class of its flags
+``FLAGS``, which completion reads.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from articulate.commands import console
 from articulate.commands.interrupt import INTERRUPT_EXIT, graceful_interrupt
-from articulate.errors import KilledError, UsageError, nearest
+from articulate.errors import KilledError, UsageError, nearest, shorten
 
 GROUP = "articulate.commands"
 DISTRIBUTION = "articulate-robots"
@@ -29,22 +29,22 @@ BUG_EXIT = 1
 Main = Callable[[Sequence[str]], int]
 
 SUMMARIES = {
-    "make": "find the joints of an object whose parts are known, and prove it",
-    "check": "convert an object and prove it ready for simulation",
+    "make": "find the joints of an object from its parts and a video, image or text",
+    "check": "convert an object and check that it is ready for simulation",
     "train": "train a policy on an object",
-    "evaluate": "evaluate a run again",
+    "evaluate": "evaluate the policies of a run",
     "export": "write a run's policy as a bundle for robots",
-    "benchmark": "score an actor on objects whose joints are known",
-    "observe": "say how the part that is operated in a film moves",
-    "deploy": "run a bundle on a robot or a stand-in",
-    "watch": "see a policy act: a clip, a recording for rerun, or a window",
-    "cache": "list or clean what earlier checks left behind",
+    "benchmark": "score an actor on objects with known joints",
+    "observe": "estimate joint type and axis from a video",
+    "deploy": "run a bundle on a robot or a simulated robot",
+    "watch": "show a policy: a video, a recording for rerun, or a window",
+    "cache": "list or clean the cache of checked objects",
 }
 GLOBAL = ("--help", "--version", "--completion")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry of ``articulate``: dispatch to a verb and return the exit code."""
+    """Run the command that ``argv`` names and return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in {"-h", "--help"}:
         print(_help())
@@ -55,27 +55,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if first.partition("=")[0] == "--completion":
         return run_command(_completion, [*first.split("=")[1:], *rest])
-    return run_command(_verb(first), rest)
+    return run_command(_command(first), rest)
 
 
 def run_command(command: Main, argv: Sequence[str]) -> int:
-    """Exit code of ``command(argv)``; every error becomes one line on stderr.
+    """Return the exit code of ``command(argv)``; print an error as one line on stderr.
 
-    Bad input and a full disk give 2, an interrupt 130, a process of ours that was killed 128 and
-    the number of the signal, and a bug 1, with its trace in a file.
+    Bad input and a full disk give 2, an interrupt 130, a killed child process 128 plus the number
+    of the signal, and a bug 1, with its trace in a file.
     """
     with console.session(), graceful_interrupt():
         try:
             return command(argv)
         except UsageError as error:
-            return _complain(str(error), USAGE_EXIT)
+            return _print_and_return(str(error), USAGE_EXIT)
         except KilledError as error:
-            return _complain(str(error), error.exit_code)
+            return _print_and_return(str(error), error.exit_code)
         except KeyboardInterrupt:
             hint = console.interrupt_hint()
-            return _complain(f"interrupted{hint and f'; {hint}'}", INTERRUPT_EXIT)
+            return _print_and_return(f"interrupted{hint and f'; {hint}'}", INTERRUPT_EXIT)
         except BrokenPipeError:
-            console.forget_results()  # their reader has gone (`| head`)
+            console.forget_results()  # the reader has closed the pipe (`| head`)
             return BUG_EXIT
         except Exception as error:  # noqa: BLE001  a bug: its trace goes into a file, one line to the user
             return _unexpected(error)
@@ -85,13 +85,15 @@ def _unexpected(error: Exception) -> int:
     if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
         where = f" for {error.filename}" if error.filename else ""
         line = f"no space left on the disk{where}; free some or choose another --out"
-        return _complain(line, USAGE_EXIT)
+        return _print_and_return(line, USAGE_EXIT)
     kind = type(error).__name__
-    return _complain(f"{kind}: {_one_line(str(error))}; trace in {_write_trace()}", BUG_EXIT)
+    return _print_and_return(
+        f"{kind}: {_one_line(str(error))}; trace in {_write_trace()}", BUG_EXIT
+    )
 
 
 def version() -> str:
-    """Version of the installed distribution."""
+    """Return the version of the installed distribution."""
     try:
         return metadata.version(DISTRIBUTION)
     except metadata.PackageNotFoundError:
@@ -99,41 +101,43 @@ def version() -> str:
 
 
 def check_asset() -> int:
-    """Entry of ``check-asset``, short for ``articulate check``."""
+    """Run ``check-asset``, short for ``articulate check``."""
     return main(["check", *sys.argv[1:]])
 
 
 def train() -> int:
-    """Entry of ``train``, short for ``articulate train``."""
+    """Run ``train``, short for ``articulate train``."""
     return main(["train", *sys.argv[1:]])
 
 
 def evaluate() -> int:
-    """Entry of ``evaluate``, short for ``articulate evaluate``."""
+    """Run ``evaluate``, short for ``articulate evaluate``."""
     return main(["evaluate", *sys.argv[1:]])
 
 
 def export_policy() -> int:
-    """Entry of ``export-policy``, short for ``articulate export``."""
+    """Run ``export-policy``, short for ``articulate export``."""
     return main(["export", *sys.argv[1:]])
 
 
 def deploy() -> int:
-    """Entry of ``deploy``, short for ``articulate deploy``."""
+    """Run ``deploy``, short for ``articulate deploy``."""
     return main(["deploy", *sys.argv[1:]])
 
 
-def _verb(name: str) -> Main:
-    """A command that imports the verb ``name`` and runs it, so that failing to is its error."""
+def _command(name: str) -> Main:
+    """Return a command that imports the command ``name`` and runs it; import errors are its own."""
 
     def command(argv: Sequence[str]) -> int:
         found = [entry for entry in metadata.entry_points(group=GROUP) if entry.name == name]
         if not found and name.startswith("-"):
             close = nearest(name, GLOBAL)
-            raise UsageError(f"{name}: unknown flag{close}; a command comes first: articulate VERB")
+            raise UsageError(
+                f"{shorten(name)}: unknown flag{close}; the command comes first: articulate COMMAND"
+            )
         if not found:
             known = metadata.entry_points(group=GROUP).names
-            raise UsageError(f"{name}: no such command{nearest(name, known)}")
+            raise UsageError(f"{shorten(name)}: no such command{nearest(name, known)}")
         try:
             loaded: Main = found[0].load()
         except ModuleNotFoundError as error:
@@ -141,7 +145,7 @@ def _verb(name: str) -> Main:
                 raise
             raise UsageError(
                 f"{name}: {found[0].value} needs the module {error.name}, which is not installed; "
-                'install the extra that brings it, e.g. pip install "articulate-robots[all]"'
+                'install the extra with it, e.g. pip install "articulate-robots[all]"'
             ) from None
         return loaded(argv)
 
@@ -149,40 +153,40 @@ def _verb(name: str) -> Main:
 
 
 def _help() -> str:
-    """The text of ``--help``: names come from the entry points, none of which is imported."""
+    """Return the text of ``--help``; no command is imported."""
     names = sorted(metadata.entry_points(group=GROUP).names)
     width = max(map(len, names), default=0)
     verbs = [f"  {name:<{width}}  {SUMMARIES.get(name, '')}".rstrip() for name in names]
     lines = [
-        "usage: articulate VERB [flags]",
+        "usage: articulate COMMAND [flags]",
         "",
-        "From a description of an articulated object to an arm that opens it.",
+        "Convert, check and reconstruct articulated objects; train, evaluate and deploy policies.",
         "",
-        "verbs:",
+        "commands:",
         *(verbs or ["  none: the distribution is not installed"]),
         "",
-        "articulate VERB --help lists the flags of a verb; --version tells the version;",
-        "--completion bash|zsh|fish prints a script that completes verbs and flags.",
+        "articulate COMMAND --help lists the common flags, --help-all all of them.",
+        "--version prints the version; --completion bash|zsh|fish prints a completion script.",
         "",
-        "exit codes: 0 done, 1 a bug, 2 bad input and nothing written, 3 done but not what was",
-        "asked for, 130 interrupted.",
+        "exit codes: 0 done, 1 a bug, 2 bad input and nothing written, 3 done but below the",
+        "requirement or doubtful, 130 interrupted.",
     ]
     return "\n".join(lines)
 
 
 def _completion(argv: Sequence[str]) -> int:
-    from articulate.commands.completion import SHELLS, script, verb_words  # imports every verb
+    from articulate.commands.completion import SHELLS, script, verb_words  # imports every command
 
     if len(argv) != 1:
         raise UsageError(f"--completion needs the name of a shell: {', '.join(SHELLS)}")
     entries = sorted(metadata.entry_points(group=GROUP), key=lambda entry: entry.name)
-    # The shell is checked first: verbs take a while to import.
-    made = script(argv[0], {}) and script(argv[0], {e.name: verb_words(e) for e in entries})
-    console.emit(made.rstrip("\n"))
+    # The shell is checked first: commands take a while to import.
+    text = script(argv[0], {}) and script(argv[0], {e.name: verb_words(e) for e in entries})
+    console.emit(text.rstrip("\n"))
     return 0
 
 
-def _complain(message: str, code: int) -> int:
+def _print_and_return(message: str, code: int) -> int:
     console.print_error(_one_line(message))
     return code
 
@@ -192,14 +196,14 @@ def _one_line(text: str) -> str:
 
 
 def _write_trace() -> Path:
-    """File that holds the trace of the exception at hand and the call it came from."""
+    """Write the trace of the current exception and the command line to a file."""
     with tempfile.NamedTemporaryFile(
         "w",
         prefix="articulate-",
         suffix=".log",
         delete=False,
         encoding="utf-8",
-        errors="backslashreplace",  # words of the command line need not be UTF-8
+        errors="backslashreplace",  # the command line need not be UTF-8
     ) as stream:
         stream.write(f"articulate {version()}\n{' '.join(sys.argv)}\n\n{traceback.format_exc()}")
     return Path(stream.name)

@@ -70,13 +70,13 @@ class BenchmarkFlags:
     """Number of frames of a video."""
     seed: int = 0
     """Random seed of order, names, noise and actor."""
-    fresh: bool = False
+    rerun: bool = False
     """Run completed objects again."""
     export: Annotated[bool, ADVANCED] = False
     """Write the queries as files to --out, without running the actor."""
     dry_run: Annotated[bool, ADVANCED] = False
-    """Write the prompts for the first query of each object to --out, without sending requests."""
-    against: tuple[Path, ...] = ()
+    """Write the prompts for the first query of each object to --out; no requests are sent."""
+    compare_with: tuple[Path, ...] = ()
     """Folders of other runs to compare with in the report."""
     json: bool = False
     """Print only the results, as JSON, on standard output."""
@@ -124,8 +124,8 @@ def main(argv: Sequence[str]) -> int:
     flags = parse(BenchmarkFlags, argv, prog="articulate benchmark")
     flags = dataclasses.replace(flags, out=flags.folder)
     if flags.export:
-        exported = {"questions": _export(flags), "folder": str(flags.out)}
-        _emit(flags, exported, "{questions} queries and their answers: {folder}")
+        exported = {"queries": _export(flags), "folder": str(flags.out)}
+        _emit(flags, exported, "{queries} queries and their answers: {folder}")
         return 0
     if flags.dry_run:
         written = {"pages": _dry_run(flags), "folder": str(flags.folder / PROMPTS_FOLDER)}
@@ -185,7 +185,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     from articulate.reconstruct.actors.registry import make_actor
 
     config = flags.config()
-    others = {str(folder): _results_in(folder) for folder in flags.against}
+    others = {str(folder): _results_in(folder) for folder in flags.compare_with}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     make_actor(config.actor)  # an unknown actor is an error before any work
@@ -196,7 +196,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
         config=config,
         out=flags.folder,
         limit_s=flags.limit,
-        fresh=flags.fresh,
+        fresh=flags.rerun,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(ids))
     records = list(_with_progress(batch.run(ids, jobs), len(ids)))
@@ -212,18 +212,21 @@ def _results_in(folder: Path) -> dict[str, Any]:
     try:
         results: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"--against {folder}: {path.name} cannot be read ({error})") from None
+        raise ConfigError(
+            f"--compare-with {folder}: {path.name} cannot be read ({error})"
+        ) from None
     content: dict[str, Any] = results if isinstance(results, dict) else {}
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
         raise ConfigError(
-            f"--against {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}; run that benchmark again"
+            f"--compare-with {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}; "
+            "run that benchmark again"
         )
     config = content.get("config")
     missing = [key for key in COMPARED if key not in content]
     missing += [key for key in SETTINGS if not isinstance(config, dict) or key not in config]
     if missing:
         raise ConfigError(
-            f"--against {folder}: {path.name} has no {missing[0]}; run that benchmark again"
+            f"--compare-with {folder}: {path.name} has no {missing[0]}; run that benchmark again"
         )
     return content
 

@@ -1,4 +1,4 @@
-"""``articulate cache``: what earlier checks left behind, listed or cleaned away."""
+"""``articulate cache``: list or clean the cache of conversions and checks."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from articulate.commands.fields import POSITIONAL
 from articulate.commands.flags import parse
 from articulate.errors import ConfigError, UsageError
 
-SHOWN = 20
-"""Entries that are listed one by one, the largest."""
+N_LISTED = 20
+"""Number of the largest entries in the list."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CacheFlags:
-    """List what is kept of earlier conversions and proofs, or clean it away.
+    """List or clean the cache of conversions and checks.
 
-    Everything in the cache is made anew when it is needed. Without being asked, entries longest
-    unused go when all take more than 20 GB; ARTICULATE_CACHE_GB sets another limit.
+    Removed entries are recomputed on use. Above 20 GB the least recently used entries are removed
+    automatically; ARTICULATE_CACHE_GB sets another limit.
 
     Example: articulate cache clean --keep-gb 2
     """
 
     action: Annotated[Literal["list", "clean"], POSITIONAL] = "list"
-    """What to do: list, clean."""
+    """Action: list or clean."""
     keep_gb: float = 0.0
-    """Leave the entries used last, up to this size [GB]; only for clean."""
+    """Keep the most recently used entries, up to this size [GB]; only for clean."""
     json: bool = False
-    """Print the result as JSON and nothing else on standard output."""
+    """Print only the result, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
         if not self.keep_gb >= 0.0:
@@ -61,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
     if flags.json:
         console.emit_json({"folder": str(folder), **done.as_dict()})
         return 0
-    busy = f"; {done.busy} may be in use and stay" if done.busy else ""
+    busy = f"; {done.busy} in use and kept" if done.busy else ""
     console.emit(
         f"{folder}: {done.removed} entries removed ({_size(done.removed_bytes)}), "
         f"{done.left} left ({_size(done.left_bytes)}){busy}"
@@ -87,14 +87,14 @@ def _content(folder: Path, found: Sequence[Entry]) -> dict[str, Any]:
 
 
 def _listed(folder: Path, found: Sequence[Entry]) -> str:
-    """A line for each kind, and the largest entries."""
+    """Format a line for each kind and the largest entries."""
     total = sum(entry.bytes for entry in found)
     limit = _size(limit_bytes())
     lines = [f"{folder}: {len(found)} entries, {_size(total)} of at most {limit}"]
     for kind in sorted({entry.kind for entry in found}):
         of = [entry.bytes for entry in found if entry.kind == kind]
         lines.append(f"  {kind:<16} {len(of):>6} entries  {_size(sum(of)):>9}")
-    largest = sorted(found, key=lambda entry: -entry.bytes)[:SHOWN]
+    largest = sorted(found, key=lambda entry: -entry.bytes)[:N_LISTED]
     if largest:
         lines.append("largest:")
     for entry in largest:

@@ -1,4 +1,4 @@
-"""``check-asset``: convert objects, prove them, and say what came of it."""
+"""``check-asset``: convert and check objects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from articulate.assets.check_report import VERDICTS
 from articulate.cache import cache_folder, cache_in_use
 from articulate.checks.descriptions import explain, explanation_content
 from articulate.commands import console
-from articulate.commands.fields import POSITIONAL
+from articulate.commands.fields import ADVANCED, POSITIONAL
 from articulate.commands.flags import parse
 from articulate.commands.success import MISSED
 from articulate.errors import ConfigError
@@ -25,18 +25,18 @@ from articulate.preparation.check_report_file import PAGE_FILE, content_of
 MOST_LIMIT_S = 1e6
 """Longest time that an object may be given [s]."""
 BAR = 24
-"""Letters of the progress bar."""
+"""Width of the progress bar [characters]."""
 RESULT_BYTES = 4_000_000
-"""About what the page of one object takes, and its shapes."""
+"""Approximate size of the page and the shapes of one object [bytes]."""
 NOTE = "note: "
-"""Begins what changes nothing in the list of repairs."""
+"""Prefix of entries in the list of repairs that change nothing."""
 LONGEST = 100
-"""Letters of a reason in the table."""
+"""Most characters of a reason in the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckFlags:
-    """Convert a URDF or MJCF object into a simulation-ready folder, and prove it.
+    """Convert a URDF or MJCF object into a simulation-ready folder, and check it.
 
     Example: check-asset cabinet.urdf --out checked/cabinet
     """
@@ -44,44 +44,43 @@ class CheckFlags:
     asset: Annotated[Path | None, POSITIONAL] = None
     """URDF or MJCF file, a folder that holds one, an asset folder, or a folder of such."""
     out: Path | None = None
-    """Folder for the asset, its proof and the page, with a folder for each of many; by default
-    checked/<asset>. An earlier result there is replaced, anything else is left alone."""
+    """Output folder; of several objects each has a subfolder. By default checked/<asset>. An
+    earlier result there is replaced; other files are not."""
     jobs: int = 1
-    """Objects that are checked side by side; 0: one for each processor."""
+    """Number of objects checked in parallel; 0: one for each processor."""
     limit: float = 300.0
     """Processor time after which the check of an object ends as undecided [s]."""
-    against: Path | None = None
-    """Input that an asset folder was made from: it is compared with it."""
-    fresh: bool = False
-    """Check anew what was checked before."""
+    compare_with: Path | None = None
+    """Input file to compare an asset folder with."""
+    recheck: bool = False
+    """Check again, ignoring the cache."""
     json: bool = False
-    """Print the result as JSON and nothing else on standard output."""
-    junit: Path | None = None
+    """Print only the result, as JSON, on standard output."""
+    junit: Annotated[Path | None, ADVANCED] = None
     """Also write the result as JUnit XML to this file."""
     explain: str | None = None
-    """Say what a clause means, why it matters and how to mend it, and do nothing else."""
+    """Explain a check: meaning, reason and remedy; nothing is checked."""
     size: float | None = None
     """Longest side of the closed object [m]; by default the rule of its category, or as it is."""
     category: str | None = None
-    """PartNet-Mobility's category, which decides size and weights; by default what the source
-    says."""
+    """PartNet-Mobility category, for size and masses; by default read from the source."""
     closed: Literal["auto", "lower", "upper", "zero"] = "auto"
     """Closed position of the joints: a limit, or 0 inside the range; auto: the limit nearer to 0,
     inferred from geometry where 0 is inside the range."""
     up: Literal["z", "y"] = "z"
     """Axis of the file that points up."""
-    collada_up: Literal["auto", "file", "y"] = "auto"
-    """Whether COLLADA meshes with z up stand as in the file or are turned to y up, as Assimp reads
-    them; auto: turned where leaves of doors would turn in their own plane otherwise."""
-    mesh_dirs: tuple[Path, ...] = ()
-    """Further folders in which meshes are looked for."""
-    max_geoms: int | None = None
+    collada_up: Annotated[Literal["auto", "file", "y"], ADVANCED] = "auto"
+    """Up axis of COLLADA meshes with z up: as in the file, or turned to y up as in Assimp; auto:
+    turned where doors would otherwise turn in their plane."""
+    mesh_dirs: Annotated[tuple[Path, ...], ADVANCED] = ()
+    """Further folders with meshes."""
+    max_geoms: Annotated[int | None, ADVANCED] = None
     """Largest number of collision geoms of one link."""
     accept: tuple[str, ...] = ()
     """Checks whose failure is only a warning: authored_overlap, for authored parts that run through
     each other although every joint opens and closes."""
-    licence: str | None = None
-    """Licence of the object, where the source does not say it."""
+    licence: Annotated[str | None, ADVANCED] = None
+    """Licence of the object, if the source has none."""
 
     def __post_init__(self) -> None:
         if self.explain is not None:
@@ -100,9 +99,9 @@ class CheckFlags:
             raise ConfigError(f"--max-geoms is {self.max_geoms}; it must be at least 1")
 
     def options(self) -> dict[str, Any]:
-        """The configuration of the conversion, as far as it is not the default."""
-        given = {
-            "against": None if self.against is None else str(self.against.resolve()),
+        """Return the options of the conversion that differ from the defaults."""
+        options = {
+            "against": None if self.compare_with is None else str(self.compare_with.resolve()),
             "size_m": self.size,
             "category": self.category,
             "closed": None if self.closed == "auto" else self.closed,
@@ -113,14 +112,14 @@ class CheckFlags:
             "accept": list(self.accept) or None,
             "licence": self.licence,
         }
-        return {key: value for key, value in given.items() if value is not None}
+        return {key: value for key, value in options.items() if value is not None}
 
 
 FLAGS = CheckFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Check and print; 3 if anything was refused."""
+    """Check and print; 3 if an object was rejected or is undecided."""
     flags = parse(CheckFlags, argv, prog="check-asset")
     if flags.explain is not None:
         if flags.json:
@@ -135,13 +134,15 @@ def main(argv: Sequence[str]) -> int:
     for path in (flags.asset, flags.out, flags.junit):
         if path is not None:
             path_exists(path)  # before any work, where it could not even be looked up
-    if flags.against is not None and not path_exists(flags.against):
-        raise ConfigError(f"--against {flags.against}: does not exist; give a URDF or MJCF file")
+    if flags.compare_with is not None and not path_exists(flags.compare_with):
+        raise ConfigError(
+            f"--compare-with {flags.compare_with}: does not exist; give a URDF or MJCF file"
+        )
     out = flags.out or Path("checked") / _name(flags.asset)
     items, single = items_in(flags.asset, out)
     _require_of_use(flags, items)
     require_space(out, _need_bytes(flags.asset, len(items)), f"checking {flags.asset}")
-    console.hint_after_interrupt("what was checked is kept, and the same call goes on")
+    console.hint_after_interrupt("completed checks are kept; the same command continues")
     cache = cache_folder()
     batch = Batch(
         out=out,
@@ -149,11 +150,11 @@ def main(argv: Sequence[str]) -> int:
         options=flags.options(),
         limit_s=flags.limit,
         single=single,
-        fresh=flags.fresh,
+        fresh=flags.recheck,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(items))
     with cache_in_use(cache):
-        results = list(_shown(batch.run(items, jobs), 0 if single else len(items)))
+        results = list(_with_progress(batch.run(items, jobs), 0 if single else len(items)))
     results.sort(key=lambda r: [item.name for item in items].index(r.item.name))
     if flags.junit is not None:
         write_junit(results, flags.junit)
@@ -167,14 +168,14 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _require_of_use(flags: CheckFlags, items: Sequence[Item]) -> None:
-    """Refuse flags that would change nothing, for what they say would be believed of the result."""
+    """Raise ConfigError for flags without effect on the given kind of object."""
     folders = [item.file.is_dir() for item in items]
-    if flags.against is not None and not any(folders):
+    if flags.compare_with is not None and not any(folders):
         raise ConfigError(
-            f"--against: {flags.asset} is no asset folder, which alone is compared with its input; "
-            "leave it out"
+            f"--compare-with: {flags.asset} is not an asset folder; only those are compared with "
+            "their input: omit it"
         )
-    if flags.against is None and all(folders):
+    if flags.compare_with is None and all(folders):
         names = [
             name.removesuffix("_m").replace("_", "-")
             for name in flags.options()
@@ -182,32 +183,32 @@ def _require_of_use(flags: CheckFlags, items: Sequence[Item]) -> None:
         ]
         if names:
             raise ConfigError(
-                f"--{names[0]}: {flags.asset} is made already and is proven as it is; give the "
-                "URDF or MJCF file that it was made from"
+                f"--{names[0]}: {flags.asset} is an asset folder and is checked as it is; give "
+                "the file that it was made from"
             )
 
 
 def _name(asset: Path) -> str:
-    """What a result is called by default: as the file, or as the folder."""
+    """Return the default name of a result: that of the file or folder."""
     return (asset.stem if asset.is_file() else asset.resolve().name) or "objects"
 
 
 def _need_bytes(asset: Path, count: int) -> int:
-    """What ``count`` results take, here and in the cache, judged by the input's size."""
+    """Estimate the size of ``count`` results, here and in the cache [bytes]."""
     files = (path for path in asset.rglob("*") if path.is_file())  # none below a file
     return 2 * (sum(path.stat().st_size for path in files) + count * RESULT_BYTES)
 
 
-def _shown(results: Iterator[Checked], total: int) -> Iterator[Checked]:
-    """The same results, with progress on stderr where there are many: ``total`` above 0."""
+def _with_progress(results: Iterator[Checked], total: int) -> Iterator[Checked]:
+    """Yield the results, with progress on stderr if ``total`` is above 0."""
     counts: Counter[str] = Counter()
     live = console.is_live()
     for done, result in enumerate(results, 1):
         counts[result.check_report.verdict] += 1
         if total and live:
             bar = "#" * (BAR * done // total)
-            told = ", ".join(f"{n} {verdict}" for verdict, n in sorted(counts.items()))
-            console.rewrite(f"[{bar:<{BAR}}] {done}/{total}  {told}  {result.item.name}")
+            summary = ", ".join(f"{n} {verdict}" for verdict, n in sorted(counts.items()))
+            console.rewrite(f"[{bar:<{BAR}}] {done}/{total}  {summary}  {result.item.name}")
         elif total:
             line = f"{done}/{total} {result.item.name}: {result.check_report.verdict}"
             console.show_progress(f"{line} ({result.check_report.seconds:.1f} s)")
@@ -252,13 +253,13 @@ def _content(results: Sequence[Checked], *, single: bool) -> dict[str, Any]:
 
 
 def _one(result: Checked) -> str:
-    """What is said about one object."""
+    """Format the result of one object."""
     check_report = result.check_report
-    held = sum(check.outcome == "passed" for check in check_report.checks)
+    passed = sum(check.outcome == "passed" for check in check_report.checks)
     tried = sum(check.outcome != "not_applicable" for check in check_report.checks)
     lines = [f"{check_report.asset}: {check_report.verdict}"]
     if tried:
-        lines[0] += f" ({held} of {tried} measurements hold, {check_report.seconds:.1f} s)"
+        lines[0] += f" ({passed} of {tried} checks passed, {check_report.seconds:.1f} s)"
     lines += [f"  because  {reason}" for reason in check_report.reasons]
     lines += [f"  {_mark(repair)}  {repair.removeprefix(NOTE)}" for repair in check_report.repairs]
     for joint in check_report.joints:
@@ -278,7 +279,7 @@ def _mark(repair: str) -> str:
 
 
 def _table(results: Sequence[Checked], index: Path) -> str:
-    """One line for each object, and the sums."""
+    """Format a line for each object, and the totals."""
     width = max(len(r.item.name) for r in results)
     lines = [f"{'object':<{width}}  verdict    joints  colliders  seconds  why"]
     for r in results:
@@ -290,5 +291,5 @@ def _table(results: Sequence[Checked], index: Path) -> str:
             f"{p.seconds:>7.1f}  {why}".rstrip()
         )
     counts = Counter(r.check_report.verdict for r in results)
-    told = ", ".join(f"{counts[v]} {v}" for v in VERDICTS)
-    return "\n".join([*lines, f"{len(results)} objects: {told}", f"page: {index}"])
+    summary = ", ".join(f"{counts[v]} {v}" for v in VERDICTS)
+    return "\n".join([*lines, f"{len(results)} objects: {summary}", f"page: {index}"])

@@ -1,14 +1,12 @@
-"""What a command says: results on stdout, everything else on stderr.
+"""Console output of commands: results on stdout, everything else on stderr.
 
-Inside :func:`session` two things reach the standard output: what :func:`emit` is given, and what
-modules of ``commands`` packages print, as nobody else may. What libraries print leads to the
-standard error, and so does the file descriptor that native ones write to, so that ``--json``
-prints one JSON object and nothing else.
+Inside :func:`session` only :func:`emit` writes to the standard output. ``print`` and the file
+descriptor 1, which native libraries and child processes use, lead to the standard error, so that
+``--json`` prints one JSON object and nothing else.
 """
 
 from __future__ import annotations
 
-import io
 import json
 import logging
 import os
@@ -20,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 QUIET, NORMAL, VERBOSE = 0, 1, 2
-"""How much is said: errors and warnings alone; progress too; what libraries log as well."""
+"""Verbosity: errors and warnings; progress too; logs of libraries too."""
 _LOG = {QUIET: logging.ERROR, NORMAL: logging.WARNING, VERBOSE: logging.INFO}
 
 
@@ -36,19 +34,18 @@ _state = _State()
 
 @contextmanager
 def session() -> Iterator[None]:
-    """Keep the standard output for results while the block runs."""
+    """Reserve the standard output for results while the block runs."""
     global _state  # noqa: PLW0603  one process has one standard output
     outer, out = _state, sys.stdout
-    logged = logging.getLogger().level
+    level = logging.getLogger().level
     saved = _divert(out)
-    results = saved or out
-    _state = _State(stdout=results)
-    sys.stdout = _Routed(results)
+    _state = _State(stdout=saved or out)
+    sys.stdout = sys.stderr
     try:
         yield
     finally:
         sys.stdout = out
-        logging.getLogger().setLevel(logged)
+        logging.getLogger().setLevel(level)
         try:
             if saved is not None:
                 saved.flush()
@@ -58,32 +55,10 @@ def session() -> Iterator[None]:
             _state = outer
 
 
-class _Routed(io.TextIOBase):
-    """Standard output: results if a command prints, else the standard error."""
-
-    def __init__(self, results: TextIO) -> None:
-        self._results = results
-
-    def write(self, text: str) -> int:
-        """Write ``text`` where its writer's words belong."""
-        writer = str(sys._getframe(1).f_globals.get("__name__", ""))
-        stream = self._results if "commands" in writer.split(".") else sys.stderr
-        return stream.write(text)
-
-    def flush(self) -> None:
-        """Flush both."""
-        self._results.flush()
-        sys.stderr.flush()
-
-    def fileno(self) -> int:
-        """What a child process would write to."""
-        return sys.stderr.fileno()
-
-
 def _divert(out: TextIO) -> TextIO | None:
-    """Lead descriptor 1 to the standard error; a stream to where it led, or None.
+    """Redirect descriptor 1 to the standard error; return a stream to its former target.
 
-    None where Python's stdout is something else already: a test's buffer.
+    None if Python's stdout is not descriptor 1, e.g. the buffer of a test.
     """
     try:
         out.flush()
@@ -94,20 +69,20 @@ def _divert(out: TextIO) -> TextIO | None:
         os.dup2(2, 1)
     except (OSError, ValueError, AttributeError):
         return None
-    # A file's name may hold bytes that are no letters, and a terminal may know few letters.
+    # File names may hold bytes that the encoding of the terminal lacks.
     return os.fdopen(copy, "w", encoding=out.encoding, errors="backslashreplace")
 
 
 def _restore(out: TextIO, saved: TextIO) -> None:
     with suppress(OSError, ValueError):
-        out.flush()  # what bypassed us was meant for stderr, where descriptor 1 still leads
+        out.flush()  # text of others, while descriptor 1 still leads to stderr
     os.dup2(saved.fileno(), 1)
     with suppress(OSError):
         saved.close()
 
 
 def forget_results() -> None:
-    """The reader of our output has gone: nothing is left to say, not even at exit."""
+    """Discard unwritten results, also at exit, after the reader of the output has closed it."""
     if _state.stdout is not None:
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), _state.stdout.fileno())
@@ -126,63 +101,63 @@ def emit_json(content: Any) -> None:
 
 
 def show_progress(text: str) -> None:
-    """Tell of progress, unless ``--quiet``."""
+    """Print a line of progress, unless ``--quiet``."""
     if _state.level > QUIET:
         print_error(text)
 
 
 def show_waiting(text: str) -> None:
-    """Tell who sits at a terminal what is waited for.
+    """Print the current stage on a terminal only.
 
-    Elsewhere nothing is said: bad input that comes to light meanwhile is one line.
+    Elsewhere nothing is printed, so that bad input that is found later is one line.
     """
     if is_live():
         print_error(text)
 
 
 def detail(text: str) -> None:
-    """Tell of what only ``--verbose`` asks for."""
+    """Print a line with ``--verbose`` only."""
     if _state.level >= VERBOSE:
         print_error(text)
 
 
 def print_error(text: str) -> None:
-    """Print a line on the standard error, whatever the level: errors, warnings."""
+    """Print an error or a warning on the standard error, at any verbosity."""
     with suppress(BrokenPipeError):
         print(text, file=sys.stderr, flush=True)
 
 
 def rewrite(text: str) -> None:
-    """Show ``text`` over the line that was shown before; only where :func:`is_live`."""
+    """Replace the last line by ``text``; only if :func:`is_live`."""
     if _state.level > QUIET:
         print(f"\r{text[:110]:<110}", end="", file=sys.stderr, flush=True)
 
 
 def is_live() -> bool:
-    """Whether a line can be rewritten: stderr is a terminal that knows how.
+    """Return whether a line can be rewritten: stderr is a capable terminal.
 
-    Nothing is ever printed in colour, so that ``NO_COLOR`` has nothing to turn off.
+    Nothing is printed in colour, so ``NO_COLOR`` has no effect.
     """
     return _state.level > QUIET and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def set_level(level: int) -> None:
-    """Say more or less from now on; libraries' logs follow."""
+    """Set the verbosity, that of libraries' logs too."""
     _state.level = level
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
     logging.getLogger().setLevel(_LOG[level])
 
 
 def hint_after_interrupt(text: str) -> None:
-    """What an interrupt prints from now on besides that it was one: how to go on."""
+    """Set the hint that an interrupt prints: the command that continues."""
     _state.hint = text
 
 
 def interrupt_hint() -> str:
-    """What :func:`hint_after_interrupt` was told last."""
+    """Return the hint of :func:`hint_after_interrupt`."""
     return _state.hint
 
 
 def command_line(words: Sequence[object]) -> str:
-    """``words`` as a shell reads them."""
+    """Quote ``words`` for a shell."""
     return shlex.join(str(word) for word in words)

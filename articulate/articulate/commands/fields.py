@@ -1,7 +1,7 @@
 """Fields of a dataclass as flags, for parsing, ``--help`` and completion.
 
-A field is a flag ``--name-of-field``; fields of a nested dataclass are ``--set outer.inner=value``. A
-field ``Annotated[Path, POSITIONAL]`` is an argument without a name, and one that is marked
+A field is a flag ``--name-of-field``; fields of a nested dataclass are ``--set outer.inner=value``.
+A field ``Annotated[Path, POSITIONAL]`` is an argument without a name, and one that is marked
 ``ADVANCED`` is listed by ``--help-all`` only.
 """
 

@@ -64,13 +64,13 @@ def parse(
     presets, rest = _take_common(list(argv))
     base = _base(cls, presets, default)
     flags = list(flags_of(cls, base))
-    given = _read(flags, rest, name)
-    missing = [f for f in flags if f.default is MISSING and f.path not in given]
+    parsed = _read(flags, rest, name)
+    missing = [f for f in flags if f.default is MISSING and f.path not in parsed]
     if missing:
         docs = flag_docs(cls)
-        usages = [f"{usage(f)} ({first_sentence(docs.get(f.path, ''))})" for f in missing]
+        usages = [f"{usage(f)} ({summary_of(docs.get(f.path, ''))})" for f in missing]
         raise ConfigError(f"missing: {', '.join(usages)}; see {name} --help")
-    return cls(**_laid_over(cls, base, given))
+    return cls(**_laid_over(cls, base, parsed))
 
 
 def _take_common(argv: list[str]) -> tuple[list[str], list[str]]:
@@ -123,7 +123,7 @@ def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
     named = {f.name: f for f in flags if not f.positional and not f.is_nested}
     named |= {_negated(f.name): f for f in flags if f.is_switch and not f.is_nested}
     by_key = {f.key: f for f in flags if not f.positional}
-    given: Values = {}
+    parsed: Values = {}
     loose: list[str] = []
     words = list(argv)
     while words:
@@ -138,8 +138,8 @@ def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
         name = name.replace("_", "-")
         if name == "--set":
             text = value if equals else (words.pop(0) if words else "")
-            flag, given_value = _setting(text, by_key, prog)
-            given[flag.path] = given_value
+            flag, setting = _setting(text, by_key, prog)
+            parsed[flag.path] = setting
             continue
         if name not in named:
             raise _unknown_flag(name, named, by_key, prog)
@@ -147,14 +147,14 @@ def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
         if flag.is_switch:
             if equals:
                 raise ConfigError(f"{name} is a switch; leave out {equals}{value}")
-            given[flag.path] = name == flag.name
+            parsed[flag.path] = name == flag.name
             continue
         values = [value] if equals else _pop_values(flag, words)
         if not values:
             raise ConfigError(f"{name}: a value is missing; give {usage(flag)}, see {prog} --help")
-        given[flag.path] = flag.value(values)
-    _assign_positional(flags, loose, given, prog)
-    return given
+        parsed[flag.path] = flag.value(values)
+    _assign_positional(flags, loose, parsed, prog)
+    return parsed
 
 
 def _setting(text: str, by_key: Mapping[str, Flag], prog: str) -> tuple[Flag, Any]:
@@ -215,29 +215,29 @@ def usage(flag: Flag) -> str:
     return flag.name if flag.positional else f"{flag.name} {flag.metavar}"
 
 
-def first_sentence(text: str) -> str:
+def summary_of(text: str) -> str:
     """Return the first sentence of a text, without its full stop."""
     return re.split(r"(?<!\be\.g)(?<!\bi\.e)(?:[.;:] |[.]$)", text, maxsplit=1)[0]
 
 
-def _assign_positional(flags: Sequence[Flag], loose: list[str], given: Values, prog: str) -> None:
+def _assign_positional(flags: Sequence[Flag], loose: list[str], parsed: Values, prog: str) -> None:
     """Assign words without a flag to the positional arguments."""
     for flag in (f for f in flags if f.positional):
         if not loose:
             break
         count = len(loose) if flag.is_list else 1
-        given[flag.path] = flag.value(loose[:count])
+        parsed[flag.path] = flag.value(loose[:count])
         del loose[:count]
     if loose:
-        lacking = [f.name for f in flags if f.default is MISSING and f.path not in given]
+        lacking = [f.name for f in flags if f.default is MISSING and f.path not in parsed]
         hint = f"did you mean {lacking[0]} {loose[0]}?" if lacking else f"see {prog} --help"
         raise ConfigError(f"unexpected: {shorten(' '.join(loose))}; {hint}")
 
 
-def _laid_over(cls: type[Any], values: dict[str, Any], given: Values) -> dict[str, Any]:
+def _laid_over(cls: type[Any], values: dict[str, Any], parsed: Values) -> dict[str, Any]:
     """Return ``values`` of fields of ``cls``, overridden by the given values."""
     inner: dict[str, Values] = {}
-    for (first, *rest), value in given.items():
+    for (first, *rest), value in parsed.items():
         if rest:
             inner.setdefault(first, {})[tuple(rest)] = value
         else:

@@ -1,4 +1,4 @@
-"""Ctrl-C: once stops cleanly, twice ends at once with everything that was started."""
+"""Ctrl-C: the first stops cleanly, the second kills all child processes and exits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from types import FrameType
 INTERRUPT_EXIT = 130
 """128 + SIGINT, as shells count."""
 RETRY_S = 0.02
-"""So long after a module was still being imported it is looked at again [s]."""
+"""Time between checks whether a module is still being imported [s]."""
 STOPPING = b"\nstopping cleanly; Ctrl-C once more ends at once\n"
 
 
@@ -22,7 +22,7 @@ def graceful_interrupt() -> Iterator[None]:
     """Inside, the first SIGINT raises KeyboardInterrupt and the second ends the process."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield  # somebody else decides: a host program, or a shell that ignores it for us
+        yield  # a host program or a shell handles the signal
         return
     count = 0
 
@@ -48,9 +48,9 @@ def graceful_interrupt() -> Iterator[None]:
 
 
 def raise_outside_imports(frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, or a little later where a module is being imported in ``frame``.
+    """Raise KeyboardInterrupt, after the import if ``frame`` imports a module.
 
-    Modules that try what they can import swallow whatever is raised there: trimesh does.
+    Modules with optional imports swallow exceptions that are raised there: trimesh does.
     """
     if _imports(frame):
         signal.signal(signal.SIGALRM, lambda _, later: raise_outside_imports(later))
@@ -68,7 +68,7 @@ def _imports(frame: FrameType | None) -> bool:
 
 
 def descendants(pid: int) -> list[int]:
-    """Processes below ``pid``, children before theirs; none where the system does not say."""
+    """Return the descendants of process ``pid``; empty if the system does not list them."""
     found: list[int] = []
     for path in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError, ValueError):

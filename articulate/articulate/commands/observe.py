@@ -1,4 +1,4 @@
-"""``articulate observe``: what moves in a film, and how, without any geometry."""
+"""``articulate observe``: estimate joint type and axis from a video, without geometry."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserveFlags:
-    """Say how the part that is operated in a film moves: kind of joint, axis, path in the picture.
+    """Estimate the motion of the operated part in a video: joint type, axis and path in the image.
 
     Example: articulate observe drawer.mp4 --json
     """
 
     clip: Annotated[Path, POSITIONAL]
-    """Film, e.g. an .mp4, in which one part is operated."""
+    """Video, e.g. an .mp4, in which one part is operated."""
     side: int = 480
-    """Frames are made smaller so that no side is longer [px]."""
+    """Longest side of the frames after scaling down [px]."""
     frames: int = 72
-    """Frames that are looked at, evenly spread."""
+    """Number of evenly spaced frames."""
     json: bool = False
-    """Print the result as JSON and nothing else on standard output."""
+    """Print only the result, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be watched."""
+        """Check the values of the flags."""
         if self.side < 64:
             raise ConfigError(f"--side is {self.side}; it must be 64 px or more")
         if self.frames < 8:
@@ -45,7 +45,7 @@ FLAGS = ObserveFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Watch and print."""
+    """Track points, estimate the motion and print it; 3 if it is doubtful."""
     flags = parse(ObserveFlags, argv, prog="articulate observe")
     from articulate.video.observe import observe_joint
     from articulate.video.read_video import (  # OpenCV; --help does without
@@ -58,17 +58,17 @@ def main(argv: Sequence[str]) -> int:
     )
     console.show_progress(f"{flags.clip}: following points over {len(clip.frames)} frames")
     seen = observe_joint(clip, str(flags.clip))
-    console.emit_json(seen.as_json()) if flags.json else console.emit(_told(seen))
+    console.emit_json(seen.as_json()) if flags.json else console.emit(_text(seen))
     if seen.doubtful:
         console.show_progress(
-            f"{flags.clip}: doubtful: what was measured lies next to the border between sliding "
-            "and turning; a film from another side tells them apart"
+            f"{flags.clip}: doubtful: the measurement is near the border between "
+            "prismatic and revolute; a video from another side may distinguish them"
         )
         return MISSED
     return 0
 
 
-def _told(seen: Observation) -> str:
+def _text(seen: Observation) -> str:
     x, y, z = seen.axis_c
     what = "slides along" if seen.kind == "prismatic" else "turns about"
     first, last = seen.path_px[0], seen.path_px[-1]
@@ -76,6 +76,6 @@ def _told(seen: Observation) -> str:
         f"{seen.kind}: a part {what} ({x:.2f}, {y:.2f}, {z:.2f}) (x right, y down, z ahead), "
         f"clear by {seen.confidence:.2f}\n"
         f"a point of it goes from ({first[0]:.0f}, {first[1]:.0f}) to ({last[0]:.0f}, "
-        f"{last[1]:.0f}) px; what moves lies in columns {seen.box_px[0]:.0f} to "
+        f"{last[1]:.0f}) px; the moving region spans columns {seen.box_px[0]:.0f} to "
         f"{seen.box_px[1]:.0f}, rows {seen.box_px[2]:.0f} to {seen.box_px[3]:.0f}"
     )

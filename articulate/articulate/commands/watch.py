@@ -1,4 +1,4 @@
-"""``articulate watch``: see a policy act."""
+"""``articulate watch``: show an episode of a policy."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from articulate.render.playback import EpisodePlayback
 
 GROUP = "articulate.watchers"
-"""Entry points by what is watched: functions ``(path, seed, episode, randomise) -> Play``."""
+"""Entry points by kind of source: functions ``(path, seed, episode, randomise)``."""
 SUFFIXES = (".mp4", ".rrd")
 
 
 @dataclass(frozen=True, kw_only=True)
 class WatchFlags:
-    """See a policy act: a clip, a recording for rerun, or MuJoCo's window.
+    """Show an episode of a policy: a video, a recording for rerun, or MuJoCo's window.
 
     Example: articulate watch runs/cabinet --episode 3
     """
@@ -32,17 +32,17 @@ class WatchFlags:
     source: Annotated[Path, POSITIONAL]
     """Folder of a run, or a bundle."""
     seed: int | None = None
-    """Seed of the run whose policy acts; by default the best. A bundle holds one."""
+    """Seed of the run; by default the best. A bundle holds one policy."""
     episode: int = 0
-    """Which episode: the same number gives the same one."""
+    """Index of the episode; the same index gives the same episode."""
     randomise: bool = True
-    """Draw as in training."""
+    """Sample parameters as in training."""
     out: Path | None = None
     """File to write, .mp4 or .rrd; by default watched/<name>-<time>.mp4. Nothing is overwritten."""
     viewer: bool = False
-    """Show it in MuJoCo's window instead; needs a display."""
+    """Open MuJoCo's window instead; needs a display."""
     json: bool = False
-    """Print the result as JSON and nothing else on standard output."""
+    """Print only the result, as JSON, on standard output."""
 
     def __post_init__(self) -> None:
         if self.episode < 0:
@@ -50,7 +50,7 @@ class WatchFlags:
         if self.out is None:
             return
         if self.viewer:
-            raise ConfigError("--viewer writes no file; leave out either it or --out")
+            raise ConfigError("--viewer writes no file; omit it or --out")
         if self.out.suffix.lower() not in SUFFIXES:
             raise ConfigError(f"--out is {str(self.out)!r}; it must end in {' or '.join(SUFFIXES)}")
         if self.out.exists():
@@ -61,11 +61,11 @@ FLAGS = WatchFlags
 
 
 def main(argv: Sequence[str]) -> int:
-    """Let the policy act, write or show what it did, and say how it ended."""
+    """Run an episode, write or show it, and print its outcome."""
     flags = parse(WatchFlags, argv, prog="articulate watch")
     kind = kind_of(flags.source)
     if kind == "bundle" and flags.seed is not None:
-        raise ConfigError(f"{flags.source}: a bundle holds one policy; leave out --seed")
+        raise ConfigError(f"{flags.source}: a bundle holds one policy; omit --seed")
     play = _acted(kind, flags)
     file = None if flags.viewer else _written(play, flags)
     if file is None:
@@ -81,7 +81,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def kind_of(source: Path) -> str:
-    """``run`` or ``bundle``.
+    """Return the kind of ``source``: ``run`` or ``bundle``.
 
     Raises:
         UsageError: It is neither.
@@ -97,7 +97,7 @@ def kind_of(source: Path) -> str:
 
 
 def _acted(kind: str, flags: WatchFlags) -> EpisodePlayback:
-    """One episode of the policy, by the package that knows such sources."""
+    """Run one episode with the package for this kind of source."""
     found = [entry for entry in metadata.entry_points(group=GROUP) if entry.name == kind]
     if not found:
         raise UsageError(f"{flags.source}: no installed package can watch a {kind}; reinstall it")

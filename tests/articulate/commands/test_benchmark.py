@@ -74,14 +74,14 @@ def test_quiet_says_nothing_but_results_and_a_folder_is_named_where_none_is_give
     assert f"--out runs/{made.name}" in (made / "report.html").read_text()
 
 
-def test_other_runs_stand_beside_this_one_in_the_report(done, error_line):
+def test_other_runs_are_compared_in_the_report(done, error_line):
     _, index, out = done
     page = (out / "report.html").read_text()
-    assert "Beside other runs" not in page
-    main([str(index), "--modality", "text", "--out", str(out), "--against", str(out)])
-    assert "Beside other runs" in (out / "report.html").read_text()
-    argv = [str(index), "--modality", "text", "--out", str(out), "--against", "nowhere"]
-    error_line("articulate benchmark assets.json --against nowhere", lambda: main(argv))
+    assert "Comparison of runs" not in page
+    main([str(index), "--modality", "text", "--out", str(out), "--compare-with", str(out)])
+    assert "Comparison of runs" in (out / "report.html").read_text()
+    argv = [str(index), "--modality", "text", "--out", str(out), "--compare-with", "nowhere"]
+    error_line("articulate benchmark assets.json --compare-with nowhere", lambda: main(argv))
 
 
 def test_runs_whose_folders_are_called_alike_stand_beside_each_other(done):
@@ -90,7 +90,7 @@ def test_runs_whose_folders_are_called_alike_stand_beside_each_other(done):
     for folder in folders:
         folder.mkdir(parents=True)
         (folder / "results.json").write_bytes((out / "results.json").read_bytes())
-    argv = [str(index), "--modality", "text", "--out", str(out), "--against"]
+    argv = [str(index), "--modality", "text", "--out", str(out), "--compare-with"]
     main([*argv, *map(str, folders)])
     page = (out / "report.html").read_text()
     assert all(f">{folder}</td>" in page for folder in folders)
@@ -99,7 +99,7 @@ def test_runs_whose_folders_are_called_alike_stand_beside_each_other(done):
 def test_results_that_are_none_are_refused(done, tmp_path):
     _, index, out = done
     (tmp_path / "results.json").write_text("[]")
-    argv = [str(index), "--out", str(out), "--against", str(tmp_path)]
+    argv = [str(index), "--out", str(out), "--compare-with", str(tmp_path)]
     with pytest.raises(ConfigError, match="is not of"):
         main(argv)
 
@@ -108,7 +108,7 @@ def test_what_is_written_without_a_run_is_told_as_json(tmp_path, capsys):
     index = write_index(tmp_path, ("a",))
     out = tmp_path / "out"
     assert main([str(index), "--modality", "text", "--export", "--json", "--out", str(out)]) == 0
-    assert json.loads(capsys.readouterr().out) == {"questions": 1, "folder": str(out)}
+    assert json.loads(capsys.readouterr().out) == {"queries": 1, "folder": str(out)}
 
 
 def test_a_dry_run_skips_objects_about_which_there_is_no_question(tmp_path, capsys):
@@ -177,7 +177,7 @@ def test_results_that_lack_something_are_refused_before_the_run(done, tmp_path, 
     content = json.loads((out / "results.json").read_text())
     del content[missing]
     (tmp_path / "results.json").write_text(json.dumps(content))
-    argv = [str(index), "--out", str(tmp_path / "new"), "--against", str(tmp_path)]
+    argv = [str(index), "--out", str(tmp_path / "new"), "--compare-with", str(tmp_path)]
     with pytest.raises(ConfigError, match=f"has no {missing}"):
         main(argv)
     assert not (tmp_path / "new").exists()

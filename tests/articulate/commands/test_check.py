@@ -112,7 +112,10 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
         ((".", "--out", "x", "--junit", "x" * 300), "cannot be looked up (File name too long)"),
         (("x" * 300,), "cannot be looked up (File name too long)"),
         (("x" * 300, "--out", "x"), "cannot be looked up (File name too long)"),
-        ((".", "--out", "x", "--against", "x" * 300), "cannot be looked up (File name too long)"),
+        (
+            (".", "--out", "x", "--compare-with", "x" * 300),
+            "cannot be looked up (File name too long)",
+        ),
         (("--explain", "cavitis", "--json"), "did you mean cavities?"),
         (("--explain", "cavitis"), "did you mean cavities?"),
         (("nowhere.urdf", "--ot", "x"), "did you mean --out?"),
@@ -135,10 +138,14 @@ def test_options_that_the_conversion_refuses_are_wrong_usage(objects, call, tmp_
 @pytest.mark.parametrize(
     ("made", "words", "said"),
     [
-        (True, ("--size", "0.5"), "--size: made is made already"),
-        (True, ("--collada-up", "y"), "--collada-up: made is made already"),
-        (True, ("--mesh-dirs", "."), "--mesh-dirs: made is made already"),
-        (False, ("--against", "stone.urdf"), "--against: stone.urdf is no asset folder"),
+        (True, ("--size", "0.5"), "--size: made is an asset folder"),
+        (True, ("--collada-up", "y"), "--collada-up: made is an asset folder"),
+        (True, ("--mesh-dirs", "."), "--mesh-dirs: made is an asset folder"),
+        (
+            False,
+            ("--compare-with", "stone.urdf"),
+            "--compare-with: stone.urdf is not an asset folder",
+        ),
     ],
 )
 def test_flags_that_would_change_nothing_are_refused(objects, call, tmp_path, made, words, said):

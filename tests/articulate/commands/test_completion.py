@@ -21,7 +21,7 @@ def bash(tmp_path_factory):
 
 
 def completed(script, *words):
-    """What bash offers after ``words``, of which the last is being typed."""
+    """Return the completions of bash for the last of ``words``."""
     listed = " ".join(f"'{word}'" for word in words)
     code = (
         f"source {script}; COMP_WORDS=({listed}); COMP_CWORD={len(words) - 1}; "
@@ -38,19 +38,20 @@ def completed(script, *words):
     [
         (["articulate", "ev"], ["evaluate"]),
         (["articulate", "evaluate", "--epi"], ["--episodes"]),
-        (["articulate", "train", "--ppo.n-e"], ["--ppo.n-envs", "--ppo.n-epochs"]),
+        (["articulate", "train", "--set", "ppo.n_e"], ["ppo.n_envs=", "ppo.n_epochs="]),
+        (["articulate", "train", "--help"], ["--help", "--help-all"]),
         (["train", "--closed", "l"], ["lower"]),
         (["check-asset", "--ou"], ["--out"]),
         (["deploy", "--no-r"], ["--no-randomise"]),
         (["articulate", "cache", ""], ["list", "clean"]),
     ],
 )
-def test_bash_completes_verbs_flags_and_values(bash, words, offered):
+def test_bash_completes_commands_flags_and_values(bash, words, offered):
     assert completed(bash, *words) == offered
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_every_shell_has_a_script_with_every_verb(shell, capsys, tmp_path):
+def test_every_shell_has_a_script_with_every_command(shell, capsys, tmp_path):
     assert main([f"--completion={shell}"]) == 0
     text = capsys.readouterr().out
     for word in ["check", "train", "evaluate", "export", "deploy", "cache", "require-success"]:
@@ -61,7 +62,7 @@ def test_every_shell_has_a_script_with_every_verb(shell, capsys, tmp_path):
         subprocess.run([program, "-n", tmp_path / "script"], check=True)
 
 
-def test_unknown_shells_are_answered_with_the_nearest(capsys):
+def test_unknown_shells_name_the_nearest(capsys):
     assert main(["--completion", "bsh"]) == 2
     assert "did you mean bash?" in capsys.readouterr().err
     assert main(["--completion"]) == 2

@@ -138,7 +138,7 @@ def test_what_cannot_be_proven_is_written_and_marked(tmp_path, capsys):
 
 
 def test_a_picture_is_compared_with_the_parts(capsys):
-    part_set = module._given(MakeFlags(text="x", library="cabinet:3"))
+    part_set = module._part_set(MakeFlags(text="x", library="cabinet:3"))
     camera = view_camera(part_set.meshes, {})
     cv2.imwrite("seen.png", PartScene(part_set.meshes).render_image(camera)[..., ::-1])
     seen = query.image_query(Path("seen.png"))

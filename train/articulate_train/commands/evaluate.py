@@ -55,8 +55,8 @@ class EvaluateFlags:
         check_share(self.require_success)
         if len(self.run) == 1 and (self.out is not None or self.keep_reports):
             raise ConfigError("--out and --keep-reports are for several runs; one is given")
-        for flag, is_given in (("ranges", self.ranges != 1.0), ("asset", self.asset is not None)):
-            if len(self.run) > 1 and is_given:
+        for flag, is_set in (("ranges", self.ranges != 1.0), ("asset", self.asset is not None)):
+            if len(self.run) > 1 and is_set:
                 raise ConfigError(f"--{flag} is for one run; several are given")
         if self.joint is not None and self.asset is None:
             raise ConfigError("--joint needs --asset")

@@ -102,8 +102,8 @@ def _many(flags: TrainFlags, argv: Sequence[str]) -> int:
     """Train every object with every seed as a separate job; 3 if a job or the target failed."""
     from articulate_train.sweep import train_many  # heavy, see main
 
-    for name, given in (("--dry-run", flags.dry_run), ("--no-evaluate", flags.no_evaluate)):
-        if given:
+    for name, is_set in (("--dry-run", flags.dry_run), ("--no-evaluate", flags.no_evaluate)):
+        if is_set:
             raise ConfigError(f"{name} is for one object; --asset {flags.asset} names several")
     out = flags.out or Path("runs") / _default_name(flags)
     again = [*argv, *(() if flags.out else ("--out", str(out)))]
