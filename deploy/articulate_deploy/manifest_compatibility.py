@@ -135,8 +135,8 @@ def _control_bounds(manifest: Manifest) -> Iterator[Bound]:
     yield (
         "scene.timestep_s",
         fits and step >= MIN_TIMESTEP_S,
-        f"is {step}; it must be at least {MIN_TIMESTEP_S} s, and 1 to {MAX_STEPS} of them a "
-        "control step",
+        f"is {step}; it must be at least {MIN_TIMESTEP_S} s and divide a control step into 1 to "
+        f"{MAX_STEPS} steps",
     )
 
 

@@ -1,4 +1,4 @@
-"""Scenes and engines; importing it makes the ids ``Articulate/...-v0`` known to gymnasium."""
+"""Scenes and engines; importing it registers the Gymnasium ids ``Articulate/...-v0``."""
 
 from articulate_envs.registration import register_with_gymnasium
 

@@ -1,8 +1,8 @@
-"""A compiled model as a folder that anyone can open: ``scene.xml`` and ``meshes/``.
+"""Export of a compiled model as ``scene.xml`` and ``meshes/``.
 
-MuJoCo's own writer keeps six digits of every number, too few for a stand-in that must repeat
-what was trained. This one writes the compiled model with all digits, for the elements that our
-scenes are made of, and :func:`differences` compares every array of the model that it gives.
+MuJoCo's writer keeps six digits of every number, too few for a simulated robot that must repeat
+the training. This one writes the elements of scenes with all digits, and :func:`differences`
+compares every array of the exported model.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _OPTIONS = (
     "iterations", "ls_iterations", "noslip_iterations", "ccd_iterations",
 )  # fmt: skip
 _MESH_INERTIA = ("legacy", "convex", "shell")
-"""Ways in which the compiler finds the frame of a mesh; not all meshes have a volume for each."""
+"""Methods of the compiler for the frame of a mesh; some require that it has a volume."""
 _FLAGS = (
     "constraint", "equality", "frictionloss", "limit", "contact", "spring", "damper", "gravity",
     "clampctrl", "warmstart", "filterparent", "actuation", "refsafe", "sensor", "midphase",
@@ -43,19 +43,19 @@ _FREE = (
     "mesh_", "bvh_", "oct_", "name", "paths", "text", "tex_", "mat_", "vis", "stat",
     "nbvh", "nmesh", "noct", "nnames", "npaths", "narena", "nbuffer", "ntree", "eq_objtype",
 )  # fmt: skip
-"""Beginnings of the names that are not compared: texts, sizes of buffers, what pictures need."""
+"""Prefixes of names that are not compared: texts, sizes of buffers, rendering."""
 _MESH_FRAME = ("geom_aabb", "geom_pos", "geom_quat", "geom_rbound", "geom_size")
-"""Arrays that hang on the frame that the compiler gives to a mesh."""
+"""Arrays that depend on the frame that the compiler chooses for a mesh."""
 
 
 def export_scene(model: mujoco.MjModel, folder: Path) -> Path:
     """Write ``model`` into ``folder`` and return the path of its ``scene.xml``.
 
     Raises:
-        AssetError: The model holds something that this does not write.
+        AssetError: The model has an element that is not supported.
     """
     path = folder / SCENE_FILE
-    copy, refusal = None, ""
+    copy, reason = None, ""
     for inertia in _MESH_INERTIA:
         for name, text in scene_files(model, inertia).items():
             write_text(folder / name, text)
@@ -63,9 +63,9 @@ def export_scene(model: mujoco.MjModel, folder: Path) -> Path:
             copy = mujoco.MjModel.from_xml_path(str(path))
             break
         except ValueError as error:
-            refusal = " ".join(str(error).split())
+            reason = " ".join(str(error).split())
     if copy is None:
-        raise AssetError(f"{path}: MuJoCo does not read it back ({refusal})")
+        raise AssetError(f"{path}: MuJoCo does not read it back ({reason})")
     wrong = differences(model, copy)
     if wrong:
         raise AssetError(f"{path}: not the scene that was trained; it differs in {wrong[0]}")
@@ -93,10 +93,10 @@ def scene_files(model: mujoco.MjModel, inertia: str = "legacy") -> dict[str, str
 
 
 def differences(a: mujoco.MjModel, b: mujoco.MjModel, tolerance: float = TOLERANCE) -> list[str]:
-    """Names of the arrays and settings in which two models differ, empty if they are the same.
+    """Return the names of arrays and settings in which two models differ; empty if none do.
 
-    Frames of meshes are chosen by the compiler, so that geoms of meshes are compared by where
-    their points lie; texts, paths and bounding volumes are not compared.
+    The compiler chooses the frames of meshes, so geoms of meshes are compared by the positions of
+    their points. Texts, paths and bounding volumes are not compared.
     """
     wrong = [f"option {n}" for n in _settings(a.opt) if not _same(a.opt, b.opt, n, tolerance)]
     for name in _settings(a):
@@ -138,20 +138,20 @@ def _close(a: object, b: object, tolerance: float) -> bool:
 
 
 def _points(model: mujoco.MjModel, geom: int) -> Array:
-    """Points of a geom's mesh in the frame of its body (P, 3)."""
+    """Return the points of a geom's mesh in the frame of its body (P, 3) [m]."""
     mesh = int(model.geom_dataid[geom])
     points = _vertices(model, mesh) @ quat_to_matrix(model.geom_quat[geom]).T
     return np.asarray(points + model.geom_pos[geom])
 
 
 def _same_points(a: Array, b: Array, tolerance: float) -> bool:
-    """Whether as many points lie in the same places, in whatever order.
+    """Return whether two sets have the same number of points at the same positions.
 
-    They are not put in an order: noise in the last digits may change it.
+    Points are not sorted for this: rounding may change their order.
     """
     near = tolerance * (1.0 + float(np.abs(a).max(initial=0.0)))
-    ways = (cKDTree(a).query(b)[0], cKDTree(b).query(a)[0]) if len(a) == len(b) else ()
-    return bool(ways) and all(bool((away <= near).all()) for away in ways)
+    distances = (cKDTree(a).query(b)[0], cKDTree(b).query(a)[0]) if len(a) == len(b) else ()
+    return bool(distances) and all(bool((d <= near).all()) for d in distances)
 
 
 def _vertices(model: mujoco.MjModel, mesh: int) -> Array:
@@ -177,7 +177,7 @@ def _mesh_file(model: mujoco.MjModel, mesh: int) -> str:
 
 
 def _obj(model: mujoco.MjModel, mesh: int) -> str:
-    """Wavefront text; nine digits give every single-precision number back."""
+    """Return Wavefront text; nine digits preserve single-precision numbers."""
     start, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     faces = np.asarray(model.mesh_face[start : start + count]) + 1
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in _vertices(model, mesh)]
@@ -348,7 +348,7 @@ def _actuators(model: mujoco.MjModel) -> list[str]:
 
 
 def _sensors(model: mujoco.MjModel) -> list[str]:
-    """Contact sensors: what :func:`articulate_envs.scene.scene_spec` adds."""
+    """Return the contact sensors that :func:`articulate_envs.scene.scene_spec` adds."""
     words = ("found", "force", "torque", "dist", "pos", "normal", "tangent")
     reduce = ("none", "mindist", "maxforce", "netforce")
     kinds = {int(mujoco.mjtObj.mjOBJ_BODY): "body", int(mujoco.mjtObj.mjOBJ_XBODY): "subtree"}

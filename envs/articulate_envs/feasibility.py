@@ -96,7 +96,7 @@ def _run(episodes: Episodes) -> Ints:
     expert = make_scripted_expert(scene)
     episodes.reset()
     params = episodes.drawn
-    for _ in range(scene.ticks):
+    for _ in range(scene.n_steps):
         step = episodes.step(expert.act(episodes.state, params))
         if step.ended is not None:
             new = codes[step.ended.rows] < 0

@@ -1,4 +1,4 @@
-"""The second half of the reach test: is there room for fingers and arm, in the scene itself?"""
+"""Check of the clearance of gripper and arm in the compiled scene."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from articulate.robot.kinematics import solve_ik
 from articulate.simulator import mujoco
 from articulate.task.object_placement import handle_in_world
 from articulate.transforms import Array
-from articulate_envs.panda import BASE_BODY, HAND_BODY
-from articulate_envs.placement_search import MIN_DRAWN_SHARE, opening_range
+from articulate_envs.panda import BASE_BODY, GRIPPER_BODY
+from articulate_envs.placement_search import MIN_SAMPLED_SHARE, opening_range
 from articulate_envs.scene import PREFIX, Scene
 
 MAX_OVERLAP_M = 0.003
-"""Overlap of collision shapes of hand and object that still counts as room [m]."""
+"""Overlap of collision shapes of gripper and object that is accepted [m]."""
 BACK_M = (0.0, 0.005, 0.01, 0.015)
-"""Distances by which the hand may stay behind the middle of the handle [m]."""
+"""Distances by which the gripper may stay behind the middle of the handle [m]."""
 
 
 def check_grasp(scene: Scene) -> float:
-    """Overlap [m] of an open hand at the handle with the object, the largest along the way.
+    """Return the largest overlap [m] of an open gripper at the handle along the path.
 
-    Of the places that the hand may take at the handle, the one counts where it is least.
+    Of the positions :data:`BACK_M` at the handle the one with the least overlap counts.
 
     Raises:
-        ReachError: There is no room for the fingers, the drawn poses lie out of reach, or the
-            arm at its start is in the way of the object.
+        ReachError: There is no room for the fingers, sampled poses are out of reach, or the arm at
+            its start collides with the object.
     """
     asset, task, place = scene.asset, scene.task, scene.place
-    if place.reachable_share < MIN_DRAWN_SHARE:
+    if place.reachable_share < MIN_SAMPLED_SHARE:
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} can be followed to the target at "
-            f"{place.reachable_share:.0%} of the drawn poses and sizes only; try a smaller --size or "
-            "smaller --randomization.* ranges"
+            f"only {place.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size "
+            "or smaller --randomization.* ranges"
         )
     best = max(
         min(_overlap(scene, opened, back) for back in BACK_M)
@@ -41,20 +41,20 @@ def check_grasp(scene: Scene) -> float:
     )
     if best > MAX_OVERLAP_M:
         raise ReachError(
-            f"{asset.name}: no room for the fingers at the handle of {task.joint}: an open hand "
-            f"overlaps the object by {1000 * best:.0f} mm; name another --joint or model a handle"
+            f"{asset.name}: no room for the fingers at the handle of {task.joint}: an open gripper "
+            f"overlaps the object by {1000 * best:.0f} mm; select another --joint or model a handle"
         )
     for opened in task.begin:
         if _deepest(scene, np.asarray(place.start_q), opened, BASE_BODY) > 0.0:
             raise ReachError(
-                f"{asset.name}: the arm at its start is in the way of {task.joint} as it begins, "
-                f"{opened:.0%} open; name another --joint or try a smaller --size"
+                f"{asset.name}: the arm at its start collides with the object when {task.joint} is "
+                f"{opened:.0%} open; select another --joint or try a smaller --size"
             )
     return best
 
 
 def _overlap(scene: Scene, opened: float, back_m: float) -> float:
-    """Deepest contact [m] of the hand, ``back_m`` behind the handle, with the object."""
+    """Return the deepest contact [m] of the gripper, ``back_m`` behind the handle."""
     place = scene.place
     T_wh = handle_in_world(
         scene.asset,
@@ -66,11 +66,11 @@ def _overlap(scene: Scene, opened: float, back_m: float) -> float:
     )
     T_wh[:, :3, 3] -= back_m * T_wh[:, :3, 2]
     q = solve_ik(scene.arm, T_wh, np.asarray(place.start_q), iterations=80).q[0]
-    return _deepest(scene, q, opened, HAND_BODY)
+    return _deepest(scene, q, opened, GRIPPER_BODY)
 
 
 def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
-    """Deepest contact [m] of what is ``above`` a body of the arm at ``q`` (7,) with the object."""
+    """Return the deepest contact [m] of bodies from ``above`` on with the object at ``q`` (7,)."""
     model, at = scene.nominal, scene.at
     data = mujoco.MjData(model)
     for joint in scene.asset.joints:
@@ -85,8 +85,8 @@ def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
     for contact in data.contact:
         bodies = model.geom_bodyid[contact.geom]
         names = [model.body(b).name for b in bodies]
-        on_hand = [_below(model, int(b), first) for b in bodies]
-        if any(on_hand) and any(n.startswith(PREFIX) for n in names):
+        on_gripper = [_below(model, int(b), first) for b in bodies]
+        if any(on_gripper) and any(n.startswith(PREFIX) for n in names):
             deepest = max(deepest, -float(contact.dist))
     return deepest
 

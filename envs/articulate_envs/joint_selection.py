@@ -1,4 +1,4 @@
-"""Which joint a task is asked of, and where the object stands for it."""
+"""Selection of the joint of a task and of the object placement for it."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from articulate.assets.asset import Asset
 from articulate.errors import AssetError, ReachError
 from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
+from articulate.task.object_placement import ObjectPlacement, handle_poses
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task, make_task, matching_joints, no_joint_error
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.placement_search import ObjectPlacement, find_placement, handle_poses
+from articulate_envs.placement_search import find_placement
 from articulate_envs.scene import build_scene
 
 HOME_HEIGHT_M = 0.78
-"""Height of the tool over the robot's base at home [m]; handles are compared as if objects stood
-on the robot's floor."""
+"""Height of the tool over the robot's base at home [m]; handles are compared to it as if objects
+were on the robot's floor."""
 
 
-class Wish(Protocol):
-    """What of a configuration decides about joint and place."""
+class JointSelectionConfig(Protocol):
+    """Part of a configuration that determines joint and placement."""
 
     @property
     def task(self) -> str:
-        """What is asked."""
+        """Name of the task."""
 
     @property
     def joint(self) -> str | None:
@@ -35,26 +36,26 @@ class Wish(Protocol):
 
     @property
     def randomization(self) -> RandomizationConfig:
-        """Randomisation."""
+        """Randomization of placement and size."""
 
     @property
     def control(self) -> ControlConfig:
-        """Plant."""
+        """Control stack."""
 
     @property
     def physics(self) -> PhysicsConfig:
-        """Physics."""
+        """Physics settings."""
 
 
-def choose_joint(config: Wish, asset: Asset) -> tuple[Task, ObjectPlacement]:
-    """The task and place of the joint asked for, or of the best that can be reached.
+def choose_joint(config: JointSelectionConfig, asset: Asset) -> tuple[Task, ObjectPlacement]:
+    """Return the task and the placement of the configured joint, or of the best reachable one.
 
-    Where several joints match and none is named, the reachable one is taken whose handle is, over
-    the object's floor, nearest the height of the hand's home.
+    If several joints match and none is configured, the reachable joint is selected whose handle
+    over the object's floor is nearest to the height of the gripper at home.
 
     Raises:
-        AssetError: No such joint, or none that matches the task.
-        ReachError: None can be reached.
+        AssetError: The joint does not exist, or none matches the task.
+        ReachError: None is reachable.
     """
     if config.joint is not None:
         if config.joint not in {joint.name for joint in asset.joints}:
@@ -83,7 +84,7 @@ def choose_joint(config: Wish, asset: Asset) -> tuple[Task, ObjectPlacement]:
     return task, place
 
 
-def _unknown_joint(config: Wish, asset: Asset) -> AssetError:
+def _unknown_joint(config: JointSelectionConfig, asset: Asset) -> AssetError:
     names = [joint.name for joint in matching_joints(config.task, asset)]
     if not names:
         return no_joint_error(config.task, asset)
@@ -92,8 +93,10 @@ def _unknown_joint(config: Wish, asset: Asset) -> AssetError:
     )
 
 
-def _reached(config: Wish, asset: Asset, joint: str) -> tuple[Task, ObjectPlacement]:
-    """Task and place of one joint; ReachError if it cannot be reached or held."""
+def _reached(
+    config: JointSelectionConfig, asset: Asset, joint: str
+) -> tuple[Task, ObjectPlacement]:
+    """Return task and placement of one joint; ReachError if it cannot be reached or grasped."""
     task = make_task(config.task, asset, joint)
     place = find_placement(asset, task, PANDA, config.randomization)
     scene = build_scene(

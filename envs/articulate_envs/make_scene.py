@@ -1,4 +1,4 @@
-"""From what a user of an environment names to a scene: an object, a task, ranges and weights."""
+"""Scenes and episodes of a configuration: an object, a task, ranges and weights."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from articulate.assets.asset import Asset
 from articulate.cache import cache_folder, cache_in_use
 from articulate.config import from_mapping, to_plain
 from articulate.conversion import ConvertConfig
-from articulate.errors import ConfigError, nearest
+from articulate.errors import ConfigError, nearest, quote
 from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
@@ -30,12 +30,12 @@ from articulate_envs.scene import Scene, build_scene
 
 @dataclass(frozen=True, kw_only=True)
 class EnvConfig:
-    """What an environment is made of; its fields are the arguments of every way to make one."""
+    """Configuration of an environment; its fields are the arguments of all interfaces."""
 
     asset: str
     """URDF or MJCF file, a folder that holds one, or an asset folder."""
     task: str = "open_drawer"
-    """What is asked."""
+    """Name of the task."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
     closed: Literal["auto", "lower", "upper", "zero"] = "auto"
@@ -43,54 +43,53 @@ class EnvConfig:
     up: Literal["z", "y"] = "z"
     """Axis of the file that points up."""
     size: float | None = None
-    """Longest side of the object [m]; by default its own size, or that of its category."""
+    """Longest side of the object [m]; by default that of the file, or of its category."""
     category: str | None = None
-    """Category of the object, for its size and material; by default what its folder says."""
+    """Category of the object, for its size and material; by default that in its folder."""
     randomise: bool = True
-    """Draw anew for each episode; False: every episode is the nominal one, and ``randomization`` is not
-    looked at."""
+    """Sample each episode; False: every episode is nominal and ``randomization`` is ignored."""
     randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
-    """Randomisation."""
+    """Randomization."""
     reward: RewardConfig = field(default_factory=RewardConfig)
     """Reward."""
     initial_states: InitialStatesConfig | None = None
-    """Starts along the task, as in training; None begins every episode as the task asks."""
+    """Starts along the task, as in training; None begins every episode at home."""
     control: ControlConfig = field(default_factory=ControlConfig)
-    """Plant between the policy's tick and the joints."""
+    """Control stack."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
-    """Physics."""
+    """Physics settings."""
 
     def __post_init__(self) -> None:
         if self.task not in TASK_RULES:
-            raise ConfigError(f"unknown task {self.task!r}{nearest(self.task, TASK_RULES)}")
+            raise ConfigError(f"unknown task {quote(self.task)}{nearest(self.task, TASK_RULES)}")
 
     @property
     def active_randomization(self) -> RandomizationConfig:
-        """The ranges in force."""
+        """Ranges that apply, those of no randomization included."""
         return self.randomization if self.randomise else NO_RANDOMIZATION
 
 
-def read_config(given: Mapping[str, Any], where: str, scene: Scene | None = None) -> EnvConfig:
-    """The configuration that keyword arguments ``given`` say.
+def read_config(arguments: Mapping[str, Any], where: str, scene: Scene | None = None) -> EnvConfig:
+    """Return the configuration of keyword arguments.
 
     Args:
-        given: Fields of :class:`EnvConfig`; groups as mappings or as their dataclasses.
-        where: Who was called, for messages.
-        scene: A scene that is there already, and what it decides with it.
+        arguments: Fields of :class:`EnvConfig`; groups as mappings or as their dataclasses.
+        where: Name of the interface, for messages.
+        scene: Existing scene, which determines some of the fields.
 
     Raises:
-        ConfigError: A key is not known, or its value is not accepted.
+        ConfigError: A key is unknown, or its value is not accepted.
     """
-    for name in given:
+    for name in arguments:
         known = [f.name for f in fields(EnvConfig)]
         if name not in known:
-            raise ConfigError(f"{where}: no argument {name!r}{nearest(name, known)}")
+            raise ConfigError(f"{where}: no argument {quote(name)}{nearest(name, known)}")
     if scene is not None:
-        given = {"randomization": _draws_of(scene), **given, **_decided_by(scene)}
-    elif given.get("asset") is None:
+        arguments = {"randomization": _scene_sizes(scene), **arguments, **_scene_fields(scene)}
+    elif arguments.get("asset") is None:
         raise ConfigError(f"{where}: asset is missing; give a URDF file or a folder of an asset")
-    plain = to_plain(dict(given))
-    if plain.get("initial_states", 0) == {}:  # all of it by default, which an empty mapping says
+    plain = to_plain(dict(arguments))
+    if plain.get("initial_states", 0) == {}:  # an empty mapping: all defaults
         plain["initial_states"] = to_plain(InitialStatesConfig())
     config = from_mapping(EnvConfig, plain, where)
     if scene is not None:
@@ -98,7 +97,7 @@ def read_config(given: Mapping[str, Any], where: str, scene: Scene | None = None
     return config
 
 
-def _draws_of(scene: Scene) -> RandomizationConfig:
+def _scene_sizes(scene: Scene) -> RandomizationConfig:
     sizes = scene.scales
     return RandomizationConfig(scale=(min(sizes), max(sizes)), scales=len(sizes))
 
@@ -108,12 +107,12 @@ def _check_sizes(config: EnvConfig, scene: Scene, where: str) -> None:
         if not np.isclose(size, scene.scales).any():
             known = ", ".join(f"{s:.6g}" for s in scene.scales)
             raise ConfigError(
-                f"{where}: draw.scale gives the size {size:.6g}, which the scene has not; it has "
-                f"{known}: set draw.scale and draw.scales to them"
+                f"{where}: randomization.scale has the size {size:.6g}; the sizes of the scene are "
+                f"{known}: set randomization.scale and randomization.scales to them"
             )
 
 
-def _decided_by(scene: Scene) -> dict[str, Any]:
+def _scene_fields(scene: Scene) -> dict[str, Any]:
     return {
         "asset": str(scene.asset.folder),
         "task": scene.task.name,
@@ -124,23 +123,23 @@ def _decided_by(scene: Scene) -> dict[str, Any]:
 
 
 def make_scene(config: EnvConfig) -> Scene:
-    """The scene of ``config``; its object is converted and proven once and kept in the cache.
+    """Return the scene of ``config``; the converted and checked object is cached.
 
     Raises:
-        UsageError: The object cannot be read, was refused, or cannot be reached.
+        UsageError: The object cannot be read, is rejected, or is out of reach.
     """
-    wish = ConvertConfig(
+    options = ConvertConfig(
         size_m=config.size, category=config.category, closed=config.closed, up=config.up
     )
     cache = cache_folder()
     with cache_in_use(cache):
-        asset = load_checked_asset(Path(config.asset), cache, wish)
-        return _scene(asset, _Wish.of(config))
+        asset = load_checked_asset(Path(config.asset), cache, options)
+        return _scene(asset, _SceneKey.of(config))
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Wish:
-    """What decides a scene beside its object; a key of scenes that were built."""
+class _SceneKey:
+    """Fields that determine a scene of an object; key of the cached scenes."""
 
     task: str
     joint: str | None
@@ -149,8 +148,8 @@ class _Wish:
     physics: PhysicsConfig
 
     @staticmethod
-    def of(config: EnvConfig) -> _Wish:
-        return _Wish(
+    def of(config: EnvConfig) -> _SceneKey:
+        return _SceneKey(
             task=config.task,
             joint=config.joint,
             randomization=config.active_randomization,
@@ -160,25 +159,25 @@ class _Wish:
 
 
 @lru_cache(maxsize=8)
-def _scene(asset: Asset, wish: _Wish) -> Scene:
-    """A scene; engines copy its models, so that many may share it.
+def _scene(asset: Asset, key: _SceneKey) -> Scene:
+    """Return a scene; engines copy its models, so that several can share it.
 
-    Folders of the cache are named by their content, so that equal assets are the same object.
+    Folders of the cache are named by their content, so that equal assets compare equal.
     """
-    task, place = choose_joint(wish, asset)
+    task, place = choose_joint(key, asset)
     return build_scene(
         asset,
         task,
         arm=PANDA,
-        control=wish.control,
-        physics=wish.physics,
+        control=key.control,
+        physics=key.physics,
         place=place,
-        scales=wish.randomization.scale_values,
+        scales=key.randomization.scale_values,
     )
 
 
 def make_episodes(engine: Engine, config: EnvConfig, *, renew: bool) -> Episodes:
-    """Episodes under the ranges, weights and starts of ``config``; reseed them before a reset."""
+    """Return episodes with the ranges, weights and starts of ``config``; reseed them first."""
     return Episodes(
         engine,
         randomization=config.active_randomization,

@@ -1,4 +1,4 @@
-"""The Panda of robosuite as an editable MuJoCo model with our plant on its joints."""
+"""The Panda of robosuite as an editable MuJoCo model with joint impedance actuators."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from articulate.robot.kinematics import FLANGE_Z_M, HAND_TURN_RAD
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 
-HAND_BODY = "right_hand"
-"""Body of the hand; fingers hang below it."""
+GRIPPER_BODY = "right_hand"
+"""Body of the gripper, parent of the fingers."""
 BASE_BODY = "link0"
 """First body of the arm."""
 COARSE_MESHES = tuple(f"link{i}" for i in range(8))
-"""Collision meshes of the arm that are reduced; hand and fingers stay as they are."""
+"""Collision meshes of the arm that are reduced; gripper and fingers are not."""
 COARSE_POINTS = 48
-"""Points kept of each."""
+"""Vertices of a reduced mesh."""
 PADS_Z_M = 0.041
 """Middle of the finger pads above the frame of a finger [m]. ``franka_description`` mounts fingers
-0.0584 m above the hand's frame; robosuite does so at 0.0524 m, which makes the hand 6 mm short."""
+0.0584 m above the frame of the gripper; robosuite's 0.0524 m make the gripper 6 mm too short."""
 PADS_IMPEDANCE = [0.95, 0.99, 0.001, 0.5, 2.0]
-"""``solimp`` of what the fingers touch. What it yields goes with the inertia behind a contact, so
-that by MuJoCo's own 0.9 to 0.95 a hand sinks 0.9 mm into a lid of 0.1 kg; contact points leap
-there from step to step, and at 5 ms the lid rattles at 0.1 to 0.2 rad/s between still fingers."""
+"""``solimp`` of contacts with the fingers. The penetration depends on the inertia behind a contact:
+with MuJoCo's default of 0.9 to 0.95 the fingers sink 0.9 mm into a lid of 0.1 kg, contact points
+jump from step to step, and at 5 ms the lid rattles at 0.1 to 0.2 rad/s between fixed fingers."""
 ARM_BIT, OBJECT_BIT = 1, 2
-"""Contact bits: the arm meets the object and the floor, never itself."""
+"""Contact bits: the arm collides with the object and the floor, never with itself."""
 
 
 def robosuite_folder() -> Path:
-    """Where robosuite's files lie; nothing of it is imported.
+    """Return the folder of robosuite without importing it.
 
     Raises:
         MissingError: It is not installed.
@@ -43,20 +43,20 @@ def robosuite_folder() -> Path:
     found = importlib.util.find_spec("robosuite")
     if found is None or found.origin is None:
         raise MissingError(
-            "robosuite is not installed (its Panda is our arm); "
+            "robosuite is not installed, which provides the Panda; "
             "run: pip install --no-deps robosuite==1.5.2"
         )
     return Path(found.origin).parent
 
 
 def panda_spec(arm: Arm, *, visuals: bool) -> mujoco.MjSpec:
-    """Arm and hand: joint impedance actuators ``joint1`` ... ``joint7``, two finger actuators.
+    """Return arm and gripper with the actuators ``joint1`` to ``joint7`` and two of the fingers.
 
-    Stiffness and damping act as native position actuators with target velocity 0; gravity is
-    compensated within the actuators' torque limits, as the arm's controller does it.
+    Joint impedance is a position actuator with target velocity 0; gravity is compensated within the
+    torque limits of the actuators, as the controller of the arm does.
 
     Args:
-        arm: Gains, limits, armature, hand.
+        arm: Gains, limits, armature, gripper.
         visuals: Keep the visual meshes; without them a model is small and quick to copy.
     """
     assets = robosuite_folder() / "models" / "assets"
@@ -64,14 +64,14 @@ def panda_spec(arm: Arm, *, visuals: bool) -> mujoco.MjSpec:
     gripper = mujoco.MjSpec.from_file(str(assets / "grippers" / "panda_gripper.xml"))
     for part in (spec, gripper):
         _strip(part, visuals=visuals)
-    wrist = spec.body(HAND_BODY)  # robosuite rounds its place: 0.1065 m and quat 0.924, -0.383
+    wrist = spec.body(GRIPPER_BODY)  # robosuite rounds: 0.1065 m and quat 0.924, -0.383
     wrist.pos = [0.0, 0.0, FLANGE_Z_M]
     wrist.quat = [np.cos(HAND_TURN_RAD / 2), 0.0, 0.0, np.sin(HAND_TURN_RAD / 2)]
     frame = wrist.add_frame()
     spec.attach(gripper, prefix="", frame=frame)
     _set_joints(spec, arm)
     _set_fingers(spec, arm)
-    tool = spec.body(HAND_BODY).add_site()
+    tool = spec.body(GRIPPER_BODY).add_site()
     tool.name = "tool"
     tool.pos = [0.0, 0.0, arm.gripper.tcp_z_m]
     return spec
@@ -107,7 +107,7 @@ def _strip(spec: mujoco.MjSpec, *, visuals: bool) -> None:
 
 
 def _make_coarse(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> None:
-    """Replace a collision mesh by few points of its convex hull, chosen farthest first.
+    """Replace a collision mesh by few points of its convex hull, by farthest point sampling.
 
     MuJoCo collides with the hull of a mesh in any case; fewer points make models small.
     """

@@ -1,4 +1,4 @@
-"""Physics settings that are shipped."""
+"""Physics settings."""
 
 from __future__ import annotations
 
@@ -10,25 +10,29 @@ from articulate.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class PhysicsConfig:
-    """MuJoCo's settings for scenes."""
+    """Settings of MuJoCo for scenes."""
 
     timestep_s: float = 0.005
-    """Length of a physics step [s]; a tick must hold a whole number of them."""
+    """Physics step [s]; a control step must be an integer multiple of it."""
     cone: Literal["elliptic", "pyramidal"] = "elliptic"
     """Friction cone."""
     impratio: float = 100.0
-    """Ratio of frictional to normal impedance; above 1 against slip of held parts."""
+    """Ratio of frictional to normal impedance; above 1 it reduces slip of grasped parts."""
     iterations: int = 30
     """Largest number of solver iterations."""
     tolerance: float = 1e-8
-    """The solver stops below this."""
+    """Tolerance of the solver."""
 
     def substeps(self, step_s: float) -> int:
-        """Physics steps in a tick of ``step_s`` [s]; ConfigError if it is not a whole number."""
+        """Return the number of physics steps in a control step of ``step_s`` [s].
+
+        Raises:
+            ConfigError: It is not an integer.
+        """
         count = round(step_s / self.timestep_s)
         if count < 1 or abs(count * self.timestep_s - step_s) > 1e-9:
             raise ConfigError(
-                f"physics.timestep_s is {self.timestep_s}; a tick of {step_s} s must be a "
-                "whole number of steps"
+                f"physics.timestep_s is {self.timestep_s}; a control step of {step_s} s must be "
+                "an integer multiple of it"
             )
         return count

@@ -143,7 +143,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
             has_offscreen_renderer=False,  # robosuite's own context would render the bare model
             render_camera=render_camera,
             control_freq=self._scene.control.rate_hz,
-            horizon=horizon or self._scene.ticks,
+            horizon=horizon or self._scene.n_steps,
             ignore_done=ignore_done,
             seed=seed,
         )

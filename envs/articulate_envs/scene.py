@@ -16,19 +16,19 @@ from articulate.task.object_placement import ObjectPlacement, object_pose, tilte
 from articulate.task.randomization import EpisodeParams
 from articulate.task.task import Task
 from articulate.transforms import Array, Mask, matrix_to_quat
-from articulate_envs.panda import ARM_BIT, BASE_BODY, HAND_BODY, OBJECT_BIT, panda_spec
+from articulate_envs.panda import ARM_BIT, BASE_BODY, GRIPPER_BODY, OBJECT_BIT, panda_spec
 from articulate_envs.physics import PhysicsConfig
 
 PREFIX = "object/"
-"""Prefix of every name of the object in a scene."""
+"""Prefix of all names of the object in a scene."""
 
 
 @dataclass(frozen=True)
 class Addresses:
-    """Where things stand in the model's arrays; the same for every size of the object."""
+    """Indices into the model's arrays, the same for every size of the object."""
 
     arm_q: int
-    """First of the arm's seven positions and speeds."""
+    """First of the arm's seven positions and velocities."""
     finger_q: int
     """First of the two fingers."""
     arm_ctrl: int
@@ -38,28 +38,28 @@ class Addresses:
     part_q: int
     """Position of the task's joint."""
     part_v: int
-    """Speed of the task's joint."""
+    """Velocity of the task's joint."""
     object_v: tuple[int, ...]
     """Degrees of freedom of the object."""
     root_body: int
     """The object's root body."""
     part_body: int
-    """The body that the task's joint moves."""
+    """Body that the task's joint moves."""
     moving_bodies: tuple[int, ...]
     """Bodies of the object below a joint."""
     finger_geoms: tuple[int, ...]
-    """Geoms whose friction rules contacts of the fingers."""
+    """Geoms whose friction applies to contacts of the fingers."""
     tool_site: int
     """Site of the tool frame."""
     sensors: tuple[int, int, int]
-    """First number of the hand, floor and robot sensors."""
+    """First value of the gripper, floor and robot sensors."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is simulated. Model ``k`` shows the object at size ``scales[k]``.
+    """Compiled scene; model ``k`` has the object at size ``scales[k]``.
 
-    The asset's handle is the one that the hand holds, tilted as the place says.
+    The asset's handle is the one to grasp, tilted as in the placement.
     """
 
     asset: Asset
@@ -74,28 +74,28 @@ class Scene:
 
     @property
     def nominal(self) -> mujoco.MjModel:
-        """The model whose size is nearest 1."""
+        """Model whose size is nearest to 1."""
         return self.models[int(np.argmin(np.abs(np.asarray(self.scales) - 1.0)))]
 
     @property
     def substeps(self) -> int:
-        """Physics steps in a tick."""
+        """Physics steps in a control step."""
         return self.physics.substeps(self.control.step_s)
 
     @property
-    def ticks(self) -> int:
-        """Ticks in an episode."""
+    def n_steps(self) -> int:
+        """Control steps in an episode."""
         return round(self.task.episode_s * self.control.rate_hz)
 
-    def T_wo(self, drawn: EpisodeParams) -> Array:
-        """Poses of the object in the world (N, 4, 4) as drawn; see :func:`object_pose`."""
+    def T_wo(self, params: EpisodeParams) -> Array:
+        """Return poses (N, 4, 4) of the object in the world; see :func:`object_pose`."""
         return object_pose(
             self.asset,
             self.task.joint,
             self.place,
-            scale=drawn["scale"],
-            shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-            yaw=drawn["yaw_rad"],
+            scale=params["scale"],
+            shift=np.stack([params["x_m"], params["y_m"]], axis=1),
+            yaw=params["yaw_rad"],
         )
 
 
@@ -109,11 +109,11 @@ def build_scene(
     place: ObjectPlacement,
     scales: tuple[float, ...] = (1.0,),
 ) -> Scene:
-    """Compile the scene once for each of ``scales``.
+    """Compile the scene for each of ``scales``.
 
     Raises:
-        ConfigError: The follower could take the arm beyond its limits.
-        MissingError: robosuite, whose Panda is used, is not installed.
+        ConfigError: The controller could take the arm beyond its limits.
+        MissingError: robosuite, which provides the Panda, is not installed.
     """
     check_control(control, arm)
     models = []
@@ -143,7 +143,7 @@ def scene_spec(
     scale: float,
     visuals: bool,
 ) -> mujoco.MjSpec:
-    """Arm, floor and object as an editable model; with ``visuals`` as people see it."""
+    """Return arm, floor and object as an editable model, with ``visuals`` for rendering."""
     spec = panda_spec(arm, visuals=visuals)
     spec.modelname = asset.name
     apply_physics(spec, physics)
@@ -162,9 +162,9 @@ def scene_spec(
 
 
 def counterbalance(spec: mujoco.MjSpec, asset: Asset, task: Task) -> None:
-    """Carry the weight of a part that begins open and would fall, so that it stays where it is.
+    """Compensate the weight of a part that begins open and would fall.
 
-    As springs and struts of lids do. A level drawer and an upright door need none and get none.
+    Springs and struts of lids do so. A level drawer and an upright door need no compensation.
     """
     joint = asset.joint(task.joint)
     up = abs(joint.axis_o[2])
@@ -179,11 +179,11 @@ def counterbalance(spec: mujoco.MjSpec, asset: Asset, task: Task) -> None:
 
 
 LEVEL = 1e-3
-"""Sine of an angle that counts as none."""
+"""Sine of an angle that counts as 0."""
 
 
 def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:
-    """Write the settings into ``spec``."""
+    """Write the physics settings into ``spec``."""
     spec.option.timestep = config.timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -195,7 +195,7 @@ def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:
     spec.option.impratio = config.impratio
     spec.option.iterations = config.iterations
     spec.option.tolerance = config.tolerance
-    # MuJoCo would begin anew where it diverges; our engines stop and say so.
+    # MuJoCo would reset a diverged state; the engines stop and report it.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     spec.memory = 4 << 20
 
@@ -269,8 +269,8 @@ def _add_sensors(spec: mujoco.MjSpec, root_name: str) -> None:
     net = [int(data.mjCONDATA_FOUND), int(data.mjCONDATA_FORCE)]
     net += [int(data.mjCONDATA_TORQUE), int(data.mjCONDATA_POS)]
     for name, first, second, kind, fields, reduce in (
-        (GRIPPER_SENSOR, HAND_BODY, root_name, xbody, net, 3),
-        (FLOOR_SENSOR, HAND_BODY, "world", body, net, 3),
+        (GRIPPER_SENSOR, GRIPPER_BODY, root_name, xbody, net, 3),
+        (FLOOR_SENSOR, GRIPPER_BODY, "world", body, net, 3),
         (ROBOT_SENSOR, BASE_BODY, root_name, xbody, net[:1], 0),
     ):
         sensor = spec.add_sensor(name=name)
@@ -318,5 +318,8 @@ def _addresses(model: mujoco.MjModel, task: Task) -> Addresses:
 
 
 def wrench_of(sensors: Array, at: Addresses, tool_w: Array) -> tuple[Array, Mask]:
-    """:func:`articulate.robot.contact.contact_wrench` of sensor data (N, nsensordata) of a scene."""
+    """Return the wrench (N, 6) [N, Nm] and the touch mask (N,) of sensor data (N, nsensordata).
+
+    See :func:`articulate.robot.contact.contact_wrench`; ``tool_w`` are tool positions (N, 3) [m].
+    """
     return contact_wrench(sensors, at.sensors, tool_w)

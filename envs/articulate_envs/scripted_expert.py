@@ -1,9 +1,9 @@
-"""Guide: what a hand would do that sees everything as it is.
+"""Scripted expert: a controller with privileged state that operates the task's part.
 
-It goes before the handle, ahead onto it, closes, waits until the fingers hold, leads the part along
-its way and stays at the target. It looks at nothing but the state of the tick, so that it can be
-asked anywhere, and holds for every task, as tasks are data. Training begins with what it shows
-(:mod:`articulate_train.imitation`); nothing of it is in a policy that is deployed.
+It moves in front of the handle, approaches it straight, grasps it, leads the part along its path
+and stays at the target. It uses only the state of the current control step, so it can act from any
+state, and works for every task. Training begins by imitating it
+(:mod:`articulate_train.imitation`); deployed policies contain nothing of it.
 """
 
 from __future__ import annotations
@@ -23,85 +23,90 @@ from articulate_envs.rewards import Grasp, grasp_of
 from articulate_envs.scene import Scene
 
 STRAIGHT_M, STRAIGHT_RAD = 0.004, 0.15
-"""A hand so little beside the way to the handle, and turned so little otherwise, goes ahead."""
+"""Lateral and angular error of the gripper below which it approaches the handle straight."""
 BACK = 2.5, 0.15
-"""How far before the handle it waits else, for each metre beside the way and each radian [1, m]."""
-MOST_BACK_M = 0.08
-"""The farthest that is [m]."""
+"""Distance before the handle at larger errors, per metre and per radian beyond them [1, m]."""
+MAX_BACK_M = 0.08
+"""Largest such distance [m]."""
 RETREAT_M = 0.05
-"""How far before the handle a hand goes that has closed on nothing [m]."""
+"""Distance before the handle to which a gripper retreats that has closed on nothing [m]."""
 ALONG = 0.8
-"""Share of what counts as a handle's middle at which the hand may hold it."""
+"""Graspable share of a handle's length."""
 AT_M = (0.014, 0.008, 0.015)
-"""How far from where it wants to be a hand may be told to close, once all that was said has been
-done: along the handle, across, ahead [m]."""
+"""Position error after all pending actions at which the gripper may close: along the handle,
+across it, and in the direction of approach [m]."""
 SOON_M = (0.02, 0.015, 0.04)
-"""The same of the hand as it is: it acts later."""
+"""The same for the current position; the gripper closes with a latency."""
 AT_RAD = 0.2
-"""The same of its turn [rad]."""
+"""The same for the orientation [rad]."""
 LOST_M = 0.03
-"""A hand told to close that is farther away than this opens again [m]."""
+"""A gripper with a close command that is farther away than this opens again [m]."""
 SLOW = 0.6
 """Largest motion near the handle, as a share of the largest."""
 HELD_M = 0.012
-"""Fingers that are at most this wider apart than what they hold have it between them [m]."""
+"""Excess of the finger opening over the handle's thickness up to which it counts as held [m]."""
 BESIDE_M = 0.01
-"""A handle whose side is at most so far beside the middle of the hand may be between them [m]."""
+"""Distance of the handle's side from the middle of the gripper up to which it may be between the
+fingers [m]."""
 SHUT_M = 0.04
-"""Fingers nearer to each other than this that have no handle between them have closed on nothing
-[m]."""
+"""Finger opening below which a gripper without a handle has closed on nothing [m]."""
 LEAD_M = 0.12
-"""How far the hand leads a part that it moves [m]."""
-BRAKE, LEAST_LEAD_M = 0.5, 0.004
-"""Near the target it leads by this share of the way that is left, and so much more [m]."""
+"""Distance by which the gripper leads a part that it moves [m]."""
+BRAKE, MIN_LEAD_M = 0.5, 0.004
+"""Near the target it leads by this share of the remaining path, and this much more [m]."""
 TOGETHER = 0.75
-"""A hand that leads a part and has farther to turn than to move is slowed down by this share of how
-much farther: what it holds would turn in its fingers else, and spread them."""
+"""While it leads a part, translation is slowed down by this share of the excess of rotation over
+translation; otherwise the handle would turn in the fingers and spread them."""
 STEP = 0.01
-"""Fraction of the part's way from which it is told how far the handle goes."""
+"""Step of the open fraction by which the travel of the handle is measured."""
 SHUT, BEYOND = 0.2, 1.08
-"""Where a part is led, as a share of the target: one that closes well within it, one that opens
-beyond it, at most half the way to its stop."""
+"""Goal of the lead as a share of the target: well inside it for a part that closes, beyond it for
+one that opens, at most half the way to its stop."""
 
 
 @dataclass(frozen=True)
 class ScriptedExpert:
-    """Knows a scene; :meth:`act` says what to do in it."""
+    """Scripted expert of one scene."""
 
     scene: Scene
-    way: HandlePath
+    path: HandlePath
     grasp: Grasp
     aim: float
-    """Fraction open to which the part is led."""
+    """Open fraction to which the part is led."""
 
-    def act(self, state: State, drawn: EpisodeParams) -> Array:
-        """Actions (N, 8) for environments in ``state``, under what was ``drawn``."""
+    def act(self, state: State, params: EpisodeParams) -> Array:
+        """Return actions (N, 8) in [-1, 1] for N environments.
+
+        Args:
+            state: State of the environments.
+            params: Parameters of their episodes.
+        """
         control = self.scene.control
         unit = np.repeat([control.move_m, control.turn_rad], 3)
         T_ht = relative(state.T_wh, state.T_wt)
         T_wa = state.T_wt_target @ _small_pose(state.pending_actions[:, :6] * unit)
         T_ha = relative(state.T_wh, T_wa)
-        held, empty = self._held(state, drawn, T_ht)
+        held, empty = self._held(state, params, T_ht)
         near, at = self._at_handle(T_ht, T_ha)
         goal = self._before(T_ha, retreat=empty)
-        T_goal = np.where(held[:, None, None], self._ahead(state, drawn, T_ht), state.T_wh @ goal)
+        T_goal = np.where(held[:, None, None], self._ahead(state, params, T_ht), state.T_wh @ goal)
         twist = small_twist(relative(T_wa, T_goal)) / unit
-        told = state.gripper.wish > 0.0
-        most = np.where(near & ~held, SLOW, 1.0)
-        whole = np.abs(twist).max(axis=1)
+        commanded = state.gripper.wish > 0.0
+        limit = np.where(near & ~held, SLOW, 1.0)
+        largest = np.abs(twist).max(axis=1)
         for part in (slice(0, 3), slice(3, 6)):
-            own = np.abs(twist[:, part]).max(axis=1)
-            size = np.where(held, np.maximum(own, TOGETHER * whole), own)
-            twist[:, part] *= (most / np.maximum(size, most))[:, None]
-        close = (held | at | (told & near)) & ~empty
+            size = np.abs(twist[:, part]).max(axis=1)
+            size = np.where(held, np.maximum(size, TOGETHER * largest), size)
+            twist[:, part] *= (limit / np.maximum(size, limit))[:, None]
+        close = (held | at | (commanded & near)) & ~empty
         out = np.zeros((len(twist), ACTION.size))
         out[:, :6] = twist
         out[:, ACTION.slice("hand").start] = np.where(close, 1.0, -1.0)
         return out
 
-    def _held(self, state: State, drawn: EpisodeParams, T_ht: Array) -> tuple[Mask, Mask]:
-        """Whether closed fingers have the handle between them, and whether they have nothing."""
-        thick = self.grasp.thick_m * drawn["scale"]
+    def _held(self, state: State, params: EpisodeParams, T_ht: Array) -> tuple[Mask, Mask]:
+        """Return masks (N,): the fingers hold the handle; they have closed on nothing."""
+        thick = self.grasp.thick_m * params["scale"]
         closing, width = state.gripper.closing > 0.0, state.gripper_width
         between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + BESIDE_M
         between &= np.abs(T_ht[:, 2, 3]) <= LOST_M
@@ -110,7 +115,7 @@ class ScriptedExpert:
         return held, empty
 
     def _at_handle(self, T_ht: Array, T_ha: Array) -> tuple[Mask, Mask]:
-        """Whether the hand is about at the handle, and whether it may close there."""
+        """Return masks (N,): the gripper is near the handle; it may close there."""
         turned = rotation_angle(T_ht[:, :3, :3])
         off = np.abs(np.stack([self._beside(T_ht), self._beside(T_ha)]))
         near = (off[0] < LOST_M).all(axis=1) & (turned < 2.0 * AT_RAD)
@@ -118,53 +123,53 @@ class ScriptedExpert:
         return near, at & (turned < AT_RAD)
 
     def _beside(self, T: Array) -> Array:
-        """Places of tools in the handle's frame (N, 3), from the nearest point as good to hold."""
+        """Return positions (N, 3) [m] in the handle's frame from its nearest graspable point."""
         off = T[:, :3, 3].copy()
         most = ALONG * self.grasp.along_m
         off[:, 0] -= np.clip(off[:, 0], -most, most)
         return off
 
     def _before(self, T_ha: Array, *, retreat: Mask) -> Array:
-        """Where an open hand goes, in the handle's frame (N, 4, 4)."""
+        """Return goal poses (N, 4, 4) of an open gripper in the handle's frame."""
         off = self._beside(T_ha)
         lateral = np.linalg.norm(off[:, :2], axis=1)
         turned = rotation_angle(T_ha[:, :3, :3])
         back = BACK[0] * np.maximum(lateral - STRAIGHT_M, 0.0)
         back += BACK[1] * np.maximum(turned - STRAIGHT_RAD, 0.0)
-        back = np.clip(np.where(retreat, RETREAT_M, back), 0.0, MOST_BACK_M)
+        back = np.clip(np.where(retreat, RETREAT_M, back), 0.0, MAX_BACK_M)
         most = ALONG * self.grasp.along_m
         along = np.clip(T_ha[:, 0, 3], -most, most)
         return pose(np.stack([along, np.zeros_like(along), -back], axis=1))
 
-    def _ahead(self, state: State, drawn: EpisodeParams, T_ht: Array) -> Array:
-        """Where a hand goes that holds the handle (N, 4, 4): as it holds it, along the way."""
-        scale, T_wo = drawn["scale"], self.scene.T_wo(drawn)
+    def _ahead(self, state: State, params: EpisodeParams, T_ht: Array) -> Array:
+        """Return goal poses (N, 4, 4) in the world of a gripper that leads the part, grasp kept."""
+        scale, T_wo = params["scale"], self.scene.T_wo(params)
         left = self.aim - state.opened
-        there = self.way.in_world(
+        next_pose = self.path.in_world(
             T_wo=T_wo, scale=scale, opened=state.opened + STEP * np.sign(left)
         )
-        travel = np.linalg.norm((there - state.T_wh)[:, :3, 3], axis=1) / STEP
-        lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + LEAST_LEAD_M)
+        travel = np.linalg.norm((next_pose - state.T_wh)[:, :3, 3], axis=1) / STEP
+        lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + MIN_LEAD_M)
         ahead = np.sign(left) * np.minimum(np.abs(left), lead / np.maximum(travel, 1e-6))
-        goal = self.way.in_world(T_wo=T_wo, scale=scale, opened=state.opened + ahead)
+        goal = self.path.in_world(T_wo=T_wo, scale=scale, opened=state.opened + ahead)
         return np.asarray(goal @ T_ht)
 
 
 def make_scripted_expert(scene: Scene) -> ScriptedExpert:
-    """The guide of ``scene``."""
+    """Return the scripted expert of ``scene``."""
     task = scene.task
-    way = handle_path_of(scene.asset, task.joint, flip=scene.place.flip)
+    path = handle_path_of(scene.asset, task.joint, flip=scene.place.flip)
     grasp = grasp_of(scene.asset.handle_of(task.joint))
     if task.closes:
         aim = SHUT * task.target
     else:
         stop = task.target * 1.1 if task.stop is None else 0.5 * (task.target + task.stop)
         aim = min(BEYOND * task.target, stop)
-    return ScriptedExpert(scene, way, grasp, aim)
+    return ScriptedExpert(scene, path, grasp, aim)
 
 
 def _small_pose(twist: Array) -> Array:
-    """Poses (N, 4, 4) of small motions (N, 6) [m, rad]: turns to first order."""
+    """Return poses (N, 4, 4) of small motions (N, 6) [m, rad], rotations to first order."""
     out = np.tile(np.eye(4), (len(twist), 1, 1))
     x, y, z = twist[:, 3], twist[:, 4], twist[:, 5]
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x

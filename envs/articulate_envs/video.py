@@ -12,10 +12,10 @@ from PIL import Image
 
 from articulate.render.canvas import GEOM_GROUPS, Canvas, Pixels
 from articulate.render.encode_video import write_video
-from articulate.render.view_camera import Viewpoint, camera_axes, fit_viewpoint
+from articulate.render.view_camera import CORNERS, Viewpoint, camera_axes, fit_viewpoint
 from articulate.simulator import mujoco
 from articulate.transforms import Array, matrix_to_quat
-from articulate_envs.panda import HAND_BODY
+from articulate_envs.panda import GRIPPER_BODY
 from articulate_envs.scene import PREFIX, Scene, scene_spec
 from articulate_envs.scene_visuals import add_scene_visuals
 
@@ -30,7 +30,6 @@ AZIMUTHS_DEG = (52.0, -52.0, 68.0, -68.0, 84.0, -84.0, 100.0, -100.0)
 ELEVATIONS_DEG = (-22.0, -34.0)
 NEAR_M = 0.6
 """Least part of the object around the gripper that a view contains [m]."""
-CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def set_positions(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> None:
@@ -112,13 +111,8 @@ class SceneRenderer:
             view: Pose of the camera, by default that of :meth:`choose_view`.
         """
         chosen = view or self._view or self.choose_view(qpos[None])
-        camera = mujoco.MjvCamera()
-        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        camera.lookat[:] = chosen.lookat_w
-        camera.distance = chosen.distance_m
-        camera.azimuth, camera.elevation = chosen.azimuth_deg, chosen.elevation_deg
         self._set_positions(qpos)
-        return self._canvas.render(self._data, camera)
+        return self._canvas.render(self._data, chosen.camera())
 
     def frames(self, qpos: Array) -> Iterator[Pixels]:
         """Yield an image for each row of positions (T, nq) [m or rad]."""
@@ -166,7 +160,7 @@ class SceneRenderer:
     def _visible(self, tool: Array) -> Array:
         """Return the visible share of points around the tool, by elevation and azimuth."""
         out = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
-        gripper = self._model.body(HAND_BODY).id
+        gripper = self._model.body(GRIPPER_BODY).id
         bodies = {i for i in range(self._model.nbody) if self._below(i, gripper)}
         points = tool + 0.05 * np.array([[0, 0, 0], [-1, 0, 0], [0, 0, 1.0], [0, 1, 0], [0, -1, 0]])
         group = np.isin(np.arange(mujoco.mjNGROUP), GEOM_GROUPS).astype(np.uint8)

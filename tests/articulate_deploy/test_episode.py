@@ -59,14 +59,14 @@ def test_an_episode_is_the_one_of_training(bundle, run, seed):
         home=np.ones(1, dtype=bool),
     )
     seen = episodes.reset(start=start)
-    for tick in range(engine.scene.ticks):
+    for tick in range(engine.scene.n_steps):
         assert_allclose(record["observation"][tick], seen[0], rtol=0, atol=1e-6, err_msg=str(tick))
         step = episodes.step(record["action"][tick][None])
         seen = step.observation
     assert step.ended is not None
     assert REASONS[step.ended.code[0]] == result.reason
     assert_allclose(result.peaks["force"], step.ended.peaks[0, 9], rtol=1e-3, atol=1e-3)
-    assert result.ticks == engine.scene.ticks
+    assert result.ticks == engine.scene.n_steps
     engine.close()
 
 

@@ -18,7 +18,7 @@ from articulate_envs.config import InitialStatesConfig, RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.initial_states import home_start, precompute_states
-from articulate_envs.placement_search import CLEAR_M, MIN_DRAWN_SHARE, start_clearance
+from articulate_envs.placement_search import CLEAR_M, MIN_SAMPLED_SHARE, start_clearance
 from articulate_envs.threaded_engine import ThreadEngine
 
 PARTS = ["closing_drawer", "closing_door", "closing_lid"]
@@ -30,7 +30,7 @@ def scene(request):
 
 
 def test_place_is_reached_when_drawn_and_the_arm_starts_clear_of_the_open_part(scene):
-    assert scene.place.reachable_share >= MIN_DRAWN_SHARE
+    assert scene.place.reachable_share >= MIN_SAMPLED_SHARE
     assert start_clearance(scene.asset, scene.task, scene.arm, scene.place) > 0.8 * CLEAR_M
     assert check_grasp(scene) < 0.003
 
@@ -167,7 +167,7 @@ def test_part_that_rests_closed_is_a_success_and_one_that_stays_open_is_not_clos
     start.opened[:] = [scene.task.begin[1], scene.task.target + 0.02, scene.task.target - 0.02, 0]
     start.q[2:, 0] += 1.5  # the arm is elsewhere
     runs.reset(start=start)
-    for _ in range(scene.ticks):
+    for _ in range(scene.n_steps):
         tick = runs.step(np.zeros((n, 8)))
     assert tick.ended is not None
     codes = [REASONS[c] for c in tick.ended.code]

@@ -43,19 +43,19 @@ def field(observation, name):
 def test_every_episode_has_the_tasks_length_and_the_next_begins_by_itself(drawer):
     runs = episodes(drawer)
     runs.reset()
-    for k, action in enumerate(actions(2 * drawer.ticks)):
+    for k, action in enumerate(actions(2 * drawer.n_steps)):
         tick = runs.step(action)
-        last = (k + 1) % drawer.ticks == 0
+        last = (k + 1) % drawer.n_steps == 0
         assert tick.done.tolist() == [last] * N
         assert (tick.ended is not None) == last
-        left = 1 - ((k + 1) % drawer.ticks) / drawer.ticks
+        left = 1 - ((k + 1) % drawer.n_steps) / drawer.n_steps
         assert_allclose(field(tick.observation, "time_left"), left, atol=1e-6)
 
 
 def test_observation_of_a_tick_that_ends_an_episode_is_of_the_new_one(drawer):
     runs = episodes(drawer, initial_states=None, randomization=NO_RANDOMIZATION)
     first = runs.reset()
-    for action in actions(drawer.ticks):
+    for action in actions(drawer.n_steps):
         tick = runs.step(action)
     assert_allclose(tick.observation, first, atol=1e-9)
     assert tick.ended is not None
@@ -67,7 +67,7 @@ def test_staggered_episodes_end_one_after_another_and_the_short_ones_are_not_fro
     runs = episodes(drawer, initial_states=None)
     runs.reset(stagger=True)
     done, home = [], []
-    for action in actions(2 * drawer.ticks):
+    for action in actions(2 * drawer.n_steps):
         tick = runs.step(action)
         done.append(tick.done)
         if tick.ended is not None:
@@ -97,7 +97,7 @@ def test_speed_of_the_hand_is_the_change_of_its_width_and_nothing_at_a_start(dra
     close = np.zeros((N, 8))
     close[:, 7] = 1.0
     moved = 0.0
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         tick = runs.step(close)
         change = field(tick.observation, "gripper_width") - field(before, "gripper_width")
         speed = field(tick.observation, "gripper_speed")
@@ -122,7 +122,7 @@ def test_sums_of_terms_are_the_sum_of_rewards(drawer):
     runs = episodes(drawer)
     runs.reset()
     total = np.zeros(N)
-    for action in actions(drawer.ticks):
+    for action in actions(drawer.n_steps):
         tick = runs.step(action)
         total += tick.reward
     assert tick.ended is not None
@@ -146,7 +146,7 @@ def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_
     start = held_open(scene, N)
     start.opened[0], start.q[0], start.home[0] = 0.0, scene.place.start_q, True
     runs.reset(start=start)
-    for _ in range(scene.ticks):
+    for _ in range(scene.n_steps):
         tick = runs.step(np.zeros((N, 8)))
     assert tick.ended is not None
     assert [REASONS[c] for c in tick.ended.code] == ["goal_not_reached"] + ["success"] * (N - 1)
@@ -210,7 +210,7 @@ def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
     always = InitialStatesConfig(n_precomputed=24, share_first=1.0, share_last=1.0)
     runs = episodes(drawer, initial_states=always)
     runs.reset()
-    for action in actions(drawer.ticks):
+    for action in actions(drawer.n_steps):
         tick = runs.step(action)
     assert tick.ended is not None
     assert not tick.ended.from_home.any()
@@ -225,7 +225,7 @@ def open_and_idle(scene, **initial_states):
     )
     start = home_start(scene, nominal_params(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
-    return [runs.step(np.zeros((N, 8))) for _ in range(scene.ticks)]
+    return [runs.step(np.zeros((N, 8))) for _ in range(scene.n_steps)]
 
 
 def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks(drawer):
@@ -280,14 +280,14 @@ def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
         {"truncation_probability": 1.0, "truncation_env_share": 0.0},
     ):
         ticks = open_and_idle(drawer, **never)
-        assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.ticks - 1]
+        assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.n_steps - 1]
         assert not ticks[-1].ended.cut.any()
         assert ticks[-1].ended.from_home.all()
     runs = episodes(drawer, initial_states=None, randomization=NO_RANDOMIZATION)
     start = home_start(drawer, nominal_params(N))
     runs.reset(start=dataclasses.replace(start, opened=np.ones(N)))
-    done = [runs.step(np.zeros((N, 8))).done.any() for _ in range(drawer.ticks)]
-    assert done == [False] * (drawer.ticks - 1) + [True]
+    done = [runs.step(np.zeros((N, 8))).done.any() for _ in range(drawer.n_steps)]
+    assert done == [False] * (drawer.n_steps - 1) + [True]
 
 
 def test_episode_that_diverges_ends_with_that_reason_and_a_new_one_begins(
@@ -330,8 +330,8 @@ def test_without_renewal_an_episode_stays_as_it_ended(drawer):
         renew=False,
     )
     runs.reset()
-    ticks = [runs.step(np.zeros((2, 8))) for _ in range(drawer.ticks)]
-    assert [tick.ended is not None for tick in ticks] == [False] * (drawer.ticks - 1) + [True]
+    ticks = [runs.step(np.zeros((2, 8))) for _ in range(drawer.n_steps)]
+    assert [tick.ended is not None for tick in ticks] == [False] * (drawer.n_steps - 1) + [True]
     last = ticks[-1].ended
     assert last is not None
     assert ticks[-1].done.all()

@@ -76,9 +76,9 @@ def test_a_reset_without_a_seed_goes_on_with_the_same_generator(drawer, env):
 
 def test_end_of_an_episode_is_a_termination_and_says_why(drawer, env):
     env.reset(seed=0)
-    for tick in range(drawer.ticks):
+    for tick in range(drawer.n_steps):
         observation, _, terminated, truncated, info = env.step(STILL)
-        assert terminated == (tick == drawer.ticks - 1)
+        assert terminated == (tick == drawer.n_steps - 1)
         assert not truncated
         assert info["reason"] in REASONS
         assert info["success"] == (info["reason"] == "success")
@@ -100,7 +100,7 @@ def test_success_is_told(drawer, env):
     aside = [1.6, *drawer.place.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     env.reset(seed=0, options={"q": aside, "opened": 0.9, "episode_params": still})
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         *_, terminated, _, info = env.step(STILL)
     assert terminated
     assert (info["success"], info["reason"], info["opened"]) == (True, "success", True)
@@ -125,7 +125,7 @@ def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
         ends.append(env.step(STILL)[2:4])
     env.close()
     assert ends[-1] == (False, True)
-    assert len(ends) < drawer.ticks
+    assert len(ends) < drawer.n_steps
 
 
 def test_options_replace_what_was_drawn(drawer, env):
@@ -185,7 +185,7 @@ def test_actions_that_are_not_accepted_are_answered_in_one_line(env, error_line)
 def test_steps_outside_an_episode_are_answered_in_one_line(drawer, env, error_line):
     line = error_line("env.step() before env.reset()", lambda: env.step(STILL))
     env.reset(seed=0)
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         env.step(STILL)
     assert error_line("env.step() after the end", lambda: env.step(STILL)) == line
 

@@ -103,8 +103,8 @@ def test_observables_can_be_spoilt_and_hidden_and_policies_see_the_truth(env):
 
 def test_episodes_are_done_at_their_end_and_not_before(env, drawer):
     env.reset()
-    done = [env.step(STILL)[2] for _ in range(drawer.ticks)]
-    assert done == [False] * (drawer.ticks - 1) + [True]
+    done = [env.step(STILL)[2] for _ in range(drawer.n_steps)]
+    assert done == [False] * (drawer.n_steps - 1) + [True]
     assert env.cur_time == pytest.approx(drawer.task.episode_s)
 
 
@@ -112,7 +112,7 @@ def test_horizon_and_ignore_done_are_what_they_are_in_robosuite(drawer):
     short = ArticulatedObject("Panda", scene=drawer, horizon=3)
     assert [short.step(STILL)[2] for _ in range(3)] == [False, False, True]
     endless = ArticulatedObject("Panda", scene=drawer, ignore_done=True)
-    assert not any(endless.step(STILL)[2] for _ in range(drawer.ticks + 3))
+    assert not any(endless.step(STILL)[2] for _ in range(drawer.n_steps + 3))
 
 
 def test_success_is_paid_once_though_the_episode_goes_on(drawer):
@@ -121,9 +121,9 @@ def test_success_is_paid_once_though_the_episode_goes_on(drawer):
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     endless.set_ep_meta({"q": aside, "opened": 0.9, "episode_params": still})
     endless.reset()
-    rewards = [endless.step(STILL)[1] for _ in range(drawer.ticks + 3)]
+    rewards = [endless.step(STILL)[1] for _ in range(drawer.n_steps + 3)]
     paid = np.flatnonzero(np.array(rewards) > 30.0)
-    assert paid.tolist() == [drawer.ticks - 1]
+    assert paid.tolist() == [drawer.n_steps - 1]
 
 
 def test_success_is_what_the_judgement_says(drawer, env):
@@ -132,7 +132,7 @@ def test_success_is_what_the_judgement_says(drawer, env):
     env.set_ep_meta({"q": aside, "opened": 0.9, "episode_params": still})
     env.reset()
     assert not env._check_success()
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         *_, done, info = env.step(STILL)
     assert done
     assert env._check_success()
@@ -222,7 +222,7 @@ def test_use_that_is_not_possible_is_answered_in_one_line(drawer, env, monkeypat
     error_line("sim.render(camera_name=side)", lambda: env.sim.render(camera_name="side"))
     error_line("reset_from_xml_string(another model)", lambda: env.reset_from_xml_string("<x/>"))
     error_line("set_xml_processor()", lambda: env.set_xml_processor(str))
-    for _ in range(drawer.ticks):
+    for _ in range(drawer.n_steps):
         env.step(STILL)
     error_line("ArticulatedObject.step() after the end", lambda: env.step(STILL))
     for name in viewer.DISPLAYS:

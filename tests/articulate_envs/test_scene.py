@@ -11,7 +11,7 @@ from articulate.simulator import mujoco
 from articulate.transforms import pose
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.initial_states import precompute_states
-from articulate_envs.panda import HAND_BODY
+from articulate_envs.panda import GRIPPER_BODY
 from articulate_envs.scene import PREFIX, wrench_of
 from articulate_envs.threaded_engine import ThreadEngine
 
@@ -19,7 +19,7 @@ from articulate_envs.threaded_engine import ThreadEngine
 def in_hand(model, body):
     """Whether ``body`` is the hand or hangs below it."""
     while body:
-        if model.body(body).name == HAND_BODY:
+        if model.body(body).name == GRIPPER_BODY:
             return True
         body = model.body_parentid[body]
     return False
@@ -144,7 +144,7 @@ def test_arm_that_touches_the_object_is_told_from_a_hand_that_does(drawer):
 
 
 def test_ticks_and_steps_fill_the_episode(drawer):
-    assert drawer.ticks * drawer.control.step_s == pytest.approx(drawer.task.episode_s)
+    assert drawer.n_steps * drawer.control.step_s == pytest.approx(drawer.task.episode_s)
     assert drawer.substeps * drawer.physics.timestep_s == pytest.approx(drawer.control.step_s)
 
 

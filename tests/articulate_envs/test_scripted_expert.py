@@ -30,7 +30,7 @@ def led(scene, ticks=None):
     )
     runs.reset()
     guide, said = make_scripted_expert(scene), []
-    for _ in range(ticks or scene.ticks):
+    for _ in range(ticks or scene.n_steps):
         said.append(guide.act(runs.state, runs.drawn))
         runs.step(said[-1])
     engine.close()

@@ -124,7 +124,7 @@ CASES = [
 def test_all_engines_agree_over_two_hundred_ticks(part, verb, how, scene_of):
     """Observation, reward, joints and end, from the same start, draw and actions."""
     scene = scene_of(part, verb)
-    assert scene.ticks == TICKS
+    assert scene.n_steps == TICKS
     start = begun(scene, how)
     batch = list(through_batch(scene, start, DRAWS))
     others = {

@@ -466,7 +466,7 @@ def test_push_acts_on_the_part_at_its_time_alone(drawer):
     engine = ThreadEngine(drawer, 2)
     engine.reset(np.arange(2), home_start(drawer, drawn))
     speed = np.array([engine.step(np.zeros((2, 8))).speed for _ in range(12)])
-    begin = round(0.2 * drawer.ticks)
+    begin = round(0.2 * drawer.n_steps)
     joint, link = drawer.asset.joint(drawer.task.joint), drawer.asset.link("drawer_2")
     assert_allclose(speed[:begin], 0.0, atol=1e-9)
     t = 0.1

@@ -64,9 +64,9 @@ def test_seed_decides_everything_and_threads_nothing(drawer, envs):
 
 def test_an_end_gives_the_last_observation_and_begins_anew(drawer, envs):
     envs.reset(seed=0)
-    for tick in range(drawer.ticks):
+    for tick in range(drawer.n_steps):
         observation, _, terminated, truncated, info = envs.step(np.zeros((N, 8)))
-        assert ("final_obs" in info) == (tick == drawer.ticks - 1)
+        assert ("final_obs" in info) == (tick == drawer.n_steps - 1)
     assert terminated.all()
     assert not truncated.any()
     left = OBSERVATION.slice("time_left")

@@ -10,7 +10,8 @@ import numpy as np
 from articulate.render.canvas import Canvas, Pixels
 from articulate.render.encode_video import write_video
 from articulate.render.playback import EpisodePlayback
-from articulate.render.view_camera import Viewpoint, fit_viewpoint
+from articulate.render.scene_style import add_sky, part_rgba
+from articulate.render.view_camera import Viewpoint, fit_viewpoint, geom_corners
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import FIELDS
 from articulate.transforms import Array
@@ -24,11 +25,7 @@ from articulate_deploy.robots.mujoco import MujocoRobot
 SIZE = (640, 480)
 """Width and height of a clip [px]."""
 AZIMUTH_DEG, ELEVATION_DEG = 52.0, -22.0
-HORIZON_RGB, ZENITH_RGB = (0.93, 0.945, 0.955), (0.70, 0.78, 0.85)
 ARM_RGBA = (0.92, 0.92, 0.93, 1.0)
-PART_RGBA = ((0.80, 0.79, 0.76, 1.0), (0.72, 0.53, 0.34, 1.0), (0.55, 0.63, 0.66, 1.0))
-"""Colours of the object: its root, and its moving links in turn."""
-CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 FLOOR_RGBA = (0.80, 0.82, 0.83, 1.0)
 
 
@@ -107,15 +104,7 @@ def _as_seen(bundle: Bundle, drawn: mujoco.MjModel) -> mujoco.MjModel:
     """The scene of a bundle with a sky, light and colours, its object where it was drawn."""
     text, meshes = bundle.scene_assets()
     spec = mujoco.MjSpec.from_string(text, assets=meshes)
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=ZENITH_RGB,
-        rgb2=HORIZON_RGB,
-        width=64,
-        height=384,
-    )
+    add_sky(spec, 64)
     spec.visual.headlight.ambient = (0.45, 0.45, 0.45)
     spec.visual.headlight.diffuse = (0.55, 0.55, 0.55)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
@@ -125,7 +114,7 @@ def _as_seen(bundle: Bundle, drawn: mujoco.MjModel) -> mujoco.MjModel:
     for b in range(1, model.nbody):
         of = model.geom_bodyid == b
         if model.body(b).name.startswith(scene.object_prefix):
-            model.geom_rgba[of] = PART_RGBA[0] if own == 0 else PART_RGBA[1 + (own - 1) % 2]
+            model.geom_rgba[of] = part_rgba(own)
             own += 1
         else:
             model.geom_rgba[of] = ARM_RGBA
@@ -142,12 +131,7 @@ def _frames(model: mujoco.MjModel, qpos: Array) -> Iterator[Pixels]:
     data = mujoco.MjData(model)
     canvas = Canvas(model, SIZE, shadows=False)
     try:
-        view = _view(model, data, qpos)
-        camera = mujoco.MjvCamera()
-        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        camera.lookat[:] = view.lookat_w
-        camera.distance = view.distance_m
-        camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
+        camera = _view(model, data, qpos).camera()
         for q in qpos:
             _place(model, data, q)
             yield canvas.render(data, camera)
@@ -160,9 +144,7 @@ def _view(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> Viewpoint:
     points = []
     for q in qpos[:: max(1, len(qpos) // 5)]:
         _place(model, data, q)
-        for i in np.flatnonzero(model.geom_bodyid != 0):
-            corners = model.geom_aabb[i, :3] + model.geom_aabb[i, 3:] * CORNERS
-            points.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
+        points.append(geom_corners(model, data, np.flatnonzero(model.geom_bodyid != 0)))
     return fit_viewpoint(
         np.concatenate(points),
         azimuth_deg=AZIMUTH_DEG,
