@@ -117,7 +117,7 @@ def _check_macros(path: Path, root: Element, repairs: Repairs) -> None:
         return
     listed = ", ".join(sorted(set(names))[:6])
     message = f"macros are not expanded ({listed})"
-    if set(names) <= HARMLESS_MACROS:
+    if set(names) <= HARMLESS_MACROS and children_of(root, "link"):
         repairs.add(f"{message}: run xacro on the file first")
     else:
         raise AssetError(

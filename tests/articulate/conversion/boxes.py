@@ -51,6 +51,6 @@ def loaded(asset: Asset) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(asset.mjcf_path))
 
 
-def said(asset: Asset) -> str:
+def repairs_text(asset: Asset) -> str:
     """All that was changed, a sentence a line."""
     return "\n".join(asset.repairs)

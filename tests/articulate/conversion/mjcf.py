@@ -35,7 +35,7 @@ DRAWER = """<mujoco model="little">
 
 
 def model(body: str, *, head: str = "", compiler: str = 'angle="radian"') -> str:
-    """An MJCF text round what stands in the world."""
+    """An MJCF text around the content of its world."""
     return (
         f'<mujoco model="thing"><compiler {compiler}/>{head}<worldbody>{body}</worldbody></mujoco>'
     )
@@ -67,8 +67,8 @@ def joint_of(source: SourceObject, name: str) -> SourceJoint:
     return next(joint for joint in source.joints if joint.name == name)
 
 
-def said(source: SourceObject, words: str) -> bool:
-    return any(words in sentence for sentence in source.repairs.messages)
+def has_message(source: SourceObject, words: str) -> bool:
+    return any(words in message for message in source.repairs.messages)
 
 
 def anchors(raw: mujoco.MjModel) -> dict[str, Array]:

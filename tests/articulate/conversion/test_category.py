@@ -1,4 +1,4 @@
-"""Where the category of an object stands."""
+"""Sources of the category of an object."""
 
 import json
 
@@ -19,7 +19,7 @@ from articulate.formats.config import ConvertConfig
         ({"source.json": {"category": "Box"}}, ConvertConfig(category="Safe"), "Safe"),
     ],
 )
-def test_the_category_is_asked_for_or_stands_beside_the_file(files, config, expected, tmp_path):
+def test_the_category_is_configured_or_beside_the_file(files, config, expected, tmp_path):
     for name, content in files.items():
         (tmp_path / name).write_text(json.dumps(content))
     assert category_of(tmp_path / "object.urdf", config or ConvertConfig()) == expected

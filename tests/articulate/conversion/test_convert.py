@@ -40,10 +40,10 @@ def test_links_joints_and_handles_are_those_of_the_source(asset: Asset) -> None:
         ("door_joint", "hinge", "door"),
     ]
     assert {h.joint for h in asset.handles} == {"drawer_joint", "door_joint"}
-    assert any("drawer_handle is fixed to drawer" in sentence for sentence in asset.repairs)
+    assert any("drawer_handle is fixed to drawer" in message for message in asset.repairs)
 
 
-def test_the_object_stands_on_the_ground_in_the_middle(asset: Asset) -> None:
+def test_the_object_is_on_the_ground_in_the_middle(asset: Asset) -> None:
     low, high = np.array(asset.bounds_o)
     np.testing.assert_allclose(low[2], 0.0, atol=1e-9)
     np.testing.assert_allclose(low[:2] + high[:2], 0.0, atol=1e-9)
@@ -138,11 +138,11 @@ def test_fingers_closing_at_the_handle_meet_it_and_nothing_before(
         for side in (-1.0, 1.0):
             origin = T_oh[:3, 3] + 0.04 * side * T_oh[:3, 1]
             hit = np.zeros(1, dtype=np.int32)
-            way = mujoco.mj_ray(model, data, origin, -side * T_oh[:3, 1], groups, 1, -1, hit)
+            distance = mujoco.mj_ray(model, data, origin, -side * T_oh[:3, 1], groups, 1, -1, hit)
             assert model.geom(int(hit[0])).name.startswith(f"{joint.link}_handle")
             handle = asset.handle_of(joint.name)
             assert handle is not None
-            np.testing.assert_allclose(way, 0.04 - handle.extent[1] / 2.0, atol=0.003)
+            np.testing.assert_allclose(distance, 0.04 - handle.extent[1] / 2.0, atol=0.003)
 
 
 def test_the_drawer_is_hollow_and_the_carcass_open_in_front(
@@ -155,8 +155,8 @@ def test_the_drawer_is_hollow_and_the_carcass_open_in_front(
     hit = np.zeros(1, dtype=np.int32)
     T_od = asset.T_ol("drawer_joint", 0.3)
     above = (T_od @ [0.12, 0.05, 0.4, 1.0])[:3]
-    way = mujoco.mj_ray(model, data, above, np.array([0.0, 0.0, -1.0]), groups, 1, -1, hit)
-    np.testing.assert_allclose(way, 0.4 - 0.02, atol=0.003)  # the bottom panel, not a lid
+    distance = mujoco.mj_ray(model, data, above, np.array([0.0, 0.0, -1.0]), groups, 1, -1, hit)
+    np.testing.assert_allclose(distance, 0.4 - 0.02, atol=0.003)  # the bottom panel, not a lid
     assert all(link.collisions <= 12 for link in asset.links)
 
 
@@ -217,7 +217,7 @@ def test_every_file_of_the_folder_is_referenced_and_the_same_on_every_run(
     ]
 
 
-def test_asked_sizes_scale_everything_but_angles(asset: Asset, tmp_path: Path) -> None:
+def test_requested_sizes_scale_everything_but_angles(asset: Asset, tmp_path: Path) -> None:
     longest = float(np.ptp(np.array(asset.bounds_o), axis=0).max())
     config = ConvertConfig(size_m=2.0 * longest)
     twice = convert(write_cabinet(tmp_path), tmp_path / "out", config)
@@ -232,7 +232,11 @@ def test_a_partnet_folder_is_scaled_by_its_category(tmp_path: Path) -> None:
     (path.parent / "meta.json").write_text('{"model_cat": "StorageFurniture"}')
     asset = convert(path, tmp_path / "out")
     assert asset.category == "StorageFurniture"
-    assert any("normalised source" in said for said in asset.repairs if "scaled by" in said)
+    assert any(
+        "normalised source" in repairs_text
+        for repairs_text in asset.repairs
+        if "scaled by" in repairs_text
+    )
     np.testing.assert_allclose(np.ptp(np.array(asset.bounds_o), axis=0).max(), 0.8, atol=1e-9)
 
 
@@ -280,7 +284,7 @@ def test_the_key_of_an_input_knows_content_and_configuration(tmp_path: Path) -> 
 def test_alike_objects_that_are_called_otherwise_have_keys_of_their_own(
     tmp_path: Path, other: str
 ) -> None:
-    """Their assets say where they come from."""
+    """Their assets name their source."""
     path = write_cabinet(tmp_path)
     copy = tmp_path / "elsewhere" / other
     shutil.copytree(path.parent, copy.parent)
@@ -338,17 +342,18 @@ def test_a_plain_front_is_held_at_its_rim_or_doubted(tmp_path: Path) -> None:
         ('type="prismatic"', 'type="spherical"', "are accepted"),
         ('<child link="door"/>', '<child link="dor"/>', "did you mean door?"),
         ('<child link="door"/>', '<child link="body"/>', "two parents|cycle"),
-        ("tray.stl", "gone.stl", "not found; looked in"),
+        ("tray.stl", "absent.stl", "not found; looked in"),
         ("</robot>", "", "not XML"),
         ("<robot", "<sdf", "not XML|not a URDF"),
         ('<link name="door">', '<link name="drawer">', "a second link"),
         ('<?xml version="1.0"?>', "<!DOCTYPE robot [<!ENTITY x 'y'>]>", "DOCTYPE"),
-        (CABINET, "<sdf/>", "not a URDF"),
+        (CABINET, "<sdf/>", "holds no model"),
+        (CABINET, "<html/>", "not a URDF"),
         (CABINET, "hello", "no XML"),
         (CABINET, "<robot/>", "no <link>"),
     ],
 )
-def test_what_cannot_be_read_is_refused_in_one_line(
+def test_unreadable_input_is_rejected_in_one_line(
     tmp_path: Path, old: str, new: str, words: str
 ) -> None:
     path = write_cabinet(tmp_path, CABINET.replace(old, new, 1))
@@ -365,19 +370,19 @@ def test_what_cannot_be_read_is_refused_in_one_line(
         ('<axis xyz="-1 0 0"/>', '<axis xyz="-2,0,0"/>', "commas"),
         ('<axis xyz="-1 0 0"/>', '<axis xyz="-2 0 0"/>', "had length 2"),
         ('lower="0" upper="0.3"', 'lower="0.3" upper="0"', "swapped"),
-        ('lower="0" upper="0.3"', 'lower="nan" upper="0.3"', "taken as absent"),
+        ('lower="0" upper="0.3"', 'lower="nan" upper="0.3"', "lower=nan ignored"),
         ('<?xml version="1.0"?>', "a line of junk\n", "before the first element"),
-        ('<link name="body">', '<link name="body"><xacro:x/>', "undeclared"),
+        ('<link name="body">', '<link name="body"><xacro:property/>', "undeclared"),
         ("little/meshes/body.obj", "LITTLE/Meshes/BODY.OBJ", ""),
         ("package://little/meshes/tray.stl", "meshes\\tray.stl", ""),
         (
             '<mesh filename="meshes/knob.obj"/>',
-            '<mesh filename="meshes/gone.obj"/>',
-            "left out: .*gone.obj",
+            '<mesh filename="meshes/absent.obj"/>',
+            "left out: .*absent.obj",
         ),
     ],
 )
-def test_what_can_be_mended_is_mended_and_said(
+def test_repairable_input_is_repaired_and_listed(
     asset: Asset, tmp_path: Path, old: str, new: str, words: str
 ) -> None:
     made = convert(write_cabinet(tmp_path, CABINET.replace(old, new)), tmp_path / "out")
@@ -396,7 +401,7 @@ def test_missing_limits_are_recorded(tmp_path: Path) -> None:
     assert drawer.open == pytest.approx(0.8 * 0.392, abs=0.05)
     assert (door.lower, door.upper) == (None, None)
     assert door.span == pytest.approx(np.pi / 2)
-    assert sum("had no limits" in sentence for sentence in asset.repairs) == 2
+    assert sum("had no limits" in message for message in asset.repairs) == 2
 
 
 def test_a_mirrored_mesh_keeps_its_place_and_faces_outwards(tmp_path: Path) -> None:
@@ -420,7 +425,7 @@ def test_folders_that_are_no_assets_are_not_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "mine" / "thesis.txt").exists()
 
 
-def test_an_asset_is_replaced_as_a_whole(tmp_path: Path) -> None:
+def test_an_asset_is_replaced_completely(tmp_path: Path) -> None:
     path = write_cabinet(tmp_path)
     first = convert(path, tmp_path / "out")
     convert(path, tmp_path / "out", ConvertConfig(closed="upper"))

@@ -1,4 +1,4 @@
-"""A handle has a frame wherever the part lies round its axis."""
+"""A handle has a frame for a part around its axis."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ AXES = {"upright": (0.0, 0.0, 1.0), "down": (0.0, 0.0, -1.0), "level": (1.0, 0.0
 
 
 @pytest.mark.parametrize("which", AXES)
-def test_a_part_that_lies_all_round_its_axis_has_a_handle_with_a_frame(
-    tmp_path: Path, which: str
-) -> None:
+def test_a_part_around_its_axis_has_a_handle_with_a_frame(tmp_path: Path, which: str) -> None:
     axis = " ".join(f"{v:g}" for v in AXES[which])
     asset = made(
         tmp_path,

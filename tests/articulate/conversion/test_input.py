@@ -1,4 +1,4 @@
-"""What URDFs get wrong and what readers get wrong with them: a test for each."""
+"""Common mistakes in URDFs and in their readers, a test for each."""
 
 from __future__ import annotations
 
@@ -12,12 +12,19 @@ import pytest
 import trimesh
 import yourdfpy
 from PIL import Image
-from tests.articulate.conversion.boxes import AXIS, BODY_BOX, LIMIT, loaded, made, said, written
+from tests.articulate.conversion.boxes import (
+    AXIS,
+    BODY_BOX,
+    LIMIT,
+    loaded,
+    made,
+    repairs_text,
+    written,
+)
 
 from articulate.conversion import ConvertConfig, convert
 from articulate.errors import AssetError
 from articulate.formats.mesh_paths import MissingMesh
-from articulate.formats.read_urdf import read_urdf
 from articulate.geometry.presets import MASS_KG, SLIDE
 from articulate.simulator import mujoco
 
@@ -46,29 +53,29 @@ def test_commas_in_vectors_are_spaces(tmp_path: Path) -> None:
         tmp_path, (AXIS, '<axis xyz="-1, 0, 0"/>'), (BODY_BOX, '<box size="0.4,0.4,0.4"/>')
     )
     assert asset.joint("slide").axis_o == (-1.0, 0.0, 0.0)
-    assert "commas between numbers read as spaces" in said(asset)
+    assert "commas between numbers read as spaces" in repairs_text(asset)
 
 
-def test_an_axis_of_another_length_is_made_one_and_the_way_stays(tmp_path: Path) -> None:
+def test_an_axis_of_another_length_is_made_one_and_the_travel_stays(tmp_path: Path) -> None:
     asset = made(
         tmp_path, (AXIS, '<axis xyz="-0.6 0 0.8"/>'.replace("0.6", "1.2").replace("0.8", "1.6"))
     )
     joint = asset.joint("slide")
     np.testing.assert_allclose(joint.axis_o, [-0.6, 0.0, 0.8], atol=1e-12)
     assert joint.span == 0.3
-    assert "had length 2" in said(asset)
+    assert "had length 2" in repairs_text(asset)
 
 
-def test_an_absent_axis_is_x_as_the_format_says(tmp_path: Path) -> None:
+def test_an_absent_axis_is_x_by_default(tmp_path: Path) -> None:
     assert made(tmp_path, (AXIS, "")).joint("slide").axis_o == (1.0, 0.0, 0.0)
 
 
-def test_a_zero_axis_is_refused_where_it_moves_something(tmp_path: Path) -> None:
+def test_a_zero_axis_is_rejected_where_it_moves_something(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match=r"two\.urdf:\d+: joint 'slide' has a zero axis"):
         made(tmp_path, (AXIS, '<axis xyz="0 0 0"/>'))
 
 
-def test_a_zero_axis_of_a_fixed_joint_says_nothing(tmp_path: Path) -> None:
+def test_a_zero_axis_of_a_fixed_joint_is_ignored(tmp_path: Path) -> None:
     asset = made(tmp_path, lid("fixed", '<axis xyz="0 0 0"/>'))
     assert [joint.name for joint in asset.joints] == ["slide"]
 
@@ -76,14 +83,14 @@ def test_a_zero_axis_of_a_fixed_joint_says_nothing(tmp_path: Path) -> None:
 def test_swapped_limits_are_turned_round(tmp_path: Path) -> None:
     asset = made(tmp_path, (LIMIT, '<limit lower="0.3" upper="0"/>'))
     assert (asset.joint("slide").lower, asset.joint("slide").upper) == (0.0, 0.3)
-    assert "swapped" in said(asset)
+    assert "swapped" in repairs_text(asset)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.12])
 def test_equal_limits_hold_the_part_where_they_are(tmp_path: Path, value: float) -> None:
     asset = made(tmp_path, (LIMIT, f'<limit lower="{value}" upper="{value}"/>'))
     assert asset.joints == ()
-    assert f"lower = upper = {value:g}: fixed" in said(asset)
+    assert f"lower = upper = {value:g}: fixed" in repairs_text(asset)
     low, high = np.array(asset.bounds_o)
     np.testing.assert_allclose((high - low)[0], 0.43 + value, atol=1e-9)
 
@@ -98,14 +105,14 @@ def test_a_slide_without_limits_gets_some_and_a_hinge_turns_without_end(
     assert hinge.joint("slide").upper is None
     assert not bool(loaded(hinge).jnt_limited[0])
     for asset in (slide, hinge):
-        assert "had no limits" in said(asset)
+        assert "had no limits" in repairs_text(asset)
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
-def test_one_limit_that_is_not_finite_is_taken_as_zero(tmp_path: Path, text: str) -> None:
+def test_one_limit_that_is_not_finite_is_read_as_zero(tmp_path: Path, text: str) -> None:
     asset = made(tmp_path, (LIMIT, f'<limit lower="{text}" upper="0.3"/>'))
     assert (asset.joint("slide").lower, asset.joint("slide").upper) == (0.0, 0.3)
-    assert f"lower={text} taken as absent" in said(asset)
+    assert f"lower={text} ignored" in repairs_text(asset)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +121,7 @@ def test_one_limit_that_is_not_finite_is_taken_as_zero(tmp_path: Path, text: str
 def test_absurd_limits_are_none(tmp_path: Path, lower: str, upper: str) -> None:
     asset = made(tmp_path, (LIMIT, f'<limit lower="{lower}" upper="{upper}"/>'), HINGE)
     assert asset.joint("slide").upper is None
-    assert "are meaningless" in said(asset)
+    assert "are meaningless" in repairs_text(asset)
 
 
 def test_absent_effort_and_velocity_bound_nothing(tmp_path: Path) -> None:
@@ -124,33 +131,33 @@ def test_absent_effort_and_velocity_bound_nothing(tmp_path: Path) -> None:
     assert (other.folder / "object.xml").read_bytes() == (asset.folder / "object.xml").read_bytes()
 
 
-def test_a_continuous_joint_has_no_limits_whatever_the_file_says(tmp_path: Path) -> None:
+def test_a_continuous_joint_has_no_limits_with_any_limits_in_the_file(tmp_path: Path) -> None:
     asset = made(tmp_path, ('type="prismatic"', 'type="continuous"'))
     assert asset.joint("slide").upper is None
-    assert "limits of the continuous joint slide left out" in said(asset)
+    assert "limits of the continuous joint slide left out" in repairs_text(asset)
 
 
 def test_types_in_capitals_are_read(tmp_path: Path) -> None:
     asset = made(tmp_path, ('type="prismatic"', 'type="Prismatic"'))
     assert asset.joint("slide").kind == "slide"
-    assert "read as 'prismatic'" in said(asset)
+    assert "read as 'prismatic'" in repairs_text(asset)
 
 
 @pytest.mark.parametrize("kind", ["spherical", "", "joint_type"])
-def test_types_that_no_format_knows_are_refused(tmp_path: Path, kind: str) -> None:
+def test_types_that_no_format_knows_are_rejected(tmp_path: Path, kind: str) -> None:
     with pytest.raises(AssetError, match=f"is of type '{kind}'; revolute, .* are accepted"):
         made(tmp_path, ('type="prismatic"', f'type="{kind}"'))
 
 
 def test_a_planar_joint_is_two_slides_and_a_turn(tmp_path: Path) -> None:
-    """At zero nothing moves; the child goes where the three say, as the format has it."""
+    """At zero nothing moves; the child goes to the composed pose, as in the format."""
     inside = '<axis xyz="0 0 1"/><limit lower="-0.1" upper="0.2"/>'
     asset = made(tmp_path, lid("planar", inside))
     names = ["turn_x", "turn_y", "turn"]
     assert [j.name for j in asset.joints if j.name != "slide"] == names
     assert [asset.joint(name).kind for name in names] == ["slide", "slide", "hinge"]
     assert asset.joint("turn_x").upper == 0.2
-    assert "joint turn is planar" in said(asset)
+    assert "joint turn is planar" in repairs_text(asset)
     model = loaded(asset)
     data = mujoco.MjData(model)
     for name, value in zip(names, (0.15, -0.05, 0.7), strict=True):
@@ -187,13 +194,13 @@ def test_a_screw_goes_its_pitch_for_each_turn(tmp_path: Path, pitch: float) -> N
 def test_a_screw_without_a_pitch_turns_in_place(tmp_path: Path) -> None:
     asset = made(tmp_path, lid("screw", '<axis xyz="0 0 1"/>'))
     assert asset.joint("turn").kind == "hinge"
-    assert "without a pitch" in said(asset)
+    assert "without a pitch" in repairs_text(asset)
 
 
 def test_a_floating_part_is_held_where_it_is(tmp_path: Path) -> None:
     asset = made(tmp_path, lid("floating"))
     assert [joint.name for joint in asset.joints] == ["slide"]
-    assert "joint turn is floating: link lid lies loose" in said(asset)
+    assert "joint turn is floating: link lid is fixed at its pose" in repairs_text(asset)
 
 
 def test_a_mimic_follows_in_both_files(tmp_path: Path) -> None:
@@ -215,7 +222,7 @@ def test_a_mimic_of_a_continuous_joint_follows_it(tmp_path: Path) -> None:
     ("leader", "words"),
     [
         ("turn", "mimics itself"),
-        ("gone", "mimics gone, which does not move"),
+        ("absent", "mimics absent, which does not move"),
         ("", "without a joint"),
     ],
 )
@@ -223,14 +230,14 @@ def test_a_mimic_of_nothing_moves_on_its_own(tmp_path: Path, leader: str, words:
     follow = f'<axis xyz="0 0 1"/><limit lower="0" upper="1"/><mimic joint="{leader}"/>'
     asset = made(tmp_path, lid("revolute", follow))
     assert loaded(asset).neq == 0
-    assert words in said(asset)
+    assert words in repairs_text(asset)
 
 
 def test_two_joints_that_mimic_each_other_are_cut_once(tmp_path: Path) -> None:
     follow = '<axis xyz="0 0 1"/><limit lower="0" upper="1"/><mimic joint="slide"/>'
     asset = made(tmp_path, (LIMIT, f'{LIMIT}<mimic joint="turn"/>'), lid("revolute", follow))
     assert loaded(asset).neq == 1
-    assert "mimics itself" in said(asset)
+    assert "mimics itself" in repairs_text(asset)
 
 
 def test_fixed_links_keep_their_names_and_places(tmp_path: Path) -> None:
@@ -251,7 +258,7 @@ def test_fixed_links_keep_their_names_and_places(tmp_path: Path) -> None:
 
 
 def test_frames_of_the_canonical_urdf_weigh_nothing(tmp_path: Path) -> None:
-    """PyBullet gives 1 kg to a link that says nothing; MuJoCo fuses all of them."""
+    """PyBullet gives 1 kg to a link without a mass; MuJoCo fuses all of them."""
     pybullet = pytest.importorskip("pybullet")
     tip = (
         '<link name="tip"/><joint name="hold" type="fixed"><parent link="drawer"/>'
@@ -280,12 +287,12 @@ def test_visual_geometry_is_kept_and_does_not_collide(tmp_path: Path) -> None:
     assert not model.geom_contype[seen].any()
 
 
-def test_a_second_root_is_fixed_to_the_first_and_said(tmp_path: Path) -> None:
+def test_a_second_root_is_fixed_to_the_first_and_listed(tmp_path: Path) -> None:
     stray = (
         '<link name="shelf"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>'
     )
     asset = made(tmp_path, more(stray))
-    assert "several root links; shelf fixed to body" in said(asset)
+    assert "several root links; shelf fixed to body" in repairs_text(asset)
 
 
 @pytest.mark.parametrize(
@@ -303,7 +310,7 @@ def test_a_second_root_is_fixed_to_the_first_and_said(tmp_path: Path) -> None:
         ([('<parent link="body"/>', "")], "lacks a parent or a child"),
     ],
 )
-def test_joints_that_make_no_tree_are_refused(tmp_path: Path, changes, words: str) -> None:
+def test_joints_that_make_no_tree_are_rejected(tmp_path: Path, changes, words: str) -> None:
     with pytest.raises(AssetError, match=words):
         made(tmp_path, *changes)
 
@@ -312,7 +319,7 @@ def test_the_ground_need_not_be_declared(tmp_path: Path) -> None:
     weld = '<joint name="weld" type="fixed"><parent link="world"/><child link="body"/></joint>'
     asset = made(tmp_path, more(weld))
     assert [link.name for link in asset.links] == ["body", "drawer"]
-    assert "link world is not declared" in said(asset)
+    assert "link world is not declared" in repairs_text(asset)
 
 
 def test_a_root_called_world_with_geometry_is_renamed(tmp_path: Path) -> None:
@@ -331,19 +338,19 @@ def test_a_second_joint_of_the_same_name_is_renamed(tmp_path: Path) -> None:
     )
     asset = made(tmp_path, more(text))
     assert [joint.name for joint in asset.joints] == ["slide", "slide_2"]
-    assert "a second joint is called slide: renamed slide_2" in said(asset)
+    assert "a second joint is called slide: renamed slide_2" in repairs_text(asset)
 
 
-def test_what_stands_twice_alike_is_read_once(tmp_path: Path) -> None:
+def test_identical_duplicates_are_read_once(tmp_path: Path) -> None:
     text = written(tmp_path).read_text()
     again = text[text.index('<link name="drawer">') : text.index("</robot>")]
     asset = made(tmp_path, more(again))
     assert [joint.name for joint in asset.joints] == ["slide"]
-    assert "link drawer stands twice" in said(asset)
-    assert "joint slide stands twice" in said(asset)
+    assert "link drawer is defined twice, identically" in repairs_text(asset)
+    assert "joint slide is defined twice, identically" in repairs_text(asset)
 
 
-def test_two_links_of_one_name_that_differ_are_refused(tmp_path: Path) -> None:
+def test_two_links_of_one_name_that_differ_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match="a second link is called 'drawer' and differs"):
         made(tmp_path, more('<link name="drawer"/>'))
 
@@ -375,24 +382,25 @@ def test_inertia_that_no_body_has_is_computed_from_the_shapes(
     asset = made(tmp_path, inertial(mass, values))
     expected = max(500.0 * 0.02 * 0.3 * 0.1, MASS_KG["slide"][0])
     assert asset.link("drawer").mass_kg == pytest.approx(expected)
-    assert re.search("computed|left out", said(asset))
+    assert re.search("computed|left out", repairs_text(asset))
 
 
-def test_absent_inertia_is_computed_and_said(tmp_path: Path) -> None:
+def test_absent_inertia_is_computed_and_listed(tmp_path: Path) -> None:
     asset = made(tmp_path)
-    assert "mass and inertia of 2 links computed from their shapes at 500 kg/m3" in said(asset)
+    text = "mass and inertia of links body, drawer computed from their shapes at 500 kg/m3"
+    assert text in repairs_text(asset)
     assert asset.link("body").mass_kg == pytest.approx(500.0 * 0.4**3)
 
 
-def test_inertia_of_a_source_that_is_not_metric_is_left_out_and_said(tmp_path: Path) -> None:
+def test_inertia_of_a_source_that_is_not_metric_is_left_out_and_listed(tmp_path: Path) -> None:
     config = ConvertConfig(size_m=0.86)
     asset = made(tmp_path, inertial("1", "0.1 0.1 0.1"), config=config)
-    assert "left out, for it is not metric" in said(asset)
+    assert "ignored, for it is not metric" in repairs_text(asset)
     assert asset.link("drawer").mass_kg == pytest.approx(500.0 * 8 * 0.02 * 0.3 * 0.1)
 
 
 def test_a_moving_link_without_geometry_and_inertia_carries_others(tmp_path: Path) -> None:
-    """MuJoCo refuses moving bodies without mass; the format allows them between others."""
+    """MuJoCo rejects moving bodies without mass; the format allows them between others."""
     chain = (
         '<link name="between"/><link name="lid"><visual><geometry><box size="0.1 0.1 0.02"/>'
         '</geometry></visual></link><joint name="a" type="continuous"><parent link="body"/>'
@@ -405,14 +413,14 @@ def test_a_moving_link_without_geometry_and_inertia_carries_others(tmp_path: Pat
     assert (model.body_inertia[1:] > 0.0).all()
 
 
-def test_a_moving_leaf_without_geometry_is_left_out_and_said(tmp_path: Path) -> None:
+def test_a_moving_leaf_without_geometry_is_left_out_and_listed(tmp_path: Path) -> None:
     leaf = (
         '<link name="leaf"/><joint name="a" type="continuous"><parent link="body"/>'
         '<child link="leaf"/><axis xyz="0 0 1"/></joint>'
     )
     asset = made(tmp_path, more(leaf))
     assert [joint.name for joint in asset.joints] == ["slide"]
-    assert "link leaf has no geometry: left out with its joint" in said(asset)
+    assert "link leaf has no geometry: left out with its joint" in repairs_text(asset)
 
 
 def test_what_moves_in_the_carcass_does_not_collide_with_it(tmp_path: Path) -> None:
@@ -424,28 +432,22 @@ def test_what_moves_in_the_carcass_does_not_collide_with_it(tmp_path: Path) -> N
     assert data.ncon == 0
 
 
-def test_misspelt_attributes_and_unknown_elements_say_nothing(tmp_path: Path) -> None:
+def test_misspelt_attributes_and_unknown_elements_are_ignored(tmp_path: Path) -> None:
     plain = made(tmp_path / "plain")
     extra = '<gazebo reference="drawer"><mu1>0.9</mu1></gazebo><sensor naem="x"/>'
     asset = made(tmp_path / "extra", more(extra), (AXIS, '<axis xyz="-1 0 0" xzy="0 0 1"/>'))
     assert (asset.folder / "object.xml").read_bytes() == (plain.folder / "object.xml").read_bytes()
 
 
-def test_a_xacro_is_told_from_a_urdf(tmp_path: Path) -> None:
-    text = "<robot xmlns:xacro='http://wiki.ros.org/xacro' name='x'><xacro:macro name='m'/></robot>"
-    (tmp_path / "a.urdf.xacro").write_text(text)
-    with pytest.raises(AssetError, match=r"a xacro, not a URDF; expand it first: xacro a\.urdf"):
-        read_urdf(tmp_path / "a.urdf.xacro")
+def test_the_links_whose_masses_are_computed_are_named(tmp_path: Path) -> None:
+    """Whatever the others have."""
+    asset = made(tmp_path, inertial("1", "0.0083 0.0009 0.0075"))
+    computed = "mass and inertia of link body computed from their shapes at 500 kg/m3"
+    assert computed in repairs_text(asset)
+    assert asset.link("drawer").mass_kg == 1.0
 
 
-def test_macros_left_in_the_file_are_named(tmp_path: Path) -> None:
-    asset = made(tmp_path, more('<xacro:handle side="left"/>'))
-    assert "macros are not expanded (xacro:handle): run xacro" in said(asset)
-    with pytest.raises(AssetError, match="is not made of numbers; expand the xacro first"):
-        made(tmp_path / "two", (AXIS, '<axis xyz="${side} 0 0"/>'))
-
-
-def test_an_object_without_a_movable_joint_is_rigid_and_says_so(tmp_path: Path) -> None:
+def test_an_object_without_a_movable_joint_is_rigid_and_listed(tmp_path: Path) -> None:
     asset = made(tmp_path, ('type="prismatic"', 'type="fixed"'))
     assert asset.joints == ()
     assert asset.handles == ()
@@ -464,9 +466,9 @@ def test_a_mirrored_mesh_has_a_hull_with_outward_normals(tmp_path: Path) -> None
     wedge.export(tmp_path / "meshes" / "wedge.obj")
     mesh = '<mesh filename="meshes/wedge.obj" scale="1 -2 0.5"/>'
     asset = made(tmp_path, ('<box size="0.02 0.3 0.1"/>', mesh))
-    assert "mirrored mesh wedge.obj: winding turned back" in said(asset)
-    shown = max((asset.folder / "meshes").glob("v01*.obj"), key=lambda p: p.stat().st_size)
-    found = trimesh.load_mesh(shown)
+    assert "mirrored mesh wedge.obj: face orientation reversed" in repairs_text(asset)
+    visual = max((asset.folder / "meshes").glob("v01*.obj"), key=lambda p: p.stat().st_size)
+    found = trimesh.load_mesh(visual)
     np.testing.assert_allclose(found.bounds, [[0, -0.4, 0], [0.3, 0, 0.05]], atol=1e-9)
     np.testing.assert_allclose(found.volume, wedge.volume, rtol=1e-9)
     model = loaded(asset)
@@ -506,7 +508,7 @@ def test_flat_meshes_single_triangles_and_open_sheets_are_thickened(
 
 
 @pytest.mark.parametrize("content", ["", "v 0 0 0\n", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"])
-def test_a_mesh_of_nothing_is_left_out_or_refused(tmp_path: Path, content: str) -> None:
+def test_a_mesh_of_nothing_is_left_out_or_rejected(tmp_path: Path, content: str) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "empty.obj").write_text(content)
     mesh = '<mesh filename="meshes/empty.obj"/>'
@@ -514,11 +516,11 @@ def test_a_mesh_of_nothing_is_left_out_or_refused(tmp_path: Path, content: str) 
         made(tmp_path, ('<box size="0.02 0.3 0.1"/>', mesh))
     other = f"<visual><geometry>{mesh}</geometry></visual></link>\n  <joint"
     asset = made(tmp_path, ("</link>\n  <joint", other))
-    assert "left out: " in said(asset)
-    assert "empty.obj" in said(asset)
+    assert "left out: " in repairs_text(asset)
+    assert "empty.obj" in repairs_text(asset)
 
 
-def test_a_mesh_that_may_come_is_told_from_one_that_cannot_be_read(tmp_path: Path) -> None:
+def test_a_mesh_that_may_come_is_distinguished_from_one_that_cannot_be_read(tmp_path: Path) -> None:
     changes = ('<box size="0.02 0.3 0.1"/>', '<mesh filename="meshes/leaf.obj"/>')
     with pytest.raises(MissingMesh, match=r"two\.urdf:\d+: mesh 'meshes/leaf\.obj' not found"):
         made(tmp_path, changes)
@@ -535,7 +537,7 @@ def test_dynamics_absent_are_those_of_the_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("factor", [1000.0, 0.001])
-def test_an_object_of_no_likely_size_is_converted_or_rejected_until_its_size_is_given(
+def test_an_object_of_no_likely_size_is_converted_or_rejected_until_its_size_is_set(
     tmp_path: Path, factor: float
 ) -> None:
     side = f"{0.4 * factor:g}"
@@ -547,7 +549,7 @@ def test_an_object_of_no_likely_size_is_converted_or_rejected_until_its_size_is_
     )
     if factor > 1.0:
         asset = made(tmp_path / "plain", *changes)
-        assert "numbers are mm" in said(asset)
+        assert "numbers are mm" in repairs_text(asset)
         np.testing.assert_allclose(np.ptp(np.array(asset.bounds_o), axis=0).max(), 0.42)
         return
     with pytest.raises(AssetError, match=r"in metres with --size|no link has geometry"):
@@ -556,12 +558,12 @@ def test_an_object_of_no_likely_size_is_converted_or_rejected_until_its_size_is_
     np.testing.assert_allclose(np.ptp(np.array(asset.bounds_o), axis=0).max(), 0.42)
 
 
-def test_a_mesh_that_lies_elsewhere_is_found_and_said(tmp_path: Path) -> None:
+def test_a_mesh_in_another_folder_is_found_and_listed(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box((0.02, 0.3, 0.1)).export(tmp_path / "meshes" / "Front.obj")
     mesh = '<mesh filename="../../data/meshes/front.obj"/>'
     asset = made(tmp_path, ('<box size="0.02 0.3 0.1"/>', mesh))
-    assert "mesh '../../data/meshes/front.obj' was found at meshes/Front.obj" in said(asset)
+    assert "mesh '../../data/meshes/front.obj' was found at meshes/Front.obj" in repairs_text(asset)
 
 
 def test_a_texture_of_the_file_colours_a_mesh(tmp_path: Path) -> None:
@@ -574,21 +576,21 @@ def test_a_texture_of_the_file_colours_a_mesh(tmp_path: Path) -> None:
     )
     asset = made(tmp_path, ('<box size="0.02 0.3 0.1"/>', mesh))
     model = loaded(asset)
-    shown = next(g for g in range(model.ngeom) if int(model.geom_bodyid[g]) == 2)
-    np.testing.assert_allclose(model.geom_rgba[shown], [0.2, 0.4, 0.8, 1.0], atol=0.01)
-    assert "textures were replaced by the mean colour" in said(asset)
+    visual = next(g for g in range(model.ngeom) if int(model.geom_bodyid[g]) == 2)
+    np.testing.assert_allclose(model.geom_rgba[visual], [0.2, 0.4, 0.8, 1.0], atol=0.01)
+    assert "textures were replaced by the mean colour" in repairs_text(asset)
 
 
-def test_specks_are_left_out_and_said(tmp_path: Path) -> None:
+def test_specks_are_left_out_and_listed(tmp_path: Path) -> None:
     speck = (
         '</visual><visual><geometry><sphere radius="1e-6"/></geometry></visual></link>\n  <joint'
     )
     asset = made(tmp_path, ("</visual>\n  </link>\n  <joint", speck))
     assert asset.link("drawer").visuals == 1
-    assert "part drawer: 1 visual pieces of next to no area left out" in said(asset)
+    assert "part drawer: 1 visual pieces of next to no area left out" in repairs_text(asset)
 
 
-def test_an_object_of_specks_alone_is_refused(tmp_path: Path) -> None:
+def test_an_object_of_only_specks_is_rejected(tmp_path: Path) -> None:
     speck = '<sphere radius="1e-6"/>'
     with pytest.raises(AssetError, match="no link has geometry of any area"):
         made(tmp_path, (BODY_BOX, speck), ('<box size="0.02 0.3 0.1"/>', speck))

@@ -66,7 +66,7 @@ def test_meaningless_limits_are_left_out_and_listed(lower, upper) -> None:
     assert repairs.messages
 
 
-def test_a_zero_axis_is_refused_with_the_place() -> None:
+def test_a_zero_axis_is_rejected_with_the_place() -> None:
     with pytest.raises(AssetError, match=r"x\.urdf:1: joint 'j' has a zero axis"):
         travel_of(joint(axis=(0.0, 0.0, 0.0)), NOTHING, ConvertConfig(), Repairs())
 
@@ -88,7 +88,7 @@ def test_a_slide_of_a_file_in_millimetres_keeps_its_limits(
     repairs = Repairs()
     found = travel_of(joint("prismatic", lower=0.0, upper=250.0), part, ConvertConfig(), repairs)
     assert found.upper == pytest.approx(0.8 * side if upper is None else upper)
-    assert any("meaningless" in sentence for sentence in repairs.messages) is (upper is None)
+    assert any("meaningless" in message for message in repairs.messages) is (upper is None)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_limits_in_degrees_are_converted_keep_their_sign_and_are_listed(
     assert (found.lower, found.upper) == (math.radians(lower), math.radians(upper))
     assert found.closed == 0.0
     assert found.open == math.radians(lower + upper)
-    assert any("are degrees" in sentence for sentence in repairs.messages)
+    assert any("are degrees" in message for message in repairs.messages)
 
 
 def test_the_sign_of_meaningless_limits_is_kept() -> None:
@@ -140,7 +140,7 @@ def test_a_range_of_a_few_degrees_is_questioned() -> None:
     repairs = Repairs()
     turn = math.radians(math.pi / 2)
     travel_of(joint(lower=0.0, upper=turn), NOTHING, ConvertConfig(), repairs)
-    assert any("are its limits in radians" in sentence for sentence in repairs.messages)
+    assert any("are its limits in radians" in message for message in repairs.messages)
 
 
 @pytest.mark.parametrize(

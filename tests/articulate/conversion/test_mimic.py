@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.articulate.conversion.boxes import loaded, said
+from tests.articulate.conversion.boxes import loaded, repairs_text
 
 from articulate.conversion import ConvertConfig, convert
 from articulate.conversion.joints import Travel
@@ -74,11 +74,11 @@ def test_the_closed_object_is_one_that_occurs(tmp_path: Path) -> None:
     np.testing.assert_allclose(data.efc_pos[: model.neq], 0.0, atol=1e-9)
 
 
-def test_the_limit_asked_for_is_the_leaders(tmp_path: Path) -> None:
+def test_the_requested_limit_is_the_leaders(tmp_path: Path) -> None:
     (tmp_path / "leaves.urdf").write_text(LEAVES)
     asset = convert(tmp_path / "leaves.urdf", tmp_path / "out", ConvertConfig(closed="upper"))
     assert (asset.joint("R").closed, asset.joint("R").open) == (-0.6, 0.0)
-    assert "independent" not in said(asset)
+    assert "independent" not in repairs_text(asset)
 
 
 def test_leaders_come_before_their_followers_along_a_chain() -> None:
@@ -92,16 +92,16 @@ def test_leaders_come_before_their_followers_along_a_chain() -> None:
 
 
 def test_those_that_follow_nothing_that_moves_stay_as_they_are() -> None:
-    joints = [joint("a", "b", 1, 0), joint("b", "a", 1, 0), joint("c", "gone", 1, 0)]
+    joints = [joint("a", "b", 1, 0), joint("b", "a", 1, 0), joint("c", "absent", 1, 0)]
     leads, dropped = resolve_mimics(joints)
     assert list(leads) == ["b"]
-    assert dropped == {"a": "itself", "c": "gone, which does not move"}
+    assert dropped == {"a": "itself", "c": "absent, which does not move"}
     found = apply_mimics({"a": WIDE, "b": WIDE, "c": WIDE}, leads, Repairs())
     assert found["c"] is WIDE
     assert found["b"].closed_rule == "follows a"
 
 
-def test_a_follower_goes_as_far_as_its_own_limits_and_that_is_said() -> None:
+def test_a_follower_goes_as_far_as_its_own_limits_and_is_listed() -> None:
     leads, _ = resolve_mimics([joint("a"), joint("b", "a", 4, 0)])
     repairs = Repairs()
     found = apply_mimics({"a": travel(0.0, 0.6, 0.0, 0.6), "b": WIDE}, leads, repairs)
@@ -155,4 +155,4 @@ def test_a_part_without_geometry_stays_while_it_leads_another(tmp_path: Path) ->
     path.write_text(VIRTUAL.format(mimic=""))
     asset = convert(path, tmp_path / "out")
     assert [joint.name for joint in asset.joints] == ["follow"]
-    assert "link none has no geometry: left out with its joint" in said(asset)
+    assert "link none has no geometry: left out with its joint" in repairs_text(asset)

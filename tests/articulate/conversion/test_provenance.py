@@ -18,13 +18,13 @@ def urdf_in(folder: Path, name: str = "thing.urdf") -> Path:
     return path
 
 
-def test_what_stands_beside_the_file_is_taken(tmp_path: Path) -> None:
-    said = {"source": "my workshop", "licence": "CC0"}
-    (tmp_path / "source.json").write_text(json.dumps(said), encoding="utf-8")
+def test_source_and_licence_beside_the_file_are_used(tmp_path: Path) -> None:
+    content = {"source": "my workshop", "licence": "CC0"}
+    (tmp_path / "source.json").write_text(json.dumps(content), encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("my workshop", "CC0")
 
 
-def test_a_licence_that_is_asked_for_wins(tmp_path: Path) -> None:
+def test_a_configured_licence_wins(tmp_path: Path) -> None:
     (tmp_path / "source.json").write_text('{"licence": "CC0"}', encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig(licence="MIT"))[1] == "MIT"
 
@@ -45,13 +45,13 @@ def test_an_object_of_the_data_set_is_named_by_its_folder_from_within(
     assert source == f"PartNet-Mobility {tmp_path.name}"
 
 
-def test_nothing_said_is_unknown_even_from_a_broken_file(tmp_path: Path) -> None:
+def test_without_information_it_is_unknown_even_from_a_broken_file(tmp_path: Path) -> None:
     (tmp_path / "source.json").write_text("{", encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "null", "[1]"])
-def test_a_file_that_holds_something_else_says_nothing(tmp_path: Path, text: str) -> None:
+def test_a_file_that_holds_something_else_is_ignored(tmp_path: Path, text: str) -> None:
     (tmp_path / "source.json").write_text(text, encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")
     assert category_of(urdf_in(tmp_path), ConvertConfig()) == "unknown"
@@ -59,6 +59,6 @@ def test_a_file_that_holds_something_else_says_nothing(tmp_path: Path, text: str
 
 @pytest.mark.parametrize("value", ["null", '""', "3", "[]"])
 def test_a_licence_that_is_no_word_is_none(tmp_path: Path, value: str) -> None:
-    said = f'{{"source": {value}, "licence": {value}}}'
-    (tmp_path / "source.json").write_text(said, encoding="utf-8")
+    content = f'{{"source": {value}, "licence": {value}}}'
+    (tmp_path / "source.json").write_text(content, encoding="utf-8")
     assert origin_of(urdf_in(tmp_path), ConvertConfig()) == ("thing.urdf", "unknown")

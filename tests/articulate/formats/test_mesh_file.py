@@ -216,7 +216,7 @@ def test_no_mesh_is_rejected_in_one_line(
 
 
 def test_corners_of_two_coordinates_are_rejected_in_one_line(tmp_path: Path) -> None:
-    """What a cut-off OBJ looks like; found by mutation."""
+    """A cut-off OBJ; found by mutation."""
     path = tmp_path / "flat.obj"
     path.write_text("v 0 0\nv 1 0\nv 0 1\nv 1 1\nf 1 2 3\nf 2 4 3\n")
     with pytest.raises(AssetError, match=r"^mesh flat\.obj: "):
@@ -227,7 +227,7 @@ def test_files_that_a_mesh_names_are_those_that_exist(tmp_path):
     (tmp_path / "pic.png").write_bytes(b"1")
     (tmp_path / "a.bin").write_bytes(b"2")
     scene = tmp_path / "a.gltf"
-    scene.write_text('{"buffers": [{"uri": "a.bin"}, {"uri": "gone.bin"}, {"uri": "data:x"}]}')
+    scene.write_text('{"buffers": [{"uri": "a.bin"}, {"uri": "absent.bin"}, {"uri": "data:x"}]}')
     assert named_files(scene) == [tmp_path / "a.bin"]
     collada = tmp_path / "a.dae"
     names = ("pic.png", "x\0y", "n" * 400, "pic.png")

@@ -37,11 +37,11 @@ def urdf(tmp_path: Path) -> Path:
         "../meshes/%44rawer.obj",
     ],
 )
-def test_every_way_of_writing_a_path_finds_the_mesh(urdf: Path, reference: str) -> None:
+def test_every_notation_of_a_path_finds_the_mesh(urdf: Path, reference: str) -> None:
     assert resolve(reference, urdf).name.lower() == "drawer.obj"
 
 
-def test_an_absolute_path_is_taken_as_it_is(urdf: Path) -> None:
+def test_an_absolute_path_is_used_unchanged(urdf: Path) -> None:
     mesh = urdf.parent.parent / "meshes" / "Drawer.obj"
     assert resolve(str(mesh), urdf) == mesh
     assert resolve(mesh.as_uri(), urdf) == mesh
@@ -64,7 +64,7 @@ def test_ros_package_path_is_looked_in(
     assert resolve("package://door/meshes/leaf.stl", urdf).name == "leaf.stl"
 
 
-def test_an_absent_mesh_is_refused_in_one_line_that_lists_what_was_tried(urdf: Path) -> None:
+def test_an_absent_mesh_is_rejected_in_one_line_that_lists_what_was_tried(urdf: Path) -> None:
     with pytest.raises(MissingMesh) as caught:
         resolve("package://cabinet/meshes/lid.obj", urdf)
     message = str(caught.value)
@@ -95,7 +95,7 @@ def test_a_package_path_may_name_the_package_itself(
     "reference",
     ["package://", "package:///", "/", "..", "x" * 5000, "a\0b.obj", "C:", "http://a/b.obj"],
 )
-def test_what_names_no_file_is_refused(urdf: Path, reference: str) -> None:
+def test_a_reference_without_a_file_name_is_rejected(urdf: Path, reference: str) -> None:
     with pytest.raises(AssetError, match="not found"):
         resolve(reference, urdf)
 
@@ -117,5 +117,7 @@ def test_devices_are_no_meshes(urdf: Path) -> None:
         ("/home/me/meshes/Drawer.obj", True),
     ],
 )
-def test_meshes_found_elsewhere_are_told_apart(urdf: Path, reference: str, elsewhere: bool) -> None:
+def test_meshes_found_elsewhere_are_distinguished(
+    urdf: Path, reference: str, elsewhere: bool
+) -> None:
     assert found_elsewhere(reference, urdf, resolve(reference, urdf)) is elsewhere

@@ -54,14 +54,14 @@ def test_leaf_that_would_turn_in_its_own_plane_is_turned_upright(tmp_path):
     reading = read_input(write_door(tmp_path), ConvertConfig())
     sides, repairs = leaf_of(reading)
     np.testing.assert_allclose(sides, (LEAF_M[0], LEAF_M[2], LEAF_M[1]), atol=1e-6)
-    assert sum("turned from z up to y up" in sentence for sentence in repairs) == 1
+    assert sum("turned from z up to y up" in message for message in repairs) == 1
     (frame,) = reading.geometry[reading.parts[0].name].visible
     T_pl = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     np.testing.assert_allclose(frame.mesh.centroid, (T_pl @ (0, 1.2, 0, 1))[:3], atol=1e-6)
 
 
 @pytest.mark.parametrize(
-    "given",
+    "changes",
     [
         {"axis": "0 0 1"},  # an axis in the plane of the leaf
         {"rpy": "0 0 0"},  # links whose z axis points up
@@ -69,38 +69,38 @@ def test_leaf_that_would_turn_in_its_own_plane_is_turned_upright(tmp_path):
         {"shift": 0.0},  # a sign that turns about its middle
     ],
 )
-def test_meshes_stay_as_they_are_without_such_evidence(tmp_path, part_set):
-    sides, repairs = leaf_of(read_input(write_door(tmp_path, **part_set), ConvertConfig()))
+def test_meshes_stay_as_they_are_without_such_evidence(tmp_path, changes):
+    sides, repairs = leaf_of(read_input(write_door(tmp_path, **changes), ConvertConfig()))
     np.testing.assert_allclose(sides, LEAF_M, atol=1e-6)
-    assert not any("turned from" in sentence for sentence in repairs)
+    assert not any("turned from" in message for message in repairs)
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", "0 0 1"), ("file", "0 -1 0")])
-def test_the_configuration_decides_where_it_says_so(tmp_path, up, axis):
+def test_the_configuration_decides_if_it_is_set(tmp_path, up, axis):
     reading = read_input(write_door(tmp_path, axis=axis), ConvertConfig(collada_up=up))
     turned = (LEAF_M[0], LEAF_M[2], LEAF_M[1])
     np.testing.assert_allclose(leaf_of(reading)[0], turned if up == "y" else LEAF_M, atol=1e-6)
 
 
-def test_all_who_read_links_read_them_the_same_way_up(tmp_path):
+def test_all_readers_of_links_orient_them_equally(tmp_path):
     path = write_door(tmp_path)
     source = read_urdf(path)
     before = source.repairs.messages
     loader = make_loader(source, ConvertConfig())
     upright = (LEAF_M[0], LEAF_M[2], LEAF_M[1])
     assert loader.y_up
-    (sentence,) = set(source.repairs.messages) - set(before)
-    assert "turned from z up to y up" in sentence
+    (message,) = set(source.repairs.messages) - set(before)
+    assert "turned from z up to y up" in message
     corners = parts_of(path)["leaf"].triangles.reshape(-1, 3)
     np.testing.assert_allclose(np.ptp(corners, axis=0), upright, atol=1e-6)
     (leaf,) = (mesh for mesh in read_part_set(path).meshes if mesh.name == "leaf")
-    np.testing.assert_allclose(np.ptp(leaf.vertices, axis=0), LEAF_M, atol=1e-6)  # it stands
+    np.testing.assert_allclose(np.ptp(leaf.vertices, axis=0), LEAF_M, atol=1e-6)  # upright
     other = make_loader(read_urdf(path), ConvertConfig(collada_up="file"))
     assert not other.y_up
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0, 70.0])
-def test_leaf_is_found_however_it_lies_about_its_axis(tmp_path, degrees):
+def test_leaf_is_found_at_any_angle_about_its_axis(tmp_path, degrees):
     leaf = trimesh.creation.box(LEAF_M)
     leaf.apply_translation((0.4, 0.0, 0.0))
     leaf.apply_transform(trimesh.transformations.rotation_matrix(np.radians(degrees), (0, 1, 0)))
@@ -110,7 +110,7 @@ def test_leaf_is_found_however_it_lies_about_its_axis(tmp_path, degrees):
     assert leaves_in_plane(reading.parts, reading.geometry) == ("hinge",)
 
 
-def test_only_collada_files_say_which_way_is_up(tmp_path):
+def test_only_collada_files_declare_the_upward_axis(tmp_path):
     for up in ("X_UP", "Y_UP", "Z_UP"):
         write_mesh(tmp_path / f"{up}.dae", trimesh.creation.box(LEAF_M), up)
         assert is_z_up(tmp_path / f"{up}.dae") == (up == "Z_UP")

@@ -10,12 +10,12 @@ from PIL import Image
 from tests.articulate.conversion.mjcf import (
     BALL,
     DRAWER,
+    has_message,
     joint_of,
     model,
     moving,
     raw_poses,
     read,
-    said,
     states,
     write,
     written_poses,
@@ -56,7 +56,7 @@ TWISTED = """<mujoco model="twisted">
 </mujoco>"""
 
 
-def test_every_way_to_write_a_frame_moves_as_muJoCo_moves_it(tmp_path: Path) -> None:
+def test_every_notation_of_a_frame_moves_as_muJoCo_moves_it(tmp_path: Path) -> None:
     """Classes, frames, degrees, anchors, references and several joints of one body."""
     source = read(tmp_path, TWISTED)
     raw = mujoco.MjModel.from_xml_string(TWISTED)
@@ -82,7 +82,7 @@ def test_written_asset_moves_as_the_input_up_to_the_object_frame(tmp_path: Path)
             np.testing.assert_allclose(here[name], T_ow @ there[name], atol=1e-6)
 
 
-def test_drawer_becomes_an_asset_that_keeps_what_its_author_said(tmp_path: Path) -> None:
+def test_drawer_becomes_an_asset_that_keeps_the_values_of_its_author(tmp_path: Path) -> None:
     asset = convert(write(tmp_path, DRAWER), tmp_path / "out", ConvertConfig(decompose=False))
     joint = asset.joint("slide")
     assert (joint.kind, joint.lower, joint.upper) == ("slide", 0.0, 0.3)
@@ -98,18 +98,18 @@ def test_drawer_becomes_an_asset_that_keeps_what_its_author_said(tmp_path: Path)
 # what is made of joints
 
 
-def test_body_with_a_free_joint_is_fixed_and_said_so(tmp_path: Path) -> None:
+def test_body_with_a_free_joint_is_fixed_and_listed(tmp_path: Path) -> None:
     source = read(tmp_path, model(f'<body name="cup"><freejoint/>{BALL}</body>'))
     assert list(source.links) == ["cup"]
     assert not source.joints
-    assert said(source, "body cup is free to move: fixed at its pose")
+    assert has_message(source, "body cup is free to move: fixed at its pose")
 
 
-def test_range_of_an_unlimited_joint_is_taken_and_said(tmp_path: Path) -> None:
+def test_range_of_an_unlimited_joint_is_used_and_listed(tmp_path: Path) -> None:
     joint = '<joint name="j" limited="false" range="0 1.5"/>'
     source = read(tmp_path, model(moving(BALL, joint=joint)))
     assert (joint_of(source, "j").lower, joint_of(source, "j").upper) == (0.0, 1.5)
-    assert said(source, "joint j has a range but limited=false")
+    assert has_message(source, "joint j has a range but limited=false")
 
 
 def test_joints_without_a_range_have_no_limits(tmp_path: Path) -> None:
@@ -141,11 +141,11 @@ def test_linear_equality_between_joints_becomes_a_mimic(tmp_path: Path) -> None:
     source = read(tmp_path, text)
     assert joint_of(source, "follow").mimic == pytest.approx(("lead", 3.0, 0.5 + 0.1 - 0.6))
     assert joint_of(source, "bent").mimic is None
-    assert said(source, "coupling of joint bent to lead is not linear")
-    assert said(source, "1 constraints between bodies left out")
+    assert has_message(source, "coupling of joint bent to lead is not linear")
+    assert has_message(source, "1 constraints between bodies left out")
 
 
-def test_slide_follows_the_knob_that_is_said_to_follow_it(tmp_path: Path) -> None:
+def test_slide_follows_the_knob_that_follows_it(tmp_path: Path) -> None:
     """q_knob = 0.1 + 50 q_slide is q_slide = q_knob / 50 - 0.002."""
     body = (
         f'<body name="a"><joint name="knob"/>{BALL}</body>'
@@ -159,10 +159,10 @@ def test_slide_follows_the_knob_that_is_said_to_follow_it(tmp_path: Path) -> Non
     source = read(tmp_path, text)
     assert joint_of(source, "knob").mimic is None
     assert joint_of(source, "burner").mimic == pytest.approx(("knob", 0.02, -0.002))
-    assert said(source, "joint burner follows knob, which turns it")
+    assert has_message(source, "joint burner follows knob, which turns it")
 
 
-def test_equality_without_a_leader_holds_the_joint_where_it_says(tmp_path: Path) -> None:
+def test_equality_without_a_leader_holds_the_joint_at_its_position(tmp_path: Path) -> None:
     slide = '<joint name="j" type="slide" axis="0 0 1" ref="0.1"/>'
     text = model(moving(BALL, joint=slide)).replace(
         "</worldbody>",
@@ -173,9 +173,9 @@ def test_equality_without_a_leader_holds_the_joint_where_it_says(tmp_path: Path)
     np.testing.assert_allclose(held.T_pc[:3, 3], (0.2, 0.0, 0.6))
 
 
-def test_spring_is_left_out_and_said(tmp_path: Path) -> None:
+def test_spring_is_left_out_and_listed(tmp_path: Path) -> None:
     source = read(tmp_path, model(moving(BALL, joint='<joint name="j" stiffness="5"/>')))
-    assert said(source, "spring of joint j left out")
+    assert has_message(source, "spring of joint j left out")
 
 
 def test_nameless_bodies_and_joints_are_named_after_each_other_and_the_model(
@@ -191,7 +191,7 @@ def test_repeated_names_are_made_different(tmp_path: Path) -> None:
     twin = f'<body name="twin"><joint name="j"/>{BALL}</body>'
     source = read(tmp_path, model(f'<body name="base">{BALL}{twin}{twin}</body>'))
     assert list(source.links) == ["base", "twin", "twin_2"]
-    assert said(source, "a second joint is called j: renamed j_2")
+    assert has_message(source, "a second joint is called j: renamed j_2")
 
 
 # what is made of geometry
@@ -248,7 +248,7 @@ def test_meshes_stand_where_muJoCo_puts_them(tmp_path: Path) -> None:
         assert distance.min(axis=1).max() < 1e-6
 
 
-def test_turned_mesh_with_uneven_scale_is_refused(tmp_path: Path) -> None:
+def test_turned_mesh_with_uneven_scale_is_rejected(tmp_path: Path) -> None:
     trimesh.creation.box().export(tmp_path / "a.stl")
     head = '<asset><mesh name="a" file="a.stl" scale="1 1 2" refquat="1 1 0 0"/></asset>'
     text = model('<body name="b"><geom type="mesh" mesh="a"/></body>', head=head)
@@ -260,7 +260,7 @@ def test_planes_are_ground_and_left_out(tmp_path: Path) -> None:
     ground = '<geom type="plane" size="1 1 1"/>'
     source = read(tmp_path, model(f'{ground}<body name="base">{BALL}</body>'))
     assert list(source.links) == ["base"]
-    assert said(source, "a plane, the ground, left out")
+    assert has_message(source, "a plane, the ground, left out")
 
 
 GROUPS = {
@@ -293,7 +293,7 @@ GROUPS = {
 
 
 @pytest.mark.parametrize("case", GROUPS)
-def test_looks_and_contact_are_told_apart_by_masks_and_groups(tmp_path: Path, case: str) -> None:
+def test_looks_and_contact_are_distinguished_by_masks_and_groups(tmp_path: Path, case: str) -> None:
     geoms, looks, touches = GROUPS[case]
     link = read(tmp_path, model(f'<body name="base">{geoms}</body>')).links["base"]
     assert [g.name for g in link.visuals] == looks
@@ -305,7 +305,7 @@ def test_colours_come_from_geom_material_and_texture(tmp_path: Path) -> None:
     head = (
         '<asset><texture name="t" type="2d" file="blue.png"/>'
         '<material name="m" texture="t" rgba="1 1 0.5 0.25"/>'
-        '<texture name="gone" type="2d" file="gone.png"/><material name="g" texture="gone"/>'
+        '<texture name="absent" type="2d" file="absent.png"/><material name="g" texture="absent"/>'
         "</asset>"
     )
     body = (
@@ -319,34 +319,34 @@ def test_colours_come_from_geom_material_and_texture(tmp_path: Path) -> None:
     assert colours[1] == pytest.approx((0.0, 0.2, 0.5, 0.25))
     assert colours[2:4] == [None, None]
     assert colours[4] == (1.0, 1.0, 1.0, 1.0)
-    assert said(source, "material 'elsewhere' is not defined: grey instead")
-    assert said(source, "texture 'gone.png' not found: plain colour instead")
+    assert has_message(source, "material 'elsewhere' is not defined: grey instead")
+    assert has_message(source, "texture 'absent.png' not found: plain colour instead")
 
 
 # what is made of masses
 
 
 def test_inertial_elements_are_kept_however_they_are_turned(tmp_path: Path) -> None:
-    inertial = '<inertial pos="0 0 0.1" euler="0 0 90" mass="2" diaginertia="1 2 2.5"/>'
+    element = '<inertial pos="0 0 0.1" euler="0 0 90" mass="2" diaginertia="1 2 2.5"/>'
     joint = '<joint name="j" pos="0 0 0.05"/>'
-    text = model(moving(inertial + BALL, joint=joint), compiler='angle="degree"')
-    given = read(tmp_path, text).links["part"].inertial
-    assert given is not None
-    assert given.mass == 2.0
-    np.testing.assert_allclose(given.T_li[:3, 3], (0.0, 0.0, 0.05))
-    turned = given.T_li[:3, :3] @ given.inertia @ given.T_li[:3, :3].T
+    text = model(moving(element + BALL, joint=joint), compiler='angle="degree"')
+    inertial = read(tmp_path, text).links["part"].inertial
+    assert inertial is not None
+    assert inertial.mass == 2.0
+    np.testing.assert_allclose(inertial.T_li[:3, 3], (0.0, 0.0, 0.05))
+    turned = inertial.T_li[:3, :3] @ inertial.inertia @ inertial.T_li[:3, :3].T
     np.testing.assert_allclose(np.diag(turned), (2.0, 1.0, 2.5), atol=1e-12)
 
 
 def test_mass_of_geoms_is_kept_where_the_author_gave_one(tmp_path: Path) -> None:
     """A box of 0.1 x 0.2 x 0.3 and 6 kg: Ixx = m (b2 + c2) / 12."""
     box = '<geom type="box" size=".05 .1 .15" mass="6"/><geom size="1" mass="0"/>'
-    given = read(tmp_path, model(moving(box))).links["part"].inertial
-    assert given is not None
-    assert given.mass == pytest.approx(6.0)
-    T = given.T_li[:3, :3]
+    inertial = read(tmp_path, model(moving(box))).links["part"].inertial
+    assert inertial is not None
+    assert inertial.mass == pytest.approx(6.0)
+    T = inertial.T_li[:3, :3]
     np.testing.assert_allclose(
-        np.diag(T @ given.inertia @ T.T), 0.5 * np.array([0.13, 0.10, 0.05]), rtol=1e-9
+        np.diag(T @ inertial.inertia @ T.T), 0.5 * np.array([0.13, 0.10, 0.05]), rtol=1e-9
     )
 
 
@@ -396,16 +396,16 @@ def test_mass_of_a_mesh_counts_and_one_that_is_missing_does_not_stop_the_reader(
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "cube.stl")
     head = '<asset><mesh file="cube.stl"/></asset>'
     text = model(moving('<geom type="mesh" mesh="cube" density="500"/>'), head=head)
-    given = read(tmp_path, text).links["part"].inertial
-    assert given is not None
-    assert given.mass == pytest.approx(0.5, rel=1e-5)
+    inertial = read(tmp_path, text).links["part"].inertial
+    assert inertial is not None
+    assert inertial.mass == pytest.approx(0.5, rel=1e-5)
     (tmp_path / "cube.stl").unlink()
     source = read(tmp_path, text)
     assert source.links["part"].inertial is None
-    assert said(source, "masses by geometry are not known from MuJoCo")
+    assert has_message(source, "masses by geometry are not known from MuJoCo")
 
 
-# what stands round the object
+# the surroundings of the object
 
 
 def test_scene_that_is_included_is_left_out(tmp_path: Path) -> None:
@@ -418,7 +418,7 @@ def test_scene_that_is_included_is_left_out(tmp_path: Path) -> None:
     text = model('<include file="parts/body.xml"/>', head='<include file="scene/room.xml"/>')
     source = read(tmp_path, text)
     assert set(source.links) == {"base", "part"}
-    assert said(source, "scene room.xml with table left out")
+    assert has_message(source, "scene room.xml with table left out")
     assert joint_of(source, "j").where == "body.xml:1"
     assert set(source.files) == {"scene/room.xml", "parts/body.xml"}
 
@@ -430,8 +430,8 @@ def test_fragment_is_read_as_a_model_with_its_angles_in_radians(tmp_path: Path) 
         f"<body name='lid'><joint name='j' range='0 1.2'/>{BALL}</body></mujocoinclude>",
     )
     assert joint_of(source, "j").upper == 1.2
-    assert said(source, "a fragment that other files include")
-    assert said(source, "angles have no unit and none is above 1.571: read as radians")
+    assert has_message(source, "a fragment that other files include")
+    assert has_message(source, "angles have no unit and none is above 1.571: read as radians")
 
 
 def test_angles_without_a_unit_are_degrees_where_one_is_large(tmp_path: Path) -> None:
@@ -450,11 +450,11 @@ def test_what_does_not_belong_to_the_object_is_left_out_with_a_word(tmp_path: Pa
     source = read(tmp_path, text)
     assert list(source.links) == ["base"]
     for words in ("unknown element <region>", "1 contact pairs", "a second material called 'm'"):
-        assert said(source, words)
-    assert said(source, "body goal is a mocap body: left out")
+        assert has_message(source, words)
+    assert has_message(source, "body goal is a mocap body: left out")
 
 
-# what is refused
+# rejected input
 
 
 @pytest.mark.dataset

@@ -1,4 +1,4 @@
-"""MJCF that is no object, or is meant to do harm: refused in one line, in a process of its own."""
+"""MJCF that is no object, or is meant to do harm: rejected in one line, in a child process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from articulate.formats.xml_input import root_tag
 pytestmark = pytest.mark.usefixtures("quick")
 
 CHAIN = "".join(f'<body name="l{i}"><joint name="q{i}"/>{BALL}' for i in range(5)) + "</body>" * 5
-REFUSED = {
+REJECTED = {
     "ball joint": (model(moving(BALL, joint='<joint name="j" type="ball"/>')), "is a ball joint"),
     "several free bodies": (
         model(2 * f"<body><freejoint/>{BALL}</body>"),
@@ -51,7 +51,7 @@ REFUSED = {
     ),
     "entities": ('<!DOCTYPE x [<!ENTITY a "b">]>' + model(BALL), "DOCTYPE or entities"),
     "no MJCF": ("<html/>", "not MJCF"),
-    "unknown class": (model('<geom class="nobody" size="1"/>'), "MuJoCo does not accept it"),
+    "unknown class": (model('<geom class="unknown" size="1"/>'), "MuJoCo does not accept it"),
     "words for numbers": (model('<geom size="one"/>'), "is not made of numbers"),
     "not finite": (model('<geom size="nan"/>'), "is not finite"),
     "undefined mesh": (model('<geom type="mesh" mesh="m"/>'), "mesh 'm' is not defined"),
@@ -64,9 +64,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
-    text, reason = REFUSED[case]
+@pytest.mark.parametrize("case", REJECTED)
+def test_a_file_that_is_not_one_object_is_rejected_in_one_line(tmp_path: Path, case: str) -> None:
+    text, reason = REJECTED[case]
     with pytest.raises(AssetError) as caught:
         read(tmp_path, text)
     assert reason in str(caught.value)
@@ -99,7 +99,7 @@ def test_nothing_that_names_a_file_or_a_plugin_reaches_muJoCo(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("times", [1, 3])
-def test_file_that_includes_itself_is_refused(tmp_path: Path, times: int) -> None:
+def test_file_that_includes_itself_is_rejected(tmp_path: Path, times: int) -> None:
     text = "<mujoco>" + times * '<include file="thing.xml"/>' + "</mujoco>"
     with pytest.raises(AssetError, match="includes more than 64 files"):
         read(tmp_path, text)
@@ -144,7 +144,7 @@ def test_reader_that_takes_too_long_is_stopped(
 
 
 @pytest.mark.usefixtures("in_child")
-def test_process_of_its_own_answers_as_this_one_would(tmp_path: Path) -> None:
+def test_the_child_process_returns_the_same_as_this_one(tmp_path: Path) -> None:
     text = read_text(write(tmp_path, DRAWER))
     found = reading.describe_text(text)
     assert found == read_mjcf_child.describe_model(text.text, {})
@@ -153,15 +153,15 @@ def test_process_of_its_own_answers_as_this_one_would(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_child")
-def test_refusal_of_the_process_of_its_own_is_an_answer_too(tmp_path: Path) -> None:
+def test_an_error_in_the_child_process_is_reported(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match="MuJoCo does not accept it"):
-        read(tmp_path, model('<geom class="nobody" size="1"/>'))
+        read(tmp_path, model('<geom class="unknown" size="1"/>'))
 
 
 # which file is meant
 
 
-def test_root_tells_mjcf_from_urdf_whatever_the_file_is_called(tmp_path: Path) -> None:
+def test_root_distinguishes_mjcf_from_urdf_whatever_the_file_is_called(tmp_path: Path) -> None:
     licence = "<!--" + 20_000 * "licence " + "-->"
     assert format_of(write(tmp_path, f"<?xml version='1.0'?>{licence}{DRAWER}", "a.urdf")) == "mjcf"
     assert format_of(write(tmp_path, "<mujocoinclude/>", "b.xml")) == "mjcf"
@@ -190,7 +190,7 @@ def test_key_of_an_input_knows_when_an_included_file_changes(tmp_path: Path) -> 
     assert input_key(read_input(path, config), config) != first
 
 
-def test_geometry_says_file_and_line(tmp_path: Path) -> None:
+def test_geometry_has_file_and_line(tmp_path: Path) -> None:
     source = read(tmp_path, DRAWER)
     first: SourceGeometry = source.links["drawer"].visuals[0]
     assert first.where == f"{tmp_path / 'thing.xml'}:14 (geom 3)"

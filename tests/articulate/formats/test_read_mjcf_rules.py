@@ -1,4 +1,4 @@
-"""What an MJCF file says of its bodies as a whole: constraints between them, and their masses."""
+"""Constraints between the bodies of an MJCF file, and their masses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.articulate.conversion.mjcf import BALL, joint_of, model, read, said, write
+from tests.articulate.conversion.mjcf import BALL, has_message, joint_of, model, read, write
 
 from articulate.errors import AssetError
 from articulate.formats.read_mjcf import read_mjcf
@@ -39,7 +39,7 @@ def tied(equality: str, body: str = TWO, head: str = "") -> str:
         ('<connect site1="tip" site2="spot"/>', "a", "base"),
     ],
 )
-def test_moving_bodies_that_are_tied_are_refused(
+def test_moving_bodies_that_are_tied_are_rejected(
     tmp_path: Path, equality: str, one: str, two: str
 ) -> None:
     with pytest.raises(AssetError) as caught:
@@ -64,14 +64,14 @@ def test_ties_that_hold_nothing_that_moves_are_left_out_with_a_word(
 ) -> None:
     head = '<default><default class="off"><equality active="false"/></default></default>'
     source = read(tmp_path, tied(equality, head=head))
-    assert said(source, "note: 1 constraints between bodies left out")
+    assert has_message(source, "note: 1 constraints between bodies left out")
     assert {joint.name for joint in source.joints if joint.kind != "fixed"} == {"ja", "jb"}
 
 
-def test_a_body_that_is_fixed_where_it_stands_may_be_welded(tmp_path: Path) -> None:
+def test_a_body_that_is_fixed_at_its_pose_may_be_welded(tmp_path: Path) -> None:
     free = f'<body name="base"><freejoint/>{BALL}<body name="a"><joint/>{BALL}</body></body>'
     source = read(tmp_path, tied('<weld body1="base"/>', free))
-    assert said(source, "1 constraints between bodies left out")
+    assert has_message(source, "1 constraints between bodies left out")
 
 
 CHAIN = (
@@ -81,21 +81,19 @@ CHAIN = (
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_a_chain_of_couplings_is_read_in_whatever_order_it_stands(
-    tmp_path: Path, order: tuple[int, int]
-) -> None:
+def test_a_chain_of_couplings_is_read_in_any_order(tmp_path: Path, order: tuple[int, int]) -> None:
     body = "".join(f'<body name="l{n}"><joint name="{n}"/>{BALL}</body>' for n in "abc")
     source = read(tmp_path, tied("".join(CHAIN[k] for k in order), body))
     assert joint_of(source, "b").mimic == pytest.approx(("a", 3.0, 0.2))
     assert joint_of(source, "c").mimic == pytest.approx(("b", 0.5, 0.1))
-    assert not said(source, "coupling")
+    assert not has_message(source, "coupling")
 
 
 def test_couplings_that_go_round_are_cut_once(tmp_path: Path) -> None:
     body = "".join(f'<body name="l{n}"><joint name="{n}"/>{BALL}</body>' for n in "abc")
     source = read(tmp_path, tied("".join(CHAIN) + '<joint joint1="a" joint2="c"/>', body))
     assert joint_of(source, "a").mimic is None
-    assert said(source, "coupling of joint a to c left out: c follows a")
+    assert has_message(source, "coupling of joint a to c left out: c follows a")
 
 
 HEAVY = (
@@ -116,24 +114,24 @@ def as_mujoco_has_it(source: SourceObject, path: Path) -> None:
         np.testing.assert_allclose(own, np.sort(raw.body_inertia[b]), rtol=1e-6)
 
 
-def test_the_total_mass_is_shared_as_the_compiler_says(tmp_path: Path) -> None:
+def test_the_total_mass_is_shared_as_by_the_compiler(tmp_path: Path) -> None:
     path = write(tmp_path, model(HEAVY, head='<compiler settotalmass="2"/>'))
     source = read_mjcf(path)
     as_mujoco_has_it(source, path)
-    assert said(source, "kg, the settotalmass of the file")
+    assert has_message(source, "kg, the settotalmass of the file")
 
 
 def test_a_total_of_what_is_not_known_is_left_out_with_a_word(tmp_path: Path) -> None:
-    head = '<compiler settotalmass="2"/><asset><mesh file="gone.stl"/></asset>'
-    body = HEAVY + '<body name="m"><geom type="mesh" mesh="gone" density="5"/></body>'
+    head = '<compiler settotalmass="2"/><asset><mesh file="absent.stl"/></asset>'
+    body = HEAVY + '<body name="m"><geom type="mesh" mesh="absent" density="5"/></body>'
     source = read(tmp_path, model(body, head=head))
-    assert said(source, "settotalmass=2 left out: the mass of base, a, b is not known")
+    assert has_message(source, "settotalmass=2 left out: the mass of base, a, b is not known")
 
 
-def test_masses_and_inertias_are_no_less_than_the_compiler_says(tmp_path: Path) -> None:
+def test_masses_and_inertias_are_no_less_than_in_the_compiler(tmp_path: Path) -> None:
     body = HEAVY.replace(BALL, '<geom type="box" size=".01 .02 .03" mass="0.5"/>')
     path = write(tmp_path, model(body, head='<compiler boundmass="7" boundinertia="0.004"/>'))
     source = read_mjcf(path)
     as_mujoco_has_it(source, path)
     for name in ("base", "a", "b"):
-        assert said(source, f"mass and inertia of body {name} raised")
+        assert has_message(source, f"mass and inertia of body {name} raised")

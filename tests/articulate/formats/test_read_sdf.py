@@ -214,7 +214,9 @@ def test_limits_dynamics_mimic_and_pitch_are_read(tmp_path: Path) -> None:
     turn, follower, screw = (joint_of(source, name) for name in "jks")
     assert (turn.kind, turn.lower, turn.upper) == ("continuous", None, None)
     assert (turn.damping, turn.friction) == (0.5, 0.25)
-    assert follower.mimic == ("j", 2.0, pytest.approx(0.3))
+    assert follower.mimic is not None
+    assert follower.mimic[0] == "j"
+    assert follower.mimic[1:] == pytest.approx((2.0, 0.3))
     assert screw.pitch == pytest.approx(2 * math.pi / 100)
     assert "spring of joint j left out" in source.repairs.messages
 
@@ -343,7 +345,7 @@ def test_a_world_with_one_model_and_a_ground_is_that_model(tmp_path: Path) -> No
     text += f'<model name="m">{links()}{slide("<xyz>1 0 0</xyz>")}</model></world></sdf>'
     source = read_sdf(write(tmp_path, text))
     assert source.name == "m"
-    assert any("ground" in sentence for sentence in source.repairs.messages)
+    assert any("ground" in message for message in source.repairs.messages)
 
 
 CYCLE = '<link name="a"><pose relative_to="b"/></link><link name="b"><pose relative_to="a"/></link>'

@@ -1,15 +1,15 @@
 from articulate.formats.repairs import Repairs, is_note
 
 
-def test_each_sentence_stands_once_in_the_order_of_work():
+def test_each_message_occurs_once_in_the_order_of_work():
     repairs = Repairs()
-    for sentence in ("joint a: turned", "mesh x.obj: flat", "joint a: turned"):
-        repairs.add(sentence)
+    for message in ("joint a: turned", "mesh x.obj: flat", "joint a: turned"):
+        repairs.add(message)
     repairs.note("textures")
     assert repairs.messages == ("joint a: turned", "mesh x.obj: flat", "note: textures")
 
 
-def test_what_is_said_of_many_meshes_is_said_once_with_the_first_names():
+def test_equal_messages_about_many_meshes_become_one():
     repairs = Repairs()
     for k in range(5):
         repairs.note(f"mesh m{k}.obj: the back left out")
@@ -24,7 +24,7 @@ def test_what_is_said_of_many_meshes_is_said_once_with_the_first_names():
     assert [is_note(s) for s in repairs.messages] == [True, False, False]
 
 
-def test_going_back_keeps_what_was_said_of_many():
+def test_going_back_keeps_messages_about_many():
     repairs = Repairs()
     for k in range(4):
         repairs.add(f"mesh m{k}.obj: flat")

@@ -91,7 +91,7 @@ def test_texture_gives_its_colour_and_belongs_to_the_files_of_the_mesh(
         folder / "m.mtl",
         (folder / name).resolve(),
     ]
-    assert not any("plain colour" in sentence for sentence in repairs.messages)
+    assert not any("plain colour" in message for message in repairs.messages)
 
 
 @pytest.mark.parametrize(
@@ -111,9 +111,9 @@ def test_texture_that_cannot_be_used_is_named(
     repairs = Repairs()
     ((_, _, colour),) = read_mesh(textured(tmp_path, "map_Kd -s.png"), repairs)
     assert colour == pytest.approx((1.0, 1.0, 1.0, 1.0))
-    (sentence,) = repairs.messages
-    assert reason in sentence
-    assert "'-s.png'" in sentence
+    (message,) = repairs.messages
+    assert reason in message
+    assert "'-s.png'" in message
 
 
 def test_names_that_no_file_can_have_are_not_found(tmp_path: Path) -> None:

@@ -47,9 +47,9 @@ def parsed(folder: Path, content: bytes | str) -> tuple[Any, str]:
         ("hello <robot/>", "text before the first element"),
     ],
 )
-def test_slips_without_doubt_are_mended_and_said(tmp_path: Path, text: str, words: str) -> None:
-    _, said = parsed(tmp_path, text)
-    assert (words in said) if words else (not said)
+def test_slips_without_doubt_are_repaired_and_listed(tmp_path: Path, text: str, words: str) -> None:
+    _, messages = parsed(tmp_path, text)
+    assert (words in messages) if words else (not messages)
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ def test_slips_without_doubt_are_mended_and_said(tmp_path: Path, text: str, word
     ],
 )
 def test_encodings_are_those_of_the_bytes(tmp_path: Path, content: bytes, words: str) -> None:
-    root, said = parsed(tmp_path, content)
+    root, messages = parsed(tmp_path, content)
     assert root.get("name") == "\u00e4"
-    assert (words in said) if words else (not said)
+    assert (words in messages) if words else (not messages)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_encodings_are_those_of_the_bytes(tmp_path: Path, content: bytes, words:
         (b"\x89PNG\r\n\x1a\n", "no XML in it"),
     ],
 )
-def test_what_is_doubtful_or_dangerous_is_refused_in_one_line(
+def test_doubtful_or_dangerous_input_is_rejected_in_one_line(
     tmp_path: Path, content: bytes | str, words: str
 ) -> None:
     with pytest.raises(AssetError) as caught:

@@ -10,7 +10,7 @@ from articulate.library.procedural.categories import CATEGORIES, write_object
 
 
 def test_only_the_shapes_of_the_handle_are_called_handle(tmp_path):
-    """A named handle is looked for first; a drawer that is all handle would say nothing."""
+    """A named handle is looked for first; a drawer that is all handle would be ambiguous."""
     asset = convert(embedded_cabinet(tmp_path / "cabinet"), tmp_path / "out")
     text = asset.mjcf_path.read_text()
     for k in range(3):
@@ -26,7 +26,7 @@ def test_shapes_that_a_file_gives_are_not_joined_over_the_room_between_them(tmp_
 
 
 def test_frames_called_as_a_handle_have_sites_of_their_own(tmp_path: Path) -> None:
-    """Also where the first free name is that of another frame, in whichever part it stands."""
+    """Also where the first free name is that of another frame, in any part."""
     frames = "".join(
         f'<link name="{name}"/><joint name="f{k}" type="fixed"><parent link="{part}"/>'
         f'<child link="{name}"/><origin xyz="{0.01 * k} 0 0"/></joint>'
