@@ -68,9 +68,11 @@ def part_kind(asset: Asset, joint: Joint) -> PartKind:
     named = named_kind(joint)
     if named is not None:
         return named
+    kinds = PARTS.get(asset.category, frozenset())
     kind = _kind_by_motion(asset, joint)
-    is_known = kind in PARTS.get(asset.category, frozenset())
-    return kind if is_known and not _is_small(asset, joint) else "joint"
+    if kind == "door" and "door" not in kinds and abs(joint.axis_o[2]) <= STEEP:
+        kind = "lid"  # a laptop's lid may be upright
+    return kind if kind in kinds and not _is_small(asset, joint) else "joint"
 
 
 def named_kind(joint: Joint) -> PartKind | None:

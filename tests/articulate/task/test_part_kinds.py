@@ -100,3 +100,9 @@ def test_knobs_and_buttons_of_an_oven_are_joints(asset):
         for size, part in (((0.02, 0.03, 0.03), "joint"), ((0.03, 0.5, 0.4), None)):
             found = kind_of(asset, kind=kind, axis=axis, size=size, category="Oven")
             assert found == (part or {"hinge": "door", "slide": "drawer"}[kind])
+
+
+def test_the_upright_lid_of_a_laptop_is_a_lid(asset):
+    level = (0.0, 1.0, 0.0)
+    assert kind_of(asset, kind="hinge", axis=level, size=UPRIGHT, category="Laptop") == "lid"
+    assert kind_of(asset, kind="hinge", axis=(0.0, 0.0, 1.0), category="Bottle") == "joint"
