@@ -42,7 +42,7 @@ def endpoint_metrics(
         truth: The true joint.
         predicted: The predicted joint; None or ``fixed`` for no motion, with zero twists. One
             with numbers that are not finite counts as none.
-        box_o: Lowest and highest corner of the part (2, 3), as a solid of uniform density.
+        box_o: Lowest and highest corner of the part (2, 3) [units], as a solid of uniform density.
     """
     if predicted is not None and not _is_finite(predicted):
         predicted = None
@@ -71,7 +71,7 @@ def unit_twist(joint: PredictedJoint | None) -> Array:
 
 
 def kinetic_norm(box_o: Array) -> Array:
-    """Compute twice the kinetic energy per mass of a solid box (2, 3) as a matrix (6, 6)."""
+    """Compute twice the kinetic energy per mass of a box (2, 3) [units] as a matrix (6, 6)."""
     x, y, z = (box_o[1] - box_o[0]) ** 2 / 12.0
     cx, cy, cz = box_o.mean(axis=0)
     cross = np.array([[0.0, -cz, cy], [cz, 0.0, -cx], [-cy, cx, 0.0]])

@@ -71,7 +71,7 @@ def joint_errors(truth: PredictedJoint, predicted: PredictedJoint, box_o: Array)
     Args:
         truth: The true joint.
         predicted: The predicted joint; not ``fixed``.
-        box_o: Lowest and highest corner of the part that moves (2, 3), in ``o`` at zero.
+        box_o: Lowest and highest corner of the moving part (2, 3) in ``o`` at zero [units].
     """
     turns = truth.kind != "prismatic"
     both_turn = turns and predicted.kind not in {"prismatic", "fixed"}
@@ -136,7 +136,7 @@ def foot_distance(truth: PredictedJoint, predicted: PredictedJoint, centre_o: Ar
     Args:
         truth: The true joint.
         predicted: The predicted joint.
-        centre_o: Centre of the part (3,).
+        centre_o: Centre of the part (3,) [units].
     """
     _, a, b = _origins(truth, predicted)
     pivot = np.asarray(truth.pivot_o, dtype=np.float64)
@@ -214,7 +214,7 @@ def motion_excess(truth: PredictedJoint, predicted: PredictedJoint, box_o: Array
     Args:
         truth: The true joint.
         predicted: The predicted joint.
-        box_o: Lowest and highest corner of the part (2, 3).
+        box_o: Lowest and highest corner of the part (2, 3) [units].
     """
     if strict_kind(truth) == "continuous":
         return None if strict_kind(predicted) == "continuous" else float("inf")

@@ -62,7 +62,7 @@ def placement_errors(
             at the origin.
         anchored: Positions in ``o`` can be known, as with a camera; else the largest part is taken
             as correct, and positions are compared relative to it.
-        visible_px: Pixels of each part in the image (P,).
+        visible_px: Number of pixels of each part in the image (P,) [px].
     """
     n = len(parts)
     centres = np.stack([part.centre for part in parts])

@@ -50,7 +50,7 @@ def score(truth: PredictedJoint, predicted: PredictedJoint | None, box_o: Array)
     Args:
         truth: The true joint.
         predicted: The predicted joint of its part; None or ``fixed`` without motion.
-        box_o: Lowest and highest corner of the part (2, 3), in ``o`` at zero.
+        box_o: Lowest and highest corner of the part (2, 3) in ``o`` at zero [units].
     """
     if predicted is None or predicted.kind == "fixed":
         return JointScore(

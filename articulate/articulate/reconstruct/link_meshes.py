@@ -39,7 +39,7 @@ def link_poses(source: SourceObject) -> dict[str, Array]:
 
 
 def link_pieces(loader: Loader, source: SourceObject, link: str, T_sl: Array) -> tuple[Piece, ...]:
-    """Load the visual pieces of one link, moved by its pose ``T_sl`` (4, 4)."""
+    """Load the visual pieces of one link, moved by its pose ``T_sl`` (4, 4) [m]."""
     part = Part(
         name=link,
         parent=None,

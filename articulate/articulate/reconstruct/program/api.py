@@ -206,7 +206,7 @@ class Builder:
     def _snap(
         self, name: str, parent: str, placement: str, gap: float
     ) -> tuple[bool, tuple[str, ...]]:
-        """Move the child along the placement's axis until it touches; see docs/reference/program.md."""
+        """Move the child along the axis of the placement until it touches something."""
         self.snaps += 1
         if self.snaps > MAX_SNAPS:
             raise InvalidValueError(f"more than {MAX_SNAPS} placements with snap; write snap=False")

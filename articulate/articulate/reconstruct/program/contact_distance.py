@@ -57,7 +57,7 @@ class Hull:
         return np.unique(pairs, axis=0)
 
     def moved(self, T: Array) -> Hull:
-        """Return the hull moved by ``T`` (4, 4)."""
+        """Return the hull moved by the homogeneous transform ``T`` (4, 4)."""
         return Hull(self.points @ T[:3, :3].T + T[:3, 3], self.faces)
 
 
@@ -72,7 +72,7 @@ class Contact:
 
 
 def hull_of(points: Array) -> Hull:
-    """Compute the convex hull of points (N, 3); their box if they are coplanar."""
+    """Compute the convex hull of points (N, 3) [m]; their box if they are coplanar."""
     try:
         found = ConvexHull(points)
         kept, faces = np.unique(found.simplices, return_inverse=True)

@@ -27,7 +27,7 @@ def inertial_of(pieces: Sequence[Piece], material: PartMaterial, T_lp: Array) ->
     Args:
         pieces: Pieces of the part, in the part's own frame.
         material: Material of the part.
-        T_lp: Pose of the part in its link (4, 4).
+        T_lp: Pose of the part in its link (4, 4) [m].
     """
     with np.errstate(all="ignore"):  # a flat hull has no centre of mass
         bodies = [_body(piece.mesh, material, T_lp) for piece in pieces]

@@ -171,15 +171,13 @@ def _fit_joints(
             f"candidate {candidate.number}",
         )
         size = float(np.linalg.norm(scene.shapes[candidate.part].size))
-        wish = MotionConstraints(
+        constraints = MotionConstraints(
             kind=near.kind, part=names.index(candidate.part), near=near, near_m=NEAR_SHARE * size
         )
-        fit = find_motion(video, wish) if video.change.any() else None
+        fit = find_motion(video, constraints) if video.change.any() else None
         if fit is None:
-            return Prediction(
-                joints=(),
-                rejection=f"no {candidate.kind} joint of {candidate.part} explains the changes in the video",
-            )
+            name = f"{candidate.kind} joint of {candidate.part}"
+            return Prediction(joints=(), rejection=f"no {name} explains the changes in the video")
         lead, *fixed = joints_of(fit, video, 1.0)
         known_parts = {joint.part for joint in joints}
         joints += [

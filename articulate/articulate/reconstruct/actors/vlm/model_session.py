@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from articulate.cache import touch
+from articulate.errors import shorten
 from articulate.files import write_json
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Reply, Request
-from articulate.reconstruct.actors.vlm.schema import AnswerError, decode_answer
+from articulate.reconstruct.actors.vlm.schema import MAX_ERROR, AnswerError, decode_answer
 
 T = TypeVar("T")
 ANSWERS = "answers"
@@ -66,7 +67,8 @@ class ModelSession:
                 return answer
             if k + 1 < MAX_ATTEMPTS:
                 request = request.after(reply.text, f"{error}. Answer again, by the schema.")
-        raise AnswerError(f"{self.model.name}: {MAX_ATTEMPTS} invalid answers in a row; {error}")
+        reason = shorten(error, MAX_ERROR)
+        raise AnswerError(f"{self.model.name}: {MAX_ATTEMPTS} invalid answers in a row; {reason}")
 
     def _send(self, request: Request) -> Reply:
         self.calls += 1

@@ -8,12 +8,13 @@ from functools import partial
 import numpy as np
 import trimesh
 
+from articulate.errors import shorten
 from articulate.formats.load_meshes import GREY, Piece
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.model import Request
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
-from articulate.reconstruct.actors.vlm.schema import AnswerError
+from articulate.reconstruct.actors.vlm.schema import MAX_ERROR, AnswerError
 from articulate.reconstruct.program.program_parts import PartGeometry, Parts
 from articulate.reconstruct.program.result import ObjectJoint, ProgramError, ProgramObject
 from articulate.reconstruct.program.run import run_program
@@ -63,7 +64,8 @@ def runnable_program(
         request = request.after(
             source, f"The program is invalid: {error}\nCorrect it and write the complete program."
         )
-    raise AnswerError(f"{session.model.name}: {MAX_PROGRAMS} invalid programs in a row; {error}")
+    reason = shorten(error, MAX_ERROR)
+    raise AnswerError(f"{session.model.name}: {MAX_PROGRAMS} invalid programs in a row; {reason}")
 
 
 def program_joints(built: ProgramObject) -> tuple[PredictedJoint, ...]:

@@ -94,7 +94,7 @@ def format_vector(values: Iterable[float]) -> str:
 
 
 def describe_direction(direction_o: Array) -> str:
-    """Describe a direction (3,) by its largest components, as seen from the object's front."""
+    """Describe a unit vector (3,) by its largest components, as seen from the object's front."""
     names = (("front", "back"), ("right", "left"), ("up", "down"))
     unit = normalised(direction_o)
     words = [
@@ -106,6 +106,6 @@ def describe_direction(direction_o: Array) -> str:
 
 
 def with_placements(evidence: Evidence, T_o: dict[str, Array]) -> Evidence:
-    """Return the evidence with each part moved by its pose in ``T_o`` (4, 4)."""
+    """Return the evidence with each part moved by its pose in ``T_o`` (4, 4) [m]."""
     parts = tuple(p.moved(T_o[p.name]) if p.name in T_o else p for p in evidence.parts)
     return replace(evidence, parts=parts, placed=True)

@@ -71,7 +71,7 @@ def test_a_benchmark_writes_a_page_of_prompts_for_each_object(tmp_path, capsys):
     assert benchmark.main(said) == 0
     pages = sorted((tmp_path / "out" / "prompts").iterdir())
     assert [page.name for page in pages] == ["prompts_0000.html", "prompts_0001.html"]
-    assert "2 pages, nothing sent" in capsys.readouterr().out
+    assert "2 pages; dry run" in capsys.readouterr().out
 
 
 def test_a_benchmark_without_a_key_ends_at_once_instead_of_scoring_nothing(tmp_path, capsys):

@@ -9,6 +9,7 @@ from tests.articulate.reconstruct.actors.vlm.conftest import KEY
 from tests.articulate.reconstruct.actors.vlm.server import saying
 
 from articulate.cache import KINDS
+from articulate.errors import UsageError
 from articulate.reconstruct.actors.vlm.answers import MovingParts
 from articulate.reconstruct.actors.vlm.model import Request, Turn
 from articulate.reconstruct.actors.vlm.model_session import ANSWERS, ModelSession
@@ -80,6 +81,24 @@ def test_a_second_answer_that_does_not_fit_ends_it(serve, session, tmp_path):
         session.generate(REQUEST, MovingParts)
     assert len(server.heard) == 2
     assert kept(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 200_000,
+        '{"observation": "' + "x" * 1_100_000 + '", "movers": []}',
+        '{"observation": "x", "movers": [], "' + "k" * 5_000 + '": 1}',
+        '{"observation": 1e999, "movers": []}',
+        json.dumps({**GOOD, "movers": [{**GOOD["movers"][0], "kind": "k" * 5_000}]}),
+    ],
+)
+def test_a_hostile_answer_ends_with_a_short_line(serve, session, text):
+    serve(saying(text))
+    with pytest.raises((AnswerError, UsageError)) as caught:
+        session.generate(REQUEST, MovingParts)
+    assert len(str(caught.value)) < 500
+    assert "\n" not in str(caught.value)
 
 
 def test_what_a_check_says_is_wrong_goes_back_too(serve, session):

@@ -11,7 +11,6 @@ from tests.articulate.reconstruct.actors.vlm.test_gemini import REQUEST
 
 from articulate import commands
 from articulate.errors import MissingError, UsageError
-from articulate.reconstruct.actors.vlm import network
 from articulate.reconstruct.actors.vlm.gemini import URL_VARIABLE
 from articulate.reconstruct.actors.vlm.network import check_network_settings, proxy_of
 
@@ -28,7 +27,7 @@ def closed_port():
 
 @pytest.fixture
 def no_socksio(monkeypatch):
-    monkeypatch.setattr(network.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +53,7 @@ def test_a_proxy_that_cannot_be_used_is_reported_with_its_variable(
 
 
 def test_socks_with_its_package_is_accepted(monkeypatch):
-    monkeypatch.setattr(network.importlib.util, "find_spec", lambda _: object())
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: object())
     monkeypatch.setenv("ALL_PROXY", "socks5://127.0.0.1:1080")
     check_network_settings()
 
