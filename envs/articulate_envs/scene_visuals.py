@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from articulate.assets.asset import Asset
+from articulate.render.scene_style import HORIZON_RGB, add_sky, part_rgba
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 from articulate_envs.scene import PREFIX
 
 FLOOR_RGB = ((0.80, 0.82, 0.83), (0.775, 0.795, 0.81))
 """The two shades of the floor's tiles."""
-HORIZON_RGB, ZENITH_RGB = (0.93, 0.945, 0.955), (0.70, 0.78, 0.85)
 STAND_RGBA = (0.36, 0.39, 0.43, 1.0)
-PART_RGBA = ((0.80, 0.79, 0.76, 1.0), (0.72, 0.53, 0.34, 1.0), (0.55, 0.63, 0.66, 1.0))
-"""Colours of an object without colours: root, then the moving links in turn."""
 TILE_M = 0.5
 FIELD_OF_VIEW_DEG = 34.0
 """Vertical field of view [deg]; small, to limit perspective distortion."""
@@ -58,15 +56,7 @@ def add_scene_visuals(
 
 
 def _add_floor(spec: mujoco.MjSpec, floor_z: float) -> None:
-    spec.add_texture(
-        name="stage_sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=ZENITH_RGB,
-        rgb2=HORIZON_RGB,
-        width=256,
-        height=1536,
-    )
+    add_sky(spec, 256)
     spec.add_texture(
         name="stage_floor",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -133,4 +123,4 @@ def _paint(spec: mujoco.MjSpec) -> None:
         geom.group = 2
         k = links.index(geom.parent.name)
         if not geom.material and np.allclose(geom.rgba, _DEFAULT_RGBA):
-            geom.rgba = PART_RGBA[0 if k == 0 else 1 + (k - 1) % (len(PART_RGBA) - 1)]
+            geom.rgba = part_rgba(k)

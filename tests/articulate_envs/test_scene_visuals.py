@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
+from articulate.render.scene_style import PART_RGBA
 from articulate.simulator import mujoco
 from articulate.task.object_placement import object_pose
 from articulate_envs.scene import PREFIX, scene_spec
-from articulate_envs.scene_visuals import PART_RGBA, add_scene_visuals
+from articulate_envs.scene_visuals import add_scene_visuals
 
 
 def _spec(scene, scale=1.0):

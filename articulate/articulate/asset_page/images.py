@@ -15,7 +15,8 @@ from articulate.checks.model import ObjectModel
 from articulate.checks.triangles import PALETTE
 from articulate.errors import AssetError, shorten
 from articulate.render.canvas import Canvas, Pixels
-from articulate.render.view_camera import Viewpoint, fit_viewpoint
+from articulate.render.scene_style import add_sky
+from articulate.render.view_camera import Viewpoint, fit_viewpoint, geom_corners
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 
@@ -36,7 +37,6 @@ SOLID = 0.62
 """Opacity of a collision shape."""
 SHADOW_REACH = 2.0
 """Distance from the object's centre up to which shadows are rendered, in its diagonals."""
-CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,14 +163,9 @@ class _Studio:
         self._set_appearance(see_through=see_through)
         self._subject.set_joints(self._data, q)
         view = self._fitted(self._corners(), self._size[0] / self._size[1])
-        camera = mujoco.MjvCamera()
-        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        camera.lookat[:] = view.lookat_w
-        camera.distance = view.distance_m
-        camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        return _webp(self._canvas.render(self._data, camera, (VISIBLE,)), size)
+        return _webp(self._canvas.render(self._data, view.camera(), (VISIBLE,)), size)
 
     def _set_appearance(self, *, see_through: bool) -> None:
         """Show the visual geometry, with collision shapes inside if transparent or empty."""
@@ -189,12 +184,8 @@ class _Studio:
 
     def _corners(self) -> Array:
         """Return the corners (P, 3) of the bounding boxes of all geoms of the object [m]."""
-        m, data = self._model, self._data
-        out = []
-        for i in (*self._colliding, *self._visible):
-            corners = m.geom_aabb[i, :3] + m.geom_aabb[i, 3:] * CORNERS
-            out.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
-        return np.concatenate(out)
+        geoms = (*self._colliding, *self._visible)
+        return geom_corners(self._model, self._data, geoms)
 
     def _fitted(self, points_w: Array, aspect: float) -> Viewpoint:
         return fit_viewpoint(
@@ -210,15 +201,7 @@ def _set_stage(spec: mujoco.MjSpec, asset: Asset, size: tuple[int, int]) -> None
     """Add a floor, a sky and two lights."""
     low, high = (np.asarray(corner) for corner in asset.bounds_o)
     extent = max(float(np.linalg.norm(high - low)), 1e-3)
-    spec.add_texture(
-        name="stage_sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=ZENITH_RGB,
-        rgb2=HORIZON_RGB,
-        width=128,
-        height=768,
-    )
+    add_sky(spec, 128, ZENITH_RGB, HORIZON_RGB)
     floor = spec.worldbody.add_geom(name="stage_floor", type=mujoco.mjtGeom.mjGEOM_PLANE)
     floor.size = [0.0, 0.0, 0.05]
     floor.pos = [0.0, 0.0, float(low[2]) - 0.002 * extent]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from articulate.simulator import mujoco
 from articulate.transforms import Array
 
 MARGIN = 1.06
 """Margin around the points, as a factor on the distance."""
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+"""Corners of a box of half sides 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +28,15 @@ class Viewpoint:
     """Direction of view about the vertical [deg]; 0 looks along +x, 90 along +y."""
     elevation_deg: float
     """Direction of view above the horizon [deg]; negative looks down."""
+
+    def camera(self) -> mujoco.MjvCamera:
+        """Return the free camera of MuJoCo at this viewpoint."""
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = self.lookat_w
+        camera.distance = self.distance_m
+        camera.azimuth, camera.elevation = self.azimuth_deg, self.elevation_deg
+        return camera
 
 
 def fit_viewpoint(
@@ -65,3 +78,12 @@ def camera_axes(azimuth_deg: float, elevation_deg: float) -> tuple[Array, Array,
     ahead = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([np.sin(a), -np.cos(a), 0.0])
     return ahead, right, np.cross(right, ahead)
+
+
+def geom_corners(model: mujoco.MjModel, data: mujoco.MjData, geoms: Iterable[int]) -> Array:
+    """Return the corners of the bounding boxes of some geoms in the world frame (8 G, 3) [m]."""
+    out = []
+    for i in geoms:
+        corners = model.geom_aabb[i, :3] + model.geom_aabb[i, 3:] * CORNERS
+        out.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
+    return np.concatenate(out)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from articulate.reconstruct.actors.geometric.parameters import SURFACE
 from articulate.render.parts import PartMesh
@@ -337,11 +337,3 @@ def _face_axes(part: PartSurface, n: int) -> list[Array]:
         axes.append(normalised((normals[mine] * (sign * areas[mine])[:, None]).sum(axis=0)))
         areas[mine] = 0.0
     return axes
-
-
-def hull_of(points: Array) -> Array:
-    """Corners of the convex hull (K, 3); all points where they have none."""
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except QhullError:
-        return points

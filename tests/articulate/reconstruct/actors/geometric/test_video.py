@@ -222,12 +222,12 @@ def test_ablations_leave_out_one_part_each():
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"clip": None}, "no clip of two frames"),
+        ({"video": None}, "video of two frames"),
         ({"camera": None}, "needs the camera"),
         ({"placed": False}, "parts in their places"),
-        ({"parts": ()}, "no parts"),
+        ({"parts": ()}, "needs parts, one mesh"),
     ],
 )
-def test_evidence_that_lacks_something_is_refused(drawer, change, what):
+def test_incomplete_evidence_is_rejected(drawer, change, what):
     with pytest.raises(UsageError, match=what):
         VideoProposer().propose(replace(drawer, **change), ())
