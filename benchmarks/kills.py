@@ -28,7 +28,8 @@ from articulate_train.policy import read_checkpoint
 
 COMMON = (
     "--task", "open_drawer", "--seeds", "0", "--no-evaluate", "--checkpoint-updates", "3",
-    "--ppo.n-envs", "16", "--ppo.n-steps", "16", "--ppo.batch-size", "64", "--ppo.n-epochs", "2",
+    "--set", "ppo.n_envs=16", "--set", "ppo.n_steps=16", "--set", "ppo.batch_size=64",
+    "--set", "ppo.n_epochs=2",
 )  # fmt: skip
 ENDED = -signal.SIGKILL
 

@@ -118,7 +118,7 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     if not (clip / "camera.json").exists():
         write_video(flags.index, flags.data, object_id, link, clip)
     if not (result / "made.json").exists():
-        seen = ("--video", clip / "clip.mp4", "--camera.file", clip / "camera.json")
+        seen = ("--video", clip / "clip.mp4", "--camera-file", clip / "camera.json")
         who = ("--actor", ACTOR, "--library", asset.parent)
         articulate("make", *seen, *who, "--out", result)
     content = json.loads((result / "made.json").read_text(encoding="utf-8"))

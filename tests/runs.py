@@ -66,7 +66,7 @@ def make_run(
     joint: str = JOINT,
     task: str = "open_drawer",
 ) -> Path:
-    """A run of ``task`` in ``folder`` whose policies are drawn from their seeds."""
+    """A run of ``task`` in ``folder`` whose policies are random, from their seeds."""
     config = TrainConfig(
         asset=str(asset.folder),
         task=task,
@@ -91,10 +91,10 @@ def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: fl
 
 
 def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -> None:
-    """What exporting reads of a checkpoint: weights of the policy, and the normalisation."""
+    """Write the part of a checkpoint that exporting reads: weights and normalization."""
     generator = torch.Generator().manual_seed(seed)
 
-    def drawn(*shape: int) -> torch.Tensor:
+    def sampled(*shape: int) -> torch.Tensor:
         out: torch.Tensor = torch.randn(*shape, generator=generator) / shape[-1] ** 0.5
         return out
 
@@ -102,12 +102,12 @@ def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -
     weights: dict[str, torch.Tensor] = {}
     for i, (a, b) in enumerate(itertools.pairwise(widths)):
         name = f"mlp_extractor.policy_net.{2 * i}"
-        weights |= {f"{name}.weight": drawn(b, a), f"{name}.bias": drawn(b)}
+        weights |= {f"{name}.weight": sampled(b, a), f"{name}.bias": sampled(b)}
     weights |= {
-        "action_net.weight": drawn(ACTION.size, net[-1]),
-        "action_net.bias": drawn(ACTION.size),
+        "action_net.weight": sampled(ACTION.size, net[-1]),
+        "action_net.bias": sampled(ACTION.size),
     }
-    mean, var = drawn(OBSERVATION.size).double(), torch.ones(OBSERVATION.size).double() * 0.5
+    mean, var = sampled(OBSERVATION.size).double(), torch.ones(OBSERVATION.size).double() * 0.5
     folder.mkdir()
     content = {
         "policy": weights,

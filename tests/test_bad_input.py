@@ -129,7 +129,7 @@ def test_train_rejects_an_unknown_key_and_names_the_nearest(rejected, tmp_path):
 
 
 @pytest.mark.usefixtures("objects_here")
-def test_train_rejects_an_output_that_is_in_the_way(rejected, tmp_path):
+def test_train_rejects_an_output_that_is_in_the_place(rejected, tmp_path):
     (tmp_path / "file").write_text("mine")
     rejected("train --asset cabinet --out file")
     rejected("train --asset cabinet --out file/run")

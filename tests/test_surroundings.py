@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from tests.articulate.conversion.cabinets import write_cabinet
-from tests.test_bad_input import taken_as_proven
+from tests.test_bad_input import load_unchecked
 
 from articulate.commands import main
 from articulate.errors import RunError
@@ -24,11 +24,11 @@ from articulate_train.config import TrainConfig
 
 OFFLINE = """
 import socket, sys
-def refused(*_, **__):
-    sys.stderr.write("network was asked for\\n")
+def offline(*_, **__):
+    sys.stderr.write("network was used\\n")
     raise OSError("no network")
-socket.socket.connect = socket.socket.connect_ex = refused
-socket.getaddrinfo = refused
+socket.socket.connect = socket.socket.connect_ex = offline
+socket.getaddrinfo = offline
 """
 TINY = """
 ppo: {n_envs: 4, n_steps: 8, batch_size: 16, n_epochs: 2, net: [8, 8]}
@@ -70,7 +70,7 @@ def call(place, *words, before=()):
         text=True,
         timeout=500,
     )
-    assert "network was asked for" not in done.stderr
+    assert "network was used" not in done.stderr
     return done
 
 
@@ -92,11 +92,11 @@ def writable(folder):
 
 @pytest.fixture
 def unprivileged():
-    """What stands before a call so that the rights of files count, for root as for anybody."""
+    """Return a prefix of calls with which file permissions apply to root too."""
     if os.getuid() != 0:
         return []
     if shutil.which("setpriv") is None:
-        pytest.skip("root cannot be told from a user without setpriv")
+        pytest.skip("root has all rights without setpriv")
     return ["setpriv", "--bounding-set=-all", "--inh-caps=-all", "--"]
 
 
@@ -152,7 +152,7 @@ def test_everything_from_a_urdf_to_a_robot_works_offline_in_a_folder_with_odd_le
         ["evaluate", run, "--require-success", "1"],
         ["export", run, "--out", "Bündel 1.zip"],
         ["deploy", "Bündel 1.zip", "--episodes", "1", "--out", "Auf nahmen"],
-        ["watch", "Bündel 1.zip", "--out", "Film 1.mp4"],
+        ["watch", "Bündel 1.zip", "--out", "Video 1.mp4"],
     ):
         done = call(place, *words, "--json", before=unprivileged)
         assert done.returncode == (3 if words[0] == "evaluate" else 0), done.stderr
@@ -175,7 +175,7 @@ def test_two_checks_of_one_object_at_once_do_not_meet(place):
 def cabinet_flags(tmp_path, monkeypatch):
     from tests.assets import make_cabinet
 
-    monkeypatch.setattr(runs, "proven_asset", taken_as_proven)
+    monkeypatch.setattr(runs, "load_checked_asset", load_unchecked)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     make_cabinet(tmp_path / "cabinet")
@@ -189,10 +189,10 @@ def test_runs_that_begin_in_the_same_second_get_folders_of_their_own(cabinet_fla
     assert second.folder == Path("runs/cabinet-open_drawer-now-2")
 
 
-def test_two_runs_at_once_in_one_folder_leave_one_of_them_whole(tmp_path, monkeypatch):
+def test_two_runs_at_once_in_one_folder_leave_one_of_them_complete(tmp_path, monkeypatch):
     from tests.assets import make_cabinet
 
-    monkeypatch.setattr(runs, "proven_asset", taken_as_proven)
+    monkeypatch.setattr(runs, "load_checked_asset", load_unchecked)
     asset = make_cabinet(tmp_path / "cabinet")
     barrier, free = threading.Barrier(2), require_space
 
@@ -216,7 +216,7 @@ def test_two_runs_at_once_in_one_folder_leave_one_of_them_whole(tmp_path, monkey
     assert runs.open_run(tmp_path / "runs" / "one").task.joint == "drawer_2_slide"
 
 
-def test_without_pybullet_an_object_is_checked_and_the_proof_says_so(tmp_path, monkeypatch):
+def test_without_pybullet_an_object_is_checked_and_the_report_reports_it(tmp_path, monkeypatch):
     source = write_cabinet(tmp_path / "in")
     (tmp_path / "site").mkdir()
     (tmp_path / "site" / "sitecustomize.py").write_text(
@@ -264,13 +264,13 @@ import contextlib, io, sys
 from importlib.metadata import entry_points
 from articulate.commands import main
 for verb in sorted(entry_points(group="articulate.commands").names):
-    with contextlib.redirect_stdout(io.StringIO()) as shown, contextlib.suppress(SystemExit):
+    with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.suppress(SystemExit):
         main([verb, "--help"])
-    assert "Example:" in shown.getvalue(), verb
+    assert "Example:" in printed.getvalue(), verb
     print(verb, *[m for m in ("numpy", "scipy", "mujoco", "torch", "trimesh") if m in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    shown = done.stdout.split()
-    assert {"check", "deploy", "evaluate", "export", "train"} <= set(shown)
-    assert not {"numpy", "scipy", "mujoco", "torch", "trimesh"} & set(shown), done.stdout
+    printed = done.stdout.split()
+    assert {"check", "deploy", "evaluate", "export", "train"} <= set(printed)
+    assert not {"numpy", "scipy", "mujoco", "torch", "trimesh"} & set(printed), done.stdout

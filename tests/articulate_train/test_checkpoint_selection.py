@@ -36,11 +36,11 @@ THREE = CheckpointSelectionConfig(n_checkpoints=3, episodes=2, finalists=2, fina
 
 @pytest.fixture
 def scored(monkeypatch):
-    """Episodes whose successes are done by the test, by ticks of the policy, round by round."""
+    """Episodes with the success rates of the test, by steps of the policy and by stage."""
     calls = []
 
     def use(rates):
-        def episodes(scene, policy, draws, stream, *, episodes, threads):
+        def episodes(scene, policy, params, stream, *, episodes, threads):
             steps = policy.steps
             calls.append((steps, episodes, tuple(stream.entropy)))
             code = np.ones(episodes, dtype=int)
@@ -61,7 +61,7 @@ def scored(monkeypatch):
 
 
 def trained(folder, asset, config):
-    """A seed's process after its training of 192 ticks, before a state is chosen."""
+    """Run and process of a seed of 192 steps, not trained yet."""
     run = tiny_run(folder / "run", asset, checkpoint_selection=config)
     process = SeedProcess(run, 0, threads=1)
     return run, process
@@ -99,7 +99,7 @@ def test_a_moment_is_due_once_whatever_the_length_of_updates():
         {"ood_scale": math.nan},
     ],
 )
-def test_settings_that_cannot_be_are_refused(wrong):
+def test_settings_that_cannot_be_are_rejected(wrong):
     name = next(iter(wrong))
     with pytest.raises(ConfigError, match=f"checkpoint_selection.{name}"):
         CheckpointSelectionConfig(**wrong)
@@ -124,7 +124,7 @@ def test_the_best_of_the_states_is_the_policy_and_the_others_are_deleted(cabinet
     assert {e for e in calls if e[0] == 160} == {(160, 2, (run.config.evaluation_seed, 0, 2, 0))}
 
 
-def test_states_that_tie_with_the_last_finalist_are_judged_once_more(
+def test_states_that_tie_with_the_last_finalist_are_evaluated_once_more(
     cabinet, tmp_path, scored, monkeypatch
 ):
     rates = {96: 1.0, 160: 1.0, 192: 1.0}
@@ -161,7 +161,7 @@ def test_what_is_lost_at_the_end_of_training_is_not_the_policy(cabinet, tmp_path
     assert load_policy(folder).act(seen).shape == (1, 8)
 
 
-def test_states_are_really_judged_on_episodes(cabinet, tmp_path):
+def test_states_are_really_evaluated_on_episodes(cabinet, tmp_path):
     run, process = trained(tmp_path, cabinet, THREE)
     assert process.train()
     process.close()
@@ -200,13 +200,13 @@ def test_a_training_that_goes_on_keeps_the_policy_of_the_shorter_one_until_it_is
     assert steps in [row["steps"] for row in scores]
 
 
-def test_rate_of_what_was_not_judged_is_zero():
+def test_rate_of_what_was_not_evaluated_is_zero():
     assert CheckpointScore(5).rate == 0.0
     assert CheckpointScore(5, 4, 3).rate == 0.75
 
 
 def members_of(run, state, should_continue=lambda: True):
-    """What :func:`select_active_members` chooses of a state; it is not stopped."""
+    """Run :func:`select_active_members`, which is not stopped."""
     found = select_active_members(run, 0, state, threads=1, should_continue=should_continue)
     assert found is not None
     return found
@@ -225,18 +225,18 @@ def two_members(folder, asset, **settings):
 
 @pytest.fixture
 def member_scores(monkeypatch):
-    """Successes of ten that the test says of all, of member 0 and 1; again with wider ranges."""
+    """Successes of ten, of the ensemble and of members 0 and 1; and with wider ranges."""
     calls = []
 
     def use(state, successes, wider):
         weights = [m["policy"]["action_net.weight"] for m in ensemble_of(state)]
 
-        def episodes(scene, policy, draws, stream, *, episodes, threads):
+        def episodes(scene, policy, params, stream, *, episodes, threads):
             heads = [np.asarray(network.head.weight.detach()) for network in policy.networks]
             who = 0
             if len(heads) == 1:
                 who = 1 + [np.array_equal(heads[0], w) for w in weights].index(True)
-            wide = draws.position_m > RandomizationConfig().position_m
+            wide = params.position_m > RandomizationConfig().position_m
             calls.append((who, wide, episodes, tuple(stream.entropy)))
             code = np.ones(episodes, dtype=int)
             code[: (wider if wide else successes)[who]] = 0
@@ -259,7 +259,7 @@ def member_scores(monkeypatch):
         ((8, 8, 8), (0, 9, 9), None),
     ],
 )
-def test_a_member_acts_alone_where_it_gains_more_than_it_loses_with_wider_ranges(
+def test_a_member_acts_only_where_it_gains_more_than_it_loses_with_wider_ranges(
     cabinet, tmp_path, member_scores, successes, wider, acts
 ):
     run, process, state = two_members(tmp_path, cabinet)
@@ -275,13 +275,13 @@ def test_a_member_acts_alone_where_it_gains_more_than_it_loses_with_wider_ranges
     assert [(j.ood_episodes, j.ood_successes) for j in scores] == [
         (20, wider[k]) if k in further else (0, 0) for k in range(3)
     ]
-    draws = {(wide, entropy[-1], episodes) for _, wide, episodes, entropy in calls}
-    assert draws == {(False, 3, 10)} | ({(False, 4, 10), (True, 5, 20)} if further else set())
+    params = {(wide, entropy[-1], episodes) for _, wide, episodes, entropy in calls}
+    assert params == {(False, 3, 10)} | ({(False, 4, 10), (True, 5, 20)} if further else set())
     assert len(policy_of(chosen).networks) == (2 if acts is None else 1)
     assert trained_steps(chosen) == trained_steps(state)  # of all that the seed spent
 
 
-def test_one_that_is_ahead_at_first_and_not_on_more_draws_does_not_act(
+def test_one_that_is_ahead_at_first_and_not_on_more_episodes_does_not_act(
     cabinet, tmp_path, member_scores
 ):
     run, process, state = two_members(tmp_path, cabinet)
@@ -300,7 +300,7 @@ def test_one_that_is_ahead_at_first_and_not_on_more_draws_does_not_act(
     assert [j.ood_episodes for j in scores] == [0, 0, 0]
 
 
-def test_who_acts_is_chosen_anew_for_a_state_of_a_shorter_training(
+def test_who_acts_is_chosen_again_for_a_state_of_a_shorter_training(
     cabinet, tmp_path, member_scores
 ):
     run, process, state = two_members(tmp_path, cabinet)
@@ -310,15 +310,15 @@ def test_who_acts_is_chosen_anew_for_a_state_of_a_shorter_training(
     assert ACTIVE_MEMBER not in chosen
 
 
-def test_wider_ranges_are_judged_on_objects_of_the_sizes_that_are_drawn(
+def test_wider_ranges_are_evaluated_on_objects_of_the_sizes_that_are_sampled(
     cabinet, tmp_path, monkeypatch
 ):
     run, process, state = two_members(tmp_path, cabinet)
     seen = []
 
-    def episodes(scene, policy, draws, stream, *, episodes, threads):
+    def episodes(scene, policy, params, stream, *, episodes, threads):
         seen.append(scene.scales)
-        assert scene.scales == draws.scale_values
+        assert scene.scales == params.scale_values
         single = len(policy.networks) == 1
         return type("Ended", (), {"code": np.full(episodes, 0 if single else 1)}), None
 
@@ -328,7 +328,7 @@ def test_wider_ranges_are_judged_on_objects_of_the_sizes_that_are_drawn(
     assert len(set(seen)) == 2
 
 
-def test_ranges_that_cannot_be_wider_are_asked_of_as_they_are(cabinet, tmp_path, member_scores):
+def test_ranges_that_cannot_be_wider_are_evaluated_as_they_are(cabinet, tmp_path, member_scores):
     run, process, state = two_members(tmp_path, cabinet, ood_scale=50.0)
     calls = member_scores(state, (8, 9, 7), (0, 0, 0))
     chosen, _ = members_of(run, state)
@@ -337,21 +337,21 @@ def test_ranges_that_cannot_be_wider_are_asked_of_as_they_are(cabinet, tmp_path,
     assert [(wide, entropy[-1]) for _, wide, _, entropy in calls[5:]] == [(False, 5), (False, 5)]
 
 
-@pytest.mark.parametrize("asked_before", range(7))
-def test_choosing_who_acts_can_be_stopped_before_each_judgement(
-    cabinet, tmp_path, member_scores, asked_before
+@pytest.mark.parametrize("n_calls", range(7))
+def test_choosing_who_acts_can_be_stopped_before_each_evaluation(
+    cabinet, tmp_path, member_scores, n_calls
 ):
     run, process, state = two_members(tmp_path, cabinet)
     calls = member_scores(state, (8, 9, 7), (6, 7, 0))
     found = select_active_members(
-        run, 0, state, threads=1, should_continue=lambda: len(calls) < asked_before
+        run, 0, state, threads=1, should_continue=lambda: len(calls) < n_calls
     )
     process.close()
     assert found is None
-    assert len(calls) == asked_before
+    assert len(calls) == n_calls
 
 
-def test_a_seed_says_who_acts_and_its_policy_is_that_member(cabinet, tmp_path, member_scores):
+def test_a_seed_reports_who_acts_and_its_policy_is_that_member(cabinet, tmp_path, member_scores):
     run, process, _ = two_members(tmp_path, cabinet)
     process.ensemble.run(process._after_round)
     member_scores(process.ensemble.policy_state(), (8, 7, 9), (6, 0, 7))
@@ -369,7 +369,7 @@ def test_a_seed_says_who_acts_and_its_policy_is_that_member(cabinet, tmp_path, m
     assert policy.steps == done["selected_step"] == done["steps"]
 
 
-def test_members_are_really_judged_on_episodes(cabinet, tmp_path):
+def test_members_are_really_evaluated_on_episodes(cabinet, tmp_path):
     run, process, _ = two_members(tmp_path, cabinet, member_episodes=3)
     assert process.train()
     process.close()
@@ -378,7 +378,7 @@ def test_members_are_really_judged_on_episodes(cabinet, tmp_path):
     assert done["active_member"] is None  # none of them succeeds
 
 
-def test_of_one_member_and_where_none_is_to_act_alone_nothing_is_judged(
+def test_of_one_member_and_where_none_is_to_act_only_nothing_is_evaluated(
     cabinet, tmp_path, member_scores
 ):
     run, process, state = two_members(tmp_path, cabinet, member_episodes=0)
@@ -394,7 +394,7 @@ def test_of_one_member_and_where_none_is_to_act_alone_nothing_is_judged(
 
 
 @pytest.mark.parametrize("acts", [2, -1, "0", 1.0])
-def test_a_member_that_is_not_there_is_refused(cabinet, tmp_path, acts):
+def test_a_member_that_is_not_there_is_rejected(cabinet, tmp_path, acts):
     _, process, state = two_members(tmp_path, cabinet)
     process.close()
     write_state(process.folder / POLICY, state | {ACTIVE_MEMBER: acts})

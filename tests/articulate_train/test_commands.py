@@ -97,7 +97,7 @@ def test_training_that_diverges_is_one_line_and_exit_1(done, capsys, monkeypatch
     monkeypatch.setattr(seed_runner, "train_seeds", diverged)
     assert main(["train", "--resume", "--out", str(done.folder)]) == 1
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 2  # the first says which run it is
+    assert len(lines) == 2  # the first names the run
     assert "seed 0 diverged: weights are not finite after 64 steps" in lines[1]
 
 

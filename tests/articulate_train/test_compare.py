@@ -1,4 +1,4 @@
-"""Runs side by side: what the reports say, what differs, and a page that reads well."""
+"""Comparison of runs: rows, differing settings and a page."""
 
 import dataclasses
 import json
@@ -19,27 +19,27 @@ def content_of(name="first", failures=2, config="steps: 2\n", **options):
     return json.loads(json.dumps(_report(info, seeds, **options).content()))
 
 
-def test_rows_say_what_the_reports_say():
+def test_rows_state_what_the_reports_state():
     comparison = compare([content_of(failures=2), content_of("second", failures=10)])
     first, second = comparison.rows
     assert (first.name, first.seeds, first.steps) == ("first", 2, INFO.steps)
     assert (first.success.value, first.success.n) == (0.95, 80)
     assert second.success.value == 0.75
-    assert first.against_first is None
-    assert second.against_first is not None
-    assert second.against_first.value == pytest.approx(-0.2)
-    assert second.against_first.high < 0.0
+    assert first.difference_to_first is None
+    assert second.difference_to_first is not None
+    assert second.difference_to_first.value == pytest.approx(-0.2)
+    assert second.difference_to_first.high < 0.0
     assert second.reasons == {"success": 60, "force": 20}
 
 
-def test_a_training_that_is_not_over_is_told():
+def test_a_training_that_is_not_over_is_reported():
     one, two = content_of(), content_of("second")
     assert "not over" not in comparison_page(compare([one, two]), "evaluate …")
-    two["info"]["unfinished"] = "seed 0 has 0.05 of 0.1M ticks"
-    assert "seed 0 has 0.05 of 0.1M ticks" in comparison_page(compare([one, two]), "evaluate …")
+    two["info"]["unfinished"] = "seed 0 has 0.05 of 0.1M control steps"
+    assert "seed 0 has 0.05 of 0.1M control steps" in comparison_page(compare([one, two]), "evaluate …")
 
 
-def test_settings_that_differ_are_told_with_each_value_and_no_others():
+def test_settings_that_differ_are_reported_with_each_value_and_no_others():
     one = content_of(config="steps: 2\nreward:\n  open: 1.0\n  rest: 0.5\n")
     two = content_of(config="steps: 2\nreward:\n  open: 0.6\n  rest: 0.5\n  over: 0.1\n")
     assert compare([one, two]).differing == {
@@ -77,7 +77,7 @@ def test_files_are_written_and_hold_plain_numbers(tmp_path):
     assert comparison.text().splitlines()[1].startswith("first ")
 
 
-def test_a_report_is_read_from_its_run_or_refused_in_one_line(tmp_path, error_line):
+def test_a_report_is_read_from_its_run_or_rejected_in_one_line(tmp_path, error_line):
     run = tmp_path / "run"
     run.mkdir()
     write_report(_report(), run)

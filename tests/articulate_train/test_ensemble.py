@@ -32,7 +32,7 @@ from articulate_train.run import DONE
 from articulate_train.train_seed import SeedProcess
 
 STEPS = 32
-"""Ticks of an update of one member."""
+"""Control steps of an update of one member."""
 
 
 @pytest.fixture
@@ -70,14 +70,14 @@ def weights(content):
 
 
 def same(a, b):
-    """Whether all weights of two checkpoints are the same, to the bit."""
+    """Return whether all weights of two checkpoints are equal."""
     for ours, theirs in zip(weights(a), weights(b), strict=True):
         for name, value in ours.items():
             assert_array_equal(value, theirs[name], err_msg=name)
     return True
 
 
-def test_ticks_are_shared_out(members):
+def test_steps_are_shared_out(members):
     both = members()
     both.run(lambda _: True)
     assert both.is_done
@@ -87,7 +87,7 @@ def test_ticks_are_shared_out(members):
 
 
 def test_what_is_no_number_is_left_out_of_the_figures(members):
-    """Where all returns are equal, the variance that values explain of them is none."""
+    """The explained variance of equal returns is not defined."""
     both = members()
     for learner, explained in zip(both.learners, (0.5, float("nan")), strict=True):
         learner.model.logger.record("train/explained_variance", explained)
@@ -101,7 +101,7 @@ def test_shares_are_rounded_up():
     assert TrainConfig(asset="a", steps=100_001, ensemble_size=1).member_steps == 100_001
 
 
-def test_members_that_have_no_update_each_are_refused():
+def test_members_that_have_no_update_each_are_rejected():
     least = 2 * TrainConfig(asset="a").ppo.n_envs * TrainConfig(asset="a").ppo.n_steps
     with pytest.raises(ConfigError, match="of each of 2 members"):
         TrainConfig(asset="a", ensemble_size=2, steps=least - 1)
@@ -116,7 +116,7 @@ def test_they_begin_differently_and_see_other_episodes(members):
     assert one.episodes.snapshot()["generator"] != other.episodes.snapshot()["generator"]
 
 
-def test_each_goes_as_far_as_its_share_of_the_ticks(members):
+def test_each_goes_as_far_as_its_share_of_the_steps(members):
     both = members()
     both.run(lambda _: True)
     last = both.config.steps / 2 - STEPS  # at the beginning of the last update
@@ -125,29 +125,29 @@ def test_each_goes_as_far_as_its_share_of_the_ticks(members):
 
 def test_the_first_begins_as_a_seed_with_one_member_does(members, pair):
     both = members()
-    alone = Learner(pair.scene(), replace(pair.config, ensemble_size=1), 0, threads=1)
-    ours, theirs = (m.model.policy.state_dict() for m in (both.learners[0], alone))
+    single = Learner(pair.scene(), replace(pair.config, ensemble_size=1), 0, threads=1)
+    ours, theirs = (m.model.policy.state_dict() for m in (both.learners[0], single))
     for name, value in ours.items():
         assert_array_equal(value.numpy(), theirs[name].numpy())
-    alone.close()
+    single.close()
 
 
 @pytest.mark.parametrize("k", [1, 2])
 def test_restored_members_go_on_with_the_same_bits(members, tmp_path, k):
-    whole = members()
-    rounds(whole, k)
-    whole.save(tmp_path)
-    rounds(whole, 1)
+    full = members()
+    rounds(full, k)
+    full.save(tmp_path)
+    rounds(full, 1)
     other = members()
     torch.rand(7)  # what happens between does not matter
     other.restore(read_checkpoint(tmp_path))
     rounds(other, 1)
-    assert same(whole.policy_state(), other.policy_state())
-    assert whole.steps == other.steps == 2 * (k + 1) * STEPS
+    assert same(full.policy_state(), other.policy_state())
+    assert full.steps == other.steps == 2 * (k + 1) * STEPS
 
 
 def dying(after, rounds):
-    """What a process calls after each round, which kills it after so many."""
+    """Return a callback that kills the process after a number of rounds."""
     left = iter(range(1, rounds + 1))
 
     def dies(members):
@@ -191,14 +191,14 @@ def two(tmp_path):
     return folder, one, other
 
 
-def test_the_policy_is_the_mean_of_what_they_say(two):
+def test_the_policy_is_the_mean_of_what_they_state(two):
     folder, one, other = two
     policy = load_policy(folder)
     seen = np.random.default_rng(0).normal(size=(16, OBSERVATION.size)).astype(np.float32)
     with torch.no_grad():
-        said = [policy_of(c).networks[0](torch.as_tensor(seen)).numpy() for c in (one, other)]
-    mean = (said[0] + said[1]) / 2.0
-    assert np.abs(said[0] - said[1]).max() > 0.1
+        text = [policy_of(c).networks[0](torch.as_tensor(seen)).numpy() for c in (one, other)]
+    mean = (text[0] + text[1]) / 2.0
+    assert np.abs(text[0] - text[1]).max() > 0.1
     want = mean.copy()
     want[:, :MOTIONS] *= action_scales(policy.action_scaling, seen)
     want[:, :ELBOW] -= lead_compensation(policy.action_scaling, seen)
@@ -206,14 +206,14 @@ def test_the_policy_is_the_mean_of_what_they_say(two):
     np.testing.assert_allclose(got, np.clip(want, -1.0, 1.0).astype(np.float64), atol=1e-6)
 
 
-def test_the_network_of_a_bundle_says_the_same(two):
+def test_the_network_of_a_bundle_reports_the_same(two):
     policy = load_policy(two[0])
     model = to_onnx(policy)
     check_graph(model, "policy.onnx")
     seen, actions = golden_pairs(policy, np.random.default_rng(1), 32)
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
-    (said,) = session.run(None, {session.get_inputs()[0].name: seen})
-    np.testing.assert_allclose(said, actions, atol=1e-5)
+    (text,) = session.run(None, {session.get_inputs()[0].name: seen})
+    np.testing.assert_allclose(text, actions, atol=1e-5)
 
 
 def test_steps_are_those_of_all():
@@ -226,9 +226,9 @@ def test_a_checkpoint_of_more_members_is_of_another_version(pair, cabinet, tmp_p
     rounds(process.ensemble, 1)
     process.ensemble.save(pair.seed_folder(0))
     process.close()
-    alone = tiny_run(tmp_path / "alone", cabinet)
-    alone.seed_folder(0).mkdir()
+    single = tiny_run(tmp_path / "alone", cabinet)
+    single.seed_folder(0).mkdir()
     content = read_checkpoint(pair.seed_folder(0))
-    torch.save(content, alone.seed_folder(0) / CHECKPOINT)
+    torch.save(content, single.seed_folder(0) / CHECKPOINT)
     with pytest.raises(RunError, match=r"2 ensemble members, not 1.*train again"):
-        SeedProcess(alone, 0, threads=1)
+        SeedProcess(single, 0, threads=1)

@@ -36,9 +36,9 @@ def test_every_episode_counts_once_from_home_with_sampled_parameters(trained):
     assert rollout.ended.rows.tolist() == [0, 1, 2, 3, 4]
     assert rollout.ended.from_home.all()
     assert np.ptp(result.params[:, COLUMNS.index("scale")]) > 0
-    ticks = trained.scene().n_steps
+    steps = trained.scene().n_steps
     for array in (rollout.traces.force, rollout.traces.opened, rollout.traces.speed_share):
-        assert array.shape == (ticks, 5)
+        assert array.shape == (steps, 5)
     assert {REASONS[c] for c in result.codes} <= set(REASONS)
 
 
@@ -72,7 +72,7 @@ def test_more_episodes_than_run_at_once_have_the_same_parameters_and_each_is_rep
     assert seen == {2: 2, 5: 5}
     assert few.rows.tolist() == all_at_once.rows.tolist() == [0, 1, 2, 3, 4]
     assert few.observation.shape == all_at_once.observation.shape
-    assert_allclose(few_qpos[0], qpos[0], atol=0.01)  # each begins where its parameters say
+    assert_allclose(few_qpos[0], qpos[0], atol=0.01)  # each begins as its parameters define
     assert np.abs(qpos[0, 0] - qpos[0, 4]).max() > 0.02
     assert np.abs(few_qpos).sum(axis=(0, 2)).min() > 0
 
@@ -131,7 +131,9 @@ def test_timelines_are_of_the_first_success_and_the_first_failure(trained):
 
 def test_objects_are_not_sampled_in_sizes_that_the_scene_does_not_have(trained):
     wide = trained.config.randomization.widened(1.5)
-    draws = sample_episode_params(wide, np.random.default_rng(0), 8, begin=trained.task.begin)
+    sampled = sample_episode_params(wide, np.random.default_rng(0), 8, begin=trained.task.begin)
     policy = load_policy(trained.seed_folder(0))
     with pytest.raises(ValueError, match="object sizes outside"):
-        run_with_params(trained.scene(), policy, wide, draws, np.random.SeedSequence(0), threads=1)
+        run_with_params(
+            trained.scene(), policy, wide, sampled, np.random.SeedSequence(0), threads=1
+        )

@@ -12,7 +12,7 @@ from articulate.errors import MissingError, RunError, UsageError
 from articulate.library.procedural.cabinet import embedded_cabinet
 from articulate.task.task import Task
 from articulate_envs.rewards import TERMS
-from articulate_train import evaluate_run as judging
+from articulate_train import evaluate_run as evaluation
 from articulate_train.evaluate_run import (
     commit,
     describe_target,
@@ -25,14 +25,14 @@ from articulate_train.train_seed import PROGRESS
 
 
 @pytest.fixture
-def films(monkeypatch):
-    """Names of the films that were asked for; nothing is drawn."""
-    asked = []
+def videos(monkeypatch):
+    """Names of the requested videos; nothing is rendered."""
+    calls = []
     monkeypatch.setattr(
-        judging, "write_episode_video", lambda path, *_, **__: asked.append(path.name)
+        evaluation, "write_episode_video", lambda path, *_, **__: calls.append(path.name)
     )
-    monkeypatch.setattr(judging, "render_png", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
-    return asked
+    monkeypatch.setattr(evaluation, "render_png", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
+    return calls
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def trained(tiny):
     return tiny
 
 
-def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, films):
+def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, videos):
     done = evaluate_run_folder(trained, episodes=3)
     content = json.loads(done.json_path.read_text())
     assert content == done.report.content()
@@ -62,19 +62,19 @@ def test_report_holds_the_evaluation_the_curves_and_how_it_was_made(trained, fil
     info = done.report.info
     assert (info.joint, info.steps, info.steps_per_s) == (trained.task.joint, 192, 100.0)
     assert f"--joint {trained.task.joint} --seeds 0 --steps 192" in info.command
-    assert films == ["failure.mp4"]
+    assert videos == ["failure.mp4"]
 
 
-def test_film_of_an_earlier_evaluation_does_not_stay_beside_a_report_without_it(trained, films):
+def test_video_of_an_earlier_evaluation_does_not_stay_beside_a_report_without_it(trained, videos):
     (trained.folder / "videos").mkdir()
     for name in ("success.mp4", "failure.mp4"):
         (trained.folder / "videos" / name).write_bytes(b"earlier")
     evaluate_run_folder(trained, episodes=2)
-    assert films == ["failure.mp4"]
+    assert videos == ["failure.mp4"]
     assert [p.name for p in (trained.folder / "videos").iterdir()] == ["failure.mp4"]
 
 
-def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(trained, films):
+def test_another_number_of_episodes_is_in_the_command_that_repeats_it(trained, videos):
     own = evaluate_run_folder(trained, episodes=trained.config.episodes).report.info.command
     assert "evaluate" not in own
     other = evaluate_run_folder(trained, episodes=trained.config.episodes + 1).report.info.command
@@ -83,20 +83,22 @@ def test_another_number_of_episodes_stands_in_the_command_that_repeats_it(traine
     )
 
 
-def test_a_training_that_is_not_over_is_told(trained, films):
-    said: list[str] = []
-    done = evaluate_run_folder(trained, episodes=2, show_progress=said.append)
-    told = "seed 0 has 0.000192 of 0.000192M ticks"
-    assert done.report.info.unfinished == told
-    assert f"training is not over ({told}); train --resume --out {trained.folder} goes on" in said
-    assert f"Training is not over: {told}." in done.html_path.read_text()
+def test_a_training_that_is_not_over_is_reported(trained, videos):
+    printed: list[str] = []
+    done = evaluate_run_folder(trained, episodes=2, show_progress=printed.append)
+    reports = "seed 0 has 0.000192 of 0.000192M control steps"
+    assert done.report.info.unfinished == reports
+    assert (
+        f"training incomplete ({reports}); train --resume --out {trained.folder} goes on" in printed
+    )
+    assert f"Training is not over: {reports}." in done.html_path.read_text()
     (trained.seed_folder(0) / DONE).write_text(json.dumps({"steps": 192}))
     done = evaluate_run_folder(trained, episodes=2)
     assert done.report.info.unfinished == ""
     assert "not over" not in done.html_path.read_text()
 
 
-def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, films):
+def test_wider_ranges_are_reported_and_leave_the_report_of_the_run_only(trained, videos):
     evaluate_run_folder(trained, episodes=2)
     before = (trained.folder / "report.json").read_bytes()
     done = evaluate_run_folder(trained, episodes=3, ranges=1.5)
@@ -109,7 +111,7 @@ def test_wider_ranges_are_told_and_leave_the_report_of_the_run_alone(trained, fi
     assert [seed.success.n for seed in done.report.seeds] == [3]
 
 
-def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_path):
+def test_another_object_is_evaluated_in_a_folder_of_its_own(trained, videos, tmp_path):
     other = embedded_cabinet(tmp_path / "other")
     on = with_object(trained, str(other), "drawer_1_slide", tmp_path / "cache")
     assert (on.folder, on.arm) == (trained.folder, trained.arm)
@@ -119,7 +121,7 @@ def test_another_object_is_judged_in_a_folder_of_its_own(trained, films, tmp_pat
     assert not (trained.folder / "report.json").exists()
     info = done.report.info
     assert (info.asset, info.joint) == (on.asset.name, "drawer_1_slide")
-    assert info.describe_target == describe_target(on.task) != describe_target(trained.task)
+    assert info.target_text == describe_target(on.task) != describe_target(trained.task)
     train, again = info.command.split("\n")
     assert f"--joint {trained.task.joint}" in train
     assert again == (
@@ -141,7 +143,7 @@ def test_objects_of_one_name_and_joints_of_one_object_are_kept_apart(trained, tm
     assert len(folders) == 3
 
 
-def test_another_object_without_that_joint_is_refused(trained, tmp_path):
+def test_another_object_without_that_joint_is_rejected(trained, tmp_path):
     with pytest.raises(UsageError, match="no joint 'nothing'"):
         with_object(
             trained, str(embedded_cabinet(tmp_path / "other")), "nothing", tmp_path / "cache"
@@ -166,19 +168,19 @@ def test_training_took_what_its_calls_took_and_not_the_sum_over_seeds(tiny, file
         (run.seed_folder(seed) / PROGRESS).write_text(row + "\n")
     for name, content in files.items():
         (run.folder / name).write_text(json.dumps(content))
-    info = judging._info(run, run)
+    info = evaluation._info(run, run)
     assert info.seconds == seconds
     assert info.steps_per_s == pytest.approx(2 * 192 / seconds)
 
 
-def test_report_says_of_which_checkpoints_it_is(trained, films):
+def test_report_reports_of_which_checkpoints_it_is(trained, videos):
     done = evaluate_run_folder(trained, episodes=2)
     (row,) = json.loads(done.json_path.read_text())["seeds"]
     assert row["checkpoint_sha256"] == checkpoint_sha256(trained.seed_folder(0))
     assert len(row["checkpoint_sha256"]) == 64
 
 
-def test_text_tells_success_opened_and_reasons(trained, films):
+def test_text_reports_success_opened_and_reasons(trained, videos):
     done = evaluate_run_folder(trained, episodes=3)
     text = done.text().splitlines()
     assert text[0].startswith("success ")
@@ -186,34 +188,34 @@ def test_text_tells_success_opened_and_reasons(trained, films):
     assert text[-1] == f"report: {done.html_path}"
 
 
-def test_where_nothing_can_be_drawn_the_report_is_made_without(trained, monkeypatch, caplog):
+def test_where_nothing_can_be_sampled_the_report_is_made_without(trained, monkeypatch, caplog):
     def missing(*_, **__):
         raise MissingError("no renderer")
 
-    monkeypatch.setattr(judging, "write_episode_video", missing)
+    monkeypatch.setattr(evaluation, "write_episode_video", missing)
     assert evaluate_run_folder(trained, episodes=2).html_path.is_file()
     assert "no videos: no renderer" in caplog.text
 
 
-def test_seed_without_a_checkpoint_leaves_no_report(tiny, films):
+def test_seed_without_a_checkpoint_leaves_no_report(tiny, videos):
     with pytest.raises(RunError, match="no checkpoint"):
         evaluate_run_folder(tiny, episodes=2)
     assert not (tiny.folder / "report.json").exists()
 
 
-def test_target_is_told_in_the_units_of_the_joint():
+def test_target_is_an_error_in_the_units_of_the_joint():
     slide = Task(name="open_drawer", joint="j", kind="slide", span=-0.3, target=0.8)
     assert describe_target(slide).startswith("0.240 m from closed for the last 0.5 s, slower than")
     hinge = dataclasses.replace(slide, kind="hinge", span=2.0, target=0.5)
     assert describe_target(hinge).startswith("1.000 rad")
 
 
-def test_code_that_lies_in_the_checkout_of_another_project_has_no_commit(tmp_path, monkeypatch):
+def test_code_that_is_in_the_checkout_of_another_project_has_no_commit(tmp_path, monkeypatch):
     subprocess.run(["git", "init", "-q", tmp_path], check=True)
     who = ["-c", "user.name=a", "-c", "user.email=a@b"]
     empty = ["commit", "-q", "--allow-empty", "-m", "theirs"]
     subprocess.run(["git", "-C", tmp_path, *who, *empty], check=True)
-    monkeypatch.setattr(judging, "__file__", str(tmp_path / "judge_run.py"))
+    monkeypatch.setattr(evaluation, "__file__", str(tmp_path / "judge_run.py"))
     assert commit() == "unknown"
 
 

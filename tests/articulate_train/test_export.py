@@ -132,7 +132,7 @@ def report(run, **success):
     (run.folder / "report.json").write_text(json.dumps({"seeds": seeds}))
 
 
-def test_the_best_seed_of_the_evaluation_is_taken_and_ties_go_to_the_lower(run):
+def test_the_best_seed_of_the_evaluation_is_used_and_ties_go_to_the_lower(run):
     try:
         report(run, s0=0.9, s1=0.95)
         assert select_seed(run, None)[::2] == (1, 0.95)
@@ -143,7 +143,7 @@ def test_the_best_seed_of_the_evaluation_is_taken_and_ties_go_to_the_lower(run):
         (run.folder / "report.json").unlink()
 
 
-def test_success_of_a_checkpoint_that_was_replaced_since_is_not_told(tmp_path):
+def test_success_of_a_checkpoint_that_was_replaced_since_is_not_reported(tmp_path):
     """After a training that went on without an evaluation the report is of what was before."""
     made = make_run(tmp_path / "run", make_cabinet(tmp_path / "cabinet"), seeds=(0, 1))
     run = open_run(made)
@@ -154,11 +154,11 @@ def test_success_of_a_checkpoint_that_was_replaced_since_is_not_told(tmp_path):
     assert select_seed(run, 0)[2] == 0.9
     assert "not evaluated" in select_seed(run, None)[1]
     (run.folder / "report.json").write_text('{"seeds": [{"seed": 0, "success": {"value": 1}}]}')
-    assert select_seed(run, 0)[2] is None  # a report that does not say of which checkpoint it is
+    assert select_seed(run, 0)[2] is None  # a report without the hash of its checkpoint
 
 
 def test_steps_of_a_bundle_are_those_of_its_checkpoint(tiny, tmp_path):
-    """Progress tells of more where the training went on after the last checkpoint."""
+    """Progress has more steps if the training went on after the last checkpoint."""
     write_checkpoint(tiny.seed_folder(0), 0)
     content = read_checkpoint(tiny.seed_folder(0)) | {"metadata": json.dumps({"num_timesteps": 64})}
     torch.save(content, tiny.seed_folder(0) / "checkpoint.pt")
@@ -169,7 +169,7 @@ def test_steps_of_a_bundle_are_those_of_its_checkpoint(tiny, tmp_path):
     assert manifest.training.steps == 64
 
 
-def test_a_folder_that_another_export_writes_to_is_left_alone(tmp_path):
+def test_a_folder_that_another_export_writes_to_is_left_only(tmp_path):
     other = tmp_path / ".bundle.part"
     other.mkdir()
     (other / "half").write_text("of another export")
@@ -180,7 +180,7 @@ def test_a_folder_that_another_export_writes_to_is_left_alone(tmp_path):
     assert (tmp_path / "bundle").stat().st_mode & 0o777 == 0o755
 
 
-def test_without_an_evaluation_the_end_of_training_decides_and_it_says_so(run):
+def test_without_an_evaluation_the_end_of_training_decides_and_it_reports_it(run):
     path = run.seed_folder(1) / "progress.jsonl"
     try:
         path.write_text(json.dumps({"steps": 10, "success": 0.5}) + "\n")
@@ -196,12 +196,12 @@ def test_seeds_that_are_not_there_are_named(run):
         select_seed(run, 7)
 
 
-def test_a_run_without_checkpoints_is_refused(run, tmp_path, error_line):
+def test_a_run_without_checkpoints_is_rejected(run, tmp_path, error_line):
     bare = dataclasses.replace(run, folder=tmp_path / "run")
     error_line("choose_seed(untrained)", lambda: select_seed(bare, None))
 
 
-def test_what_is_no_run_is_refused(tmp_path):
+def test_what_is_no_run_is_rejected(tmp_path):
     with pytest.raises(RunError):
         export_policy(tmp_path, tmp_path / "b.zip")
     assert list(tmp_path.iterdir()) == []
@@ -234,7 +234,7 @@ def test_a_place_that_cannot_be_written_is_one_line(run, tmp_path):
         ("", True),
     ],
 )
-def test_a_licence_that_forbids_giving_away_is_said(licence, action):
+def test_a_licence_that_forbids_redistribution_is_an_error(licence, action):
     assert bool(licence_warnings(licence, "cabinet")) == action
 
 

@@ -17,7 +17,7 @@ def env(drawer):
 
 
 @pytest.mark.render
-def test_their_checker_has_nothing_to_say(drawer):
+def test_their_checker_finds_nothing(drawer):
     """Warnings are errors here."""
     env = ArticulateEnv(scene=drawer, render_mode="rgb_array", width=64, height=48)
     check_env(env, warn=True, skip_render_check=False)

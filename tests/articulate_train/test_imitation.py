@@ -1,4 +1,4 @@
-"""What the guide says is learnt from where the policy is, for the first share of a training."""
+"""Imitation of the scripted expert in the first part of a training."""
 
 from dataclasses import replace
 
@@ -23,14 +23,14 @@ def learner_of(tiny, **show):
     return Learner(tiny.scene(), config, 0, threads=1)
 
 
-def test_what_has_to_be_said_gives_what_is_asked_as_far_as_words_reach():
+def test_what_has_to_be_reported_gives_what_is_requested_as_far_as_words_reach():
     rng = np.random.default_rng(0)
-    asked, left = rng.uniform(-0.3, 0.3, (50, ACTION.size)), rng.uniform(0.05, 1.0, (50, 1))
-    words = unscale_action(asked, left, np.zeros((50, ELBOW)))
-    assert_array_equal(words[:, MOTIONS:], asked[:, MOTIONS:])
+    calls, left = rng.uniform(-0.3, 0.3, (50, ACTION.size)), rng.uniform(0.05, 1.0, (50, 1))
+    words = unscale_action(calls, left, np.zeros((50, ELBOW)))
+    assert_array_equal(words[:, MOTIONS:], calls[:, MOTIONS:])
     assert np.abs(words[:, :MOTIONS]).max() <= 1.0
     enough = left[:, 0] >= MIN_SCALE
-    assert_allclose((words[:, :MOTIONS] * left)[enough], asked[enough, :MOTIONS], atol=1e-12)
+    assert_allclose((words[:, :MOTIONS] * left)[enough], calls[enough, :MOTIONS], atol=1e-12)
 
 
 def test_showing_ends_and_leads_fewer_and_fewer():
@@ -49,7 +49,7 @@ def test_shares_of_showing_are_shares(error_line):
         ImitationConfig(epochs=0)
 
 
-def test_where_the_guide_leads_the_arm_does_what_it_says(tiny):
+def test_where_the_expert_leads_the_arm_does_what_it_reports(tiny):
     one = learner_of(tiny, until=1.0)
     env = one.envs
     env.expert, env.n_expert_envs = one._expert, 2
@@ -62,15 +62,15 @@ def test_where_the_guide_leads_the_arm_does_what_it_says(tiny):
     one.close()
 
 
-def test_imitation_brings_the_mean_action_to_what_was_shown_and_the_value_to_the_returns(tiny):
+def test_imitation_brings_the_mean_action_to_what_was_imitated_and_the_value_to_the_returns(tiny):
     one = learner_of(tiny, until=1.0)
     one.run(lambda _: False)
-    policy, buffer, shown = (
+    policy, buffer, values = (
         one.model.policy,
         one.model.rollout_buffer,
         np.stack(one.envs.expert_actions),
     )
-    rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, shown)]
+    rows = [buffer.swap_and_flatten(a) for a in (buffer.observations, buffer.returns, values)]
     seen, returns, wanted = (torch.as_tensor(row, dtype=torch.float32) for row in rows)
 
     def off():
@@ -80,14 +80,14 @@ def test_imitation_brings_the_mean_action_to_what_was_shown_and_the_value_to_the
         return float(((action - wanted) ** 2).mean()), float(((value - returns) ** 2).mean())
 
     before = off()
-    imitate(one.model, shown, ImitationConfig(epochs=40))
+    imitate(one.model, values, ImitationConfig(epochs=40))
     after = off()
     assert after[0] < 0.5 * before[0]
     assert after[1] < 0.9 * before[1]
     one.close()
 
 
-def test_noise_is_not_learnt_from_what_is_shown(tiny):
+def test_noise_is_not_learnt_from_what_is_imitated(tiny):
     one = learner_of(tiny, until=1.0)
     before = one.model.policy.log_std.detach().clone()
     one.run(lambda _: False)
@@ -96,24 +96,24 @@ def test_noise_is_not_learnt_from_what_is_shown(tiny):
 
 
 @pytest.mark.parametrize("k", [1, 2, 3])
-def test_training_restored_while_it_is_shown_goes_on_with_the_same_bits(tiny, tmp_path, k):
-    """Six updates, of which the first three are shown; saved after k, three more are the same."""
+def test_training_restored_while_it_is_imitated_goes_on_with_the_same_bits(tiny, tmp_path, k):
+    """Six updates, the first three with imitation; saved after k, three more are the same."""
 
     def train(learner, updates):
         left = iter(range(updates - 1, -1, -1))
         learner.run(lambda _: next(left) > 0)
 
-    whole = learner_of(tiny, until=0.5)
-    train(whole, k)
-    write_checkpoint(tmp_path, whole.state_dict())
-    train(whole, 3)
+    complete = learner_of(tiny, until=0.5)
+    train(complete, k)
+    write_checkpoint(tmp_path, complete.state_dict())
+    train(complete, 3)
     other = learner_of(tiny, until=0.5)
     other.restore(read_checkpoint(tmp_path))
     train(other, 3)
     for ours, theirs in zip(
-        whole.model.policy.parameters(), other.model.policy.parameters(), strict=True
+        complete.model.policy.parameters(), other.model.policy.parameters(), strict=True
     ):
         assert torch.equal(ours, theirs)
-    assert whole.model.num_timesteps == other.model.num_timesteps == (k + 3) * STEPS
-    whole.close()
+    assert complete.model.num_timesteps == other.model.num_timesteps == (k + 3) * STEPS
+    complete.close()
     other.close()

@@ -1,4 +1,4 @@
-"""Ctrl-C during a training: once keeps everything and says how to go on, twice ends at once."""
+"""Ctrl-C during a training: once keeps everything and names the command that continues, twice ends at once."""
 
 import os
 import shlex
@@ -72,7 +72,7 @@ def test_twice_ends_at_once_with_the_seeds(process):
 
 
 def alive(pid):
-    """Whether a process runs; one that nobody has buried yet does not."""
+    """Return whether a process runs and is not a zombie."""
     try:
         with open(f"/proc/{pid}/stat", encoding="utf-8") as stream:  # noqa: PTH123
             return stream.read().rsplit(")", 1)[1].split()[0] != "Z"

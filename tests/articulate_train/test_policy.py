@@ -20,7 +20,7 @@ def folder(tmp_path):
     return tmp_path / "seed_0"
 
 
-def refused(folder, match):
+def rejected(folder, match):
     with pytest.raises(RunError, match=match) as caught:
         load_policy(folder)
     line = str(caught.value)
@@ -30,9 +30,9 @@ def refused(folder, match):
 
 
 @pytest.mark.parametrize("content", [POINTER.encode(), b"", b"\x00" * 64, b"PK\x03\x04 cut"])
-def test_what_is_no_checkpoint_is_said(folder, content):
+def test_what_is_no_checkpoint_is_an_error(folder, content):
     (folder / CHECKPOINT).write_bytes(content)
-    refused(folder, "cannot be read")
+    rejected(folder, "cannot be read")
 
 
 @pytest.mark.parametrize("key", ["policy", "net_arch", "action_scaling", "normalization"])
@@ -40,7 +40,7 @@ def test_a_checkpoint_that_lacks_something_is_of_another_version(folder, key):
     content = read_checkpoint(folder)
     del content[key]
     torch.save(content, folder / CHECKPOINT)
-    refused(folder, f"made by another version .*{key}")
+    rejected(folder, f"made by another version .*{key}")
 
 
 @pytest.mark.parametrize("more", [-1, 1])
@@ -52,14 +52,14 @@ def test_a_policy_that_sees_something_else_is_of_another_version(folder, more):
     for name in ("mean", "var"):
         content["normalization"][name] = torch.ones(size)
     torch.save(content, folder / CHECKPOINT)
-    refused(folder, "made by another version")
+    rejected(folder, "made by another version")
 
 
 def test_a_file_of_something_else_is_of_another_version(folder):
     torch.save([1, 2], folder / CHECKPOINT)
-    refused(folder, "made by another version .*list")
+    rejected(folder, "made by another version .*list")
 
 
-def test_steps_are_those_that_the_checkpoint_tells_of(folder):
+def test_steps_are_those_that_the_checkpoint_reports_of(folder):
     assert trained_steps(read_checkpoint(folder)) == 0
     assert trained_steps({"metadata": '{"num_timesteps": 64}'}) == 64

@@ -96,11 +96,11 @@ def test_same_seed_gives_the_same_bits_whatever_the_threads_and_another_does_not
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_restored_training_goes_on_with_the_same_bits(learner, tmp_path, k):
     """Saved after k updates and read into a fresh learner, it is the uninterrupted one."""
-    whole = learner()
-    train(whole, k)
-    write_checkpoint(tmp_path, whole.state_dict())
-    at_save = bits(whole)
-    going_on = train(whole, 3)
+    full = learner()
+    train(full, k)
+    write_checkpoint(tmp_path, full.state_dict())
+    at_save = bits(full)
+    going_on = train(full, 3)
     other = learner()
     np.random.default_rng(9)
     torch.rand(7)  # what happens between does not matter
@@ -110,7 +110,7 @@ def test_restored_training_goes_on_with_the_same_bits(learner, tmp_path, k):
     for ours, theirs in zip(going_on, again, strict=True):
         assert_array_equal(ours[0], theirs[0])
         assert_array_equal(ours[1], theirs[1])
-    assert_same_bits(bits(whole), bits(other))
+    assert_same_bits(bits(full), bits(other))
 
 
 def test_saving_changes_nothing(learner, tmp_path):
@@ -140,7 +140,7 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
 
 
 def test_policy_does_not_see_what_only_the_value_function_may(learner):
-    """Changing the privileged columns changes the value and leaves the action alone."""
+    """Changing the privileged columns changes the value and leaves the action unchanged."""
     policy = learner().model.policy
     seen = torch.zeros(3, OBSERVATION.size + PRIVILEGED.size)
     other = seen.clone()
@@ -162,7 +162,7 @@ def test_learning_rate_and_curriculum_follow_the_share_of_all_steps(learner, tin
 
 
 @pytest.mark.parametrize("what", ["weight", "gradient", "normalisation"])
-def test_training_that_diverges_says_after_how_many_steps(learner, what):
+def test_training_that_diverges_reports_after_how_many_steps(learner, what):
     one = learner()
     train(one, 1)
     if what == "weight":
@@ -177,9 +177,9 @@ def test_training_that_diverges_says_after_how_many_steps(learner, what):
     assert not one.is_finite()
 
 
-def test_other_mistakes_are_not_taken_for_divergence(learner, monkeypatch):
+def test_other_mistakes_are_not_reported_as_divergence(learner, monkeypatch):
     one = learner()
-    train(one, 1)  # the first is of what is shown
+    train(one, 1)  # the first is of the imitation
 
     def broken():
         raise ValueError("a bug")
@@ -189,7 +189,7 @@ def test_other_mistakes_are_not_taken_for_divergence(learner, monkeypatch):
         train(one, 1)
 
 
-def test_minibatches_that_do_not_divide_the_rollout_are_refused(error_line):
+def test_minibatches_that_do_not_divide_the_rollout_are_rejected(error_line):
     error_line(
         "PpoConfig(n_envs=4, n_steps=8, batch_size=12)",
         lambda: PpoConfig(n_envs=4, n_steps=8, batch_size=12),
@@ -201,12 +201,12 @@ def test_minibatches_that_do_not_divide_the_rollout_are_refused(error_line):
 def test_the_bound_on_noise_falls_from_the_first_to_the_last_between_two_shares():
     ppo = PpoConfig(log_std_init=-0.8, log_std_final=-1.8, log_std_between=(0.4, 0.9))
     assert ppo.log_std_bound(0.39) == float("inf")
-    shown = [ppo.log_std_bound(share) for share in (0.4, 0.65, 0.9, 1.0)]
-    assert shown == pytest.approx([-0.8, -1.3, -1.8, -1.8])
+    outputs = [ppo.log_std_bound(share) for share in (0.4, 0.65, 0.9, 1.0)]
+    assert outputs == pytest.approx([-0.8, -1.3, -1.8, -1.8])
 
 
 @pytest.mark.parametrize("between", [(0.9, 0.4), (0.4, 0.4), (-0.1, 0.5), (0.5, 1.1)])
-def test_shares_that_do_not_grow_within_the_training_are_refused(between):
+def test_shares_that_do_not_grow_within_the_training_are_rejected(between):
     with pytest.raises(ConfigError, match="log_std_between"):
         PpoConfig(log_std_between=between)
 

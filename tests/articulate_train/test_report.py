@@ -76,7 +76,7 @@ def _curve(seed):
 
 def _timeline(name, reason):
     t = np.linspace(0.05, 10.0, 200)
-    drawn = sample_episode_params(RandomizationConfig(), np.random.default_rng(3)).values[0]
+    sampled = sample_episode_params(RandomizationConfig(), np.random.default_rng(3)).values[0]
     return Timeline(
         name=name,
         reason=reason,
@@ -84,7 +84,7 @@ def _timeline(name, reason):
         force_n=20 * t / 10,
         speed_share=t / 20,
         opened=t / 12,
-        params=dict(zip(COLUMNS, drawn, strict=True)),
+        params=dict(zip(COLUMNS, sampled, strict=True)),
     )
 
 
@@ -111,7 +111,7 @@ def test_success_rate_is_the_mean_over_seeds_of_their_shares():
     assert (report.success_pooled.value, report.success_pooled.n) == (53 / 104, 104)
 
 
-def test_the_member_that_acts_alone_is_told(tmp_path):
+def test_the_member_that_acts_only_is_reported(tmp_path):
     one = dataclasses.replace(_seed(0, [0] * 40), policy_steps=1_670_000, active_member=1)
     report = _report(seeds=[one, dataclasses.replace(_seed(7, [0] * 40), policy_steps=1_780_000)])
     assert [s.active_member for s in report.seeds] == [1, None]
@@ -127,7 +127,7 @@ def test_reasons_are_counted_by_name_and_add_up():
     assert sum(report.reasons.values()) == report.success_iqm.n
 
 
-def test_violations_say_when_a_limit_was_broken_and_endings_do_not():
+def test_violations_state_when_a_limit_was_broken_and_endings_do_not():
     (violation,) = _report().violations
     assert (violation.reason, violation.episodes, violation.median_s) == ("force", 6, 3.0)
 
@@ -177,7 +177,7 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
     page = html.unescape(html_path.read_text())
     for text in (
         "85.0\N{NO-BREAK SPACE}%",
-        "force on the hand too high: 6, at 3.0 s",
+        "force on the gripper too high: 6, median time 3.0 s",
         INFO.command,
     ):
         assert text in page
@@ -188,9 +188,9 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
     assert not re.search(r'(src|href)="https?:', page)
 
 
-def test_the_page_tells_what_was_drawn_for_the_episodes_that_it_shows(tmp_path):
+def test_the_page_reports_what_was_sampled_for_the_episodes_that_it_shows(tmp_path):
     page = report_page(_report(), tmp_path)
-    fold = page[page.index("What was drawn for them") :].partition("</details>")[0]
+    fold = page[page.index("Sampled parameters") :].partition("</details>")[0]
     friction = sample_episode_params(RandomizationConfig(), np.random.default_rng(3))["friction"][0]
     assert f'finger friction, factor</td><td class="n">{friction:.3g}</td>' in fold
     assert len(re.findall("<tr>", fold)) == 1 + len(COLUMNS)
@@ -201,7 +201,7 @@ def test_the_page_stays_small(tmp_path):
     assert html_path.stat().st_size < 150_000
 
 
-def test_a_picture_that_would_make_the_page_too_large_is_left_out(tmp_path):
+def test_a_image_that_would_make_the_page_too_large_is_left_out(tmp_path):
     _, html_path = write_report(_report(), tmp_path, poster=PNG + bytes(MAX_POSTER_BYTES))
     assert html_path.stat().st_size < 150_000
     assert "data:image/png" not in html_path.read_text()
@@ -219,16 +219,16 @@ def test_hostile_names_are_only_text(tmp_path):
     assert "&lt;script&gt;" in page
 
 
-def test_clips_are_referred_to_beside_the_page_or_put_into_it_when_asked(tmp_path):
+def test_videos_are_referred_to_beside_the_page_or_put_into_it_when_requested(tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "failure.mp4").write_bytes(b"\0\0\0\x20ftypisom")
     report = _report(videos=("videos/failure.mp4",))
     assert 'src="videos/failure.mp4#t=0.05"' in report_page(report, tmp_path)
-    assert "Failure: force on the hand too high" in report_page(report, tmp_path)
+    assert "Failure: force on the gripper too high" in report_page(report, tmp_path)
     assert 'src="data:video/mp4;base64,' in report_page(report, tmp_path, embed_videos=True)
 
 
-def test_the_page_can_be_passed_on_alone_as_far_as_its_clips_are_small(tmp_path):
+def test_the_page_can_be_passed_on_only_as_far_as_its_videos_are_small(tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "success.mp4").write_bytes(b"\0\0\0\x20ftypisom")
     (tmp_path / "videos" / "failure.mp4").write_bytes(bytes(MAX_EMBEDDED_BYTES + 1))
@@ -249,11 +249,11 @@ def test_a_training_too_short_for_figures_has_no_empty_charts(tmp_path):
     assert "steps per second" not in page
 
 
-def test_a_perfect_run_without_curves_clips_or_nominal_episodes_still_has_a_page(tmp_path):
+def test_a_perfect_run_without_curves_videos_or_nominal_episodes_still_has_a_page(tmp_path):
     seed = _seed(3, [0] * 20, nominal=(), config=NO_RANDOMIZATION)
     report = _report(seeds=[seed], curves=False, timelines=False)
     assert report.nominal_success_rate is None
     assert report.parameters == ()
     page = report_page(report, tmp_path)
     assert "Nothing: all 20 episodes succeeded." in page
-    assert "No clips were made." in page
+    assert "No videos: " in page

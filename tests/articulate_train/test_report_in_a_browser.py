@@ -20,7 +20,7 @@ def page(tmp_path_factory):
     info = dataclasses.replace(
         INFO,
         command="train --asset 'my objects/cabinet.urdf' --task open_drawer --joint drawer_0_slide "
-        "--seeds 0 1 2 --steps 2000000 --randomization.mass 0.5 2.0 --episodes 20",
+        "--seeds 0 1 2 --steps 2000000 --set randomization.mass=0.5,2.0 --episodes 20",
         versions={"system": "Linux-6.18.44-some-v595-x86_64-with-glibc2.36"},
     )
     report = _report(info, videos=("videos/failure.mp4",))

@@ -130,7 +130,7 @@ def test_run_that_is_made_is_the_run_that_is_opened(checked, tmp_path):
     assert [p.name for p in (tmp_path / "runs").iterdir()] == ["one"]
 
 
-def test_folder_in_the_way_is_left_alone(cabinet, tmp_path, error_line):
+def test_folder_in_the_place_is_left_only(cabinet, tmp_path, error_line):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "kept.txt").write_text("mine")
     error_line(
@@ -147,7 +147,7 @@ def test_an_empty_folder_is_used(checked, tmp_path):
     assert open_run(folder).task.joint == JOINT
 
 
-def test_a_run_that_another_call_made_meanwhile_is_in_the_way(checked, tmp_path, monkeypatch):
+def test_a_run_that_another_call_made_meanwhile_is_in_the_place(checked, tmp_path, monkeypatch):
     folder = tmp_path / "race"
     config = config_of(checked, joint=JOINT)
     create_run(config, folder, tmp_path / "cache")
@@ -161,7 +161,7 @@ def test_a_category_that_no_table_has_is_rejected(cabinet, error_line):
     error_line("prepare_asset(category)", lambda: prepare_asset(config, Path("cache")))
 
 
-def test_file_above_the_run_is_said_before_any_work(cabinet, tmp_path, error_line, monkeypatch):
+def test_file_above_the_run_is_an_error_before_any_work(cabinet, tmp_path, error_line, monkeypatch):
     (tmp_path / "file").write_text("mine")
     monkeypatch.setattr(runs, "prepare_asset", lambda *_: pytest.fail("worked in vain"))
     error_line(
@@ -194,7 +194,7 @@ def test_folder_of_many_runs_is_an_error(tmp_path, error_line):
     error_line("open_run(many runs)", lambda: open_run(tmp_path / "many"))
 
 
-def test_run_of_another_version_is_rejected_with_the_command_that_makes_it_anew(tiny, error_line):
+def test_run_of_another_version_is_rejected_with_the_command_that_makes_it_again(tiny, error_line):
     path = tiny.folder / "scene.json"
     content = json.loads(path.read_text())
     del content["schema"], content["schema_version"]
@@ -271,7 +271,7 @@ def test_resuming_may_change_nothing_else(tiny, error_line, name, change):
 
 
 def test_asset_of_a_run_is_its_own(tiny, cabinet, tmp_path):
-    """What happens to the source later does not matter."""
+    """Later changes of the source have no effect."""
     moved = tmp_path / "moved"
     shutil.copytree(tiny.folder, moved)
     again = open_run(moved)

@@ -38,7 +38,7 @@ def test_a_folder_or_a_pattern_names_many_objects_and_a_file_one(folder):
     assert not is_many(str(folder / "a"))
 
 
-def test_files_of_one_name_are_told_apart_by_their_folders(folder):
+def test_files_of_one_name_are_reported_apart_by_their_folders(folder):
     """As those of PartNet-Mobility are, ``ID/mobility.urdf``; whatever else is there."""
     urdf = next((folder / "a").glob("*.urdf")).name
     assert [item.name for item in objects_of(str(folder / "*" / urdf))] == ["a", "b"]
@@ -47,12 +47,12 @@ def test_files_of_one_name_are_told_apart_by_their_folders(folder):
 
 
 @pytest.mark.parametrize("flag", ["--dry-run", "--no-evaluate"])
-def test_what_is_for_one_object_is_refused_for_many(folder, flag, capsys):
+def test_what_is_for_one_object_is_rejected_for_many(folder, flag, capsys):
     assert main(["train", "--asset", str(folder), flag]) == 2
     assert f"{flag} is for one object" in capsys.readouterr().err
 
 
-def test_a_pattern_that_fits_nothing_is_told_in_one_line(error_line):
+def test_a_pattern_that_fits_nothing_is_an_error_in_one_line(error_line):
     error_line("objects_of('nothing/*.urdf')", lambda: objects_of("nothing/*.urdf"))
 
 
@@ -130,19 +130,19 @@ def test_objects_and_seeds_are_trained_compared_and_not_trained_again(tmp_path, 
     embedded_cabinet(tmp_path / "objects" / "one")
     (tmp_path / "objects" / "bad").mkdir()
     (tmp_path / "objects" / "bad" / "bad.urdf").write_text("<robot/>")
-    said: list[str] = []
+    printed: list[str] = []
     config = tiny(tmp_path / "objects")
-    outcome = train_many(config, tmp_path / "out", "local", "train …", said.append)
+    outcome = train_many(config, tmp_path / "out", "local", "train …", printed.append)
     assert not outcome.complete
     assert outcome.comparison is not None
     assert [(r.name, r.seeds) for r in outcome.comparison.rows] == [("one", 2)]
     assert outcome.progress.states["bad-seed-0"].phase == "failed"
-    assert "bad.urdf" in outcome.progress.states["bad-seed-0"].words
-    assert said[-1].startswith("2 done, 2 failed of 4")
+    assert "bad.urdf" in outcome.progress.states["bad-seed-0"].message
+    assert printed[-1].startswith("2 done, 2 failed of 4")
     assert "bad-seed-1: failed after 1 attempts" in outcome.text()
     content = json.loads((tmp_path / "out" / "comparison.json").read_text())
     assert len(content["rows"]) == 1
-    again = train_many(config, tmp_path / "out", "local", "train …", said.append)
+    again = train_many(config, tmp_path / "out", "local", "train …", printed.append)
     attempts = {name: len(s.attempts) for name, s in again.progress.states.items()}
     assert attempts["one-seed-0"] == 1
     assert attempts["bad-seed-0"] == 2

@@ -89,7 +89,7 @@ def same_checkpoints(a, b):
 
 
 @pytest.fixture(scope="module")
-def whole(cabinet, tmp_path_factory):
+def complete(cabinet, tmp_path_factory):
     """Folder of a seed that was trained without interruption."""
     run = tiny_run(tmp_path_factory.mktemp("whole") / "run", cabinet)
     process = SeedProcess(run, 0, threads=1)
@@ -98,17 +98,17 @@ def whole(cabinet, tmp_path_factory):
     return run.seed_folder(0)
 
 
-def test_seed_that_is_done_is_marked_and_keeps_its_checkpoint(whole):
+def test_seed_that_is_done_is_marked_and_keeps_its_checkpoint(complete):
     scores = [{"steps": 192, "episodes": 0, "successes": 0}]
-    assert json.loads((whole / DONE).read_text()) == {
+    assert json.loads((complete / DONE).read_text()) == {
         "steps": 192, "selected_step": 192, "selection_scores": scores, "ensemble": [],
         "active_member": None,
     }  # fmt: skip
-    assert json.loads(read_checkpoint(whole)["metadata"])["num_timesteps"] == 192
+    assert json.loads(read_checkpoint(complete)["metadata"])["num_timesteps"] == 192
 
 
 @pytest.mark.parametrize("updates", [1, 3])
-def test_seed_that_is_interrupted_goes_on_with_the_same_bits(tiny, process, whole, updates):
+def test_seed_that_is_interrupted_goes_on_with_the_same_bits(tiny, process, complete, updates):
     first = process()
     stop_after(first, updates)
     assert not first.train()
@@ -116,7 +116,7 @@ def test_seed_that_is_interrupted_goes_on_with_the_same_bits(tiny, process, whol
     assert not (folder / DONE).exists()
     assert json.loads(read_checkpoint(folder)["metadata"])["num_timesteps"] == 32 * updates
     assert process().train()
-    same_checkpoints(folder, whole)
+    same_checkpoints(folder, complete)
 
 
 def test_seed_whose_run_was_killed_saves_and_stops(tiny, process, monkeypatch):
@@ -127,9 +127,9 @@ def test_seed_whose_run_was_killed_saves_and_stops(tiny, process, monkeypatch):
 
 
 def test_seed_whose_run_was_killed_before_it_began_trains_nothing(tiny):
-    gone = subprocess.Popen(["true"])
-    gone.wait()
-    assert seeds.main([str(tiny.folder), "0", "1", str(gone.pid)]) == 130
+    ended_process = subprocess.Popen(["true"])
+    ended_process.wait()
+    assert seeds.main([str(tiny.folder), "0", "1", str(ended_process.pid)]) == 130
     assert not tiny.seed_folder(0).exists()
 
 
@@ -141,7 +141,7 @@ def test_seed_whose_run_was_killed_while_it_began_stops_after_an_update(tiny):
 
 
 def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits(
-    tiny, process, whole
+    tiny, process, complete
 ):
     first = process()
     after, updates = first._after_round, []
@@ -158,7 +158,7 @@ def test_seed_that_is_killed_goes_on_from_its_last_checkpoint_with_the_same_bits
     folder = tiny.seed_folder(0)
     assert json.loads(read_checkpoint(folder)["metadata"])["num_timesteps"] == 64
     assert process().train()
-    same_checkpoints(folder, whole)
+    same_checkpoints(folder, complete)
 
 
 def progress_of(folder):
@@ -169,7 +169,7 @@ def progress_of(folder):
 
 @pytest.mark.parametrize("updates", [1, 2, 3, 5, 6])
 def test_progress_of_a_seed_that_was_interrupted_is_that_of_one_that_was_not(
-    tiny, process, whole, monkeypatch, updates
+    tiny, process, complete, monkeypatch, updates
 ):
     """Episodes that ended since the last line are kept with the checkpoint."""
     first = process()
@@ -177,22 +177,22 @@ def test_progress_of_a_seed_that_was_interrupted_is_that_of_one_that_was_not(
     first.train()
     process().train()
     rows = progress_of(tiny.seed_folder(0))
-    assert rows == progress_of(whole)
+    assert rows == progress_of(complete)
     assert len(rows) == 1
 
 
 def test_episodes_that_progress_has_reported_are_not_reported_again(tiny, process, monkeypatch):
-    """A run that is done, and goes on because more steps are asked for."""
+    """A run that is done, and continues because it has more steps."""
     process().train()
     content = read_checkpoint(tiny.seed_folder(0))
     assert content["finished"] == {}
     assert process().ensemble.finished() == []
 
 
-def test_progress_after_the_checkpoint_and_lines_cut_off_are_dropped(tiny, whole, process):
+def test_progress_after_the_checkpoint_and_lines_cut_off_are_dropped(tiny, complete, process):
     folder = tiny.seed_folder(0)
     folder.mkdir()
-    shutil.copy(whole / CHECKPOINT, folder)
+    shutil.copy(complete / CHECKPOINT, folder)
     rows = [{"steps": steps, "seconds": steps / 64} for steps in (64, 192, 256)]
     text = "".join(json.dumps(row) + "\n" for row in rows)
     (folder / PROGRESS).write_text(text + '{"steps": 3')
@@ -242,9 +242,9 @@ def test_checkpoint_of_another_version_is_one_line_and_exit_2(tiny, process, cap
     stop_after(first, 1)
     first.train()
     path = tiny.seed_folder(0) / CHECKPOINT
-    whole = read_checkpoint(path.parent)
-    without = {k: v for k, v in whole.items() if k != "returns"}
-    other = whole | {"net_arch": [8], "policy": {"a": torch.zeros(1)}}
+    complete = read_checkpoint(path.parent)
+    without = {k: v for k, v in complete.items() if k != "returns"}
+    other = complete | {"net_arch": [8], "policy": {"a": torch.zeros(1)}}
     for content in (without, other):
         torch.save(content, path)
         assert seeds.main([str(tiny.folder), "0", "1"]) == 2

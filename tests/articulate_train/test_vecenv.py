@@ -43,7 +43,7 @@ def test_spaces_are_those_of_the_layouts(env):
     assert_array_equal(env.action_space.low, -1.0)
 
 
-def test_steps_give_what_the_spaces_say(env):
+def test_steps_give_what_the_spaces_state(env):
     observation = env.reset()
     rng = np.random.default_rng(0)
     for _ in range(30):
@@ -118,18 +118,18 @@ def test_attributes_and_methods_are_reached_through_it(env):
     assert set(env.env_method("snapshot")[0]) == set(env.episodes.snapshot())
 
 
-def test_motions_are_finer_near_the_handle_and_the_hands_command_is_not(env, monkeypatch):
+def test_motions_are_finer_near_the_gripperle_and_the_grippers_command_is_not(env, monkeypatch):
     env.reset()
-    near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open hand
+    near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open gripper
     near[:, OBSERVATION.slice("goal_error_fine")] = -4.0  # the part far from its target
     env.restore(near, {})
-    asked, step = [], env.episodes.step
+    calls, step = [], env.episodes.step
 
     def stepped(action):
-        asked.append(action)
+        calls.append(action)
         return step(action)
 
     monkeypatch.setattr(env.episodes, "step", stepped)
     env.step(np.full((N, ACTION.size), 2.0, dtype=np.float32))
-    assert_allclose(asked[0][:, :MOTIONS], ActionScalingConfig().near_handle, rtol=1e-6)
-    assert_allclose(asked[0][:, MOTIONS:], 1.0)
+    assert_allclose(calls[0][:, :MOTIONS], ActionScalingConfig().near_handle, rtol=1e-6)
+    assert_allclose(calls[0][:, MOTIONS:], 1.0)

@@ -178,7 +178,7 @@ def _dry_run(flags: BenchmarkFlags) -> int:
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     """Run the benchmark, write results and page, and return the results."""
     # These read meshes, which --help does without.
-    from articulate.benchmark.batch import Batch
+    from articulate.benchmark.batch import BenchmarkBatch
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.report import write_report
     from articulate.benchmark.summary import summary
@@ -189,7 +189,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     make_actor(config.actor)  # an unknown actor is an error before any work
-    batch = Batch(
+    batch = BenchmarkBatch(
         dataset=dataset,
         source=flags.dataset,
         data=flags.data,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -27,21 +27,6 @@ MOST_LIMIT_S = 1e6
 FRONT_EYE = (3.0, 1.5, 2.0)
 FRONT_TARGET = (0.0, 0.0, 0.8)
 FRONT_FOVY = 35.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraFlags:
-    """Camera of the video or image, in the frame of the parts."""
-
-    file: Path | None = None
-    """JSON file with width_px, height_px, fx_px, fy_px, cx_px, cy_px and T_oc, as the benchmark
-    exports it; it replaces the other camera settings."""
-    eye: tuple[float, float, float] = FRONT_EYE
-    """Position of the camera [m]; by default that of the benchmark."""
-    target: tuple[float, float, float] = FRONT_TARGET
-    """Point in the middle of the image [m]."""
-    fovy: float = FRONT_FOVY
-    """Vertical field of view [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +59,15 @@ class MakeFlags:
     """Maximum number of proposals for the critic; by default that of the actor."""
     dry_run: bool = False
     """Write the prompts to the page <out>.prompts.html without sending requests."""
-    camera: CameraFlags = field(default_factory=CameraFlags)
+    camera_file: Path | None = None
+    """JSON file with width_px, height_px, fx_px, fy_px, cx_px, cy_px and T_oc of the camera, as
+    the benchmark exports it; it replaces the other camera flags."""
+    camera_eye: tuple[float, float, float] = FRONT_EYE
+    """Position of the camera in the frame of the parts [m]; by default that of the benchmark."""
+    camera_target: tuple[float, float, float] = FRONT_TARGET
+    """Point in the middle of the image [m]."""
+    camera_fovy: float = FRONT_FOVY
+    """Vertical field of view [deg]."""
     up: Literal["auto", "z", "y"] = "auto"
     """Upward axis of the files of --parts; auto: y for a single GLB, else z."""
     front: Literal["x", "-x", "y", "-y"] = "x"
@@ -184,8 +177,12 @@ def _part_set(flags: MakeFlags) -> PartSet:
 def _camera(flags: MakeFlags, query: Query) -> Camera:
     from articulate.reconstruct.query import QueryCamera
 
-    c = flags.camera
-    view = QueryCamera(file=c.file, eye=c.eye, target=c.target, fovy=c.fovy)
+    view = QueryCamera(
+        file=flags.camera_file,
+        eye=flags.camera_eye,
+        target=flags.camera_target,
+        fovy=flags.camera_fovy,
+    )
     return view.camera(*query.size_px)
 
 

@@ -197,7 +197,7 @@ class QueryCamera:
     def __post_init__(self) -> None:
         """Check the field of view."""
         if not 1.0 <= self.fovy <= 170.0:
-            raise ConfigError(f"--camera.fovy is {self.fovy:g} degrees; it must lie in [1, 170]")
+            raise ConfigError(f"--camera-fovy is {self.fovy:g} degrees; it must lie in [1, 170]")
 
     def camera(self, width_px: int, height_px: int) -> Camera:
         """Return the camera for images of this size.
@@ -224,7 +224,7 @@ def read_camera(path: Path) -> Camera:
     try:
         content = load_json_object(path, limit_bytes=100_000, error=ConfigError)
     except ConfigError as error:
-        raise ConfigError(f"--camera.file {error}") from None
+        raise ConfigError(f"--camera-file {error}") from None
     try:
         T_oc = np.array(content["T_oc"], dtype=np.float64)
         if T_oc.shape != (4, 4) or not np.isfinite(T_oc).all():
@@ -252,7 +252,7 @@ def read_camera(path: Path) -> Camera:
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else shorten(error)
         raise ConfigError(
-            f"--camera.file {path}: not a camera ({reason}); it holds width_px, height_px, fx_px, "
+            f"--camera-file {path}: not a camera ({reason}); it holds width_px, height_px, fx_px, "
             "fy_px, cx_px, cy_px and T_oc"
         ) from None
 
@@ -268,7 +268,7 @@ def _fitting(camera: Camera, width_px: int, height_px: int, path: Path) -> Camer
     factor = width_px / camera.width_px
     if abs(camera.height_px * factor - height_px) > 2.0:
         raise ConfigError(
-            f"--camera.file {path}: is for {camera.width_px}x{camera.height_px} px, and the input "
+            f"--camera-file {path}: is for {camera.width_px}x{camera.height_px} px, and the input "
             f"has {width_px}x{height_px}; give the camera of this video or image"
         )
     return camera if width_px == camera.width_px else camera.scaled(factor)

@@ -51,16 +51,16 @@ def test_json_prints_the_results_themselves_and_a_second_run_takes_what_is_there
     assert (out / "objects" / "a.json").stat().st_mtime_ns == before
 
 
-def test_people_are_told_the_protocol_they_asked_for(done, capsys):
+def test_people_are_reported_the_protocol_they_requested(done, capsys):
     _, index, out = done
     main([str(index), "--modality", "text", "--out", str(out), "--protocol", "strict"])
-    told = capsys.readouterr().out
-    assert "strict" in told
-    assert "paper" not in told
-    assert "report.html" in told
+    reports = capsys.readouterr().out
+    assert "strict" in reports
+    assert "paper" not in reports
+    assert "report.html" in reports
 
 
-def test_quiet_says_nothing_but_results_and_a_folder_is_named_where_none_is_given(
+def test_quiet_reports_nothing_but_results_and_a_folder_is_named_where_none_is_set(
     tmp_path, capsys, monkeypatch
 ):
     index = write_index(tmp_path, ("a",))
@@ -96,7 +96,7 @@ def test_runs_whose_folders_are_called_alike_stand_beside_each_other(done):
     assert all(f">{folder}</td>" in page for folder in folders)
 
 
-def test_results_that_are_none_are_refused(done, tmp_path):
+def test_results_that_are_none_are_rejected(done, tmp_path):
     _, index, out = done
     (tmp_path / "results.json").write_text("[]")
     argv = [str(index), "--out", str(out), "--compare-with", str(tmp_path)]
@@ -104,7 +104,7 @@ def test_results_that_are_none_are_refused(done, tmp_path):
         main(argv)
 
 
-def test_what_is_written_without_a_run_is_told_as_json(tmp_path, capsys):
+def test_what_is_written_without_a_run_is_reported_as_json(tmp_path, capsys):
     index = write_index(tmp_path, ("a",))
     out = tmp_path / "out"
     assert main([str(index), "--modality", "text", "--export", "--json", "--out", str(out)]) == 0
@@ -150,7 +150,7 @@ def test_only_what_is_named_is_run(done):
         ["--modality", "video", "--task", "placement"],
     ],
 )
-def test_what_cannot_be_run_is_refused(done, argv, error_line):
+def test_what_cannot_be_run_is_rejected(done, argv, error_line):
     _, index, out = done
     error_line(
         f"articulate benchmark assets.json {' '.join(argv)}",
@@ -172,7 +172,7 @@ def test_the_flags_decide_the_settings(tmp_path):
 
 
 @pytest.mark.parametrize("missing", ["config", "cost"])
-def test_results_that_lack_something_are_refused_before_the_run(done, tmp_path, missing):
+def test_results_that_lack_something_are_rejected_before_the_run(done, tmp_path, missing):
     _, index, out = done
     content = json.loads((out / "results.json").read_text())
     del content[missing]

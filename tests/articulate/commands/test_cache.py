@@ -33,7 +33,7 @@ def test_entries_are_listed_by_kind_and_size(cache, capsys):
     assert {e["name"] for e in content["entries"]} == {"entry_0", "entry_1", "entry_2"}
 
 
-def test_cleaning_keeps_as_much_as_is_asked_for(cache, capsys):
+def test_cleaning_keeps_as_much_as_is_requested(cache, capsys):
     assert main(["cache", "clean", "--keep-gb", "0.000005", "--json"]) == 0
     done = json.loads(capsys.readouterr().out)
     assert done["left_bytes"] <= 5000
@@ -43,7 +43,7 @@ def test_cleaning_keeps_as_much_as_is_asked_for(cache, capsys):
     assert not any(path.is_file() for path in (cache / "assets").iterdir())
 
 
-def test_a_size_that_is_not_finite_is_refused(error_line):
+def test_a_size_that_is_not_finite_is_rejected(error_line):
     error_line("cache clean --keep-gb inf", lambda: CacheFlags(action="clean", keep_gb=math.inf))
 
 

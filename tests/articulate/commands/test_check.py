@@ -36,7 +36,7 @@ def call(objects, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.render
-def test_one_object_is_converted_proven_and_told(objects, call, tmp_path):
+def test_one_object_is_converted_checked_and_reported(objects, call, tmp_path):
     source = objects / "in" / "little" / "little.urdf"
     code, out, err = call(source, "--out", "cabinet")
     assert code == 0
@@ -75,7 +75,7 @@ def test_a_folder_of_objects_ends_with_a_table_and_an_index(objects, call, tmp_p
     code, out, err = call(*words)
     assert code == 3
     assert err.count("\n") == 3
-    assert "3 objects: 0 proven, 2 repaired, 1 refused" in out
+    assert "3 objects: 0 passed, 2 repaired, 1 rejected" in out
     assert [line.split()[:2] for line in out.splitlines()[1:4]] == [
         ["letter", "rejected"],
         ["little", "repaired"],
@@ -91,7 +91,7 @@ def test_a_folder_of_objects_ends_with_a_table_and_an_index(objects, call, tmp_p
     assert (tmp_path / "all" / "stone" / "object.xml").is_file()
 
 
-def test_an_unreadable_object_is_refused_with_three(objects, call):
+def test_an_unreadable_object_is_rejected_with_three(objects, call):
     code, out, _ = call(objects / "in" / "letter.urdf", "--out", "letter")
     assert code == 3
     assert "letter: rejected" in out
@@ -121,14 +121,14 @@ def test_an_unreadable_object_is_refused_with_three(objects, call):
         (("nowhere.urdf", "--ot", "x"), "did you mean --out?"),
     ],
 )
-def test_wrong_usage_is_told_in_one_line_and_writes_nothing(call, tmp_path, words, said):
+def test_wrong_usage_is_an_error_in_one_line_and_writes_nothing(call, tmp_path, words, text):
     code, out, err = call(*words)
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert said in err
+    assert text in err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_options_that_the_conversion_refuses_are_wrong_usage(objects, call, tmp_path):
+def test_options_that_the_conversion_rejects_are_wrong_usage(objects, call, tmp_path):
     code, _, err = call(objects / "in" / "stone.urdf", "--out", "x", "--size", "-1")
     assert code == 2
     assert "size is -1.0 m" in err
@@ -148,18 +148,18 @@ def test_options_that_the_conversion_refuses_are_wrong_usage(objects, call, tmp_
         ),
     ],
 )
-def test_flags_that_would_change_nothing_are_refused(objects, call, tmp_path, made, words, said):
+def test_flags_that_would_change_nothing_are_rejected(objects, call, tmp_path, made, words, text):
     shutil.copy(objects / "in" / "stone.urdf", tmp_path)
     if made:
         (tmp_path / "made").mkdir()
         (tmp_path / "made" / "asset.json").write_text("{}")
     code, out, err = call("made" if made else "stone.urdf", "--out", "x", *words)
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert said in err
+    assert text in err
     assert not (tmp_path / "x").exists()
 
 
-def test_a_clause_is_explained(call):
+def test_a_check_is_explained(call):
     code, out, _ = call("--explain", "cavities")
     assert code == 0
     assert [p.split(".")[0] for p in out.split("\n\n")[1:]] == [
@@ -169,7 +169,7 @@ def test_a_clause_is_explained(call):
     ]
 
 
-def test_a_clause_is_explained_to_programs(call):
+def test_a_check_is_explained_to_programs(call):
     code, out, _ = call("--explain", "joint_sweep", "--json")
     content = json.loads(out)
     assert code == 0

@@ -88,7 +88,7 @@ def test_standard_output_is_as_before_after_a_command(capfd):
 
 
 def test_text_printed_without_emit_is_no_result(capsys):
-    assert run_command(lambda _: print("a remark") or 0, []) == 0
+    assert run_command(lambda _: bool(print("a remark")), []) == 0
     assert capsys.readouterr() == ("", "a remark\n")
 
 
@@ -128,7 +128,7 @@ def test_no_command_prints_in_colour(capsys, monkeypatch):
     assert "\x1b" not in "".join(capsys.readouterr())
 
 
-def test_interrupted_once_stops_cleanly_and_says_how_to_go_on():
+def test_interrupted_once_stops_cleanly_and_names_the_command_that_continues():
     process = python(SLOW)
     child = int(process.stderr.readline())
     process.send_signal(signal.SIGINT)
@@ -157,7 +157,7 @@ def test_interrupted_twice_ends_at_once_with_all_children():
 
 
 def ended(pid):
-    """Whether a process that was ours is gone, within some seconds."""
+    """Return whether a child process ends within some seconds."""
     for _ in range(200):
         try:
             os.kill(pid, 0)
@@ -181,7 +181,7 @@ def test_signals_are_left_to_a_host_that_has_its_own_handler():
 
 
 @pytest.mark.parametrize("live", [True, False])
-def test_what_is_waited_for_is_told_at_a_terminal_alone(live, monkeypatch, capsys):
+def test_what_is_waited_for_is_reported_at_a_terminal_only(live, monkeypatch, capsys):
     monkeypatch.setattr(console, "is_live", lambda: live)
     console.show_waiting("proving")
     assert capsys.readouterr() == ("", "proving\n" if live else "")

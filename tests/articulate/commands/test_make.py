@@ -44,12 +44,12 @@ def result(tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "asset"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(out.parent / "cache"))
-        said = ["--text", "a cabinet with one drawer", "--library", "cabinet:3"]
-        code = main([*said, "--out", str(out), "-q"])
+        printed = ["--text", "a cabinet with one drawer", "--library", "cabinet:3"]
+        code = main([*printed, "--out", str(out), "-q"])
     return code, out
 
 
-def test_a_proven_urdf_is_made_with_its_proof_and_its_trace(result):
+def test_a_checked_urdf_is_made_with_its_report_and_its_trace(result):
     code, out = result
     assert code == 0
     asset = load_asset(out)
@@ -72,13 +72,20 @@ def test_the_program_beside_it_compiles_to_the_same_joints(result):
     assert [(j.kind, j.child) for j in built.joints] == [("prismatic", "drawer_0")]
 
 
-def test_the_trace_needs_no_other_file_and_links_to_the_proof(result):
+def test_the_trace_needs_no_other_file_and_links_to_the_report(result):
     _, out = result
     text = (out / "trace.html").read_text()
     assert set(re.findall(r'href="([^"]*)"', text)) == {"check_report.html", "program/program.py"}
     assert not re.search(r'(src|url)=?[("\']+(?!data:)\w', text)
-    for said in ("Input", "prismatic", "sandbox", "root(", "Checks of the asset", "geometric-text"):
-        assert said in text
+    for printed in (
+        "Input",
+        "prismatic",
+        "sandbox",
+        "root(",
+        "Checks of the asset",
+        "geometric-text",
+    ):
+        assert printed in text
     assert text.count("data:image/png") >= 1
 
 
@@ -122,7 +129,7 @@ def test_a_drawer_that_runs_into_its_case_is_doubtful(tmp_path):
     assert content["reasons"] == ["the actor has little confidence in drawer (0.20)"]
 
 
-def test_what_cannot_be_proven_is_written_and_marked(tmp_path, capsys):
+def test_what_cannot_be_checked_is_written_and_marked(tmp_path, capsys):
     (tmp_path / "parts").mkdir()
     box((-0.3, -0.3, 0.0), (0.3, 0.3, 0.3)).export(tmp_path / "parts" / "body.obj")
     box((-0.3, -0.3, 0.31), (0.3, 0.3, 0.5)).export(tmp_path / "parts" / "drawer.obj")
@@ -137,7 +144,7 @@ def test_what_cannot_be_proven_is_written_and_marked(tmp_path, capsys):
     assert "failed its checks" in (tmp_path / "asset" / "trace.html").read_text()
 
 
-def test_a_picture_is_compared_with_the_parts(capsys):
+def test_a_image_is_compared_with_the_parts(capsys):
     part_set = module._part_set(MakeFlags(text="x", library="cabinet:3"))
     camera = view_camera(part_set.meshes, {})
     cv2.imwrite("seen.png", PartScene(part_set.meshes).render_image(camera)[..., ::-1])
@@ -149,7 +156,7 @@ def test_a_picture_is_compared_with_the_parts(capsys):
 
 
 @pytest.mark.slow
-def test_only_the_joint_that_is_asked_for_moves(tmp_path):
+def test_only_the_joint_that_is_requested_moves(tmp_path):
     words = ["--text", "a cabinet", "--library", "cabinet:5", "--out", "asset", "-q"]
     main(words)
     everything = json.loads((tmp_path / "asset" / "made.json").read_text())["joints"]
@@ -180,20 +187,20 @@ def test_only_the_joint_that_is_asked_for_moves(tmp_path):
         ["--text", "a box", "--parts", "parts", "--seed", "-1"],
         ["--text", "a box", "--parts", "parts", "--limit", "0"],
         ["--text", "a box", "--parts", "parts", "--limit", "inf"],
-        ["--text", "a box", "--parts", "parts", "--camera.fovy", "0"],
-        ["--text", "a box", "--parts", "parts", "--camera.file", "no.json"],
+        ["--text", "a box", "--parts", "parts", "--camera-fovy", "0"],
+        ["--text", "a box", "--parts", "parts", "--camera-file", "no.json"],
         ["--text", "a box", "--parts", "parts", "--out", "parts"],
         ["--text", "a box", "--parts", "parts", "--prts", "parts"],
     ],
     ids=" ".join,
 )
-def test_what_cannot_be_made_is_refused_and_nothing_is_written(argv, error_line, tmp_path):
+def test_what_cannot_be_made_is_rejected_and_nothing_is_written(argv, error_line, tmp_path):
     before = sorted(tmp_path.rglob("*"))
     error_line(f"articulate make {' '.join(argv)}".strip(), lambda: main(argv))
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_names_that_say_nothing_are_refused(tmp_path, error_line):
+def test_names_that_mean_nothing_are_rejected(tmp_path, error_line):
     (tmp_path / "parts").mkdir()
     for name, x in (("thing", 0.0), ("other", 0.2)):
         box((x, 0, 0), (x + 0.2, 0.2, 0.2)).export(tmp_path / "parts" / f"{name}.obj")
@@ -203,10 +210,10 @@ def test_names_that_say_nothing_are_refused(tmp_path, error_line):
 
 def test_the_command_is_found_by_its_name_and_ends_with_2(capsys):
     assert commands.main(["make", "--text", "a box"]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("missing: --parts or --library")
-    assert told.err.count("\n") == 1
+    reports = capsys.readouterr()
+    assert reports.out == ""
+    assert reports.err.startswith("missing: --parts or --library")
+    assert reports.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("out", [".", "..", "../here"])
