@@ -118,7 +118,10 @@ def map_file(words: str) -> str:
 
 
 def find_named(folder: Path, name: str) -> Path | None:
-    """Return the file in or below ``folder`` that a mesh file names, or None.
+    """Return the file that a mesh file names, or None.
+
+    Names with ``..`` reach the folder's parent at most: data sets keep meshes and images in
+    sibling folders of an object.
 
     Args:
         folder: Folder of the file in which the name is.
@@ -127,9 +130,11 @@ def find_named(folder: Path, name: str) -> Path | None:
     text = name.strip().strip('"').replace("\\", "/").removeprefix("file://")
     last = PurePosixPath(text).name
     relative = text if not text.startswith("/") and text[1:2] != ":" else last
+    root = Path(os.path.normpath(folder.absolute())).parent
     for candidate in dict.fromkeys((relative, unquote(relative), last)):
+        path = Path(os.path.normpath(folder.absolute() / candidate))
         try:
-            if candidate and (folder / candidate).exists():
+            if candidate and path.is_relative_to(root) and path.exists():
                 return folder / candidate
         except (OSError, ValueError):  # a name too long, or with a null byte
             continue

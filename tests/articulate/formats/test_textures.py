@@ -120,3 +120,13 @@ def test_names_that_no_file_can_have_are_not_found(tmp_path: Path) -> None:
     for name in ("", "a\0b", "n" * 400, "..", "/"):
         found = find_named(tmp_path, name)
         assert found is None or not found.is_file()
+
+
+def test_images_are_found_in_sibling_folders_and_not_above_them(tmp_path):
+    for folder in ("object/meshes", "object/images", "elsewhere"):
+        (tmp_path / folder).mkdir(parents=True)
+    for name in ("object/images/a.png", "elsewhere/b.png"):
+        (tmp_path / name).write_bytes(b"image")
+    meshes = tmp_path / "object" / "meshes"
+    assert find_named(meshes, "../images/a.png") == meshes / "../images/a.png"
+    assert find_named(meshes, "../../elsewhere/b.png") is None
