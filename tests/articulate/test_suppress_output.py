@@ -9,10 +9,10 @@ from articulate.suppress_output import suppress_output
 
 CODE = """
 import ctypes
-from articulate.suppress_output import unheard
+from articulate.suppress_output import suppress_output
 libc = ctypes.CDLL(None)
 print("before")
-with unheard():
+with suppress_output():
     libc.puts(b"from below")
     print("from Python", flush=True)
 print("after", flush=True)

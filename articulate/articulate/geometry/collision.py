@@ -157,7 +157,16 @@ def piece_shapes(
     hollow: Array = NOTHING,
     budget: Budget = UNLIMITED,
 ) -> list[Shape]:
-    """Approximate one visual or collision element by convex shapes."""
+    """Approximate one visual or collision element by convex shapes.
+
+    Args:
+        piece: The element, in the frame of its part [m].
+        part: Name of the part.
+        config: Options; ``finer``, ``max_geoms`` and ``decompose`` are used.
+        repairs: Receives the changes.
+        hollow: Points of a cavity (H, 3) that no shape may fill [m].
+        budget: Processor time.
+    """
     budget.check()
     if piece.primitive is not None:
         return [_from_primitive(piece)]
