@@ -44,7 +44,7 @@ from articulate.transforms import Array, inverse, matrix_to_quat
 
 MOST_NAMES = 6
 """At most this many links are named in one message."""
-VERSION = "29"
+VERSION = "30"
 """Part of every cache key; change it with anything that changes the files written."""
 
 
@@ -374,11 +374,9 @@ def _note_inertia(
     if computed:
         names = ", ".join(computed[:MOST_NAMES])
         more = len(computed) - MOST_NAMES
-        links = (
-            f"links {names} and {more} more"
-            if more > 0
-            else f"link{'s'[: len(computed) - 1]} {names}"
-        )
+        if more > 0:
+            names += f" and {more} more"
+        links = f"links {names}" if len(computed) > 1 else f"link {names}"
         repairs.add(
             f"mass and inertia of {links} computed from their shapes at "
             f"{weight(category).density_kg_m3:g} kg/m3, at least "

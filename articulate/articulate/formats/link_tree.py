@@ -44,8 +44,8 @@ def build_parts(source: SourceObject) -> tuple[Part, ...]:
         for link in (joint.parent, joint.child):
             if link not in source.links:
                 raise AssetError(
-                    f"{joint.where}: joint {quote(joint.name)} names link {quote(link)}, which does "
-                    f"not exist{nearest(link, source.links)}"
+                    f"{joint.where}: joint {quote(joint.name)} names link {quote(link)}, which "
+                    f"does not exist{nearest(link, source.links)}"
                 )
         if joint.child in parent_of:
             raise AssetError(

@@ -24,6 +24,8 @@ LEAST_AREA_M2 = 1e-9
 """Pieces of a smaller area are left out: 0.03 mm wide [m2]."""
 SAME_DECIMALS = 4
 """Poses equal to this many digits are the same: files write angles as 1.5708."""
+MAX_FACES = 6_000_000
+"""Most triangles of all mesh files of an object."""
 GREY = (0.7, 0.7, 0.7, 1.0)
 
 
@@ -124,6 +126,8 @@ class Loader:
         self.files: dict[str, Path] = {}
         """Mesh files in use, by reference."""
         self._cache: dict[Path, list[Group]] = {}
+        self._colours: dict[Path, tuple[float, float, float]] = {}
+        self._faces = 0
 
     def part(self, part: Part) -> PartGeometry:
         """Load the geometry of one part.
@@ -211,17 +215,23 @@ class Loader:
             return None
         try:
             path = resolve(element.texture, self.source.path, self.mesh_dirs)
-            colour = mean_colour(path)
+            if path not in self._colours:
+                self._colours[path] = mean_colour(path)
         except AssetError as error:
             self.source.repairs.add(f"left out: {str(error).replace('mesh', 'texture', 1)}")
             return None
         self.files[element.texture] = path
         self.source.repairs.note(TEXTURES)
-        return (*colour, 1.0)
+        return (*self._colours[path], 1.0)
 
     def _load(self, path: Path) -> list[Group]:
         if path not in self._cache:
             groups = read_mesh(path, self.source.repairs)
+            self._faces += sum(len(mesh.faces) for _, mesh, _ in groups)
+            if self._faces > MAX_FACES:
+                raise AssetError(
+                    f"mesh {path.name}: more than {MAX_FACES} triangles with the other meshes"
+                )
             if self.y_up and is_z_up(path):
                 for _, mesh, _ in groups:
                     mesh.apply_transform(Y_FROM_Z)
