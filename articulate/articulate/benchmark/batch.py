@@ -33,7 +33,7 @@ MODULE = "articulate.benchmark.child"
 
 
 @dataclass(kw_only=True)
-class Batch:
+class BenchmarkBatch:
     """Runs objects in parallel."""
 
     dataset: Dataset

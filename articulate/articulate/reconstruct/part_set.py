@@ -35,8 +35,8 @@ from articulate.reconstruct.link_meshes import (
     merge_pieces,
 )
 from articulate.reconstruct.program.program_parts import (
-    PartGeometry,
     Parts,
+    ProgramPart,
     check_name,
     mesh_files,
     parts_of,
@@ -272,7 +272,7 @@ def _part_set(name: str, pieces: Pieces, T_os: Array, names: Mapping[str, str]) 
 
 
 def _parts(pieces: Mapping[str, tuple[Piece, ...]]) -> Parts:
-    return Parts({n: PartGeometry(n, partial(tuple, found)) for n, found in pieces.items()})
+    return Parts({n: ProgramPart(n, partial(tuple, found)) for n, found in pieces.items()})
 
 
 def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:

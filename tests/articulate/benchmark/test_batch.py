@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
-from articulate.benchmark.batch import Batch, fingerprint
+from articulate.benchmark.batch import BenchmarkBatch, fingerprint
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.errors import UsageError
@@ -48,14 +48,14 @@ class Asks:
 '''
 
 
-def batch(tmp_path, names, **changes) -> Batch:
+def batch(tmp_path, names, **changes) -> BenchmarkBatch:
     path = write_index(tmp_path, names)
     given = {
         "config": BenchmarkConfig(actor="prior", modality="text"),
         "limit_s": 120.0,
         **changes,
     }
-    return Batch(
+    return BenchmarkBatch(
         dataset=open_dataset(str(path)),
         source=str(path),
         data=None,
@@ -111,7 +111,7 @@ def test_what_a_busy_server_cost_is_asked_again(tmp_path, monkeypatch):
 def test_what_was_lost_to_an_error_is_run_again(tmp_path):
     run = batch(tmp_path, ("a",), limit_s=0.1)
     assert run.one("a")["error"]
-    patient = Batch(
+    patient = BenchmarkBatch(
         dataset=run.dataset,
         source=run.source,
         data=None,

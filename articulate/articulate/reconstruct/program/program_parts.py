@@ -31,7 +31,7 @@ MAX_NAME = 100
 MIN_AREA = 1e-12
 
 
-class PartGeometry:
+class ProgramPart:
     """Geometry of one part in its own frame."""
 
     def __init__(self, name: str, load: Callable[[], tuple[Piece, ...]]) -> None:
@@ -67,17 +67,17 @@ class PartGeometry:
         return tuple(hull_of(mesh.vertices.view(np.ndarray)[corners]) for corners in loose)
 
 
-class Parts(Mapping[str, PartGeometry]):
+class Parts(Mapping[str, ProgramPart]):
     """Parts by name, in order."""
 
-    def __init__(self, parts: Mapping[str, PartGeometry]) -> None:
+    def __init__(self, parts: Mapping[str, ProgramPart]) -> None:
         if not parts:
             raise AssetError("there are no parts; a program needs at least one mesh")
         if len(parts) > MAX_PARTS:
             raise AssetError(f"there are {len(parts)} parts; at most {MAX_PARTS} are accepted")
         self._parts = dict(parts)
 
-    def __getitem__(self, name: str) -> PartGeometry:
+    def __getitem__(self, name: str) -> ProgramPart:
         return self._parts[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -117,11 +117,11 @@ def check_name(name: str) -> None:
         )
 
 
-def _part(name: str, mesh: Path | trimesh.Trimesh) -> PartGeometry:
+def _part(name: str, mesh: Path | trimesh.Trimesh) -> ProgramPart:
     check_name(name)
     if isinstance(mesh, Path):
-        return PartGeometry(name, lambda: _read(name, mesh))
-    return PartGeometry(
+        return ProgramPart(name, lambda: _read(name, mesh))
+    return ProgramPart(
         name, lambda: (Piece(name=name, mesh=_plain(name, mesh), rgba=GREY, link=name),)
     )
 
@@ -176,7 +176,7 @@ def _from_urdf(path: Path) -> Parts:
     source = decompose_joints(read_urdf(path))
     loader = make_loader(source, ConvertConfig())
     return Parts(
-        {name: PartGeometry(name, partial(_of_link, source, loader, name)) for name in source.links}
+        {name: ProgramPart(name, partial(_of_link, source, loader, name)) for name in source.links}
     )
 
 

@@ -15,7 +15,7 @@ from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.model import Request
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
 from articulate.reconstruct.actors.vlm.schema import MAX_ERROR, AnswerError
-from articulate.reconstruct.program.program_parts import PartGeometry, Parts
+from articulate.reconstruct.program.program_parts import ProgramPart, Parts
 from articulate.reconstruct.program.result import ObjectJoint, ProgramError, ProgramObject
 from articulate.reconstruct.program.run import run_program
 from articulate.render.parts import PartMesh
@@ -29,7 +29,7 @@ MOVED_M = 1e-6
 
 def parts_of_meshes(meshes: Sequence[PartMesh]) -> Parts:
     """Convert meshes to parts of a program, in the same frame."""
-    return Parts({mesh.name: PartGeometry(mesh.name, partial(_pieces, mesh)) for mesh in meshes})
+    return Parts({mesh.name: ProgramPart(mesh.name, partial(_pieces, mesh)) for mesh in meshes})
 
 
 def runnable_program(
