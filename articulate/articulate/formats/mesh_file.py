@@ -248,7 +248,8 @@ def _colour(mesh: trimesh.Trimesh, name: str, repairs: Repairs) -> tuple[float, 
     colour = np.asarray(material.main_color, dtype=np.float64) / 255.0
     if image is not None:
         try:
-            if image.format not in IMAGE_FORMATS or image.width * image.height > MAX_PIXELS:
+            known = image.format is None or image.format in IMAGE_FORMATS  # None: made in memory
+            if not known or image.width * image.height > MAX_PIXELS:
                 raise ValueError("format or size not accepted")
             colour[:3] = mean_of(image)
             repairs.note(TEXTURES)

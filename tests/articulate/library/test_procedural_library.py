@@ -76,7 +76,7 @@ def test_an_unknown_id_is_answered_in_one_line_with_the_nearest(object_id, says,
 
 
 def test_the_table_of_the_documents_lists_every_category():
-    page = Path(__file__).resolve().parents[3] / "docs" / "library.md"
+    page = Path(__file__).resolve().parents[3] / "docs" / "reference" / "library.md"
     told = [
         line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| `")
     ]
