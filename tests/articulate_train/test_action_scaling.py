@@ -65,7 +65,7 @@ def seen(
     ("distance_m", "share"),
     [(0.0, 0.4), (0.03, 0.4), (0.065, 0.7), (0.10, 1.0), (0.5, 1.0)],
 )
-def test_motions_of_an_open_gripper_are_finer_near_the_gripperle(distance_m, share):
+def test_motions_of_an_open_gripper_are_finer_near_the_handle(distance_m, share):
     assert_allclose(action_scales(FINE, seen(distance_m)), [[share]], atol=1e-12)
 
 
@@ -101,8 +101,8 @@ def test_motions_are_finer_near_the_parts_target(distance_m, beyond, share):
     assert_allclose(action_scales(FINE, seen(distance_m, beyond=beyond)), short * share, atol=1e-12)
 
 
-@pytest.mark.parametrize("wish", [-1.0, 1.0])
-def test_far_from_the_gripperle_nothing_is_finer(command):
+@pytest.mark.parametrize("command", [-1.0, 1.0])
+def test_far_from_the_handle_nothing_is_finer(command):
     assert_allclose(action_scales(FINE, seen(0.2, command=command)), [[1.0]], atol=1e-12)
 
 
@@ -232,8 +232,8 @@ def test_leads_are_compensated_where_the_stop_is_near_the_target(target, stop, h
     assert LEADS.for_task(task, None) == want
 
 
-@pytest.mark.parametrize(("way_m", "begin"), [(0.2, -0.2), (0.5, -0.1), (1.0, -0.05), (None, -0.2)])
-def test_motions_are_finer_over_at_most_a_bounded_length_of_the_gripperle(path_m, begin):
+@pytest.mark.parametrize(("path_m", "begin"), [(0.2, -0.2), (0.5, -0.1), (1.0, -0.05), (None, -0.2)])
+def test_motions_are_finer_over_at_most_a_bounded_length_of_the_handle(path_m, begin):
     action_scaling = ActionScalingConfig(goal_range=(-0.2, 0.0), goal_range_max_m=0.05)
     task = Task(name="open_door", joint="j", kind="hinge", span=1.5, target=0.8)
     assert_allclose(action_scaling.for_task(task, path_m).goal_range, (begin, 0.0), rtol=1e-12)

@@ -22,7 +22,7 @@ def checked(monkeypatch, tmp_path):
     """Asset without conversion, and a feasibility that costs no time."""
     asset = make_box(tmp_path / "box")
     monkeypatch.setattr("articulate_train.run.prepare_asset", lambda *_: asset)
-    monkeypatch.setattr(list_joints, "feasibility_of", lambda *_: FEASIBLE)
+    monkeypatch.setattr(list_joints, "_feasibility", lambda *_: (FEASIBLE, ""))
     return asset
 
 
@@ -52,7 +52,7 @@ def test_joints_are_listed_with_kind_range_handle_and_tasks(capsys, checked):
 
 
 def test_joint_without_limits_or_handle_is_listed(tmp_path, monkeypatch):
-    monkeypatch.setattr(list_joints, "feasibility_of", lambda *_: FEASIBLE)
+    monkeypatch.setattr(list_joints, "_feasibility", lambda *_: (FEASIBLE, ""))
     asset = make_cabinet(tmp_path / "cabinet", drawers=1)
     row = joint_rows(asset, CONFIG)[0]
     free = listing.line(type(row)(**{**vars(row), "lower": None, "upper": None, "handle": None}))

@@ -20,19 +20,24 @@ def folder(tmp_path):
     return tmp_path / "seed_0"
 
 
-def rejected(folder, match):
+def rejected(folder, match, ending="; train again"):
     with pytest.raises(RunError, match=match) as caught:
         load_policy(folder)
     line = str(caught.value)
     assert "\n" not in line
     assert line.startswith(f"{folder / CHECKPOINT}: ")
-    assert line.endswith("; train again")
+    assert line.endswith(ending)
 
 
-@pytest.mark.parametrize("content", [POINTER.encode(), b"", b"\x00" * 64, b"PK\x03\x04 cut"])
+@pytest.mark.parametrize("content", [b"", b"\x00" * 64, b"PK\x03\x04 cut"])
 def test_what_is_no_checkpoint_is_an_error(folder, content):
     (folder / CHECKPOINT).write_bytes(content)
     rejected(folder, "cannot be read")
+
+
+def test_a_git_lfs_pointer_names_the_command_that_fetches_the_file(folder):
+    (folder / CHECKPOINT).write_text(POINTER)
+    rejected(folder, "Git LFS pointer", "git lfs pull")
 
 
 @pytest.mark.parametrize("key", ["policy", "net_arch", "action_scaling", "normalization"])

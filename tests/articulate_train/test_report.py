@@ -181,7 +181,7 @@ def test_the_page_holds_the_figures_and_how_to_repeat_them(tmp_path):
         INFO.command,
     ):
         assert text in page
-    for text in ("Success by seed", "Fastest joint", "What was randomised", "3.9.0", "0123abc"):
+    for text in ("Success by seed", "Fastest joint", "Success by parameter", "3.9.0", "0123abc"):
         assert text in page
     assert "data:image/png;base64," in page
     assert "nan" not in page
@@ -245,7 +245,7 @@ def test_a_training_too_short_for_figures_has_no_empty_charts(tmp_path):
     info = dataclasses.replace(INFO, seconds=0.0, steps_per_s=0.0)
     report = dataclasses.replace(_report(info), curves=(short,))
     page = report_page(report, tmp_path)
-    assert "too short for curves" in page
+    assert "too short for learning curves" in page
     assert "steps per second" not in page
 
 
@@ -255,5 +255,5 @@ def test_a_perfect_run_without_curves_videos_or_nominal_episodes_still_has_a_pag
     assert report.nominal_success_rate is None
     assert report.parameters == ()
     page = report_page(report, tmp_path)
-    assert "Nothing: all 20 episodes succeeded." in page
+    assert "No failures: all 20 episodes succeeded." in page
     assert "No videos: " in page

@@ -118,7 +118,7 @@ def test_attributes_and_methods_are_reached_through_it(env):
     assert set(env.env_method("snapshot")[0]) == set(env.episodes.snapshot())
 
 
-def test_motions_are_finer_near_the_gripperle_and_the_grippers_command_is_not(env, monkeypatch):
+def test_motions_are_finer_near_the_handle_and_the_grippers_command_is_not(env, monkeypatch):
     env.reset()
     near = np.zeros((N, OBSERVATION.size), dtype=np.float32)  # the handle in an open gripper
     near[:, OBSERVATION.slice("goal_error_fine")] = -4.0  # the part far from its target

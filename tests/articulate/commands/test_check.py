@@ -99,7 +99,7 @@ def test_an_unreadable_object_is_rejected_with_three(objects, call):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "text"),
     [
         ((), "missing: ASSET"),
         (("a.urdf",), "a.urdf: does not exist"),
@@ -136,7 +136,7 @@ def test_options_that_the_conversion_rejects_are_wrong_usage(objects, call, tmp_
 
 
 @pytest.mark.parametrize(
-    ("made", "words", "said"),
+    ("made", "words", "text"),
     [
         (True, ("--size", "0.5"), "--size: made is an asset folder"),
         (True, ("--collada-up", "y"), "--collada-up: made is an asset folder"),
