@@ -57,7 +57,7 @@ class Piece:
         return replace(self, mesh=mesh, primitive=primitive)
 
     def moved(self, T: Array) -> Piece:
-        """Return the piece moved by the rigid transform ``T`` (4, 4)."""
+        """Return the piece moved by the rigid transform ``T`` (4, 4), homogeneous."""
         mesh = self.mesh.copy()
         mesh.apply_transform(T)
         primitive = self.primitive
@@ -89,7 +89,7 @@ class PartGeometry:
         )
 
     def moved(self, T: Array) -> PartGeometry:
-        """Return the geometry moved by ``T`` (4, 4)."""
+        """Return the geometry moved by the rigid transform ``T`` (4, 4), homogeneous."""
         return PartGeometry(
             visuals=tuple(p.moved(T) for p in self.visuals),
             collisions=tuple(p.moved(T) for p in self.collisions),
