@@ -42,6 +42,7 @@ CODE = (
     "preparation",
     "simulator.py",
     "transforms.py",
+    "untrusted.py",
 )
 """Parts of the package that a verdict depends on."""
 SIMULATORS = ("mujoco", "pybullet")
