@@ -2,8 +2,8 @@
 
 Both joints are :class:`PredictedJoint` in the frame ``o``. Lengths are in the units of the data
 set, which for PartNet-Mobility are not metres: its objects have a diagonal of about two units, so
-that "50 mm" means 0.05 units. ``docs/benchmark.md`` states where the published formulas fail. This
-module has them as published, and corrected ones beside them.
+that "50 mm" means 0.05 units. ``docs/results/benchmark.md`` states where the published formulas
+fail. This module has them as published, and corrected ones beside them.
 """
 
 from __future__ import annotations

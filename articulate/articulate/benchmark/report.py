@@ -103,7 +103,7 @@ def _scores(page: Page, results: Record) -> None:
         "limits. Intervals are Wilson's at 95 %. `paper` uses the text and thresholds of the "
         "publication (0.25 rad, 0.05 units). `released_code` reproduces its code, with its errors "
         "and its selection of attempts by the truth. `strict` requires that the part moves as in "
-        "truth. docs/benchmark.md describes the differences.",
+        "truth. docs/results/benchmark.md describes the differences.",
     )
     rows: list[list[Cell]] = []
     for name, text in _rows(results).items():

@@ -65,5 +65,5 @@ def test_the_command_writes_questions_and_asks_no_actor(tmp_path, capsys):
     out = tmp_path / "out"
     argv = [str(index), "--modality", "image", "--export", "--out", str(out), "--actor", "none"]
     assert main(argv) == 0
-    assert "1 questions" in capsys.readouterr().out
+    assert "1 queries" in capsys.readouterr().out
     assert (out / "question_0000" / "image.png").is_file()
