@@ -4,6 +4,8 @@ import json
 import os
 import struct
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,7 +45,7 @@ def huge(path):
         stream.truncate(3_000_000_000)
 
 
-FILES = {
+FILES: dict[str, Callable[[Path], object]] = {
     "fifo": os.mkfifo,
     "zero": zero,
     "nested": nested,
@@ -54,7 +56,7 @@ FILES = {
     "nan": lambda path: path.write_text('{"T_oc": NaN, "assets": [NaN]}'),
     "long": lambda path: path.write_text(json.dumps({"x" * 100_000: "y" * 100_000})),
 }
-READERS = {
+READERS: dict[str, Callable[[Path], object]] = {
     "camera.json": read_camera,
     "image.png": image_query,
     "video.mp4": video_query,

@@ -15,7 +15,7 @@ from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.model import Request
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
 from articulate.reconstruct.actors.vlm.schema import MAX_ERROR, AnswerError
-from articulate.reconstruct.program.program_parts import ProgramPart, Parts
+from articulate.reconstruct.program.program_parts import Parts, ProgramPart
 from articulate.reconstruct.program.result import ObjectJoint, ProgramError, ProgramObject
 from articulate.reconstruct.program.run import run_program
 from articulate.render.parts import PartMesh

@@ -90,7 +90,7 @@ def test_a_second_answer_that_does_not_fit_ends_it(serve, session, tmp_path):
         '{"observation": "' + "x" * 1_100_000 + '", "movers": []}',
         '{"observation": "x", "movers": [], "' + "k" * 5_000 + '": 1}',
         '{"observation": 1e999, "movers": []}',
-        json.dumps({**GOOD, "movers": [{**GOOD["movers"][0], "kind": "k" * 5_000}]}),
+        json.dumps({**GOOD, "movers": [{"part": "door", "kind": "k" * 5_000, "why": ""}]}),
     ],
 )
 def test_a_hostile_answer_ends_with_a_short_line(serve, session, text):
