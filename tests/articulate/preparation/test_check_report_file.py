@@ -33,7 +33,15 @@ CHECK_REPORT = CheckReport(
     ),
     joints=(
         JointCheck(
-            name="a", kind="slide", span=-0.3, swept=0.4, blocked=True, needs=("b",), opened=0.1
+            name="a",
+            kind="slide",
+            span=-0.3,
+            lower=-0.3,
+            upper=0.0,
+            swept=0.4,
+            blocked=True,
+            needs=("b",),
+            opened=0.1,
         ),
     ),
     counts=Counts(links=(3, 2), joints=(1, 1), visuals=(4, 4), collisions=(0, 9)),
@@ -58,7 +66,8 @@ def test_the_extremes_are_over_the_clauses_they_belong_to():
         {
             "name": "a",
             "type": "slide",
-            "range": -0.3,
+            "travel": -0.3,
+            "range": [-0.3, 0.0],
             "swept": 0.4,
             "blocked": True,
             "needs": ["b"],
