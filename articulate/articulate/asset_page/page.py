@@ -129,7 +129,8 @@ class ReportPage(Page):
         )
         kind = "evidence cards" if wide else "evidence"
         self._add(
-            f'<div class="scroll {kind}" tabindex="0" role="region" aria-label="{escape_text(name)}">'
+            f'<div class="scroll {kind}" tabindex="0" role="region" '
+            f'aria-label="{escape_text(name)}">'
             f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
         )
 
@@ -164,7 +165,8 @@ def amount(value: float | None, unit: str) -> str:
     factor, name = {"m": (1000.0, "mm"), "rad": (57.29577951308232, "°"), "1": (100.0, "%")}.get(
         unit, (1.0, unit)
     )
-    return f"{format_number(float(f'{factor * value:.4g}'))}{THIN if name != '°' else ''}{name}".strip()
+    number = format_number(float(f"{factor * value:.4g}"))
+    return f"{number}{THIN if name != '°' else ''}{name}".strip()
 
 
 def bound(checks: Sequence[Check]) -> str:

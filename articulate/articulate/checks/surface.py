@@ -28,7 +28,7 @@ TURNED = np.array([[2.0, 1.0, 2.0], [-2.0, 2.0, 1.0], [-1.0, -2.0, 2.0]]) / 3.0
 
 
 def sample(triangles: Array, count: int) -> tuple[Array, Ints]:
-    """``count`` points on ``triangles`` (F, 3, 3) by area, and the triangle of each (N,).
+    """Sample points (N, 3) on ``triangles`` (F, 3, 3) [m] by area, with the triangle of each (N,).
 
     The points are the same on each call.
     """

@@ -261,6 +261,11 @@ def _one(result: Checked) -> str:
     if tried:
         lines[0] += f" ({passed} of {tried} checks passed, {check_report.seconds:.1f} s)"
     lines += [f"  because  {reason}" for reason in check_report.reasons]
+    lines += [
+        f"  warning  {check.name} of {check.subject}: {check.message}"
+        for check in check_report.checks
+        if check.outcome == "warning"
+    ]
     lines += [f"  {_mark(repair)}  {repair.removeprefix(NOTE)}" for repair in check_report.repairs]
     for joint in check_report.joints:
         unit = "m" if joint.kind == "slide" else "rad"

@@ -61,8 +61,9 @@ class ChildResult:
 
     @property
     def is_undecided(self) -> bool:
-        """True if it ended for a reason outside its request: time or memory."""
-        return self.code in (None, -signal.SIGKILL)
+        """True if it ended for a reason outside its request: time, memory or a bug."""
+        known = (0, USAGE_EXIT, REQUEST_EXIT)
+        return self.code in (None, -signal.SIGKILL) or (self.code > 0 and self.code not in known)
 
     def failure(self, limit_s: float) -> str:
         """Return the reason why there is no result, one sentence; empty if there is one.

@@ -186,7 +186,7 @@ class Batch:
             self.options,
             self.cache.resolve(),
             seconds=result.processor_s,
-            undecided=result.is_undecided,
+            undecided=result.is_undecided or not reason,
         )
 
     def _exported(self, item: Item, made: Path) -> Checked:

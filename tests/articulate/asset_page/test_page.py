@@ -159,8 +159,16 @@ def test_names_from_a_file_are_text_and_never_elements(cabinet, tmp_path, no_dri
     evil = "<img src=x onerror=alert(1)>"
     check = Check(name=evil, outcome="failed", subject=evil, message=evil)
     joint = JointCheck(name=evil, kind="slide", span=1.0, swept=0.0, blocked=True, needs=(evil,))
-    check_report = check_report_of(cabinet, "rejected", asset=evil, reasons=(evil,), repairs=(evil,),
-                     source=evil, checks=(check,), joints=(joint,))  # fmt: skip
+    check_report = check_report_of(
+        cabinet,
+        "rejected",
+        asset=evil,
+        reasons=(evil,),
+        repairs=(evil,),
+        source=evil,
+        checks=(check,),
+        joints=(joint,),
+    )
     write_page(check_report, cabinet, tmp_path / "check_report.html", meanings={evil: evil})
     write_index([IndexRow(check_report=check_report, category=evil)], tmp_path / "index.html")
     for name in ("check_report.html", "index.html"):

@@ -147,10 +147,10 @@ def test_the_time_limit_leaves_an_object_undecided_and_names_the_time_it_took(ru
     [
         (
             "raise ValueError('a bug')",
-            "rejected",
+            "undecided",
             "its process ended with 1: ValueError: a bug",
         ),
-        ("print('words')", "rejected", "left no check report"),
+        ("print('words')", "undecided", "left no check report"),
         ("os.kill(os.getpid(), signal.SIGKILL)", "undecided", "was there enough memory?"),
     ],
 )
