@@ -190,7 +190,7 @@ def make_plan(bundle: Bundle, episodes: int, *, seed: int | None, randomise: boo
         return Plan(config, rows, seed, from_bundle)
     if episodes > manifest.episodes.count:
         raise ConfigError(
-            f"episodes is {episodes}; the bundle has parameters of {manifest.episodes.count}: "
+            f"episodes is {episodes}; the bundle has {manifest.episodes.count}: "
             "run fewer, or give a seed to sample others"
         )
     rows = EpisodeParams(bundle.episode_params.values[:episodes])

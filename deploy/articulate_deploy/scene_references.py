@@ -66,6 +66,13 @@ MAX_DEPTH = 200
 """Deepest nesting of elements."""
 MAX_VALUE = 2000
 """Longest value of an attribute."""
+MAX_NUMBER = 1e10
+"""Largest number in an attribute."""
+NAMES = frozenset({
+    "name", "model", "mesh", "file", "filename", "joint", "joint1", "joint2", "body1", "body2",
+    "subtree1", "subtree2", "link",
+})  # fmt: skip
+"""Attributes with names rather than numbers."""
 MAX_MESH_LINES = 500_000
 """Most vertices and faces of all meshes of a file together."""
 MAX_COORDINATE_M = 1e3
@@ -147,6 +154,11 @@ class _Elements:
                     f"{self._where}: has an attribute {shorten(attribute, 60)} of "
                     f"{len(value)} characters, which no export writes"
                 )
+            if attribute not in NAMES and not all(map(_is_moderate, value.split())):
+                raise BundleError(
+                    f"{self._where}: {attribute} is {quote(value, 60)}; numbers must be finite and "
+                    f"at most {MAX_NUMBER:g}"
+                )
             self.found.append((attribute, value))
 
     def end(self, _: str) -> None:
@@ -220,6 +232,14 @@ def _is_mesh(content: bytes) -> bool:
             if not all(_is_coordinate(match[k]) for k in (1, 2, 3)):
                 return False
     return faces > 0 and highest <= vertices
+
+
+def _is_moderate(word: str) -> bool:
+    """Return whether a word of an attribute is text or a finite number that is not too large."""
+    try:
+        return abs(float(word)) <= MAX_NUMBER
+    except ValueError:
+        return True
 
 
 def _is_coordinate(text: bytes) -> bool:

@@ -75,7 +75,6 @@ def test_what_trains_is_exported_and_deployed_and_judged_as_closed_or_not(tmp_pa
         with np.load(tmp_path / "out" / f"episode_{k:04d}.npz") as arrays:
             assert abs(arrays["part_open"][0] - drawn["part_open"][0]) < 0.1
         assert result.reason in REASONS
-        assert result.reason != "goal_not_reached"
     assert "closed " in report.text()
     again = deploy(path, episodes=3, seed=1)
     assert [r.reason for r in again.results] == [r.reason for r in report.results]

@@ -45,7 +45,7 @@ def test_the_report_counts_what_the_episodes_show(report):
     assert content["episodes"] == len(content["each"]) == 2
     assert sum(content["reasons"].values()) == 2
     assert content["success_rate"] == done.successes / 2
-    assert content["clipped_ticks"] == 0
+    assert content["clipped_steps"] == 0
     json.dumps(content, allow_nan=False)
 
 
@@ -60,7 +60,7 @@ def test_the_text_tells_of_targets_that_were_made_safe(report):
     done = report[0]
     assert "clipped" not in done.text()
     results = [dataclasses.replace(done.results[0], clipped=3), *done.results[1:]]
-    assert "clipped  3 ticks" in dataclasses.replace(done, results=results).text()
+    assert "clipped  3 control steps" in dataclasses.replace(done, results=results).text()
 
 
 def test_recordings_hold_every_tick_and_the_report(report):
@@ -113,10 +113,10 @@ def test_a_changed_bundle_is_one_line_and_exit_2(folder, capsys):
 
 def test_without_a_seed_the_bundles_own_draws_are_run(exported, bundle):
     done = deploy(exported, episodes=1)
-    assert done.carried
+    assert done.from_bundle
     assert done.seed == bundle.manifest.episodes.seed
     assert np.array_equal(done.episode_params[0].values, bundle.episode_params.values[:1])
-    assert "the bundle's draws" in done.text()
+    assert "parameters of the bundle" in done.text()
 
 
 def test_more_episodes_than_draws_are_refused_without_a_seed(exported, error_line):

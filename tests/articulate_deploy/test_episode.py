@@ -49,7 +49,7 @@ def test_an_episode_is_the_one_of_training(bundle, run, seed):
     drawn, policy = late_draw(seed), Policy(bundle)
     result, record = played(bundle, drawn, policy)
     engine = ThreadEngine(run.scene((1.0,)), 1)
-    episodes = Episodes(engine, draws=QUIET, reward=RewardConfig(), initial_states=None, seed=0)
+    episodes = Episodes(engine, randomization=QUIET, reward=RewardConfig(), initial_states=None, seed=0)
     start = Start(
         params=EpisodeParams(drawn.values.copy()),
         q=start_of(bundle.manifest, drawn)[None],

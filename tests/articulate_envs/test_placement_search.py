@@ -99,8 +99,8 @@ def test_door_that_closes_does_not_stand_where_the_elbow_is_caught(data_folder, 
     found = find_placement(*args)
     farther = dataclasses.replace(found, pos_w=(0.884, -0.109, 0.678))
     assert (
-        reach_test._drawn_share(*args, farther, 0.0)
-        == reach_test._drawn_share(*args, found, 0.0)
+        reach_test._sampled_share(*args, farther, 0.0)
+        == reach_test._sampled_share(*args, found, 0.0)
         == 1.0
     )
     assert reach_test._followed_share(*args, farther) < 0.8
