@@ -1,4 +1,4 @@
-"""One episode of a policy on a robot, judged as in training."""
+"""Episode of a policy on a robot, with the monitor and the success criteria of training."""
 
 from __future__ import annotations
 
@@ -6,31 +6,40 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from articulate.robot.kinematics import tool_pose
 from articulate.task.episode_monitor import (
     REASONS,
     EpisodeMonitor,
+    FailureReason,
     failure_reason,
     goal_held,
-    judge_sample,
-    judge_tick,
+    monitor_params,
+    monitor_sample,
+    monitor_step,
     new_monitor,
 )
 from articulate.task.manifest import Manifest
-from articulate.task.observation import Estimate, observation
+from articulate.task.observation import (
+    Estimate,
+    ObservationInputs,
+    ObservationParams,
+    observation,
+)
 from articulate.task.randomization import EpisodeParams
+from articulate.task.task import goal_params
 from articulate.transforms import Array
 from articulate_deploy.estimators.estimator import Estimator
-from articulate_deploy.policy_control import Plant
+from articulate_deploy.policy_control import PolicyController
 from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.robot import (
     FORCE_KEYS,
     GRIPPER_KEY,
     SPEED_KEYS,
     Robot,
-    action_of,
-    joints_of,
+    action_dict,
+    read_keys,
 )
-from articulate_deploy.safety import check_start, was_clipped
+from articulate_deploy.safety import check_start, safe_target, was_clipped
 
 PEAKS = (
     "force",
@@ -41,45 +50,45 @@ PEAKS = (
     "torque_share",
     "torque_rate",
 )
-"""Columns of the judgement that are reported."""
+"""Columns of the monitor that are reported."""
 
 
 @dataclass(frozen=True)
 class EpisodeResult:
-    """How an episode ended."""
+    """Outcome of an episode."""
 
     reason: str
-    """One of :data:`articulate.task.episode_monitor.REASONS`."""
+    """Name of a :class:`articulate.task.episode_monitor.FailureReason`."""
     opened: bool
-    """Whether the part was held at its target at the end, limits aside."""
+    """True if the part was held at its target at the end, ignoring limits."""
     fraction: float
-    """How far it was open at the end, 1 at its far limit."""
-    ticks: int
-    """Ticks that were run."""
+    """Fraction open at the end, 1 at its far limit."""
+    steps: int
+    """Control steps that were run."""
     clipped: int
-    """Ticks at which the robot made an action safe."""
+    """Control steps whose targets the safety filter changed."""
     peaks: dict[str, float]
     """Largest values of :data:`PEAKS`."""
 
     @property
     def success(self) -> bool:
-        """At the target, and deployable throughout."""
-        return self.reason == REASONS[0]
+        """True at the target without a violation."""
+        return self.reason == str(FailureReason.SUCCESS)
 
 
 @dataclass
 class Recording:
-    """What happened, one row per tick."""
+    """Record of an episode, one row per control step."""
 
     rows: dict[str, list[Array]] = field(default_factory=dict)
 
     def add(self, **values: Array | float) -> None:
-        """One more tick."""
+        """Append a control step."""
         for name, value in values.items():
             self.rows.setdefault(name, []).append(np.array(value, dtype=np.float64))
 
     def arrays(self) -> dict[str, Array]:
-        """Arrays (T, ...) by name."""
+        """Return arrays (T, ...) by name."""
         return {name: np.stack(values) for name, values in self.rows.items()}
 
 
@@ -92,133 +101,131 @@ def run_episode(
     delay_steps: int = 0,
     recording: Recording | None = None,
 ) -> EpisodeResult:
-    """Run ``policy`` for the task's time on a robot that stands at its start.
+    """Run ``policy`` for the task's time on a robot at its start.
+
+    All targets pass the safety filter (:func:`articulate_deploy.safety.safe_target`) here, before
+    the driver of any robot.
 
     Args:
-        policy: Observations to actions.
+        policy: Network from observations to actions.
         robot: Connected, at rest.
-        estimator: What is known of the object.
-        manifest: Task, plant, limits.
-        delay_steps: Age of the motions that are used.
-        recording: Takes what happens at each tick.
+        estimator: Estimator of the object's state.
+        manifest: Task, control stack, limits.
+        delay_steps: Delay of the motions [control steps].
+        recording: Record to which each control step is appended.
 
     Raises:
-        StartError: The robot does not stand at its start.
+        StartError: The robot is not at its start.
     """
     task, step_s = manifest.task, manifest.control.step_s
-    ticks = round(task.episode_s / step_s)
-    q = joints_of(robot.get_observation())
+    steps = round(task.episode_s / step_s)
+    q = read_keys(robot.get_observation())
     check_start(q, manifest.start)
-    plant = Plant(manifest, q, delay_steps=delay_steps)
+    controller = PolicyController(manifest, q, delay_steps=delay_steps)
     robot.take_samples()
     estimator.reset()
-    judgement, torque = new_monitor(1), np.zeros(7)
-    last, clipped, tick = np.zeros(manifest.action.size), 0, 0
-    before: dict[str, float] | None = None
-    for tick in range(ticks):
-        seen, estimate = robot.get_observation(), estimator.estimate()
-        before = seen if before is None else before
-        observed = _observation(manifest, (before, seen), plant, estimate, last, 1.0 - tick / ticks)
-        before = seen
-        action = policy.act(observed)[0]
-        wish, width = plant.tick(
-            action, q=joints_of(seen), width_m=seen[GRIPPER_KEY], force=joints_of(seen, FORCE_KEYS)
+    monitor, torque = new_monitor(1), np.zeros(7)
+    last_action, clipped, step = np.zeros(manifest.action.size), 0, 0
+    last_width: float | None = None
+    for step in range(steps):
+        measured, estimate = robot.get_observation(), estimator.estimate()
+        width = measured[GRIPPER_KEY]
+        inputs = _inputs(
+            manifest, measured, width if last_width is None else last_width, controller, last_action
         )
-        sent = joints_of(robot.send_action(action_of(wish, width)))
-        clipped += was_clipped(wish, sent)
-        plant.sent(sent)
-        last = action
+        last_width = width
+        force = read_keys(measured, FORCE_KEYS)
+        observed = observation(
+            inputs, estimate, force[None], 1.0 - step / steps, _observation_params(manifest)
+        )
+        action = policy.act(observed)[0]
+        requested, opening = controller.step(action, q=inputs.q[0], width_m=width, force=force)
+        safe = safe_target(requested, controller.target, manifest.control, manifest.robot)
+        clipped += was_clipped(requested, safe)
+        sent = read_keys(robot.send_action(action_dict(safe, opening)))
+        controller.set_sent(sent)
+        last_action = action
         estimator.update()
-        judgement, torque = _judged(judgement, torque, robot, estimator.judged(), manifest)
+        truth = estimator.monitored_state()
+        _monitor(monitor, torque, robot, truth, manifest)
         if recording is not None:
-            truth = estimator.judged()
             recording.add(
-                time_s=tick * step_s,
+                time_s=step * step_s,
                 observation=observed[0],
                 action=action,
                 target=sent,
-                joint_pos=joints_of(seen),
-                joint_vel=joints_of(seen, SPEED_KEYS),
-                gripper_width_m=seen[GRIPPER_KEY],
-                measured_force_n=joints_of(seen, FORCE_KEYS),
+                joint_pos=inputs.q[0],
+                joint_vel=inputs.dq[0],
+                gripper_width_m=width,
+                measured_force_n=force,
                 estimate_T_wh=estimate.T_wh[0],
                 estimate_open=estimate.opened[0],
                 part_open=truth.opened[0],
                 part_speed=truth.speed[0],
-                judgement=judgement.samples[0],
+                monitor=monitor.samples[0],
             )
-        if judgement.diverged[0]:
+        if monitor.diverged[0]:
             break
     robot.stop()
     return EpisodeResult(
-        reason=REASONS[int(failure_reason(judgement, task)[0])],
-        opened=bool(goal_held(judgement, task)[0]),
-        fraction=float(estimator.judged().opened[0]),
-        ticks=tick + 1,
+        reason=REASONS[int(failure_reason(monitor, task)[0])],
+        opened=bool(goal_held(monitor, task)[0]),
+        fraction=float(estimator.monitored_state().opened[0]),
+        steps=step + 1,
         clipped=clipped,
-        peaks={name: float(judgement.peak(name)[0]) for name in PEAKS},
+        peaks={name: float(monitor.peak(name)[0]) for name in PEAKS},
     )
 
 
-def start_of(manifest: Manifest, drawn: EpisodeParams) -> Array:
-    """Angles of the arm (7,) at which an episode under ``drawn`` begins [rad]."""
+def start_of(manifest: Manifest, params: EpisodeParams) -> Array:
+    """Return the start angles of the arm (7,) [rad] under the episode parameters (one row)."""
     low, high = manifest.robot.bounds(manifest.control.margin_rad)
-    return np.asarray(np.clip(np.asarray(manifest.start.q) + drawn["start"][0], low, high))
+    return np.asarray(np.clip(np.asarray(manifest.start.q) + params["start"][0], low, high))
 
 
-def _observation(
+def _observation_params(manifest: Manifest) -> ObservationParams:
+    control, task = manifest.control, manifest.task
+    return ObservationParams(control.step_s, control.move_m, task.target, task.closes)
+
+
+def _inputs(
     manifest: Manifest,
-    read: tuple[dict[str, float], dict[str, float]],
-    plant: Plant,
-    estimate: Estimate,
-    last: Array,
-    time_left: float,
-) -> Array:
-    before, seen = read
-    step_s = manifest.control.step_s
-    return observation(
-        manifest.robot,
-        q=joints_of(seen)[None],
-        dq=joints_of(seen, SPEED_KEYS)[None],
-        target=plant.target[None],
-        gripper_width=np.array([seen[GRIPPER_KEY]]),
-        gripper_speed=np.array([seen[GRIPPER_KEY] - before[GRIPPER_KEY]]) / step_s,
-        measured_force=joints_of(seen, FORCE_KEYS)[None],
-        gripper=plant.gripper,
-        estimate=estimate,
-        last_action=last[None],
-        pending_actions=plant.pending_actions[None],
-        move_m=manifest.control.move_m,
-        time_left=np.array([time_left]),
-        goal=manifest.task.target,
-        closes=manifest.task.closes,
+    measured: dict[str, float],
+    last_width: float,
+    controller: PolicyController,
+    last_action: Array,
+) -> ObservationInputs:
+    """Inputs of the observation, one row."""
+    q, target = read_keys(measured)[None], controller.target[None]
+    T_wt, T_wt_target = tool_pose(manifest.robot, np.concatenate([q, target]))
+    return ObservationInputs(
+        q=q,
+        dq=read_keys(measured, SPEED_KEYS)[None],
+        target=target,
+        T_wt=T_wt[None],
+        T_wt_target=T_wt_target[None],
+        gripper=controller.gripper,
+        gripper_width=np.array([measured[GRIPPER_KEY]]),
+        last_gripper_width=np.array([last_width]),
+        pending_actions=controller.pending_actions[None],
+        last_action=last_action[None],
     )
 
 
-def _judged(
-    judgement: EpisodeMonitor, torque: Array, robot: Robot, now: Estimate, manifest: Manifest
-) -> tuple[EpisodeMonitor, Array]:
-    """The judgement after one more tick, and the last torque."""
-    rows = judgement.samples
+def _monitor(
+    monitor: EpisodeMonitor, torque: Array, robot: Robot, now: Estimate, manifest: Manifest
+) -> None:
+    """Update the monitor and the last torque (7,) with the samples of a control step."""
     for sample in robot.take_samples():
-        rows = judge_sample(
-            rows,
-            dq=sample.dq[None],
-            torque=sample.torque[None],
-            torque_before=torque[None],
-            wrench=sample.wrench[None],
-            touch=np.array([sample.touch]),
-            dt=sample.dt,
-            arm=manifest.robot,
-            limits=manifest.task.limits,
+        params = monitor_params(manifest.robot, manifest.task.limits, sample.dt)
+        monitor_sample(
+            monitor.samples[0],
+            sample.dq,
+            sample.torque,
+            torque,
+            sample.wrench,
+            sample.touch,
+            params,
         )
-        torque = sample.torque
-    after = judge_tick(
-        judgement,
-        rows,
-        manifest.task,
-        opened=now.opened,
-        speed=now.speed,
-        step_s=manifest.control.step_s,
-    )
-    return after, torque
+    goal, step_s = goal_params(manifest.task), manifest.control.step_s
+    monitor_step(monitor, 0, now.opened[0], now.speed[0], goal, step_s)

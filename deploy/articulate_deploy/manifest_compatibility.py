@@ -206,4 +206,4 @@ def _check_controller(manifest: Manifest, where: str) -> None:
     try:
         check_control(manifest.control, manifest.robot, manifest.task.episode_s)
     except ConfigError as error:
-        raise BundleError(f"{where}: control.{error}") from None
+        raise BundleError(f"{where}: {error}") from None

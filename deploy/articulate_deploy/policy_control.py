@@ -1,61 +1,75 @@
-"""Between the policy and the robot, once a tick: target and command of the hand."""
+"""Controller between a policy and a robot, once per control step: targets and gripper command."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from articulate.robot.control import GripperState, hand_start, hand_tick, next_target, presses
+from articulate.robot.control import (
+    GripperState,
+    delay_action,
+    exceeds_force_limit,
+    force_limits,
+    gripper_params,
+    new_action_delay,
+    new_gripper_state,
+    send_gripper_command,
+    target_params,
+    target_workspace,
+    update_targets,
+)
 from articulate.task.manifest import Manifest
 from articulate.transforms import Array
 
-_NO_LATENCY = np.zeros(1)
-"""The hand's latency is the robot's own; here only the commands count."""
 
+class PolicyController:
+    """Targets and gripper commands of one episode.
 
-class Plant:
-    """The targets of one episode; what runs between ticks is the robot's."""
+    The set-point filter and the latency of the gripper run on the robot.
+    """
 
     def __init__(self, manifest: Manifest, q: Array, *, delay_steps: int = 0) -> None:
         """Begin at rest.
 
         Args:
-            manifest: Step, lead, margins, hand.
+            manifest: Control stack and arm.
             q: Angles of the arm (7,) [rad].
-            delay_steps: Age of the motions that are used: a slow link, for stand-ins.
+            delay_steps: Delay of the motions, to simulate a slow link [control steps].
         """
-        self._follow, self._arm = manifest.control, manifest.robot
+        arm, config = manifest.robot, manifest.control
         self.target: Array = np.asarray(q, dtype=np.float64).copy()
-        """What the robot was last told (7,) [rad]."""
-        self.gripper: GripperState = hand_start(1)
-        """What the hand was told."""
-        self._late = [np.zeros(7)] * delay_steps
+        """Targets that were sent last (7,) [rad]."""
+        self.gripper: GripperState = new_gripper_state(1)
+        """Command of the gripper, one row."""
+        self._delay = new_action_delay(1, delay_steps + 1)
+        self._delay.steps[0] = delay_steps
+        self._targets, self._workspace = target_params(arm, config), target_workspace()
+        self._gripper = gripper_params(arm.gripper, config.step_s)
+        self._force = force_limits(config)
+        self._max_width_m = arm.gripper.max_width_m
 
     @property
     def pending_actions(self) -> Array:
-        """Sum of the motions that were said but have not been used yet (7,)."""
-        return np.sum(self._late, axis=0) if self._late else np.zeros(7)
+        """Sum of the motions that were requested and have not acted yet (7,)."""
+        return np.asarray(self._delay.pending[0])
 
-    def tick(self, action: Array, *, q: Array, width_m: float, force: Array) -> tuple[Array, float]:
-        """Targets (7,) [rad] and opening of the hand [m] for an action (8,).
+    def step(self, action: Array, *, q: Array, width_m: float, force: Array) -> tuple[Array, float]:
+        """Return the requested targets (7,) [rad] and opening of the gripper [m].
 
         Args:
-            action: What the policy says.
+            action: Action of the policy (8,).
             q: Angles of the arm (7,) [rad].
             width_m: Opening between the fingers [m].
-            force: Net force on the hand as it is felt (3,) [N].
+            force: Measured net force on the gripper (3,) [N].
         """
-        self._late.append(action[:7])
-        motion = self._late.pop(0)
-        self.gripper = hand_tick(
-            self.gripper, action[7:8], _NO_LATENCY, self._arm.gripper, self._follow.step_s
-        )
-        yields = presses(force[None], self.gripper.wish, np.array([width_m]), self._follow)
-        target = next_target(
-            self.target[None], motion[None], q[None], self._follow, self._arm, yields
-        )
-        width = 0.0 if self.gripper.wish[0] > 0.0 else self._arm.gripper.max_width_m
-        return target[0], width
+        delay_action(self._delay, 0, action)
+        send_gripper_command(self.gripper, 0, action[7], self._gripper)
+        command = self.gripper.command[0]
+        fx, fy, fz = force
+        retract = exceeds_force_limit(fx, fy, fz, command, width_m, self._force)
+        target = self.target.copy()
+        update_targets(target, self._delay.motion[0], q, retract, self._targets, self._workspace)
+        return target, 0.0 if command > 0.0 else self._max_width_m
 
-    def sent(self, target: Array) -> None:
-        """What was really sent (7,) [rad]; the next target starts there."""
+    def set_sent(self, target: Array) -> None:
+        """Continue from the targets that were sent (7,) [rad]."""
         self.target = target

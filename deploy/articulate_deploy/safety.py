@@ -1,4 +1,4 @@
-"""What is sent to an arm is made safe here, whatever asked for it."""
+"""Safety filter of the episode loop: targets are limited before any robot gets them."""
 
 from __future__ import annotations
 
@@ -12,42 +12,49 @@ from articulate.task.manifest import StartEntry
 from articulate.transforms import Array
 
 ROUNDING_RAD = 1e-9
-"""Smallest change that counts as a clip [rad]."""
+"""Smallest change that counts as clipped [rad]."""
 START_SLACK_RAD = 1e-3
-"""What an arm at rest may miss beside the tolerance of its start [rad]."""
+"""Slack of an arm at rest beside the tolerance of its start [rad]."""
 
 
 class StartError(UsageError):
-    """The arm does not stand where episodes begin."""
+    """The arm is not at the start of its episodes."""
 
 
-def safe_target(wish: Array, last: Array, config: ControlConfig, arm: Arm) -> Array:
-    """Targets (7,) nearest to ``wish`` within the joint limits and one step of ``last`` [rad].
+def safe_target(requested: Array, last: Array, config: ControlConfig, arm: Arm) -> Array:
+    """Return the targets (7,) [rad] nearest to the requested ones that are safe.
 
-    A wish that is not a number keeps the joint where it was told to be.
+    They are within the joint limits and within one step of the last targets. A request that is not
+    a number keeps the last target of its joint.
+
+    Args:
+        requested: Requested targets (7,) [rad].
+        last: Last targets that were sent (7,) [rad].
+        config: Step and margin.
+        arm: Joint limits.
     """
     low, high = arm.bounds(config.margin_rad)
-    wish = np.where(np.isfinite(wish), wish, last)
-    change = np.clip(wish, low, high) - last
+    requested = np.where(np.isfinite(requested), requested, last)
+    change = np.clip(requested, low, high) - last
     most = joint_steps(config, arm)
     return np.asarray(last + np.clip(change, -most, most))
 
 
-def was_clipped(wish: Array, sent: Array) -> bool:
-    """Whether what was sent is not what was wished."""
-    return not bool(np.all(np.abs(wish - sent) <= ROUNDING_RAD))
+def was_clipped(requested: Array, sent: Array) -> bool:
+    """Return True if the targets that were sent differ from the requested ones."""
+    return not bool(np.all(np.abs(requested - sent) <= ROUNDING_RAD))
 
 
 def check_start(q: Array, start: StartEntry) -> None:
-    """Refuse to begin where no episode of training began.
+    """Reject a start that no episode of training had.
 
     Raises:
-        StartError: A joint at ``q`` (7,) [rad] is farther from its start than the tolerance.
+        StartError: A joint at ``q`` (7,) [rad] is further from its start than the tolerance.
     """
-    away = np.abs(q - np.asarray(start.q))
-    worst = int(np.argmax(away))
-    if not away[worst] <= start.tolerance_rad + START_SLACK_RAD:
+    offset = np.abs(q - np.asarray(start.q))
+    worst = int(np.argmax(offset))
+    if not offset[worst] <= start.tolerance_rad + START_SLACK_RAD:
         raise StartError(
-            f"joint_{worst + 1} stands {away[worst]:.3f} rad from its start; "
+            f"joint_{worst + 1} is {offset[worst]:.3f} rad from its start; "
             f"{start.tolerance_rad:.3f} are allowed: call reset_to first"
         )

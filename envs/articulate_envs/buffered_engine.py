@@ -1,68 +1,59 @@
-"""What all engines on MuJoCo share: environments in buffers, and all of a tick but its substeps."""
+"""Common part of all engines on MuJoCo: environments in buffers, and all but the physics steps."""
 
 from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from typing import NamedTuple
 
 import numpy as np
 
 from articulate.errors import AssetError, EngineError
-from articulate.robot.control import GripperState, filter_start, hand_start
+from articulate.robot.control import (
+    discretize_filter,
+    filter_start,
+    finger_params,
+    force_limits,
+    gripper_params,
+    new_action_delay,
+    new_gripper_state,
+    target_params,
+)
 from articulate.simulator import mujoco
-from articulate.task.episode_monitor import WIDTH
+from articulate.task.episode_monitor import WIDTH, monitor_params
 from articulate.task.object_placement import handle_path_of
 from articulate.task.randomization import COLUMNS, EpisodeParams
 from articulate.task.randomization_config import MAX_DELAY_STEPS
 from articulate.transforms import Array, Ints, matrix_to_quat
-from articulate_envs.compiled.begin import Hands, begin, times_of, write_due
-from articulate_envs.compiled.motion import chain_of, see
-from articulate_envs.compiled.observe import Shown, part_of, write_parts
+from articulate_envs.compiled.step import (
+    Buffers,
+    ModelLayout,
+    Poses,
+    PreStepParams,
+    SubstepParams,
+    compiled_pre_step,
+    compiled_refresh,
+)
 from articulate_envs.engine import Start, State
-from articulate_envs.native_mujoco import SharedModelArrays, copy_model
+from articulate_envs.native_mujoco import copy_model
 from articulate_envs.scene import Scene
 
 KEPT_ACTIONS = MAX_DELAY_STEPS + 1
-"""How many ticks of actions are kept."""
-DIVERGED = 1e10
-"""Speed from which a state counts as diverged [rad/s or m/s]; MuJoCo's own ``mjMAXVAL``."""
-
-
-class Buffers(NamedTuple):
-    """Arrays that a tick reads and writes, first axis N.
-
-    ``filter`` (N, 7, 3), ``target`` (N, 7), ``closing`` and ``finger`` (N,), ``push`` (N, 3),
-    ``samples`` (N, WIDTH), ``torque`` (N, 7), ``q`` and ``dq`` (N, 7), ``rest`` (N, 4): finger
-    width, part position, part speed, and one until the environment diverges.
-    """
-
-    filter: Array
-    target: Array
-    closing: Array
-    finger: Array
-    push: Array
-    samples: Array
-    torque: Array
-    q: Array
-    dq: Array
-    rest: Array
+"""Number of control steps of which actions are kept."""
 
 
 class BufferedEngine(ABC):
-    """N environments, each with a model and a state of its own; see :class:`Engine`.
+    """N environments, each with its own model and state; see :class:`articulate_envs.engine.Engine`.
 
-    A subclass says in :meth:`_advance` how a tick is run: targets moved by
-    :func:`articulate_envs.compiled.motion.aim`, the substeps, and the tool's poses written as
-    :meth:`_see` does. Snapshots of one fit another: they hold the same arrays.
+    A subclass runs the physics in :meth:`_advance`. Snapshots of one fit another: they hold the same
+    arrays.
     """
 
     def __init__(self, scene: Scene, n_envs: int) -> None:
-        """Make N environments of ``scene``; call :meth:`reset` for all before stepping."""
+        """Create N environments of ``scene``; call :meth:`reset` for all before stepping."""
         if len({model.nbuffer for model in scene.models}) > 1:
             raise AssetError(
-                f"{scene.asset.name}: its collision hulls change with its size, so that sizes "
-                "cannot be exchanged; set draw.scale to one size"
+                f"{scene.asset.name}: its collision hulls change with its size, so sizes cannot be "
+                "exchanged; set randomization.scale to one size"
             )
         self.scene = scene
         self.n_envs = n_envs
@@ -70,53 +61,48 @@ class BufferedEngine(ABC):
         self._data = [mujoco.MjData(m) for m in self._models]
         self._sizes = np.zeros(n_envs, dtype=np.int64)
         self._order = np.arange(n_envs, dtype=np.int64)
-        self._lenders = [SharedModelArrays(model) for model in scene.models] if n_envs > 1 else []
-        self._buffers = _buffers(n_envs)
-        start = hand_start(n_envs)
-        self._hand = Hands(*(getattr(start, name) for name in Hands._fields))
-        self._times = times_of(scene.arm.gripper, scene.control, scene.task.episode_s)
-        self._actions = np.zeros((KEPT_ACTIONS, n_envs, 7))
-        self._motion = np.zeros((n_envs, 7))
-        self._yields = np.zeros(n_envs, dtype=bool)
-        self._chain = chain_of(scene.arm, scene.control)
-        self._tool, self._led = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(2))
-        self._draw = np.zeros((n_envs, len(COLUMNS)))
-        self._T_wo = np.tile(np.eye(4), (n_envs, 1, 1))
-        self._tick = np.zeros(n_envs, dtype=np.int64)
-        self._all = np.arange(n_envs, dtype=np.int64)
-        joint = scene.asset.joint(scene.task.joint)
-        self._closed, self._span = joint.closed, joint.span
-        self._delay = np.zeros(n_envs, dtype=np.int64)
-        self._due = np.zeros((n_envs, 7))
-        self._shown = Shown(
-            part=part_of(handle_path_of(scene.asset, scene.task.joint, flip=scene.place.flip)),
-            T_wo=self._T_wo,
+        self._buffers = _new_buffers(n_envs)
+        self._delay = new_action_delay(n_envs, KEPT_ACTIONS)
+        self._retract = np.zeros(n_envs, dtype=bool)
+        self._values = np.zeros((n_envs, len(COLUMNS)))
+        self._step = np.zeros(n_envs, dtype=np.int64)
+        self._targets = target_params(scene.arm, scene.control)
+        self._layout, self._substep = model_layout(scene), _substep_params(scene)
+        step_s = scene.control.step_s
+        self._pre_step = PreStepParams(
+            gripper=gripper_params(scene.arm.gripper, step_s),
+            force=force_limits(scene.control),
+            step_s=step_s,
+            episode_s=scene.task.episode_s,
+        )
+        poses = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(4))
+        self._poses = Poses(
+            path=handle_path_of(scene.asset, scene.task.joint, flip=scene.place.flip),
+            T_wo=next(poses),
             scale=np.ones(n_envs),
-            size=np.ones(n_envs),
+            joint_scale=np.ones(n_envs),
             opened=np.zeros(n_envs),
-            handle=np.tile(np.eye(4), (n_envs, 1, 1)),
+            T_wh=next(poses),
+            T_wt=next(poses),
+            T_wt_target=next(poses),
         )
 
     @abstractmethod
     def _advance(self) -> None:
-        """Run a tick in all environments, on what is in the buffers."""
+        """Run a control step in all environments, from and into the buffers."""
 
-    def _see(self, rows: Ints) -> None:
-        """Write what follows from the buffers of environments ``rows``.
+    def _refresh(self, rows: Ints) -> None:
+        """Write all that follows from the buffers of environments ``rows``.
 
-        That is the tool's poses at the joints and at the targets, the handle's, how far the part is
-        open, and the motions that are due.
+        The functions are those of a control step, so a continued run is bit-identical.
         """
-        # By the functions that a tick uses: what is resumed goes on to the bit.
-        b = self._buffers
-        see(rows, b.q, b.target, self._chain, self._tool, self._led)
-        write_parts(rows, b.rest, self._shown)
-        write_due(rows, self._actions, self._delay, self._due)
+        geometry = self._targets.geometry
+        compiled_refresh(rows, self._buffers, self._delay, geometry, self._poses)
 
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""
         rows = np.asarray(rows, dtype=np.int64)
-        self._draw[rows] = start.params.values
+        self._values[rows] = start.params.values
         self._place(rows, start.params)
         for k, i in enumerate(rows):
             self._write_model(int(i), start.params.values[k])
@@ -125,46 +111,50 @@ class BufferedEngine(ABC):
         b = self._buffers
         b.filter[rows] = filter_start(start.q)
         b.target[rows] = start.q
-        b.closing[rows] = start.closing
         b.finger[rows] = start.width / 2.0
         b.push[rows] = 0.0
         b.samples[rows] = 0.0
         b.torque[rows] = 0.0
         b.q[rows] = start.q
         b.dq[rows] = 0.0
-        b.rest[rows, 0] = start.width
-        b.rest[rows, 1] = (self._closed + start.opened * self._span) * self._shown.size[rows]
-        b.rest[rows, 2] = 0.0
-        b.rest[rows, 3] = 1.0
-        fresh = hand_start(len(rows))
-        for name in Hands._fields:
-            value = start.closing if name in ("wish", "closing") else getattr(fresh, name)
-            getattr(self._hand, name)[rows] = value
-        self._hand.smooth[rows] = 0.5 * np.maximum(start.closing, 0.0)
-        self._actions[:, rows] = 0.0
-        self._tick[rows] = 0
-        self._see(rows)
+        b.gripper_width[rows] = start.width
+        b.part_pos[rows] = self._part_positions(start.opened, rows)
+        b.part_vel[rows] = 0.0
+        b.alive[rows] = 1.0
+        for array, value in zip(b.gripper, new_gripper_state(len(rows)), strict=True):
+            array[rows] = value
+        b.gripper.command[rows] = start.closing
+        b.gripper.closing[rows] = start.closing
+        b.gripper.smooth[rows] = 0.5 * np.maximum(start.closing, 0.0)
+        self._delay.requests[:, rows] = 0.0
+        self._step[rows] = 0
+        self._refresh(rows)
 
-    def _place(self, rows: Ints, drawn: EpisodeParams) -> None:
+    def _part_positions(self, opened: Array, rows: Ints) -> Array:
+        """Positions (M,) of the task's joint in environments ``rows`` at fractions ``opened``."""
+        path = self._poses.path
+        return (path.closed + opened * path.span) * self._poses.joint_scale[rows]
+
+    def _place(self, rows: Ints, params: EpisodeParams) -> None:
         scene = self.scene
-        self._T_wo[rows] = scene.T_wo(drawn)
-        self._shown.scale[rows] = drawn["scale"]
+        self._poses.T_wo[rows] = scene.T_wo(params)
+        self._poses.scale[rows] = params["scale"]
         if scene.task.kind == "slide":
-            self._shown.size[rows] = drawn["scale"]
-        for name in ("delay_steps", "estimate_delay_steps"):  # compiled code takes them on trust
-            if not np.isin(drawn[name], np.arange(KEPT_ACTIONS)).all():
-                raise EngineError(f"a draw's {name} must be whole numbers, 0 to {MAX_DELAY_STEPS}")
-        self._delay[rows] = drawn["delay_steps"].astype(np.int64)
+            self._poses.joint_scale[rows] = params["scale"]
+        for name in ("delay_steps", "estimate_delay_steps"):  # compiled code does not check them
+            if not np.isin(params[name], np.arange(KEPT_ACTIONS)).all():
+                raise EngineError(
+                    f"episode_params.{name} must be integers from 0 to {MAX_DELAY_STEPS}"
+                )
+        self._delay.steps[rows] = params["delay_steps"].astype(np.int64)
 
     def _write_model(self, i: int, row: Array) -> None:
-        """Copy the model of the drawn size and write the drawn numbers into it."""
+        """Copy the model of the sampled size and write the sampled numbers into it."""
         scene, at, model = self.scene, self.scene.at, self._models[i]
         value = dict(zip(COLUMNS, row, strict=True))
         k = int(np.argmin(np.abs(np.asarray(scene.scales) - value["scale"])))
         self._sizes[i] = k
         copy_model(model, scene.models[k])
-        if self._lenders:
-            self._lenders[k].lend(model)
         arm_v = slice(at.arm_q, at.arm_q + 7)
         arm_u = slice(at.arm_ctrl, at.arm_ctrl + 7)
         object_v, moving = list(at.object_v), list(at.moving_bodies)
@@ -177,116 +167,145 @@ class BufferedEngine(ABC):
         model.actuator_gainprm[arm_u, 0] *= value["stiffness"]
         model.actuator_biasprm[arm_u, 1] *= value["stiffness"]
         model.actuator_biasprm[arm_u, 2] *= value["damping"]
-        model.body_pos[at.root_body] = self._T_wo[i, :3, 3]
-        model.body_quat[at.root_body] = matrix_to_quat(self._T_wo[i, :3, :3])
+        T_wo = self._poses.T_wo[i]
+        model.body_pos[at.root_body] = T_wo[:3, 3]
+        model.body_quat[at.root_body] = matrix_to_quat(T_wo[:3, :3])
         mujoco.mj_setConst(model, self._data[i])
 
     def _write_data(self, i: int, start: Start, k: int) -> None:
         scene, at, data = self.scene, self.scene.at, self._data[i]
         mujoco.mj_resetData(self._models[i], data)
         for joint in scene.asset.joints:
-            own = scene.scales and joint.kind == "slide"
-            size = self._shown.scale[i] if own else 1.0
+            size = self._poses.scale[i] if joint.kind == "slide" else 1.0
             adr = self._models[i].joint(f"object/{joint.name}").qposadr[0]
             data.qpos[adr] = joint.closed * size
-        data.qpos[at.part_q] = (self._closed + start.opened[k] * self._span) * self._shown.size[i]
+        data.qpos[at.part_q] = self._part_positions(start.opened[k], np.array(i))
         data.qpos[at.arm_q : at.arm_q + 7] = start.q[k]
         data.qpos[at.finger_q] = start.width[k] / 2.0
         data.qpos[at.finger_q + 1] = -start.width[k] / 2.0
 
     def step(self, action: Array) -> State:
-        """Run one tick with actions (N, 8)."""
-        begin(
+        """Run one control step with actions (N, 8)."""
+        compiled_pre_step(
             action,
-            self._actions,
             self._delay,
-            self._motion,
-            self._yields,
-            self._due,
-            self._hand,
-            self._draw,
-            self._tick,
-            self._times,
+            self._retract,
+            self._values,
+            self._step,
+            self._pre_step,
             self._buffers,
         )
         self._advance()
-        self._tick += 1
+        self._step += 1
         return self.state()
 
     def state(self) -> State:
-        """What is true now; the arrays are copies."""
-        b = self._buffers
+        """Return the present state; the arrays are copies."""
+        b, poses = self._buffers, self._poses
         return State(
             q=b.q.copy(),
             dq=b.dq.copy(),
             target=b.target.copy(),
-            gripper=GripperState(*(array.copy() for array in self._hand)),
-            gripper_width=b.rest[:, 0].copy(),
-            T_wt=self._tool.copy(),
-            T_wt_target=self._led.copy(),
-            T_wh=self._shown.handle.copy(),
-            opened=self._shown.opened.copy(),
-            speed=b.rest[:, 2] * np.sign(self._span),
+            gripper=b.gripper.copy(),
+            gripper_width=b.gripper_width.copy(),
+            T_wt=poses.T_wt.copy(),
+            T_wt_target=poses.T_wt_target.copy(),
+            T_wh=poses.T_wh.copy(),
+            opened=poses.opened.copy(),
+            speed=b.part_vel * np.sign(poses.path.span),
             samples=b.samples.copy(),
-            pending_actions=self._due.copy(),
+            pending_actions=self._delay.pending.copy(),
         )
 
+    def _kept(self) -> dict[str, Array]:
+        """Arrays beside MuJoCo's that a snapshot holds, by name."""
+        buffers = {k: v for k, v in self._buffers._asdict().items() if k != "gripper"}
+        out = {f"buffer_{k}": v for k, v in buffers.items()}
+        out |= {f"gripper_{k}": v for k, v in self._buffers.gripper._asdict().items()}
+        return out | {"requests": self._delay.requests, "step": self._step}
+
     def snapshot(self) -> dict[str, Array]:
-        """All that resuming bit-identically needs; only arrays."""
+        """Return all that bit-identical continuation needs; only arrays."""
         spec = mujoco.mjtState.mjSTATE_INTEGRATION
         size = mujoco.mj_stateSize(self._models[0], spec)
         physics = np.zeros((self.n_envs, size))
         for i in range(self.n_envs):
             mujoco.mj_getState(self._models[i], self._data[i], physics[i], spec)
-        out = {f"buffer_{n}": getattr(self._buffers, n).copy() for n in Buffers._fields}
-        out |= {f"hand_{n}": getattr(self._hand, n).copy() for n in Hands._fields}
-        return out | {
-            "physics": physics,
-            "actions": self._actions.copy(),
-            "draw": self._draw.copy(),
-            "tick": self._tick.copy(),
-        }
+        out = {name: array.copy() for name, array in self._kept().items()}
+        return out | {"physics": physics, "episode_params": self._values.copy()}
 
     def restore(self, snapshot: dict[str, Array]) -> None:
         """Continue from :meth:`snapshot`."""
         spec = mujoco.mjtState.mjSTATE_INTEGRATION
-        self._draw[:] = snapshot["draw"]
-        self._place(self._all, EpisodeParams(self._draw))
+        rows = np.arange(self.n_envs, dtype=np.int64)
+        self._values[:] = snapshot["episode_params"]
+        self._place(rows, EpisodeParams(self._values))
         for i in range(self.n_envs):
-            self._write_model(i, self._draw[i])
+            self._write_model(i, self._values[i])
             mujoco.mj_resetData(self._models[i], self._data[i])
             mujoco.mj_setState(self._models[i], self._data[i], snapshot["physics"][i], spec)
         self._order[:] = np.argsort(self._sizes, kind="stable")
-        for name in Buffers._fields:
-            getattr(self._buffers, name)[:] = snapshot[f"buffer_{name}"]
-        for name in Hands._fields:
-            getattr(self._hand, name)[:] = snapshot[f"hand_{name}"]
-        self._actions[:] = snapshot["actions"]
-        self._tick[:] = snapshot["tick"]
-        self._see(self._all)
+        for name, array in self._kept().items():
+            array[:] = snapshot[name]
+        self._refresh(rows)
 
     def physics_state(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Model and data of environment ``i``, for pictures: not to be changed or to outlive it."""
+        """Return model and data of environment ``i``, for images: read them only, and soon."""
         return self._models[i], self._data[i]
 
     def object_pose(self, i: int) -> tuple[float, Array]:
-        """Size and pose ``T_wo`` (4, 4) of the object in environment ``i``, for pictures."""
-        return float(self._draw[i, COLUMNS.index("scale")]), self._T_wo[i].copy()
+        """Return size and pose ``T_wo`` (4, 4) of the object in environment ``i``, for images."""
+        return float(self._poses.scale[i]), self._poses.T_wo[i].copy()
 
     def close(self) -> None:  # noqa: B027  engines without threads hold nothing
-        """Give back what is held; closing twice is no harm."""
+        """Release what is held; a second call does nothing."""
 
 
-def _buffers(n: int) -> Buffers:
+def _new_buffers(n: int) -> Buffers:
     return Buffers(
         filter=np.zeros((n, 7, 3)),
         target=np.zeros((n, 7)),
-        closing=-np.ones(n),
+        gripper=new_gripper_state(n),
         finger=np.full(n, 0.04),
         push=np.zeros((n, 3)),
         samples=np.zeros((n, WIDTH)),
         torque=np.zeros((n, 7)),
         q=np.zeros((n, 7)),
         dq=np.zeros((n, 7)),
-        rest=np.zeros((n, 4)),
+        gripper_width=np.zeros(n),
+        part_pos=np.zeros(n),
+        part_vel=np.zeros(n),
+        alive=np.zeros(n),
+    )
+
+
+def model_layout(scene: Scene) -> ModelLayout:
+    """Return the sizes of MuJoCo's arrays of ``scene`` and the indices into them."""
+    at = scene.at
+    return ModelLayout(
+        nq=scene.nominal.nq,
+        nv=scene.nominal.nv,
+        arm_q=at.arm_q,
+        finger_q=at.finger_q,
+        arm_ctrl=at.arm_ctrl,
+        finger_ctrl=at.finger_ctrl,
+        part_q=at.part_q,
+        part_v=at.part_v,
+        push_row=at.part_body,
+        tool_site=at.tool_site,
+        gripper_sensor=at.sensors[0],
+        floor_sensor=at.sensors[1],
+        robot_sensor=at.sensors[2],
+    )
+
+
+def _substep_params(scene: Scene) -> SubstepParams:
+    dt = scene.physics.timestep_s
+    A, B = discretize_filter(scene.control.omega_rad_s, dt)
+    return SubstepParams(
+        substeps=scene.substeps,
+        A=A,
+        B=B,
+        finger=finger_params(scene.arm.gripper, dt),
+        monitor=monitor_params(scene.arm, scene.task.limits, dt),
     )

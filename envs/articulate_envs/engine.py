@@ -1,4 +1,4 @@
-"""The protocol of engines: N environments stepped by whole ticks."""
+"""Protocol of engines: N environments that advance by control steps."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ if TYPE_CHECKING:  # the arrays are light to import, scenes are not
 
 @dataclass(frozen=True)
 class State:
-    """What is true of N environments at a tick."""
+    """True state of N environments after a control step."""
 
     q: Array
     """Joint angles (N, 7) [rad]."""
     dq: Array
     """Joint speeds (N, 7) [rad/s]."""
     target: Array
-    """Targets that the follower runs to (N, 7) [rad]."""
+    """Targets of the set-point filter (N, 7) [rad]."""
     gripper: GripperState
-    """What the hand was told and does."""
+    """Commands and motion of the grippers."""
     gripper_width: Array
     """Opening between the fingers (N,) [m]."""
     T_wt: Array
-    """Pose of the tool in the world, by the joint angles (N, 4, 4)."""
+    """Pose of the tool in the world, from the joint angles (N, 4, 4)."""
     T_wt_target: Array
-    """Where the tool would be with the joints at their targets (N, 4, 4)."""
+    """Pose of the tool with the joints at their targets (N, 4, 4)."""
     T_wh: Array
     """Pose of the handle in the world (N, 4, 4)."""
     opened: Array
@@ -38,17 +38,17 @@ class State:
     speed: Array
     """Speed of the part, positive opening (N,) [m/s or rad/s]."""
     samples: Array
-    """Rows of the judgement (N, WIDTH)."""
+    """Rows of the episode monitor (N, WIDTH)."""
     pending_actions: Array
-    """Sum of the motions that were said but have not been used yet, as they come late (N, 7)."""
+    """Sum of the motions that were requested and have not acted yet (N, 7)."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """How episodes begin, one row per environment of a reset."""
+    """Initial states of episodes, one row per environment of a reset."""
 
     params: EpisodeParams
-    """What was drawn (M rows)."""
+    """Episode parameters (M rows)."""
     q: Array
     """Angles of the arm (M, 7) [rad]."""
     opened: Array
@@ -56,10 +56,10 @@ class Start:
     width: Array
     """Opening between the fingers (M,) [m]."""
     closing: Array
-    """+1 where the hand is told to close, whether it holds the handle, has closed on nothing or is
-    still open; -1 where it is told to open (M,)."""
+    """+1 where the gripper has the command to close, whether it holds the handle, has closed on
+    nothing or is still open; -1 where it has the command to open (M,)."""
     home: Mask
-    """Whether it is the start the task asks for, not one along the way (M,)."""
+    """True for the initial state of the task, False for one along it (M,)."""
 
 
 class Engine(Protocol):
@@ -72,19 +72,19 @@ class Engine(Protocol):
         """Begin new episodes in environments ``rows`` (M,) of int."""
 
     def step(self, action: Array) -> State:
-        """Run one tick with actions (N, 8) and return what is then true.
+        """Run one control step with actions (N, 8) and return the state after it.
 
-        The state's arrays are new; they stay as they are when the engine goes on.
+        The arrays of the state are new; later steps do not change them.
         """
 
     def state(self) -> State:
-        """What is true now."""
+        """Return the present state."""
 
     def snapshot(self) -> dict[str, Array]:
-        """All that resuming bit-identically needs."""
+        """Return all that bit-identical continuation needs."""
 
     def restore(self, snapshot: dict[str, Array]) -> None:
         """Continue from :meth:`snapshot`."""
 
     def close(self) -> None:
-        """Give back threads and memory."""
+        """Release threads and memory."""

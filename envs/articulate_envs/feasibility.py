@@ -17,8 +17,8 @@ from articulate.errors import ConfigError
 from articulate.task.episode_monitor import REASONS
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Ints
-from articulate_envs.config import RewardConfig
 from articulate_envs.episodes import Episodes
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
 from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
@@ -95,7 +95,7 @@ def _run(episodes: Episodes) -> Ints:
     codes = np.full(episodes.engine.n_envs, -1, dtype=np.int64)
     expert = make_scripted_expert(scene)
     episodes.reset()
-    params = episodes.drawn
+    params = episodes.params
     for _ in range(scene.n_steps):
         step = episodes.step(expert.act(episodes.state, params))
         if step.ended is not None:

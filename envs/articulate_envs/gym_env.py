@@ -106,7 +106,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         """
         super().reset(seed=seed)
         self.episodes.reseed(self.np_random)
-        start = apply_options(options, self.episodes.draw_start(1), self.engine.scene)
+        start = apply_options(options, self.episodes.sample_start(1), self.engine.scene)
         observation = self.episodes.reset(start=start)
         self._running = True
         self._update_viewer()
@@ -128,7 +128,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         self._running = not bool(result.done[0])
         self._update_viewer()
         reward = float(result.reward[0])
-        cut = result.ended is not None and bool(result.ended.cut[0])
+        cut = result.ended is not None and bool(result.ended.truncated[0])
         ended = not self._running and not cut
         return self._vector(result.observation), reward, ended, cut, self._info()
 
@@ -172,7 +172,7 @@ class ArticulateEnv(gymnasium.Env[Vector, Vector]):
         return np.asarray(observation[0], dtype=np.float32)
 
     def _info(self) -> Info:
-        info = episode_info(self.episodes.judgement, self.engine.scene.task, self.episodes.state)
+        info = episode_info(self.episodes.monitor, self.engine.scene.task, self.episodes.state)
         return {name: values.tolist()[0] for name, values in info.items()}
 
     def _object_pose(self) -> tuple[float, Array]:

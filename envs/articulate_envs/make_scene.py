@@ -20,11 +20,12 @@ from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.task.task import TASK_RULES
-from articulate_envs.config import InitialStatesConfig, RewardConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Engine
 from articulate_envs.episodes import Episodes
 from articulate_envs.joint_selection import choose_joint
 from articulate_envs.physics import PhysicsConfig
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene, build_scene
 
 

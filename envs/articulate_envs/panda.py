@@ -11,7 +11,7 @@ import trimesh
 
 from articulate.errors import MissingError
 from articulate.robot.arm import Arm
-from articulate.robot.kinematics import FLANGE_Z_M, HAND_TURN_RAD
+from articulate.robot.kinematics import FLANGE_Z_M, GRIPPER_YAW_RAD
 from articulate.simulator import mujoco
 from articulate.transforms import Array
 
@@ -66,7 +66,7 @@ def panda_spec(arm: Arm, *, visuals: bool) -> mujoco.MjSpec:
         _strip(part, visuals=visuals)
     wrist = spec.body(GRIPPER_BODY)  # robosuite rounds: 0.1065 m and quat 0.924, -0.383
     wrist.pos = [0.0, 0.0, FLANGE_Z_M]
-    wrist.quat = [np.cos(HAND_TURN_RAD / 2), 0.0, 0.0, np.sin(HAND_TURN_RAD / 2)]
+    wrist.quat = [np.cos(GRIPPER_YAW_RAD / 2), 0.0, 0.0, np.sin(GRIPPER_YAW_RAD / 2)]
     frame = wrist.add_frame()
     spec.attach(gripper, prefix="", frame=frame)
     _set_joints(spec, arm)

@@ -294,7 +294,7 @@ def start_clearance(
     q = np.asarray(place.start_q)
     T_wt = tool_pose(arm, q)
     gripper = GRIPPER_POINTS @ T_wt[:3, :3].T + T_wt[:3, 3]
-    points = np.concatenate([gripper, joint_poses(q)[3:, :3, 3]])
+    points = np.concatenate([gripper, joint_poses(arm, q)[3:, :3, 3]])
     T_ow = inverse(T_wo)
     points = points @ np.swapaxes(T_ow[:, :3, :3], 1, 2) + T_ow[:, None, :3, 3]
     points = points / scale[:, None, None]  # in the units of the unscaled object

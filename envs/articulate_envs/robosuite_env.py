@@ -184,7 +184,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
 
     def _reset_internal(self) -> None:
         self.episodes.reseed(self.rng)
-        start = self.episodes.draw_start(1)
+        start = self.episodes.sample_start(1)
         self._begin(apply_options(self._ep_meta, start, self._scene))
 
     def _begin(self, start: Start) -> None:
@@ -223,7 +223,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return observations, self._reward, self.done, self._episode_info()
 
     def _episode_info(self) -> dict[str, Any]:
-        info = episode_info(self.episodes.judgement, self._scene.task, self.episodes.state)
+        info = episode_info(self.episodes.monitor, self._scene.task, self.episodes.state)
         return {name: values.tolist()[0] for name, values in info.items()}
 
     def reward(self, action: Array | None = None) -> float:

@@ -45,12 +45,12 @@ class RowEpisodes(Episodes):
         shared = [i for i, row in enumerate(rows) if int(row) not in self._generators]
         parts, order = [], []
         if shared:
-            parts.append(self.draw_start(len(shared)))
+            parts.append(self.sample_start(len(shared)))
             order += shared
         for i, row in enumerate(rows):
             if int(row) in self._generators:
                 common, self._rng = self._rng, self._generators[int(row)]
-                parts.append(self.draw_start(1))
+                parts.append(self.sample_start(1))
                 self._rng = common
                 order.append(i)
         return _concatenated(parts, np.argsort(order))

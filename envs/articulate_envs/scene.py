@@ -9,13 +9,13 @@ import numpy as np
 from articulate.assets.asset import Asset
 from articulate.robot.arm import Arm
 from articulate.robot.config import ControlConfig
-from articulate.robot.contact import FLOOR_SENSOR, GRIPPER_SENSOR, ROBOT_SENSOR, contact_wrench
+from articulate.robot.contact import FLOOR_SENSOR, GRIPPER_SENSOR, ROBOT_SENSOR
 from articulate.robot.control import check_control
 from articulate.simulator import mujoco
 from articulate.task.object_placement import ObjectPlacement, object_pose, tilted
 from articulate.task.randomization import EpisodeParams
 from articulate.task.task import Task
-from articulate.transforms import Array, Mask, matrix_to_quat
+from articulate.transforms import Array, matrix_to_quat
 from articulate_envs.panda import ARM_BIT, BASE_BODY, GRIPPER_BODY, OBJECT_BIT, panda_spec
 from articulate_envs.physics import PhysicsConfig
 
@@ -315,11 +315,3 @@ def _addresses(model: mujoco.MjModel, task: Task) -> Addresses:
             int(model.sensor(ROBOT_SENSOR).adr[0]),
         ),
     )
-
-
-def wrench_of(sensors: Array, at: Addresses, tool_w: Array) -> tuple[Array, Mask]:
-    """Return the wrench (N, 6) [N, Nm] and the touch mask (N,) of sensor data (N, nsensordata).
-
-    See :func:`articulate.robot.contact.contact_wrench`; ``tool_w`` are tool positions (N, 3) [m].
-    """
-    return contact_wrench(sensors, at.sensors, tool_w)

@@ -17,9 +17,9 @@ from articulate.task.object_placement import HandlePath, handle_path_of
 from articulate.task.observation import ACTION
 from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array, Mask, pose, rotation_angle
-from articulate_envs.compiled.reward import HELD_SHARE
 from articulate_envs.engine import State
-from articulate_envs.rewards import Grasp, grasp_of
+from articulate_envs.grasp import Grasp, grasp_of
+from articulate_envs.rewards import HELD_SHARE
 from articulate_envs.scene import Scene
 
 STRAIGHT_M, STRAIGHT_RAD = 0.004, 0.15
@@ -90,8 +90,8 @@ class ScriptedExpert:
         near, at = self._at_handle(T_ht, T_ha)
         goal = self._before(T_ha, retreat=empty)
         T_goal = np.where(held[:, None, None], self._ahead(state, params, T_ht), state.T_wh @ goal)
-        twist = small_twist(relative(T_wa, T_goal)) / unit
-        commanded = state.gripper.wish > 0.0
+        twist = small_twist(T_wa, T_goal) / unit
+        commanded = state.gripper.command > 0.0
         limit = np.where(near & ~held, SLOW, 1.0)
         largest = np.abs(twist).max(axis=1)
         for part in (slice(0, 3), slice(3, 6)):
@@ -101,7 +101,7 @@ class ScriptedExpert:
         close = (held | at | (commanded & near)) & ~empty
         out = np.zeros((len(twist), ACTION.size))
         out[:, :6] = twist
-        out[:, ACTION.slice("hand").start] = np.where(close, 1.0, -1.0)
+        out[:, ACTION.slice("gripper").start] = np.where(close, 1.0, -1.0)
         return out
 
     def _held(self, state: State, params: EpisodeParams, T_ht: Array) -> tuple[Mask, Mask]:

@@ -1,4 +1,4 @@
-"""The batched engine: one model and one state per environment, on native threads."""
+"""Batched engine: one model and one state per environment, on native threads."""
 
 from __future__ import annotations
 
@@ -7,19 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from articulate.robot.control import discretize_filter
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
 from articulate_envs.buffered_engine import BufferedEngine
-from articulate_envs.compiled.advance import (
-    Aiming,
-    Constants,
-    Pointers,
-    ThreadWorkspaces,
-    Where,
-    advance,
-)
-from articulate_envs.native_mujoco import drawn_arrays, step_address
+from articulate_envs.compiled.step import EnvironmentPointers, ThreadWorkspaces, compiled_step
+from articulate_envs.native_mujoco import sampled_arrays, step_address
 from articulate_envs.scene import Scene
 
 
@@ -27,73 +19,70 @@ class ThreadEngine(BufferedEngine):
     """N environments stepped by ``threads`` threads; see :class:`articulate_envs.engine.Engine`."""
 
     def __init__(self, scene: Scene, n_envs: int, *, threads: int = 1) -> None:
-        """Make N environments of ``scene``; call :meth:`reset` for all before stepping."""
+        """Create N environments of ``scene``; call :meth:`reset` for all before stepping."""
         super().__init__(scene, n_envs)
         self.threads = max(1, min(threads, n_envs))
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
-        self._taken = np.zeros(n_envs, dtype=np.int64)
+        self._claimed = np.zeros(n_envs, dtype=np.int64)
         self._edges = np.linspace(0, n_envs, self.threads + 1).astype(int)
         self._mj_step = step_address()
-        self._models_of = self._desk_models()
-        self._desk_data = [mujoco.MjData(scene.nominal) for _ in range(self.threads)]
-        self._pointers, self._desks = self._what_is_kept(), self._what_is_on_desks()
-        self._where = _where(scene)
-        self._constants = _constants(scene)
-        self._aiming = Aiming(self._motion, self._yields, self._tool, self._led)
-
-    def _desk_models(self) -> list[list[mujoco.MjModel]]:
-        """A model of each size for each thread; one environment alone is stepped with its own."""
-        if self.n_envs == 1:
-            return [self._models * len(self.scene.models)]
-        desks = [[copy.copy(model) for model in self.scene.models] for _ in range(self.threads)]
-        for models in desks:
-            for lender, model in zip(self._lenders, models, strict=True):
-                lender.lend(model)
-        return desks
-
-    def _what_is_kept(self) -> Pointers:
-        return Pointers(
-            size=self._sizes,
-            doubles=drawn_arrays(self.scene.nominal)[1],
-            drawn=np.array([drawn_arrays(model)[0] for model in self._models]),
-            **_shared_addresses(self._data),
+        self._thread_models = self._make_thread_models()
+        self._thread_data = [mujoco.MjData(scene.nominal) for _ in range(self.threads)]
+        self._environments, self._workspaces = (
+            self._environment_pointers(),
+            self._workspace_pointers(),
         )
 
-    def _what_is_on_desks(self) -> ThreadWorkspaces:
-        rows, data = self._models_of, self._desk_data
+    def _make_thread_models(self) -> list[list[mujoco.MjModel]]:
+        """Models of each size for each thread; a single environment uses its own model."""
+        if self.n_envs == 1:
+            return [self._models * len(self.scene.models)]
+        return [[copy.copy(model) for model in self.scene.models] for _ in range(self.threads)]
+
+    def _environment_pointers(self) -> EnvironmentPointers:
+        return EnvironmentPointers(
+            size=self._sizes,
+            counts=sampled_arrays(self.scene.nominal)[1],
+            sampled=np.array([sampled_arrays(model)[0] for model in self._models]),
+            **_state_addresses(self._data),
+        )
+
+    def _workspace_pointers(self) -> ThreadWorkspaces:
+        rows, data = self._thread_models, self._thread_data
         return ThreadWorkspaces(
             model=np.array([[m._address for m in models] for models in rows], dtype=np.int64),
-            drawn=np.array([[drawn_arrays(m)[0] for m in models] for models in rows]),
+            sampled=np.array([[sampled_arrays(m)[0] for m in models] for models in rows]),
             data=np.array([d._address for d in data], dtype=np.int64),
             torque=_addresses([d.qfrc_actuator for d in data]),
             sensors=_addresses([d.sensordata for d in data]),
             site=_addresses([d.site_xpos for d in data]),
-            **_shared_addresses(data),
+            **_state_addresses(data),
         )
 
     def _advance(self) -> None:
         args = (
             self._order,
-            self._taken,
+            self._claimed,
             self._mj_step,
-            self._pointers,
-            self._desks,
-            self._where,
-            self._constants,
-            self._chain,
-            self._aiming,
+            self._environments,
+            self._workspaces,
+            self._layout,
+            self._substep,
+            self._targets,
+            self._delay.motion,
+            self._retract,
             self._buffers,
-            self._shown,
+            self._poses,
         )
-        self._taken[:] = 0
+        self._claimed[:] = 0
         if self._pool is None:
-            advance(0, 0, *args)
+            compiled_step(0, 0, *args)
             return
         jobs = [
-            self._pool.submit(advance, desk, int(first), *args)
-            for desk, first in enumerate(self._edges[1:-1], start=1)
+            self._pool.submit(compiled_step, thread, int(first), *args)
+            for thread, first in enumerate(self._edges[1:-1], start=1)
         ]
-        advance(0, 0, *args)
+        compiled_step(0, 0, *args)
         for job in jobs:
             job.result()
 
@@ -107,8 +96,8 @@ def _addresses(arrays: list[Array]) -> Ints:
     return np.array([array.ctypes.data for array in arrays], dtype=np.int64)
 
 
-def _shared_addresses(data: list[mujoco.MjData]) -> dict[str, Ints]:
-    """Addresses of the arrays of each ``data`` that go from environments to desks and back."""
+def _state_addresses(data: list[mujoco.MjData]) -> dict[str, Ints]:
+    """Addresses of the arrays of each ``data`` that are copied between environment and thread."""
     return {
         "qpos": _addresses([d.qpos for d in data]),
         "qvel": _addresses([d.qvel for d in data]),
@@ -116,45 +105,3 @@ def _shared_addresses(data: list[mujoco.MjData]) -> dict[str, Ints]:
         "ctrl": _addresses([d.ctrl for d in data]),
         "xfrc": _addresses([d.xfrc_applied for d in data]),
     }
-
-
-def _where(scene: Scene) -> Where:
-    at = scene.at
-    return Where(
-        nq=scene.nominal.nq,
-        nv=scene.nominal.nv,
-        arm_q=at.arm_q,
-        finger_q=at.finger_q,
-        arm_ctrl=at.arm_ctrl,
-        finger_ctrl=at.finger_ctrl,
-        part_q=at.part_q,
-        part_v=at.part_v,
-        push_row=at.part_body,
-        tool_site=at.tool_site,
-        hand_sensor=at.sensors[0],
-        floor_sensor=at.sensors[1],
-        robot_sensor=at.sensors[2],
-    )
-
-
-def _constants(scene: Scene) -> Constants:
-    dt, limits, arm = scene.physics.timestep_s, scene.task.limits, scene.arm
-    A, B = discretize_filter(scene.control.omega_rad_s, dt)
-    return Constants(
-        substeps=scene.substeps,
-        dt=dt,
-        A=np.ascontiguousarray(A),
-        B=np.ascontiguousarray(B),
-        dq_max=np.asarray(arm.dq_max),
-        tau_max=np.asarray(arm.tau_max),
-        dtau_max=arm.dtau_max,
-        speed_share=limits.speed_share,
-        torque_share=limits.torque_share,
-        force=limits.force_n,
-        moment=limits.moment_nm,
-        gain=1.0 - float(np.exp(-dt / limits.filter_s)),
-        short_gain=1.0 - float(np.exp(-dt / limits.short_filter_s)),
-        finger_step=arm.gripper.finger_speed_m_s * dt,
-        finger_closed=arm.gripper.finger_m[0],
-        finger_open=arm.gripper.finger_m[1],
-    )

@@ -207,7 +207,7 @@ class ArticulateVectorEnv(VectorEnv[Vectors, Vectors, NDArray[Any]]):
         self._elapsed += 1
         truncated = np.zeros(self.num_envs, dtype=bool)
         if result.ended is not None:
-            truncated[result.ended.rows] = result.ended.cut
+            truncated[result.ended.rows] = result.ended.truncated
         terminated = result.done & ~truncated
         if self._max_steps is not None:
             truncated |= (self._elapsed >= self._max_steps) & ~terminated
@@ -222,9 +222,9 @@ class ArticulateVectorEnv(VectorEnv[Vectors, Vectors, NDArray[Any]]):
         self.engine.close()
 
     def _info(self) -> dict[str, Any]:
-        params = self.episodes.drawn
+        params = self.episodes.params
         info: dict[str, Any] = dict(
-            episode_info(self.episodes.judgement, self.engine.scene.task, self.episodes.state)
+            episode_info(self.episodes.monitor, self.engine.scene.task, self.episodes.state)
         )
         return info | {"episode_params": {name: params[name] for name in COLUMNS}}
 
@@ -236,7 +236,7 @@ class ArticulateVectorEnv(VectorEnv[Vectors, Vectors, NDArray[Any]]):
         last = np.full(n, None, dtype=object)
         for i in rows:
             last[i] = self._observation[i].copy()
-        info = episode_info(self.episodes.judgement, self.engine.scene.task, self.episodes.state)
+        info = episode_info(self.episodes.monitor, self.engine.scene.task, self.episodes.state)
         final: dict[str, Any] = {}
         for name, values in info.items():
             final[name] = np.where(mask, values, np.zeros(1, dtype=values.dtype))

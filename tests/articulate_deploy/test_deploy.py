@@ -68,7 +68,7 @@ def test_recordings_hold_every_tick_and_the_report(report):
     names = sorted(p.name for p in out.iterdir())
     assert names == ["episode_0000.npz", "episode_0001.npz", "episodes.jsonl", "report.json"]
     with np.load(out / "episode_0001.npz", allow_pickle=False) as arrays:
-        assert arrays["observation"].shape == (done.results[1].ticks, OBSERVATION.size)
+        assert arrays["observation"].shape == (done.results[1].steps, OBSERVATION.size)
         assert arrays["estimate_T_wh"].shape[1:] == (4, 4)
     lines = (out / "episodes.jsonl").read_text().splitlines()
     assert [json.loads(line)["reason"] for line in lines] == [r.reason for r in done.results]

@@ -4,16 +4,26 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from articulate.robot.control import joint_steps
 from articulate.task.episode_monitor import REASONS
+from articulate.task.observation import Estimate
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
+from articulate_deploy.policy_control import PolicyController
 from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.mujoco import MujocoRobot
-from articulate_envs.config import RewardConfig
+from articulate_deploy.robots.robot import (
+    FORCE_KEYS,
+    GRIPPER_KEY,
+    JOINT_KEYS,
+    SPEED_KEYS,
+    read_keys,
+)
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.threaded_engine import ThreadEngine
 
 QUIET = dataclasses.replace(NO_RANDOMIZATION, gripper_latency_s=(0.2, 0.2), start_rad=0.1)
@@ -49,7 +59,9 @@ def test_an_episode_is_the_one_of_training(bundle, run, seed):
     drawn, policy = late_draw(seed), Policy(bundle)
     result, record = played(bundle, drawn, policy)
     engine = ThreadEngine(run.scene((1.0,)), 1)
-    episodes = Episodes(engine, randomization=QUIET, reward=RewardConfig(), initial_states=None, seed=0)
+    episodes = Episodes(
+        engine, randomization=QUIET, reward=RewardConfig(), initial_states=None, seed=0
+    )
     start = Start(
         params=EpisodeParams(drawn.values.copy()),
         q=start_of(bundle.manifest, drawn)[None],
@@ -66,14 +78,14 @@ def test_an_episode_is_the_one_of_training(bundle, run, seed):
     assert step.ended is not None
     assert REASONS[step.ended.code[0]] == result.reason
     assert_allclose(result.peaks["force"], step.ended.peaks[0, 9], rtol=1e-3, atol=1e-3)
-    assert result.ticks == engine.scene.n_steps
+    assert result.steps == engine.scene.n_steps
     engine.close()
 
 
 def test_nothing_is_clipped_because_the_plant_keeps_its_own_limits(bundle):
     result, record = played(bundle, late_draw(2), Policy(bundle))
     assert result.clipped == 0
-    assert len(record["time_s"]) == result.ticks
+    assert len(record["time_s"]) == result.steps
 
 
 def test_an_arm_that_stands_still_leaves_the_drawer_closed(bundle):
@@ -112,3 +124,62 @@ def test_a_start_is_within_tolerance_and_limits(bundle):
         assert np.all(np.abs(q - np.asarray(manifest.start.q)) <= manifest.start.tolerance_rad)
         assert np.all(q >= np.asarray(manifest.robot.q_min))
         assert np.all(q <= np.asarray(manifest.robot.q_max))
+
+
+class RecordingDriver:
+    """Driver that records its actions and does nothing else."""
+
+    name = "recording"
+
+    def __init__(self, q):
+        self.q, self.actions = np.asarray(q), []
+
+    def get_observation(self):
+        zero = dict.fromkeys((*SPEED_KEYS, *FORCE_KEYS), 0.0)
+        return zero | dict(zip(JOINT_KEYS, self.q, strict=True)) | {GRIPPER_KEY: 0.08}
+
+    def send_action(self, action):
+        self.actions.append(action)
+        return action
+
+    def take_samples(self):
+        return []
+
+    def stop(self):
+        pass
+
+
+class StillObject:
+    """Estimator of a closed object that never moves."""
+
+    def reset(self):
+        pass
+
+    def update(self):
+        pass
+
+    def estimate(self):
+        return Estimate(np.eye(4)[None], np.zeros(1), np.zeros(1))
+
+    monitored_state = estimate
+
+
+@pytest.mark.parametrize("value", [1e3, -1e3, np.nan, np.inf])
+def test_unsafe_targets_never_reach_a_driver(bundle, monkeypatch, value):
+    """A faulty controller requests targets far away, or none at all."""
+    manifest = bundle.manifest
+    driver = RecordingDriver(manifest.start.q)
+
+    def faulty(self, action, **measured):
+        return np.full(7, value), 0.08
+
+    monkeypatch.setattr(PolicyController, "step", faulty)
+    run_episode(Policy(bundle), driver, StillObject(), manifest)
+    sent = np.array([read_keys(action) for action in driver.actions])
+    assert len(sent) == round(manifest.task.episode_s / manifest.control.step_s)
+    assert np.isfinite(sent).all()
+    low, high = manifest.robot.bounds(manifest.control.margin_rad)
+    assert np.all((sent >= low - 1e-9) & (sent <= high + 1e-9))
+    path = np.concatenate([np.asarray(manifest.start.q)[None], sent])
+    steps = joint_steps(manifest.control, manifest.robot)
+    assert np.all(np.abs(np.diff(path, axis=0)) <= steps + 1e-9)

@@ -115,7 +115,7 @@ def test_a_follower_that_may_leave_the_arms_limits_is_refused(bundle, changes, u
     manifest = forced(manifest, "task", dataclasses.replace(manifest.task, episode_s=10.0))
     for name, value in changes.items():
         manifest = forced(manifest, f"control.{name}", value)
-    with pytest.raises(BundleError, match=f"control: targets could ask for .* {unit}"):
+    with pytest.raises(BundleError, match=f"control: targets could reach .* {unit}"):
         check_manifest(manifest, "b")
 
 

@@ -8,18 +8,18 @@ from numpy.testing import assert_allclose
 
 from articulate.errors import BundleError
 from articulate.robot.kinematics import solve_ik, tool_pose
-from articulate.task.episode_monitor import COLUMN, judge_sample, new_monitor
+from articulate.task.episode_monitor import COLUMN, monitor_params, monitor_sample, new_monitor
 from articulate.task.object_placement import handle_in_world
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate_deploy.deploy import one_size
-from articulate_deploy.policy_control import Plant
+from articulate_deploy.policy_control import PolicyController
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (
     FORCE_KEYS,
     GRIPPER_KEY,
     SPEED_KEYS,
-    action_of,
-    joints_of,
+    action_dict,
+    read_keys,
 )
 from articulate_envs.engine import Start
 from articulate_envs.initial_states import home_start
@@ -47,39 +47,36 @@ def compare(engine, robot, manifest, start, actions, atol):
     robot.set_episode_params(start.params)
     robot.reset_to(start.q[0], float(start.width[0]))
     delay = int(start.params["delay_steps"][0])
-    plant = Plant(manifest, start.q[0], delay_steps=delay)
+    plant = PolicyController(manifest, start.q[0], delay_steps=delay)
     rows, torque, bias = new_monitor(1).samples, np.zeros(7), start.params["force_bias"][0]
     for tick, action in enumerate(actions):
         state = engine.step(action[None])
         seen = robot.get_observation()
-        felt = joints_of(seen, FORCE_KEYS)
-        wish, width = plant.tick(action, q=joints_of(seen), width_m=seen[GRIPPER_KEY], force=felt)
-        plant.sent(joints_of(robot.send_action(action_of(wish, width))))
+        felt = read_keys(seen, FORCE_KEYS)
+        wish, width = plant.step(action, q=read_keys(seen), width_m=seen[GRIPPER_KEY], force=felt)
+        plant.set_sent(read_keys(robot.send_action(action_dict(wish, width))))
         for sample in robot.take_samples():
-            rows = judge_sample(
-                rows,
-                dq=sample.dq[None],
-                torque=sample.torque[None],
-                torque_before=torque[None],
-                wrench=sample.wrench[None],
-                touch=np.array([sample.touch]),
-                dt=sample.dt,
-                arm=manifest.robot,
-                limits=manifest.task.limits,
+            monitor_sample(
+                rows[0],
+                sample.dq,
+                sample.torque,
+                torque,
+                sample.wrench,
+                sample.touch,
+                monitor_params(manifest.robot, manifest.task.limits, sample.dt),
             )
-            torque = sample.torque
         seen, truth = robot.get_observation(), robot.object_state()
         for name, ours, theirs in (
-            ("q", joints_of(seen), state.q[0]),
-            ("dq", joints_of(seen, SPEED_KEYS), state.dq[0]),
+            ("q", read_keys(seen), state.q[0]),
+            ("dq", read_keys(seen, SPEED_KEYS), state.dq[0]),
             ("target", plant.target, state.target[0]),
             ("width", seen[GRIPPER_KEY], state.gripper_width[0]),
-            ("force", joints_of(seen, FORCE_KEYS) - bias, rows[0, :3]),
+            ("force", read_keys(seen, FORCE_KEYS) - bias, rows[0, :3]),
             ("handle", truth.T_wh, state.T_wh),
             ("opened", truth.opened, state.opened),
             ("speed", truth.speed, state.speed),
             ("smooth", plant.gripper.smooth, state.gripper.smooth),
-            ("wish", plant.gripper.wish, state.gripper.wish),
+            ("wish", plant.gripper.command, state.gripper.command),
             ("since", plant.gripper.since_s, state.gripper.since_s),
         ):
             assert_allclose(ours, theirs, rtol=0, atol=atol, err_msg=f"{name} at tick {tick}")
@@ -135,8 +132,8 @@ def test_the_stand_in_is_the_plant_of_training_while_it_pulls(engine, robot, bun
 def test_the_tool_of_the_scene_is_the_tool_of_the_kinematics(robot, bundle):
     q = np.asarray(bundle.manifest.start.q)
     robot.reset_to(q, 0.08)
-    robot.send_action(action_of(q, 0.08))
-    seen = joints_of(robot.get_observation())
+    robot.send_action(action_dict(q, 0.08))
+    seen = read_keys(robot.get_observation())
     site = robot._data.site_xpos[robot._at.tool]
     assert_allclose(site, tool_pose(bundle.manifest.robot, seen)[:3, 3], rtol=0, atol=1e-4)
 

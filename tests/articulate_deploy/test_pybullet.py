@@ -17,7 +17,7 @@ from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_params
 from articulate_deploy.bundle import load_bundle
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.pybullet import PybulletRobot, armature_on_links, contact_force
-from articulate_deploy.robots.robot import GRIPPER_KEY, action_of, joints_of
+from articulate_deploy.robots.robot import GRIPPER_KEY, action_dict, read_keys
 from articulate_train.export import export_policy
 
 
@@ -70,7 +70,7 @@ def test_its_panda_has_our_kinematics(robot):
         q = rng.uniform(PANDA.q_min, PANDA.q_max)
         for number, value in zip(joints, q, strict=True):
             robot._call("resetJointState", arm, number, value)
-        poses = joint_poses(q)
+        poses = joint_poses(PANDA, q)
         for k, number in enumerate(joints):
             state = robot._call("getLinkState", arm, number, computeForwardKinematics=True)
             turn = np.array(pybullet.getMatrixFromQuaternion(state[5])).reshape(3, 3)
@@ -118,7 +118,7 @@ def test_the_force_of_a_contact_is_the_weight_and_the_pull_on_top_of_it(order):
 def test_armature_on_links_adds_up_to_that_of_the_joints():
     q = np.asarray(PANDA.home)
     more = armature_on_links(PANDA, q)
-    axes = joint_poses(q)[:, :3, 2]
+    axes = joint_poses(PANDA, q)[:, :3, 2]
     assert (more >= 0.0).all()
     assert more[6] == PANDA.armature[6]
     for i in range(7):
@@ -132,7 +132,7 @@ def test_a_slide_under_a_force_moves_as_the_closed_form_says(robot, bundle):
     robot.set_episode_params(drawn(mass=1.2, joint_damping=2.0, joint_friction=0.5))
     robot.reset_to(start_of(bundle), 0.08)
     robot._push(np.array([-force, 0.0, 0.0]) @ robot._T_wo[0, :3, :3].T)
-    for _ in range(round(t / robot.step_s)):
+    for _ in range(round(t / robot.physics_step_s)):
         robot._step(start_of(bundle), 0.04)
     position, speed = robot._part()
     last, tau = (force - friction) / damping, mass / damping
@@ -154,8 +154,8 @@ def test_gravity_is_carried_without_the_help_of_friction(smooth, bundle):
     smooth.set_episode_params(nominal_params())
     smooth.reset_to(q, 0.08)
     for _ in range(10):
-        smooth.send_action(action_of(q, 0.08))
-    assert_allclose(joints_of(smooth.get_observation()), q, rtol=0, atol=1e-5)
+        smooth.send_action(action_dict(q, 0.08))
+    assert_allclose(read_keys(smooth.get_observation()), q, rtol=0, atol=1e-5)
 
 
 def test_the_impedance_answers_a_step_as_in_mujoco(robot, bundle):
@@ -169,8 +169,8 @@ def test_the_impedance_answers_a_step_as_in_mujoco(robot, bundle):
             way = []
             for tick in range(40):
                 target = q + min(tick + 1, 8) * step * np.array([1, -1, 1, 1, -1, 1, 1])
-                one.send_action(action_of(target, 0.08))
-                way.append(joints_of(one.get_observation()))
+                one.send_action(action_dict(target, 0.08))
+                way.append(read_keys(one.get_observation()))
             ways.append(np.array(way))
     assert np.abs(ways[0] - q).max() > 0.15
     assert np.abs(ways[0] - ways[1]).max() < 0.03
@@ -183,14 +183,14 @@ def test_forces_on_the_hand_are_those_that_the_joints_feel(smooth, bundle):
     smooth.set_episode_params(drawn(gripper_latency_s=0.1))
     smooth.reset_to(q, 0.08)
     for _ in range(16):
-        smooth.send_action(action_of(q, 0.0))
+        smooth.send_action(action_dict(q, 0.0))
     held = [sample.wrench for sample in smooth.take_samples()]
     assert_allclose(np.mean(held[-50:], axis=0)[:3], 0.0, rtol=0, atol=1.0)  # the grip cancels
     jacobian = tool_jacobian(bundle.manifest.robot, q)
     approach = tool_pose(bundle.manifest.robot, q)[:3, 2]
     target = q + np.linalg.pinv(jacobian) @ np.append(0.01 * approach, np.zeros(3))
     for _ in range(30):
-        smooth.send_action(action_of(target, 0.0))
+        smooth.send_action(action_dict(target, 0.0))
     samples = smooth.take_samples()[-100:]
     wrench = np.mean([sample.wrench for sample in samples], axis=0)
     torque = np.mean([sample.torque for sample in samples], axis=0)
@@ -213,7 +213,7 @@ def test_a_hand_that_pulls_opens_the_drawer_as_far_as_in_mujoco(robot, bundle):
             for tick in range(50):
                 way = -0.08 * np.clip((tick - 16) / 24, 0.0, 1.0) * approach
                 target = q + np.linalg.pinv(jacobian) @ np.append(way, np.zeros(3))
-                one.send_action(action_of(target, 0.0))
+                one.send_action(action_dict(target, 0.0))
             ends.append((one.object_state().opened[0], one.get_observation()[GRIPPER_KEY]))
     assert ends[1][0] > 0.1
     assert_allclose(ends[0][0], ends[1][0], rtol=0, atol=0.04)
@@ -228,7 +228,7 @@ def test_an_episode_depends_on_nothing_that_was_before_it(robot, bundle):
         robot.reset_to(q, 0.08)
         for _ in range(10):
             q = q + rng.uniform(-0.02, 0.02, 7)
-            robot.send_action(action_of(q, 0.0))
+            robot.send_action(action_dict(q, 0.0))
         return robot.get_observation()
 
     first = run(0)
@@ -246,7 +246,7 @@ def test_a_lid_whose_weight_is_carried_stays_where_it_was_drawn(tmp_path):
         robot.set_episode_params(row)
         robot.reset_to(start_of(bundle), 0.08)
         for _ in range(10):
-            robot.send_action(action_of(start_of(bundle), 0.08))
+            robot.send_action(action_dict(start_of(bundle), 0.08))
         assert_allclose(robot.object_state().opened, row["part_open"], rtol=0, atol=1e-3)
 
 

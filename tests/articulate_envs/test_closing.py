@@ -14,11 +14,12 @@ from articulate.task.object_placement import handle_in_world, object_pose
 from articulate.task.randomization import BLOCKS, COLUMNS, nominal_params, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
 from articulate.transforms import axis_angle_to_matrix, rotation_angle
-from articulate_envs.config import InitialStatesConfig, RewardConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.initial_states import home_start, precompute_states
 from articulate_envs.placement_search import CLEAR_M, MIN_SAMPLED_SHARE, start_clearance
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.threaded_engine import ThreadEngine
 
 PARTS = ["closing_drawer", "closing_door", "closing_lid"]
@@ -173,7 +174,7 @@ def test_part_that_rests_closed_is_a_success_and_one_that_stays_open_is_not_clos
     codes = [REASONS[c] for c in tick.ended.code]
     assert codes == ["goal_not_reached", "goal_not_reached", "success", "success"]
     assert tick.ended.opened.tolist() == [False, False, True, True]
-    assert_allclose(runs.drawn["part_open"], np.clip(runs.drawn["part_open"], *scene.task.begin))
+    assert_allclose(runs.params["part_open"], np.clip(runs.params["part_open"], *scene.task.begin))
     engine.close()
 
 

@@ -10,11 +10,11 @@ from articulate.task.episode_monitor import REASONS, FailureReason
 from articulate.task.observation import OBSERVATION
 from articulate.task.randomization import nominal_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
-from articulate_envs.config import InitialStatesConfig, RewardConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.initial_states import home_start, precompute_states
 from articulate_envs.privileged_observation import PRIVILEGED
-from articulate_envs.rewards import TERMS
+from articulate_envs.rewards import TERMS, RewardConfig
 from articulate_envs.threaded_engine import ThreadEngine
 
 N = 4
@@ -152,7 +152,7 @@ def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_
     assert [REASONS[c] for c in tick.ended.code] == ["goal_not_reached"] + ["success"] * (N - 1)
     assert tick.ended.opened.tolist() == [False] + [True] * (N - 1)
     assert tick.ended.from_home.tolist() == [True] + [False] * (N - 1)
-    fresh = runs.judgement  # nothing of it is left to the episodes that now run
+    fresh = runs.monitor  # nothing of it is left to the episodes that now run
     assert not fresh.rest_s.any()
     assert not fresh.samples.any()
     assert not fresh.opened.any()
@@ -185,7 +185,7 @@ def test_run_continues_from_a_snapshot_in_mid_episode_with_the_same_bits(drawer)
     other = episodes(drawer, threads=2)
     other.restore(held)
     assert other.progress == 0.4
-    assert_array_equal(other.judgement.samples, kept["judgement_samples"])
+    assert_array_equal(other.monitor.samples, kept["monitor_samples"])
     for action, ours in zip(plan[7:], going_on, strict=True):
         theirs = other.step(action)
         assert_array_equal(theirs.observation, ours.observation)
@@ -203,7 +203,7 @@ def test_run_continues_from_a_snapshot_in_mid_episode_with_the_same_bits(drawer)
 def test_what_was_drawn_is_what_the_engine_runs(drawer):
     runs = episodes(drawer)
     runs.reset()
-    assert_array_equal(runs.drawn.values, runs.engine.snapshot()["draw"])
+    assert_array_equal(runs.params.values, runs.engine.snapshot()["episode_params"])
 
 
 def test_starts_along_the_task_are_not_counted_as_from_home(drawer):
@@ -236,7 +236,7 @@ def test_training_cuts_episodes_once_the_part_has_rested_as_long_as_success_asks
     ended = ticks[when[0]].ended
     assert ended is not None
     assert ended.rows.tolist() == [0, 1]
-    assert ended.cut.all()
+    assert ended.truncated.all()
     assert ended.opened.all()
     rest = ended.privileged[:, PRIVILEGED.slice("rest")]
     assert_allclose(rest, drawer.task.hold_s, atol=1e-9)
@@ -251,7 +251,7 @@ def test_only_episodes_that_are_never_cut_count_as_from_home(drawer):
     ]
     counted = np.concatenate([e.rows[e.from_home] for e in ended])
     assert sorted(counted.tolist()) == [2, 3]
-    assert not any(e.cut[e.from_home].any() for e in ended)
+    assert not any(e.truncated[e.from_home].any() for e in ended)
 
 
 def test_success_is_paid_once_at_the_end_of_a_whole_episode(drawer, monkeypatch):
@@ -268,10 +268,10 @@ def test_success_is_paid_once_at_the_end_of_a_whole_episode(drawer, monkeypatch)
     *before, last = ticks
     ended = last.ended
     assert ended is not None
-    bonus = RewardConfig().success * np.array([1.0, 0.0, 1.0, 0.0])
+    bonus = RewardConfig().success.weight * np.array([1.0, 0.0, 1.0, 0.0])
     assert_allclose(ended.terms[:, TERMS.index("success")], bonus)
     assert_allclose(last.reward - last.reward[1], bonus, atol=1e-9)  # else the four are alike
-    assert max(tick.reward.max() for tick in before) < RewardConfig().success / 2
+    assert max(tick.reward.max() for tick in before) < RewardConfig().success.weight / 2
 
 
 def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
@@ -281,7 +281,7 @@ def test_training_that_never_cuts_and_evaluation_run_to_the_end(drawer):
     ):
         ticks = open_and_idle(drawer, **never)
         assert [k for k, tick in enumerate(ticks) if tick.done.any()] == [drawer.n_steps - 1]
-        assert not ticks[-1].ended.cut.any()
+        assert not ticks[-1].ended.truncated.any()
         assert ticks[-1].ended.from_home.all()
     runs = episodes(drawer, initial_states=None, randomization=NO_RANDOMIZATION)
     start = home_start(drawer, nominal_params(N))
@@ -317,7 +317,7 @@ def test_a_bank_row_can_be_replayed_by_itself(drawer):
     bank = precompute_states(drawer, STARTS, DRAWS, np.random.default_rng(0))
     runs = episodes(drawer)
     runs.reset(start=rows_of(bank, np.arange(N)))
-    assert_array_equal(runs.drawn.values, bank.params.values[:N])
+    assert_array_equal(runs.params.values, bank.params.values[:N])
 
 
 def test_without_renewal_an_episode_stays_as_it_ended(drawer):
@@ -336,7 +336,7 @@ def test_without_renewal_an_episode_stays_as_it_ended(drawer):
     assert last is not None
     assert ticks[-1].done.all()
     assert_array_equal(ticks[-1].observation, last.observation)
-    assert_array_equal(runs.judgement.samples, last.peaks)
+    assert_array_equal(runs.monitor.samples, last.peaks)
     again = runs.reset()
     assert_array_equal(again[:, OBSERVATION.slice("time_left")], np.ones((2, 1)))
 

@@ -6,13 +6,14 @@ from numpy.testing import assert_allclose
 from tests.scenes import DRAWS, rows_of
 
 from articulate.robot.arm import PANDA
+from articulate.robot.contact import contact_wrench
 from articulate.robot.kinematics import solve_ik
 from articulate.simulator import mujoco
 from articulate.transforms import pose
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.initial_states import precompute_states
 from articulate_envs.panda import GRIPPER_BODY
-from articulate_envs.scene import PREFIX, wrench_of
+from articulate_envs.scene import PREFIX
 from articulate_envs.threaded_engine import ThreadEngine
 
 
@@ -57,7 +58,9 @@ def summed(model, data):
 
 
 def reported(scene, data):
-    wrench, touch = wrench_of(data.sensordata[None], scene.at, data.site("tool").xpos[None])
+    wrench = np.empty((1, 6))
+    contact = contact_wrench(data.sensordata, *scene.at.sensors, data.site("tool").xpos, wrench[0])
+    touch = np.array([contact])
     return wrench[0], bool(touch[0])
 
 

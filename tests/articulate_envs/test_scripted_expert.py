@@ -11,9 +11,10 @@ from articulate.task.episode_monitor import REASONS, failure_reason
 from articulate.task.observation import ACTION
 from articulate.task.randomization import sample_episode_params
 from articulate.transforms import rotation_angle
-from articulate_envs.config import InitialStatesConfig, RewardConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.initial_states import home_start, precompute_states
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 
@@ -31,7 +32,7 @@ def led(scene, ticks=None):
     runs.reset()
     guide, said = make_scripted_expert(scene), []
     for _ in range(ticks or scene.n_steps):
-        said.append(guide.act(runs.state, runs.drawn))
+        said.append(guide.act(runs.state, runs.params))
         runs.step(said[-1])
     engine.close()
     return runs, np.array(said)
@@ -41,10 +42,10 @@ def led(scene, ticks=None):
 def test_led_parts_make_their_way_and_no_limit_is_broken(name, request):
     scene = request.getfixturevalue(name)
     runs, said = led(scene)
-    begin = runs.drawn["part_open"]
+    begin = runs.params["part_open"]
     made = (runs.state.opened - begin) / (scene.task.target - begin)
     assert np.quantile(made, 0.2) > 0.7
-    assert set(failure_reason(runs.judgement, scene.task).tolist()) <= {0, *not_yet()}
+    assert set(failure_reason(runs.monitor, scene.task).tolist()) <= {0, *not_yet()}
     assert np.abs(said).max() <= 1.0
 
 
@@ -58,7 +59,7 @@ def test_hand_comes_to_the_handle_open_and_turned_like_it(drawer):
     T_ht = relative(runs.state.T_wh, runs.state.T_wt)
     assert np.quantile(np.linalg.norm(T_ht[:, 1:3, 3], axis=1), 0.9) < 0.015
     assert rotation_angle(T_ht[:, :3, :3]).max() < 0.2
-    assert (said[:10, :, ACTION.slice("hand")] < 0.0).all()
+    assert (said[:10, :, ACTION.slice("gripper")] < 0.0).all()
 
 
 def test_hand_that_has_closed_on_nothing_opens_and_goes_back(drawer):
@@ -71,7 +72,7 @@ def test_hand_that_has_closed_on_nothing_opens_and_goes_back(drawer):
     engine.reset(np.arange(len(bank.q)), bank)
     said = make_scripted_expert(drawer).act(engine.state(), bank.params)
     engine.close()
-    assert (said[:, ACTION.slice("hand")] == -1.0).all()
+    assert (said[:, ACTION.slice("gripper")] == -1.0).all()
     close_by = np.linalg.norm(relative(engine.state().T_wh, engine.state().T_wt)[:, :3, 3], axis=1)
     assert (said[close_by < 0.03, 2] < 0.0).all()
 

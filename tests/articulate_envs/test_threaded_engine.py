@@ -13,29 +13,43 @@ from tests.scenes import DRAWS, rows_of
 
 from articulate.assets.asset import handle_frame
 from articulate.errors import EngineError
+from articulate.robot.contact import contact_wrench
 from articulate.robot.control import (
+    apply_gripper_latency,
     discretize_filter,
+    exceeds_force_limit,
     filter_start,
     filter_step,
-    hand_start,
-    hand_tick,
-    next_target,
-    presses,
+    finger_params,
+    finger_start,
+    finger_step,
+    force_limits,
+    gripper_params,
+    new_gripper_state,
+    send_gripper_command,
+    target_params,
+    target_workspace,
+    update_targets,
 )
 from articulate.simulator import mujoco
-from articulate.task.episode_monitor import COLUMN, REASONS, WIDTH, judge_sample
+from articulate.task.episode_monitor import (
+    COLUMN,
+    REASONS,
+    WIDTH,
+    monitor_params,
+    monitor_sample,
+)
 from articulate.task.randomization import (
     COLUMNS,
-    PUSH_S,
     EpisodeParams,
     nominal_params,
+    push_is_active,
     sample_episode_params,
 )
 from articulate.task.task import Limits
 from articulate.transforms import pose
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.initial_states import home_start, precompute_states
-from articulate_envs.scene import wrench_of
 from articulate_envs.threaded_engine import ThreadEngine
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,8 +91,8 @@ def run(scene, *, threads=1, n=N, ticks=40, engine=None):
 
 def arrays(state):
     """All arrays of a state, by name."""
-    plain = {k: v for k, v in vars(state).items() if k != "hand"}
-    return plain | {f"hand_{k}": v for k, v in vars(state.gripper).items()}
+    plain = {k: v for k, v in vars(state).items() if k != "gripper"}
+    return plain | {f"gripper_{k}": v for k, v in state.gripper._asdict().items()}
 
 
 def assert_same_bits(ours, theirs):
@@ -105,7 +119,7 @@ def test_same_seed_gives_the_same_bits_twice_and_in_another_process(drawer, tmp_
     ours = digest(run(drawer))
     assert digest(run(drawer)) == ours
     code = (
-        "import sys; from pathlib import Path; import tests.articulate_envs.test_threads as t; "
+        "import sys; from pathlib import Path; import tests.articulate_envs.test_threaded_engine as t; "
         "from tests.scenes import drawer_scene; "
         "print(t.digest(t.run(drawer_scene(Path(sys.argv[1])), threads=2)))"
     )
@@ -149,7 +163,9 @@ def test_a_thread_steps_each_environment_with_all_that_it_has_drawn(drawer):
     engine.step(actions()[0])
     for size in sizes:
         last = [i for i in engine._order if engine._sizes[i] == size][-1]
-        own, desk = (model_arrays(m) for m in (engine._models[last], engine._models_of[0][size]))
+        own, desk = (
+            model_arrays(m) for m in (engine._models[last], engine._thread_models[0][size])
+        )
         for name, value in own.items():
             assert_array_equal(desk[name], value, err_msg=name)
 
@@ -184,7 +200,7 @@ def test_states_given_out_stay_as_they_were(drawer):
 
 
 class Reference:
-    """One environment stepped in plain Python with the functions that a robot runs."""
+    """One environment stepped in plain Python by the functions that a robot runs."""
 
     def __init__(self, engine, i, start):
         """Copy environment ``i`` just after its reset with row ``i`` of ``start``."""
@@ -192,70 +208,57 @@ class Reference:
         model, data = engine.physics_state(i)
         self.model, self.data = copy.copy(model), copy.copy(data)
         one = rows_of(start, np.array([i]))
-        self.drawn, self.q = one.params, one.q
-        self.target, self.filter = one.q.copy(), filter_start(one.q)
-        self.finger = one.width / 2
-        closing = one.closing
-        smooth = 0.5 * np.maximum(closing, 0.0)
-        self.gripper = dataclasses.replace(
-            hand_start(1), smooth=smooth, wish=closing.copy(), closing=closing.copy()
-        )
-        self.samples, self.torque = np.zeros((1, WIDTH)), np.zeros((1, 7))
-        self.past, self.tick = [np.zeros((1, 7))] * 8, 0
-        self.step_matrices = discretize_filter(scene.control.omega_rad_s, scene.physics.timestep_s)
+        self.params, self.q = one.params, one.q[0]
+        self.target, self.filter = self.q.copy(), filter_start(self.q)
+        self.finger = one.width[0] / 2
+        self.gripper = new_gripper_state(1)
+        self.gripper.smooth[:] = 0.5 * np.maximum(one.closing, 0.0)
+        self.gripper.command[:] = self.gripper.closing[:] = one.closing
+        self.samples, self.torque, self.wrench = np.zeros(WIDTH), np.zeros(7), np.empty(6)
+        self.past, self.step_count = [np.zeros(7)] * 8, 0
+        dt, arm, control = scene.physics.timestep_s, scene.arm, scene.control
+        self.step_matrices = discretize_filter(control.omega_rad_s, dt)
+        self.monitor = monitor_params(arm, scene.task.limits, dt)
+        self.fingers, self.limits = finger_params(arm.gripper, dt), force_limits(control)
+        self.gripper_params = gripper_params(arm.gripper, control.step_s)
+        self.targets, self.work = target_params(arm, control), target_workspace()
+
+    def value(self, name):
+        return self.params[name][0]
 
     def step(self, action):
         scene, at, data = self.scene, self.scene.at, self.data
-        self.past = [action[None, :7], *self.past[:-1]]
-        delta = self.past[int(self.drawn["delay_steps"][0])]
-        self.gripper = hand_tick(
-            self.gripper,
-            action[None, 7],
-            self.drawn["gripper_latency_s"],
-            scene.arm.gripper,
-            scene.control.step_s,
-        )
+        self.past = [action[:7], *self.past[:-1]]
+        motion = self.past[int(self.value("delay_steps"))]
+        sent = send_gripper_command(self.gripper, 0, action[7], self.gripper_params)
+        latency_s = self.value("gripper_latency_s")
+        apply_gripper_latency(self.gripper, 0, sent, latency_s, scene.control.step_s)
         width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
-        felt = self.samples[:, :3] + self.drawn["force_bias"]
-        yields = presses(felt, self.gripper.wish, np.array([width]), scene.control)
-        self.target = next_target(self.target, delta, self.q, scene.control, scene.arm, yields)
-        if self.gripper.closing[0] < 0.0:  # it opens from where it is, not from where it pressed
-            self.finger = np.maximum(self.finger, width / 2)
-        self._push()
+        force = self.samples[:3] + self.value("force_bias")
+        command = self.gripper.command[0]
+        retract = exceeds_force_limit(*force, command, width, self.limits)
+        update_targets(self.target, motion, self.q, retract, self.targets, self.work)
+        self.finger = finger_start(self.finger, width, self.gripper.closing[0])
+        time_s, values = self.step_count * scene.control.step_s, self.params.values[0]
+        active = push_is_active(values, time_s, scene.task.episode_s)
+        data.xfrc_applied[at.part_body, :3] = active * self.value("push")
         for _ in range(scene.substeps):
             self._substep()
-        self.q = data.qpos[at.arm_q : at.arm_q + 7][None].copy()
-        self.tick += 1
-
-    def _push(self):
-        t, begin = self.tick * self.scene.control.step_s, self.drawn["push_time"][0]
-        begin *= self.scene.task.episode_s
-        on = begin <= t < begin + PUSH_S
-        self.data.xfrc_applied[self.scene.at.part_body, :3] = on * self.drawn["push"][0]
+        self.q = data.qpos[at.arm_q : at.arm_q + 7].copy()
+        self.step_count += 1
 
     def _substep(self):
-        scene, at, data, gripper = self.scene, self.scene.at, self.data, self.scene.arm.gripper
-        dt = scene.physics.timestep_s
-        self.filter = filter_step(self.filter, self.target, *self.step_matrices)
-        way = -self.gripper.closing * gripper.finger_speed_m_s * dt
-        self.finger = np.clip(self.finger + way, -0.03, 0.04)
-        data.ctrl[at.arm_ctrl : at.arm_ctrl + 7] = self.filter[0, :, 0]
-        data.ctrl[at.finger_ctrl : at.finger_ctrl + 2] = self.finger[0], -self.finger[0]
+        at, data = self.scene.at, self.data
+        filter_step(self.filter, self.target, *self.step_matrices)
+        self.finger = finger_step(self.finger, self.gripper.closing[0], self.fingers)
+        data.ctrl[at.arm_ctrl : at.arm_ctrl + 7] = self.filter[:, 0]
+        data.ctrl[at.finger_ctrl : at.finger_ctrl + 2] = self.finger, -self.finger
         mujoco.mj_step(self.model, data)
-        wrench, touch = wrench_of(data.sensordata[None], at, data.site_xpos[at.tool_site][None])
-        torque = data.qfrc_actuator[at.arm_q : at.arm_q + 7][None].copy()
-        self.samples = judge_sample(
-            self.samples,
-            dq=data.qvel[at.arm_q : at.arm_q + 7][None],
-            torque=torque,
-            torque_before=self.torque,
-            wrench=wrench,
-            touch=touch,
-            dt=dt,
-            arm=scene.arm,
-            limits=scene.task.limits,
-        )
-        self.torque = torque
+        tool_w = data.site_xpos[at.tool_site]
+        contact = contact_wrench(data.sensordata, *at.sensors, tool_w, self.wrench)
+        arm_v = slice(at.arm_q, at.arm_q + 7)
+        dq, torque = data.qvel[arm_v], data.qfrc_actuator[arm_v]
+        monitor_sample(self.samples, dq, torque, self.torque, self.wrench, contact, self.monitor)
 
 
 @pytest.mark.parametrize(
@@ -285,15 +288,15 @@ def test_compiled_loop_does_number_by_number_what_the_python_functions_do(
         for i, ref in enumerate(references):
             ref.step(action[i])
             data = ref.data
-            assert_allclose(state.q[i], ref.q[0], atol=1e-9)
+            assert_allclose(state.q[i], ref.q, atol=1e-9)
             assert_allclose(state.dq[i], data.qvel[scene.at.arm_q : scene.at.arm_q + 7], atol=1e-8)
-            assert_allclose(state.target[i], ref.target[0], atol=1e-9)
+            assert_allclose(state.target[i], ref.target, atol=1e-9)
             assert_array_equal(state.gripper.closing[i], ref.gripper.closing[0])
-            size = ref.drawn["scale"][0] if scene.task.kind == "slide" else 1.0
+            size = ref.value("scale") if scene.task.kind == "slide" else 1.0
             opened = data.qpos[scene.at.part_q] / (size * scene.task.span)
             assert_allclose(state.opened[i], opened, atol=1e-9)
-            assert_allclose(state.samples[i], ref.samples[0], rtol=1e-9, atol=1e-7)
-            forces[i] = ref.samples[0, COLUMN["force"]]
+            assert_allclose(state.samples[i], ref.samples, rtol=1e-9, atol=1e-7)
+            forces[i] = ref.samples[COLUMN["force"]]
     assert forces.max() > 5.0
     assert reason in {REASONS[int(code)] for code in state.samples[:, COLUMN["code"]]}
 
@@ -511,5 +514,5 @@ def test_objects_whose_sizes_are_not_alike_in_memory_are_refused(drawer, door, e
 def test_a_delay_that_is_not_kept_is_refused_before_compiled_code_reads_it(drawer, name, value):
     engine, start = ThreadEngine(drawer, N), initial_states(drawer)
     start.params.values[1, COLUMNS.index(name)] = value
-    with pytest.raises(EngineError, match=f"{name} must be whole numbers, 0 to 5"):
+    with pytest.raises(EngineError, match=f"{name} must be integers from 0 to 5"):
         engine.reset(np.arange(N), start)

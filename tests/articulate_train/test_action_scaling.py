@@ -12,13 +12,13 @@ from numpy.testing import assert_allclose
 from articulate.errors import ConfigError
 from articulate.task.observation import (
     ACTION,
-    BENT_UNIT_RAD,
-    BEYOND_UNIT,
+    JOINT_TRACKING_UNIT_RAD,
+    GOAL_ERROR_UNIT,
     HANDLE_UNIT_M,
-    LEAD_UNIT_M,
-    LEAD_UNIT_RAD,
+    TRACKING_UNIT_M,
+    TRACKING_UNIT_RAD,
     OBSERVATION,
-    SPEED_UNIT_M_S,
+    GRIPPER_SPEED_UNIT_M_S,
     WIDTH_UNIT_M,
 )
 from articulate.task.task import Task
@@ -54,10 +54,10 @@ def seen(
     fields["handle_pos_predicted"] = np.array([[0.0, 0.6, 0.8]]) * distance_m / HANDLE_UNIT_M
     fields["gripper_command"] = np.array([[command, command, 1.0]])
     fields["gripper_width"] = np.array([[width_m / WIDTH_UNIT_M]])
-    fields["gripper_speed"] = np.array([[speed_m_s / SPEED_UNIT_M_S]])
-    fields["goal_error_fine"] = np.array([[beyond / BEYOND_UNIT]])
-    fields["joint_tracking_error"] = bent[None] / BENT_UNIT_RAD
-    fields["tracking_error"] = lead[None] / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
+    fields["gripper_speed"] = np.array([[speed_m_s / GRIPPER_SPEED_UNIT_M_S]])
+    fields["goal_error_fine"] = np.array([[beyond / GOAL_ERROR_UNIT]])
+    fields["joint_tracking_error"] = bent[None] / JOINT_TRACKING_UNIT_RAD
+    fields["tracking_error"] = lead[None] / np.repeat([TRACKING_UNIT_M, TRACKING_UNIT_RAD], 3)
     return OBSERVATION.pack(fields)
 
 
@@ -148,7 +148,7 @@ LEADS = ActionScalingConfig(
 def test_what_the_target_is_ahead_by_too_much_is_compensated(beyond, allowed_m):
     got = lead_compensation(LEADS, seen(0.3, beyond=beyond, lead=AHEAD))
     much = max(0.0, 1.0 - allowed_m / 0.1)
-    units = AHEAD / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
+    units = AHEAD / np.repeat([TRACKING_UNIT_M, TRACKING_UNIT_RAD], 3)
     assert_allclose(got, [0.5 * much * units], atol=1e-4)
 
 
@@ -158,7 +158,7 @@ def test_the_joint_that_is_farthest_ahead_counts_as_well(beyond, allowed_rad):
     bent = np.array([0.0, 0.1, -0.25, 0.05, 0.0, 0.2, -0.1])
     lead = 0.1 * AHEAD
     got = lead_compensation(LEADS, seen(0.3, beyond=beyond, lead=lead, bent=bent))
-    units = lead / np.repeat([LEAD_UNIT_M, LEAD_UNIT_RAD], 3)
+    units = lead / np.repeat([TRACKING_UNIT_M, TRACKING_UNIT_RAD], 3)
     assert_allclose(got, [0.5 * (1.0 - allowed_rad / 0.25) * units], atol=1e-4)
 
 

@@ -9,7 +9,8 @@ from tests.scenes import DRAWS
 from articulate.task.episode_monitor import REASONS
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization import nominal_params
-from articulate_envs.config import InitialStatesConfig, RewardConfig
+from articulate_envs.config import InitialStatesConfig
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.initial_states import home_start
 from articulate_envs.privileged_observation import PRIVILEGED

@@ -19,12 +19,12 @@ from typing import Any
 
 from articulate.task.observation import (
     ACTION,
-    BENT_UNIT_RAD,
-    BEYOND_UNIT,
+    GOAL_ERROR_UNIT,
+    GRIPPER_SPEED_UNIT_M_S,
     HANDLE_UNIT_M,
-    LEAD_UNIT_M,
+    JOINT_TRACKING_UNIT_RAD,
     OBSERVATION,
-    SPEED_UNIT_M_S,
+    TRACKING_UNIT_M,
     WIDTH_UNIT_M,
 )
 from articulate_train.config import ActionScalingConfig
@@ -57,7 +57,7 @@ def action_scales(config: ActionScalingConfig, observation: Any) -> Any:
     closing = observation[:, _COMMAND].clip(0.0, 1.0)
     begin, end = config.closed_width_m
     narrow = ((end - observation[:, _WIDTH] * WIDTH_UNIT_M) / (end - begin)).clip(0.0, 1.0)
-    change = abs(observation[:, _SPEED]) * SPEED_UNIT_M_S
+    change = abs(observation[:, _SPEED]) * GRIPPER_SPEED_UNIT_M_S
     closed = narrow * (1.0 - change / config.closed_speed_m_s).clip(0.0, 1.0)
     cut = (1.0 - closing) * (1.0 - config.near_handle)
     cut = cut + closing * (1.0 - closed) * (1.0 - config.while_closing)
@@ -70,8 +70,8 @@ def lead_compensation(config: ActionScalingConfig, observation: Any) -> Any:
     lead, bent = observation[:, _TOOL_ERROR], observation[:, _JOINT_ERROR]
     done = _fraction_of(observation, config.goal_range)
     stopped = _fraction_of(observation, config.stop_range)
-    moved = (lead[:, :3] * lead[:, :3]).sum(-1, keepdims=True) ** 0.5 * LEAD_UNIT_M
-    turned = reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(N_JOINTS))) * BENT_UNIT_RAD
+    moved = (lead[:, :3] * lead[:, :3]).sum(-1, keepdims=True) ** 0.5 * TRACKING_UNIT_M
+    turned = reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(N_JOINTS))) * JOINT_TRACKING_UNIT_RAD
     excess: Any = 0.0
     for error, (first, last) in ((moved, config.max_lead_m), (turned, config.max_lead_rad)):
         allowed = (first + done * (last - first)) * (1.0 - stopped)
@@ -87,5 +87,5 @@ def _larger(a: Any, b: Any) -> Any:
 def _fraction_of(observation: Any, fractions: tuple[float, float]) -> Any:
     """Position of the part between two fractions of its travel (N, 1), clipped to [0, 1]."""
     first, last = fractions
-    beyond = observation[:, _GOAL_ERROR] * BEYOND_UNIT
+    beyond = observation[:, _GOAL_ERROR] * GOAL_ERROR_UNIT
     return ((beyond - first) / (last - first)).clip(0.0, 1.0)

@@ -18,8 +18,9 @@ from articulate.task.randomization_config import (
     MAX_RANGE_FACTOR,
     RandomizationConfig,
 )
-from articulate_envs.config import InitialStatesConfig, RewardConfig
+from articulate_envs.config import InitialStatesConfig
 from articulate_envs.physics import PhysicsConfig
+from articulate_envs.rewards import RewardConfig
 
 if TYPE_CHECKING:
     from articulate.task.task import Task

@@ -16,11 +16,11 @@ from articulate.files import write_bytes
 from articulate.robot.arm import PANDA
 from articulate.task.observation import ACTION
 from articulate.transforms import Array
-from articulate_envs.config import RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.feasibility import Feasibility
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.joint_selection import choose_joint
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import PREFIX, Scene, build_scene
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_envs.video import render_png

@@ -12,9 +12,9 @@ from articulate.task.episode_monitor import COLUMN, REASONS
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.transforms import Array
-from articulate_envs.config import RewardConfig
 from articulate_envs.episodes import Ended, Episodes
 from articulate_envs.initial_states import home_start
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.scene import Scene
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.policy import Policy, checkpoint_sha256, load_policy
@@ -258,7 +258,7 @@ def first_ends(ended: list[Ended], episodes: int) -> Ended:
         terms=take("terms"),
         peaks=take("peaks"),
         observation=take("observation"),
-        cut=take("cut"),
+        truncated=take("cut"),
         privileged=take("privileged"),
     )
 

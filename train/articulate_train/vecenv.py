@@ -87,7 +87,7 @@ class EpisodesVecEnv(VecEnv):
         policy, scale = np.clip(actions, -1.0, 1.0), action_scales(self.action_scaling, self._seen)
         compensation = lead_compensation(self.action_scaling, self._seen)
         if self.expert is not None:
-            target = self.expert.act(self.episodes.state, self.episodes.drawn)
+            target = self.expert.act(self.episodes.state, self.episodes.params)
             self.expert_actions.append(unscale_action(target, scale, compensation))
             policy[: self.n_expert_envs] = self.expert_actions[-1][: self.n_expert_envs]
         motions = policy[:, :MOTIONS] * scale
@@ -106,7 +106,7 @@ class EpisodesVecEnv(VecEnv):
             for k, i in enumerate(step.ended.rows):
                 infos[i] = {
                     "terminal_observation": last[k],
-                    "TimeLimit.truncated": bool(step.ended.cut[k]),
+                    "TimeLimit.truncated": bool(step.ended.truncated[k]),
                     "reason": REASONS[int(step.ended.code[k])],
                     "is_success": bool(step.ended.code[k] == 0),
                 }

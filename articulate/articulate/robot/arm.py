@@ -1,11 +1,11 @@
-"""The arm: limit tables with their sources, gains, home, hand.
+"""Constants of the arm: limit tables with their sources, gains, home pose, gripper.
 
 All tables are in joint order 1 to 7. Sources:
 
 * joint positions, velocities, accelerations, jerks, torques: Franka Control Interface
   documentation, "Robot limits for Panda"; equal to ``rate_limiting.h`` and
   ``joint_limits.yaml`` of libfranka 0.9.2 and franka_ros.
-* hand: ``franka_description`` (``gripper.xacro``) for stroke, speed and mass.
+* gripper: ``franka_description`` (``gripper.xacro``) for stroke, speed and mass.
 """
 
 from __future__ import annotations
@@ -21,45 +21,45 @@ Seven = tuple[float, float, float, float, float, float, float]
 
 
 PAD_M = 0.008
-"""How far the pads of the fingers reach to either side of the tool along the approach [m]."""
+"""Extent of the finger pads to either side of the tool along the approach [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gripper:
-    """A two-finger hand that takes its time (Franka Hand)."""
+    """Two-finger gripper of the Panda, with latency."""
 
     max_width_m: float = 0.08
     """Opening between the fingers when open [m]."""
     finger_speed_m_s: float = 0.05
-    """Speed of one finger when told to open or close [m/s], as DROID drives this hand; the URDF's
-    limit is 0.2. What a finger pushes aside by closing on it off its middle pushes back the less,
-    the slower it is."""
+    """Speed of one finger [m/s], as DROID drives this gripper; the URDF's limit is 0.2. A slower
+    finger gets less reaction from an object that it pushes aside."""
     force_n: float = 60.0
-    """Force of one finger when closed on something [N], however thick it is; as much as frankapy
-    asks of this hand at most."""
+    """Grasp force of one finger [N], for an object of any thickness; the largest that frankapy
+    requests of this gripper."""
     stiffness_n_m: float = 2000.0
-    """How fast that force grows with the way by which the finger's command is ahead [N/m]."""
+    """Increase of that force with the distance of the finger's set point ahead of it [N/m]."""
     tcp_z_m: float = 0.0994
-    """Middle of the finger pads above the hand's frame, along the approach axis [m]."""
+    """Middle of the finger pads above the gripper frame, along the approach axis [m]."""
     on_threshold: float = 0.25
-    """The smoothed command closes the hand above +threshold and opens it below -threshold."""
+    """The smoothed command closes the gripper above +threshold and opens it below -threshold."""
     smoothing: float = 0.85
-    """Share of the old value in the smoothed command, per tick of 50 ms."""
+    """Share of the old value in the smoothed command, per 50 ms."""
     dwell_s: float = 1.0
-    """Shortest time between two commands sent to the hand [s]."""
+    """Shortest time between two commands to the gripper [s]."""
 
     @property
     def finger_m(self) -> tuple[float, float]:
-        """Ends of a finger's command, closing and open [m].
+        """Limits of a finger's set point, closing and open [m].
 
-        Closing goes on beyond where fingers meet: the whole force is there on whatever is held.
+        Closing continues beyond the point where fingers meet, so that any object gets the full
+        grasp force.
         """
         return -self.force_n / self.stiffness_n_m, self.max_width_m / 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arm:
-    """Constants of an arm: what it can do and how it is held."""
+    """Limits, gains and poses of an arm."""
 
     name: str
     """Kind of robot; the manifest of a bundle names it."""
@@ -88,12 +88,12 @@ class Arm:
     friction: Seven
     """Dry friction left after the arm's own compensation, used in simulation [Nm]."""
     home: Seven
-    """Start pose with the hand pointing forward [rad]."""
+    """Start pose with the gripper pointing forward [rad]."""
     gripper: Gripper
-    """The hand on its flange."""
+    """Gripper on its flange."""
 
     def bounds(self, margin_rad: float = 0.0) -> tuple[Array, Array]:
-        """Joint limits (7,), (7,) drawn in by ``margin_rad``."""
+        """Return lower and upper joint limits (7,), (7,) [rad], reduced by ``margin_rad``."""
         return np.asarray(self.q_min) + margin_rad, np.asarray(self.q_max) - margin_rad
 
 
@@ -107,8 +107,7 @@ LIBFRANKA_STIFFNESS: Seven = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 LIBFRANKA_DAMPING: Seven = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
 """Damping of the same example [Nm s/rad]."""
 STIFFNESS_SHARE = 0.15
-"""Share of the example's stiffness that we ask for: ``benchmarks/gains.py``,
-docs/results/engine.md."""
+"""Share of the example's stiffness that is used: the softest arm that still opens all objects."""
 DAMPING_SHARE = 1.1 * STIFFNESS_SHARE**0.5
 """Share of its damping: a tenth more than keeps the damping ratio."""
 
@@ -129,13 +128,13 @@ PANDA = Arm(
     home=(0.0, -0.75, 0.0, -2.35, 0.0, 3.17, 0.7853981633974483),
     gripper=Gripper(),
 )
-"""Franka Emika Panda with the Franka Hand."""
+"""Franka Emika Panda with its two-finger gripper."""
 
 ARMS = {"panda": PANDA}
 
 
 def arm_named(name: str) -> Arm:
-    """The arm called ``name``; ConfigError lists those that exist."""
+    """Return the arm called ``name``; ConfigError lists the known ones."""
     if name not in ARMS:
         raise ConfigError(f"unknown arm {name!r}{nearest(name, ARMS)}")
     return ARMS[name]

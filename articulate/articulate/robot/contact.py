@@ -1,39 +1,44 @@
-"""Contact sensors of a scene: the net wrench on the hand, and who touches the object."""
+"""Contact sensors of a scene: the net wrench on the gripper, and forbidden contacts of the arm."""
 
 from __future__ import annotations
 
-import numpy as np
+from articulate.jit import row_function
+from articulate.transforms import Array
 
-from articulate.transforms import Array, Mask
+GRIPPER_SENSOR, FLOOR_SENSOR = "gripper_object", "gripper_floor"
+"""Contact sensors with the net wrench of object and floor on the gripper."""
+ROBOT_SENSOR = "robot_object"
+"""Contact sensor that counts the contacts of all robot links with the object."""
 
-GRIPPER_SENSOR, FLOOR_SENSOR, ROBOT_SENSOR = "gripper_object", "gripper_floor", "robot_object"
-"""Contact sensors: net wrench of object and floor on the hand; contacts of all of the robot."""
 
-
+@row_function
 def contact_wrench(
-    sensors: Array, starts: tuple[int, int, int], tool_w: Array
-) -> tuple[Array, Mask]:
-    """Net wrench on the hand about the tool (N, 6), and whether the arm touches the object (N,).
+    sensors: Array, gripper: int, floor: int, robot: int, tool_w: Array, wrench: Array
+) -> bool:
+    """Write the net wrench on the gripper; return True if the arm itself touches the object.
 
-    The contact sensors give the net force of the hand on what it is paired with, in the world
-    frame, with the moment about the point that they name; the hand feels the opposite.
+    The contact sensors give the net force of the gripper on what it is paired with, in the world
+    frame, with the moment about the point that they name. The wrench is the opposite.
 
     Args:
-        sensors: Sensor data (N, nsensordata).
-        starts: First number of the hand, floor and robot sensors.
-        tool_w: Place of the tool (N, 3) [m].
+        sensors: Sensor data (nsensordata,).
+        gripper: First number of the sensor of the gripper on the object.
+        floor: First number of the sensor of the gripper on the floor.
+        robot: The count of contacts of all robot links.
+        tool_w: Position of the tool in the world (3,) [m].
+        wrench: Output (6,): force [N] and moment about the tool [Nm], world axes.
     """
-    wrench = np.zeros((len(sensors), 6))
-    for start in starts[:2]:
-        block = sensors[:, start : start + 10]
-        force = block[:, 1:4]
-        wrench[:, :3] -= force
-        wrench[:, 3:] -= block[:, 4:7] + _cross(block[:, 7:10] - tool_w, force)
-    touch = sensors[:, starts[2]] > sensors[:, starts[0]] + 0.5
-    return wrench, np.asarray(touch)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Vector products (N, 3); ``numpy.cross`` takes ten times as long for one row."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    for k in range(6):
+        wrench[k] = 0.0
+    for start in (gripper, floor):
+        ax, ay, az = sensors[start + 1], sensors[start + 2], sensors[start + 3]
+        dx = sensors[start + 7] - tool_w[0]
+        dy = sensors[start + 8] - tool_w[1]
+        dz = sensors[start + 9] - tool_w[2]
+        wrench[0] -= ax
+        wrench[1] -= ay
+        wrench[2] -= az
+        wrench[3] -= sensors[start + 4] + dy * az - dz * ay
+        wrench[4] -= sensors[start + 5] + dz * ax - dx * az
+        wrench[5] -= sensors[start + 6] + dx * ay - dy * ax
+    return bool(sensors[robot] > sensors[gripper] + 0.5)

@@ -1,19 +1,19 @@
-"""Judgement: what accumulates over an episode and how it ends.
+"""Episode monitor: limits that an episode violates, and the reason with which it ends.
 
-The same functions judge an episode in every engine and on the robot. They see samples (one
-per physics or control step) and ticks (one per action of the policy). All arrays have a
-leading axis of N episodes.
+The same row functions (:mod:`articulate.jit`) run in every engine and on the robot. They get samples
+(one per physics or controller step) and control steps (one per action of the policy).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
+from articulate.jit import row_function
 from articulate.robot.arm import Arm
-from articulate.task.task import Limits, Task, at_target, beyond_target
+from articulate.task.task import GoalParams, Limits, Task, is_at_goal, is_at_rest
 from articulate.transforms import Array, Ints, Mask
 
 
@@ -44,147 +44,193 @@ FIELDS = (
     "force", "force_short", "force_raw", "moment", "speed_share", "torque_share", "torque_rate",
     "code", "time", "violation_time",
 )  # fmt: skip
-"""Columns of a judgement's samples.
+"""Columns of a monitor's samples.
 
 ``fx`` to ``mz`` the filtered wrench, ``sx`` to ``sz`` the force under the short filter; then the
 peaks so far of force, short-filtered and raw force [N], moment [Nm], speed and torque as
 shares of the arm's tables, torque rate [Nm/s]; the first violation's code (0: none), the time
-judged so far and the time of that violation [s].
+monitored so far and the time of that violation [s].
 """
 COLUMN = {name: i for i, name in enumerate(FIELDS)}
 WIDTH = len(FIELDS)
+_FORCE, _SHORT, _RAW = COLUMN["force"], COLUMN["force_short"], COLUMN["force_raw"]
+_MOMENT, _SPEED, _SHARE = COLUMN["moment"], COLUMN["speed_share"], COLUMN["torque_share"]
+_RATE, _CODE = COLUMN["torque_rate"], COLUMN["code"]
+_TIME, _WHEN = COLUMN["time"], COLUMN["violation_time"]
 
 
-@dataclass(frozen=True)
-class EpisodeMonitor:
-    """What N episodes have shown so far."""
+class EpisodeMonitor(NamedTuple):
+    """Record of N episodes so far."""
 
     samples: Array
     """One row per episode with the columns :data:`FIELDS` (N, WIDTH)."""
     rest_s: Array
-    """Time for which the part has rested at or beyond the target without a break (N,) [s]."""
-    opened: Mask
-    """Whether the part is at or beyond the target at the last tick (N,)."""
+    """Time for which the part has been at rest at its goal without a break (N,) [s]."""
+    at_goal: Mask
+    """True where the part is at or beyond the target at the last control step (N,)."""
     diverged: Mask
-    """Whether a state was not finite (N,)."""
+    """True where a state was not finite (N,)."""
 
     def peak(self, field: str) -> Array:
-        """Column ``field`` of :data:`FIELDS` (N,)."""
+        """Return column ``field`` of :data:`FIELDS` (N,)."""
         return np.asarray(self.samples[:, COLUMN[field]])
+
+    def copy(self) -> EpisodeMonitor:
+        """Return a copy of all arrays."""
+        return EpisodeMonitor(
+            self.samples.copy(), self.rest_s.copy(), self.at_goal.copy(), self.diverged.copy()
+        )
 
 
 def new_monitor(n: int) -> EpisodeMonitor:
-    """Judgement of N episodes that have not begun."""
+    """Return the monitor of N episodes that have not begun."""
     none = np.zeros(n, dtype=bool)
     return EpisodeMonitor(np.zeros((n, WIDTH)), np.zeros(n), none, none.copy())
 
 
-def judge_sample(
-    samples: Array,
-    *,
+class MonitorParams(NamedTuple):
+    """Constants of :func:`monitor_sample`."""
+
+    dt: float
+    """Time between samples [s]."""
+    gain: float
+    """Share of a new value in the filtered wrench."""
+    short_gain: float
+    """The same for the short filter."""
+    dq_max: Array
+    tau_max: Array
+    dtau_max: float
+    speed_share: float
+    torque_share: float
+    force_n: float
+    moment_nm: float
+
+
+def filter_gain(dt: float, time_constant_s: float) -> float:
+    """Return the share of a new value in a first-order filter with steps of ``dt`` [s]."""
+    return 1.0 - float(np.exp(-dt / time_constant_s))
+
+
+def monitor_params(arm: Arm, limits: Limits, dt: float) -> MonitorParams:
+    """Return the constants for ``arm`` under ``limits``, with samples every ``dt`` [s]."""
+    return MonitorParams(
+        dt=float(dt),
+        gain=filter_gain(dt, limits.filter_s),
+        short_gain=filter_gain(dt, limits.short_filter_s),
+        dq_max=np.asarray(arm.dq_max),
+        tau_max=np.asarray(arm.tau_max),
+        dtau_max=arm.dtau_max,
+        speed_share=limits.speed_share,
+        torque_share=limits.torque_share,
+        force_n=limits.force_n,
+        moment_nm=limits.moment_nm,
+    )
+
+
+@row_function
+def low_pass(filtered: Array, first: int, values: Array, count: int, gain: float) -> None:
+    """Move ``count`` numbers of ``filtered`` from index ``first`` on towards ``values``, in place."""
+    for k in range(count):
+        filtered[first + k] += gain * (values[k] - filtered[first + k])
+
+
+@row_function
+def _norm(values: Array, first: int) -> float:
+    return float(np.sqrt(values[first] ** 2 + values[first + 1] ** 2 + values[first + 2] ** 2))
+
+
+@row_function
+def monitor_sample(
+    row: Array,
     dq: Array,
     torque: Array,
-    torque_before: Array,
+    last_torque: Array,
     wrench: Array,
-    touch: Mask,
-    dt: float,
-    arm: Arm,
-    limits: Limits,
-) -> Array:
-    """The rows of :class:`EpisodeMonitor` after one more sample.
+    forbidden_contact: bool,
+    params: MonitorParams,
+) -> None:
+    """Update the row of one episode with one more sample.
 
     Args:
-        samples: Rows so far (N, WIDTH).
-        dq: Joint speeds (N, 7) [rad/s].
-        torque: Joint torques, gravity included (N, 7) [Nm].
-        torque_before: Those of the sample before (N, 7) [Nm].
-        wrench: Force [N] and moment about the tool frame [Nm] of the surroundings on hand and
-            fingers, world axes (N, 6).
-        touch: Whether anything but hand and fingers touches the object (N,).
-        dt: Time since the sample before [s].
-        arm: Limit tables.
-        limits: Shares and bounds.
+        row: Columns :data:`FIELDS` (WIDTH,), updated in place.
+        dq: Joint speeds (7,) [rad/s].
+        torque: Joint torques, gravity included (7,) [Nm].
+        last_torque: Torques of the last sample (7,) [Nm]; overwritten with ``torque``.
+        wrench: Force [N] and moment about the tool [Nm] of the surroundings on the gripper, world
+            axes (6,).
+        forbidden_contact: True if anything but the gripper touches the object.
+        params: Filters and limits.
     """
-    out = samples.copy()
-    c = COLUMN
-    gain = 1.0 - np.exp(-dt / limits.filter_s)
-    out[:, 0:6] += gain * (wrench - out[:, 0:6])
-    out[:, 6:9] += (1.0 - np.exp(-dt / limits.short_filter_s)) * (wrench[:, :3] - out[:, 6:9])
-    force = np.linalg.norm(out[:, 0:3], axis=1)
-    moment = np.linalg.norm(out[:, 3:6], axis=1)
-    speed = np.max(np.abs(dq) / arm.dq_max, axis=1)
-    share = np.max(np.abs(torque) / arm.tau_max, axis=1)
-    rate = np.max(np.abs(torque - torque_before), axis=1) / dt
-    first = samples[:, c["time"]] == 0.0
-    rate = np.where(first, 0.0, rate)
-    values = {
-        "force": force,
-        "force_short": np.linalg.norm(out[:, 6:9], axis=1),
-        "force_raw": np.linalg.norm(wrench[:, :3], axis=1),
-        "moment": moment,
-        "speed_share": speed,
-        "torque_share": share,
-        "torque_rate": rate,
-    }
-    for name, value in values.items():
-        out[:, c[name]] = np.maximum(out[:, c[name]], value)
-    out[:, c["time"]] += dt
-    broken = np.stack(
-        [
-            touch,
-            speed > limits.speed_share,
-            share >= limits.torque_share,
-            rate > arm.dtau_max,
-            force > limits.force_n,
-            moment > limits.moment_nm,
-        ],
-        axis=1,
-    )
-    new = (out[:, c["code"]] == 0.0) & broken.any(axis=1)
-    out[new, c["code"]] = 1.0 + np.argmax(broken[new], axis=1)
-    out[new, c["violation_time"]] = out[new, c["time"]]
-    return out
+    low_pass(row, 0, wrench, 6, params.gain)
+    low_pass(row, 6, wrench, 3, params.short_gain)
+    force, moment = _norm(row, 0), _norm(row, 3)
+    speed = share = rate = 0.0
+    for k in range(7):
+        speed = max(speed, abs(dq[k]) / params.dq_max[k])
+        share = max(share, abs(torque[k]) / params.tau_max[k])
+        rate = max(rate, abs(torque[k] - last_torque[k]) / params.dt)
+        last_torque[k] = torque[k]
+    if row[_TIME] == 0.0:
+        rate = 0.0
+    row[_FORCE] = max(row[_FORCE], force)
+    row[_SHORT] = max(row[_SHORT], _norm(row, 6))
+    row[_RAW] = max(row[_RAW], _norm(wrench, 0))
+    row[_MOMENT] = max(row[_MOMENT], moment)
+    row[_SPEED] = max(row[_SPEED], speed)
+    row[_SHARE] = max(row[_SHARE], share)
+    row[_RATE] = max(row[_RATE], rate)
+    row[_TIME] += params.dt
+    if row[_CODE] == 0.0:
+        code = 0.0
+        if forbidden_contact:
+            code = 1.0
+        elif speed > params.speed_share:
+            code = 2.0
+        elif share >= params.torque_share:
+            code = 3.0
+        elif rate > params.dtau_max:
+            code = 4.0
+        elif force > params.force_n:
+            code = 5.0
+        elif moment > params.moment_nm:
+            code = 6.0
+        if code > 0.0:
+            row[_CODE] = code
+            row[_WHEN] = row[_TIME]
 
 
-def judge_tick(
-    judgement: EpisodeMonitor,
-    samples: Array,
-    task: Task,
-    *,
-    opened: Array,
-    speed: Array,
-    step_s: float,
-) -> EpisodeMonitor:
-    """The judgement after one more tick.
+@row_function
+def monitor_step(
+    monitor: EpisodeMonitor, i: int, opened: float, speed: float, goal: GoalParams, step_s: float
+) -> None:
+    """Update episode ``i`` in place at the end of a control step.
 
     Args:
-        judgement: What was shown so far.
-        samples: Rows of :func:`judge_sample` at the end of the tick (N, WIDTH).
-        task: Target, speed bound.
-        opened: Fraction open (N,).
-        speed: Speed of the part (N,) [m/s or rad/s].
-        tick_s: Length of the tick [s].
+        monitor: Record so far; its samples are those at the end of the step.
+        i: Index of the episode.
+        opened: Fraction open.
+        speed: Speed of the part [m/s or rad/s].
+        goal: Target and speed bound.
+        step_s: Length of the control step [s].
     """
-    finite = np.isfinite(samples).all(axis=1) & np.isfinite(opened) & np.isfinite(speed)
-    rests = at_target(task, opened, speed)
-    return EpisodeMonitor(
-        samples=samples,
-        rest_s=np.where(rests, judgement.rest_s + step_s, 0.0),
-        opened=beyond_target(task, opened),
-        diverged=judgement.diverged | ~finite,
-    )
+    finite = bool(np.isfinite(opened) and np.isfinite(speed))
+    for k in range(monitor.samples.shape[1]):
+        finite = finite and bool(np.isfinite(monitor.samples[i, k]))
+    monitor.at_goal[i] = is_at_goal(goal, opened)
+    monitor.rest_s[i] = monitor.rest_s[i] + step_s if is_at_rest(goal, opened, speed) else 0.0
+    monitor.diverged[i] = monitor.diverged[i] or not finite
 
 
-def goal_held(judgement: EpisodeMonitor, task: Task) -> Mask:
-    """Whether the part rested at or beyond the target for the whole hold time (N,)."""
-    return np.asarray((judgement.rest_s >= task.hold_s - 1e-9) & ~judgement.diverged)
+def goal_held(monitor: EpisodeMonitor, task: Task) -> Mask:
+    """Return True where the part has been at rest at its goal for the full hold time (N,)."""
+    return np.asarray((monitor.rest_s >= task.hold_s - 1e-9) & ~monitor.diverged)
 
 
-def failure_reason(judgement: EpisodeMonitor, task: Task) -> Ints:
-    """Code of :data:`REASONS` for N episodes that have ended (N,) of int."""
-    held = goal_held(judgement, task)
+def failure_reason(monitor: EpisodeMonitor, task: Task) -> Ints:
+    """Return the :class:`FailureReason` of N episodes that have ended (N,) of int."""
+    held = goal_held(monitor, task)
     code = np.where(held, FailureReason.SUCCESS, FailureReason.GOAL_NOT_REACHED)
-    code = np.where(~held & judgement.opened, FailureReason.NOT_AT_REST, code)
-    violation = judgement.peak("code")
+    code = np.where(~held & monitor.at_goal, FailureReason.NOT_AT_REST, code)
+    violation = monitor.peak("code")
     code = np.where(violation > 0.0, np.nan_to_num(violation).astype(int), code)
-    return np.where(judgement.diverged, FailureReason.DIVERGED, code).astype(np.int64)
+    return np.where(monitor.diverged, FailureReason.DIVERGED, code).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Layouts: what each number of an observation or an action means."""
+"""Layouts: name, unit and frame of each number of an observation or an action."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class Field:
     name: str
     """Name, unique in the layout."""
     size: int
-    """How many numbers."""
+    """Number of values."""
     unit: str
-    """Unit of the numbers as they stand in the vector; ``"1"`` for none."""
+    """Unit of the values in the vector; ``"1"`` for none."""
     frame: str
-    """Frame they are given in; ``"-"`` where there is none."""
-    source: Literal["robot", "estimator", "plant", "clock", "policy"]
-    """Where they come from."""
+    """Frame of the values; ``"-"`` for none."""
+    source: Literal["robot", "estimator", "controller", "clock", "policy"]
+    """Origin of the values."""
     low: float = -10.0
-    """Values are clipped from below to this."""
+    """Lower bound; values are clipped."""
     high: float = 10.0
-    """Values are clipped from above to this."""
+    """Upper bound; values are clipped."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Layout:
     def __post_init__(self) -> None:
         names = [f.name for f in self.fields]
         if len(set(names)) != len(names):
-            raise ConfigError(f"layout has a field twice: {', '.join(names)}")
+            raise ConfigError(f"duplicate field in layout: {', '.join(names)}")
 
     @property
     def size(self) -> int:
@@ -49,7 +49,7 @@ class Layout:
         return sum(f.size for f in self.fields)
 
     def slice(self, name: str) -> slice:
-        """Where ``name`` stands; ConfigError if there is no such field."""
+        """Return the slice of field ``name``; ConfigError if it is unknown."""
         start = 0
         for field in self.fields:
             if field.name == name:
@@ -68,10 +68,10 @@ class Layout:
         return np.repeat([f.high for f in self.fields], [f.size for f in self.fields])
 
     def pack(self, values: dict[str, Array]) -> Array:
-        """The vectors (N, size), clipped, from one array (N, size of field) or (N,) per field.
+        """Return the vectors (N, size), clipped, from one array (N, size of field) or (N,) per field.
 
         Raises:
-            ConfigError: A field is missing or of another size.
+            ConfigError: A field is missing or has another size.
         """
         columns = []
         for field in self.fields:
@@ -91,16 +91,16 @@ class Layout:
         return self.low, self.high
 
     def as_list(self) -> list[dict[str, Any]]:
-        """For a manifest: one dictionary per field, with its slice."""
+        """Return one dictionary per field, with its slice, for a manifest."""
         out = []
         for field in self.fields:
-            where = self.slice(field.name)
-            out.append({**asdict(field), "slice": [where.start, where.stop]})
+            place = self.slice(field.name)
+            out.append({**asdict(field), "slice": [place.start, place.stop]})
         return out
 
 
 def layout_from_list(items: list[dict[str, Any]]) -> Layout:
-    """The layout that :meth:`Layout.as_list` wrote; ConfigError if it does not fit."""
+    """Return the layout that :meth:`Layout.as_list` wrote; ConfigError if it is inconsistent."""
     try:
         fields = tuple(Field(**{k: v for k, v in item.items() if k != "slice"}) for item in items)
     except TypeError as error:

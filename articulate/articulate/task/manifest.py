@@ -1,16 +1,16 @@
-"""Manifest of a policy bundle: all that running the policy needs to know, strictly read.
+"""Manifest of a policy bundle: all data that running the policy needs, decoded strictly.
 
 A bundle is a folder or a zip file::
 
-    manifest.json       what stands below, and the SHA-256 of every other file
-    policy.onnx         raw observations in, clipped actions out
-    golden.npz          observations and the actions that they must give
-    episodes.npz           what is drawn for the episodes that compare robots
+    manifest.json       the fields below, and the SHA-256 of every other file
+    policy.onnx         from raw observations to clipped actions
+    golden.npz          observations and their expected actions
+    episodes.npz           sampled parameters of the episodes that compare robots
     scene/scene.xml     the nominal scene, with scene/meshes/
-    object/object.urdf  the object alone, with object/meshes/
+    object/object.urdf  the object, with object/meshes/
 
-Every key must be there and no other. ``content_id`` is the SHA-256 of the rest of the manifest.
-It shows damage; it does not show who made the bundle.
+Every key must be present and no other. ``content_id`` is the SHA-256 of the rest of the manifest.
+It detects damage; it does not authenticate the author.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MANIFEST_FILE, POLICY_FILE = "manifest.json", "policy.onnx"
 GOLDEN_FILE, SCENE_FILE = "golden.npz", "scene/scene.xml"
 EPISODES_FILE, OBJECT_FILE = "episodes.npz", "object/object.urdf"
 LIMIT_TABLES = ("q_min", "q_max", "dq_max", "ddq_max", "dddq_max", "tau_max", "dtau_max")
-"""Fields of :class:`articulate.robot.arm.Arm` that the arm's maker sets."""
+"""Fields of :class:`articulate.robot.arm.Arm` that the manufacturer of the arm sets."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +53,12 @@ class PolicyEntry:
     output: str = "action"
     """Name of the output, float32 (batch, size of the action)."""
     recurrent: bool = False
-    """Whether it keeps a state between ticks."""
+    """True if it keeps a state between control steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Golden:
-    """Pairs of observations and actions made when the policy was exported."""
+    """Pairs of observations and actions from the export of the policy."""
 
     file: str = GOLDEN_FILE
     """File in the bundle, with the arrays ``observation`` and ``action``."""
@@ -70,7 +70,7 @@ class Golden:
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodesEntry:
-    """What is drawn for the episodes that robots are compared on, the same for all of them."""
+    """Sampled parameters of the episodes on which robots are compared, equal for all robots."""
 
     file: str = EPISODES_FILE
     """File in the bundle, with the array ``values``, one row for each episode."""
@@ -79,17 +79,17 @@ class EpisodesEntry:
     count: int = 200
     """Number of episodes."""
     seed: int
-    """What they were drawn from; it decides the noise within an episode as well."""
+    """Seed of the parameters and of the noise within an episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FingersEntry:
-    """How the stand-in's fingers are driven and what they are made of; each of the two alike."""
+    """Drive and contact of the simulated fingers, equal for both."""
 
     stiffness_n_m: float
-    """Force = stiffness (set point - position) - damping speed, up to the limit [N/m]."""
+    """Gain of force = stiffness (set point - position) - damping speed, up to the limit [N/m]."""
     damping_n_s_m: float
-    """See above [N s/m]."""
+    """Damping of that law [N s/m]."""
     force_n: float
     """Largest force of a finger [N]."""
     passive_damping_n_s_m: float
@@ -97,9 +97,9 @@ class FingersEntry:
     friction_n: float
     """Dry friction of its slide [N]."""
     sliding_friction: float
-    """Coefficient of friction of a contact with a finger, whatever it touches."""
+    """Coefficient of friction of a contact with a finger."""
     spin_friction_m: float
-    """Moment against turning about the contact's normal as a share of the normal force [m]."""
+    """Torsional friction about the contact's normal, relative to the normal force [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,35 +109,35 @@ class ControllerEntry:
     law: Literal["joint_impedance"] = "joint_impedance"
     """Torque = stiffness (set point - q) - damping dq + gravity."""
     gravity_compensation: bool = True
-    """Whether the controller carries the arm's weight."""
+    """True if the controller compensates the arm's weight."""
     target_filter: Literal["triple_pole"] = "triple_pole"
     """Set-point filter between targets and set points; its bandwidth is ``control.omega_rad_s``."""
     trained_delay_steps: tuple[int, int]
-    """Delays of actions met in training, shortest and longest [ticks]."""
+    """Shortest and longest delay of actions in training [control steps]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartEntry:
-    """Where an episode begins."""
+    """Initial state of an episode."""
 
     q: tuple[float, ...]
     """Angles of the arm (7,) [rad]."""
     tolerance_rad: float
-    """How far each joint was from there in training [rad]."""
+    """Largest offset of each joint in training [rad]."""
     gripper_width_m: float
-    """Opening of the empty hand [m]."""
+    """Opening of the empty gripper [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatorEntry:
-    """What must be known of the object."""
+    """Required estimate of the object."""
 
     needs: tuple[str, ...]
     """Fields of :class:`articulate.task.observation.Estimate`."""
     rate_hz: float
-    """How often [Hz]."""
+    """Rate of the estimates [Hz]."""
     max_age_s: float
-    """Oldest state met in training [s]; its noise stands in ``draw``."""
+    """Largest age of a state in training [s]; its noise is part of ``randomization``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,55 +153,55 @@ class SceneEntry:
     arm_joints: tuple[str, ...]
     """Joints, and actuators of the same names, in order."""
     finger_joints: tuple[str, str]
-    """Likewise; the second moves the other way."""
+    """The same for the fingers; the second moves in the opposite direction."""
     finger_geoms: tuple[str, ...]
-    """Geoms whose friction rules contacts of the fingers."""
+    """Geoms whose friction determines contacts of the fingers."""
     tool_site: str
     """Site of the tool frame."""
     object_prefix: str
-    """Before every name of the object."""
+    """Prefix of every name of the object."""
     object_root: str
     """Its root body."""
     sensors: tuple[str, str, str]
-    """Contact sensors: object on hand, floor on hand, robot on object."""
+    """Contact sensors: object on gripper, floor on gripper, robot on object."""
     object_file: str = OBJECT_FILE
     """URDF of the object at the scene's size, its root frame the object's, without visuals."""
     counterbalanced: tuple[str, ...]
     """Links of the object whose weight is compensated, as the springs of lids do."""
     fingers: FingersEntry
-    """The hand's two fingers."""
+    """Fingers of the gripper."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """Where the policy comes from."""
+    """Origin of the policy."""
 
     run: str
     """Name of the run's folder."""
     seed: int
     """Seed of the policy."""
     seed_rule: str
-    """Why this one."""
+    """Rule by which the seed was selected."""
     steps: int
-    """Ticks of experience."""
+    """Control steps of experience."""
     config_sha256: str
     """SHA-256 of the run's ``config.yaml``."""
     success: float | None
-    """Share of successful episodes of that seed, where it was measured."""
+    """Success rate of that seed, if it was measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
-    """All that running a policy needs to know."""
+    """All data that running a policy needs."""
 
     name: str
     """Short name of the bundle."""
     created_utc: str
-    """When it was made."""
+    """Time of export."""
     producer: dict[str, str]
-    """Versions of the packages that made it."""
+    """Versions of the packages at export."""
     licences: dict[str, str]
-    """Licences of what is inside, by part."""
+    """Licences of the contents, by part."""
     files: dict[str, str]
     """SHA-256 of every other file of the bundle, by its path."""
     policy: PolicyEntry
@@ -228,34 +228,34 @@ class Manifest:
 
 
 def limit_table_sha256(arm: Arm) -> str:
-    """SHA-256 of the arm's limit tables."""
+    """Return the SHA-256 of the arm's limit tables."""
     return _digest({name: to_plain(getattr(arm, name)) for name in LIMIT_TABLES})
 
 
 def encode_manifest(manifest: Manifest) -> str:
-    """The text of ``manifest.json``."""
+    """Return the text of ``manifest.json``."""
     content = _plain(manifest)
     head = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "content_id": _digest(content)}
     return json.dumps(head | content, indent=1, allow_nan=False) + "\n"
 
 
 def decode_manifest(text: str, where: str) -> Manifest:
-    """The manifest that :func:`encode_manifest` wrote.
+    """Return the manifest that :func:`encode_manifest` wrote.
 
     Args:
         text: Content of ``manifest.json``.
-        where: Where it comes from, for messages.
+        where: Name of the file, for messages.
 
     Raises:
-        BundleError: It is of another schema, a key is missing or not known, a value is not
-            accepted, or it was changed.
+        BundleError: The schema differs, a key is missing or unknown, a value is not accepted, or
+            the file was changed.
     """
     content = _parse(text, where)
     schema, version = content.pop("schema", None), content.pop("schema_version", None)
     if schema != SCHEMA or version != SCHEMA_VERSION:
         raise BundleError(
             f"{where}: schema {str(schema)[:40]} {str(version)[:10]}; this version reads "
-            f"{SCHEMA} {SCHEMA_VERSION}: export it again from its run"
+            f"{SCHEMA} {SCHEMA_VERSION}: export it again with articulate export"
         )
     content_id = content.pop("content_id", None)
     try:
@@ -282,11 +282,11 @@ def _plain(manifest: Manifest) -> dict[str, Any]:
 def _parse(text: str, where: str) -> dict[str, Any]:
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
         if len({key for key, _ in items}) != len(items):
-            raise ValueError("a key stands twice")
+            raise ValueError("duplicate key")
         return dict(items)
 
     def constant(word: str) -> float:
-        raise ValueError(f"{word} is no number of JSON")
+        raise ValueError(f"{word} is not a number in JSON")
 
     try:
         content = json.loads(text, object_pairs_hook=pairs, parse_constant=constant)
@@ -298,7 +298,7 @@ def _parse(text: str, where: str) -> dict[str, Any]:
 
 
 def _layouts_checked(content: dict[str, Any], where: str) -> dict[str, Any]:
-    """The content with its two layouts as :class:`Layout` has them, slices checked."""
+    """Return the content with its two layouts as :class:`Layout` expects them, slices checked."""
     out = dict(content)
     for key in ("observation", "action"):
         items = content.get(key)
@@ -316,21 +316,21 @@ def _layouts_checked(content: dict[str, Any], where: str) -> dict[str, Any]:
     return out
 
 
-def _missing(whole: Any, given: Any, prefix: str = "") -> str:
-    """Dotted name of the first key of ``whole`` that ``given`` lacks, or an empty text."""
-    if isinstance(whole, dict):
-        for key, value in whole.items():
+def _missing(complete: Any, present: Any, prefix: str = "") -> str:
+    """Return the dotted name of the first key of ``complete`` that ``present`` lacks, or ``""``."""
+    if isinstance(complete, dict):
+        for key, value in complete.items():
             name = f"{prefix}.{key}" if prefix else key
-            if key not in given:
+            if key not in present:
                 return name
-            found = _missing(value, given[key], name)
-            if found:
-                return found
-    if isinstance(whole, list):
-        for i, (a, b) in enumerate(zip(whole, given, strict=True)):
-            found = _missing(a, b, f"{prefix}[{i}]")
-            if found:
-                return found
+            missing = _missing(value, present[key], name)
+            if missing:
+                return missing
+    if isinstance(complete, list):
+        for i, (a, b) in enumerate(zip(complete, present, strict=True)):
+            missing = _missing(a, b, f"{prefix}[{i}]")
+            if missing:
+                return missing
     return ""
 
 
@@ -340,6 +340,6 @@ def _digest(content: Any) -> str:
 
 
 def with_files(manifest: Manifest, files: dict[str, bytes]) -> Manifest:
-    """The manifest with the SHA-256 of ``files`` (by path, the manifest itself aside)."""
+    """Return the manifest with the SHA-256 of ``files`` (by path, without the manifest)."""
     sums = {name: hashlib.sha256(content).hexdigest() for name, content in sorted(files.items())}
     return replace(manifest, files=sums)

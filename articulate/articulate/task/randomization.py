@@ -1,4 +1,4 @@
-"""Draws: what was randomised in an episode, recorded with it."""
+"""Episode parameters: the randomized numbers of an episode, recorded with it."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from articulate.jit import row_function
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig, Range
 from articulate.transforms import Array
 
 PUSH_S = 0.2
-"""How long a push lasts [s]."""
+"""Duration of a push [s]."""
 PUSHED = (0.0, 0.9)
-"""Shares of an episode between which a push begins."""
+"""Range of the beginning of a push, as shares of an episode."""
 PUSHED_OPEN = (0.5, 0.9)
-"""The same of a part that stands open as the episode begins: nothing holds it before a hand has
-come, and 5 N fling a light door past where any hand can reach it."""
+"""The same for a part that is open when the episode begins: before it is grasped, 5 N would push a
+light door out of reach."""
 
 COLUMNS = (
     "friction", "joint_damping", "joint_friction", "armature", "mass", "stiffness", "damping",
@@ -25,22 +26,24 @@ COLUMNS = (
     "estimate_delay_steps", "push_x_n", "push_y_n", "push_z_n", "push_time", "part_open",
     "force_bias_x_n", "force_bias_y_n", "force_bias_z_n",
 )  # fmt: skip
-"""Names of a draw's numbers; ``part_open`` is the fraction open at which the part begins."""
+"""Names of the numbers; ``part_open`` is the fraction open at which the part begins."""
 BLOCKS = {
     "start": slice(11, 18), "bias": slice(20, 23), "push": slice(25, 28),
     "force_bias": slice(30, 33),
 }  # fmt: skip
 """Columns that belong together."""
 
+_PUSH_TIME = COLUMNS.index("push_time")
+
 
 @dataclass(frozen=True)
 class EpisodeParams:
-    """What was drawn for N episodes, one row each with the columns :data:`COLUMNS`."""
+    """Sampled numbers of N episodes, one row each with the columns :data:`COLUMNS`."""
 
     values: Array
 
     def __getitem__(self, name: str) -> Array:
-        """Column ``name`` (N,); names of :data:`BLOCKS` give their blocks."""
+        """Return column ``name`` (N,), or the block (N, k) of a name in :data:`BLOCKS`."""
         if name in BLOCKS:
             return np.asarray(self.values[:, BLOCKS[name]])
         return np.asarray(self.values[:, COLUMNS.index(name)])
@@ -49,14 +52,14 @@ class EpisodeParams:
 def sample_episode_params(
     config: RandomizationConfig, rng: np.random.Generator, n: int = 1, *, begin: Range = (0.0, 0.0)
 ) -> EpisodeParams:
-    """Draw the parameters of N episodes from ``rng``.
+    """Sample the parameters of N episodes.
 
     Args:
         config: Ranges.
-        rng: Where the numbers come from.
-        n: How many episodes.
-        begin: Fractions between which the part is at their beginning, as the task says; part of
-            the task and no randomisation. Nothing is drawn where both are the same.
+        rng: Random generator.
+        n: Number of episodes.
+        begin: Range of the fraction open at the beginning. It belongs to the task, not to the
+            randomization; equal ends sample nothing.
     """
 
     def log_uniform(bounds: Range) -> Array:
@@ -94,31 +97,48 @@ def sample_episode_params(
     return EpisodeParams(np.stack(columns, axis=1))
 
 
+@row_function
+def push_is_active(values: Array, time_s: float, episode_s: float) -> bool:
+    """Return True while the push of an episode acts.
+
+    Args:
+        values: Episode parameters (columns,).
+        time_s: Time since the episode began [s].
+        episode_s: Length of the episode [s].
+    """
+    begin = values[_PUSH_TIME] * episode_s
+    return bool(begin <= time_s < begin + PUSH_S)
+
+
 def at_size(config: RandomizationConfig, scale: float) -> RandomizationConfig:
-    """``config`` with the object at one size."""
+    """Return ``config`` with the object at one size."""
     return replace(config, scale=(scale, scale), scales=1)
 
 
 def sample_episode_params_each(
     config: RandomizationConfig, seed: int, n: int, *, begin: Range = (0.0, 0.0), first: int = 0
 ) -> EpisodeParams:
-    """Draw N episodes, each from a generator of its own: row k is the same for every N.
+    """Sample N episodes, each from a separate generator: row k is equal for every N.
 
     Args:
         config: Ranges.
-        seed: Decides all that is drawn.
-        n: How many episodes.
+        seed: Determines all numbers.
+        n: Number of episodes.
         begin: As in :func:`sample_episode_params`.
-        first: Number of the first episode.
+        first: Index of the first episode.
     """
     rows = [
-        sample_episode_params(config, np.random.default_rng(np.random.SeedSequence([seed, k])), begin=begin).values
+        sample_episode_params(
+            config, np.random.default_rng(np.random.SeedSequence([seed, k])), begin=begin
+        ).values
         for k in range(first, first + n)
     ]
     return EpisodeParams(np.concatenate(rows))
 
 
 def nominal_params(n: int = 1, *, begin: Range = (0.0, 0.0)) -> EpisodeParams:
-    """N episodes in which nothing is randomised; parts begin in the middle of ``begin``."""
+    """Return N episodes without randomization; parts begin in the middle of ``begin``."""
     middle = sum(begin) / 2.0
-    return sample_episode_params(NO_RANDOMIZATION, np.random.default_rng(0), n, begin=(middle, middle))
+    return sample_episode_params(
+        NO_RANDOMIZATION, np.random.default_rng(0), n, begin=(middle, middle)
+    )

@@ -1,4 +1,4 @@
-"""Configuration of the randomization, without arrays: `--help` does not load numpy."""
+"""Configuration of the randomization; it loads no numpy, for the sake of ``--help``."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ FACTORS = (
 )  # fmt: skip
 """Ranges that multiply a nominal value."""
 LOG_UNIFORM = ("joint_damping", "joint_friction", "armature")
-"""Those that are drawn evenly over the logarithm."""
+"""Factors that are sampled log-uniformly."""
 MAX_DELAY_STEPS = 5
-"""Longest delay that engines and estimators keep [ticks]."""
+"""Longest delay that engines and estimators keep [control steps]."""
 MAX_RANGE_FACTOR = 100.0
-"""Ranges may be so many times as wide at most."""
+"""Upper bound of the range multiplier."""
 GOAL_ERROR_RANGE: Range = (-0.2, 0.1)
-"""Fractions of a part's way beyond its task's target between which policies see it finely."""
+"""Range of ``goal_error_fine``, in fractions of the part's travel beyond the task's target."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RandomizationConfig:
-    """Ranges of the randomisation. Factors multiply the nominal value, ``±`` is added."""
+    """Ranges of the randomization. Factors multiply the nominal value, ``±`` is added."""
 
     friction: Range = (0.5, 1.5)
     """Factor on the sliding friction between fingers and object."""
@@ -44,33 +44,33 @@ class RandomizationConfig:
     scale: Range = (0.9, 1.1)
     """Factor on the object's size, one of :attr:`scales` values."""
     scales: int = 9
-    """How many sizes are prepared between the ends of ``scale``."""
+    """Number of prepared sizes between the ends of ``scale``."""
     position_m: float = 0.03
-    """The object is moved by up to ± this along x and y [m]."""
+    """Shift of the object along x and y, up to ± [m]."""
     yaw_rad: float = 0.1745
-    """The object is turned by up to ± this about the vertical through its handle [rad]."""
+    """Rotation of the object about the vertical through its handle, up to ± [rad]."""
     start_rad: float = 0.1
-    """Each joint begins within ± this of its start [rad]."""
+    """Offset of each joint from its start pose, up to ± [rad]."""
     delay_steps: tuple[int, int] = (0, 2)
-    """Delay of the motions, whole ticks, both ends included."""
+    """Delay of the motions [control steps], both ends included."""
     gripper_latency_s: Range = (0.1, 1.2)
-    """From a command of the hand to its motion [s]."""
+    """Time from a command of the gripper to its motion [s]."""
     estimate_bias_m: float = 0.004
     """Standard deviation of the handle's constant position error, each axis [m]."""
     estimate_noise_m: float = 0.003
-    """Standard deviation of its error anew each tick, each axis [m]."""
+    """Standard deviation of its noise, each axis and control step [m]."""
     estimate_yaw_rad: float = 0.01745
     """Standard deviation of the handle's constant yaw error [rad]."""
     part_noise: float = 0.0167
-    """Standard deviation of the measured opening, anew each tick, as a share of 0.3 m or 1 rad."""
+    """Standard deviation of the measured opening per control step, as a share of 0.3 m or 1 rad."""
     estimate_delay_steps: tuple[int, int] = (0, 2)
-    """Age of the object's state, whole ticks, both ends included."""
+    """Age of the object's state [control steps], both ends included."""
     push_n: Range = (0.0, 5.0)
-    """Force of a push on the moving part, once in an episode, any direction [N]."""
+    """Force of a push on the moving part, once per episode in a random direction [N]."""
     force_bias_n: float = 1.5
-    """Standard deviation of the constant error of the force that is felt, each axis [N]."""
+    """Standard deviation of the constant error of the measured force, each axis [N]."""
     force_noise_n: float = 0.5
-    """Standard deviation of its error anew each tick, each axis [N]."""
+    """Standard deviation of its noise, each axis and control step [N]."""
 
     def __post_init__(self) -> None:
         if self.scales < 1:
@@ -78,28 +78,29 @@ class RandomizationConfig:
         for f in fields(self):
             value = getattr(self, f.name)
             if isinstance(value, tuple) and value[0] > value[1]:
-                raise ConfigError(f"randomization.{f.name} is {value}; the smaller number comes first")
+                raise ConfigError(
+                    f"randomization.{f.name} is {value}; the smaller number comes first"
+                )
             if f.name in FACTORS and not value[0] > 0.0:
                 raise ConfigError(f"randomization.{f.name} is {value}; factors must be above 0")
             if f.name.endswith("delay_steps") and not 0 <= value[0] <= value[1] <= MAX_DELAY_STEPS:
                 raise ConfigError(
-                    f"randomization.{f.name} is {value}; it must lie within 0 to {MAX_DELAY_STEPS} ticks"
+                    f"randomization.{f.name} is {value}; it must be within 0 to {MAX_DELAY_STEPS} control steps"
                 )
 
     def widened(self, factor: float) -> RandomizationConfig:
-        """Every range ``factor`` times as wide.
+        """Return the ranges widened by ``factor``.
 
-        Factors are widened about 1, those drawn over the logarithm there; what begins at 0 still
-        does; other ranges are widened about their middle and do not fall below 0; whole ticks are
-        rounded up from a half on. At a factor of 1 all is as it was, to the bit.
+        Factors are widened about 1, log-uniform ones on the logarithm; ranges that begin at 0 still
+        do; others are widened about their middle and do not fall below 0; numbers of control steps
+        are rounded, halves up. A factor of 1 changes nothing.
 
         Raises:
-            ConfigError: A range would hold what cannot be, such as a negative friction.
+            ConfigError: A range would be impossible, such as a negative friction.
         """
         if not 0.0 < factor <= MAX_RANGE_FACTOR:
             raise ConfigError(
-                f"ranges are to be {factor:g} times as wide; it must be above 0 and at most "
-                f"{MAX_RANGE_FACTOR:g}"
+                f"range factor is {factor:g}; it must be above 0 and at most {MAX_RANGE_FACTOR:g}"
             )
         if factor == 1.0:
             return self
@@ -122,11 +123,11 @@ class RandomizationConfig:
         try:
             return replace(self, **wide)
         except ConfigError as error:
-            raise ConfigError(f"ranges {factor:g} times as wide: {error}") from None
+            raise ConfigError(f"range factor {factor:g}: {error}") from None
 
     @property
     def scale_values(self) -> tuple[float, ...]:
-        """The sizes that are prepared."""
+        """Prepared sizes."""
         low, high = self.scale
         if low == high or self.scales == 1:
             return (low,)
@@ -158,4 +159,4 @@ NO_RANDOMIZATION = RandomizationConfig(
     force_bias_n=0.0,
     force_noise_n=0.0,
 )
-"""Nothing is randomised."""
+"""Ranges without randomization."""

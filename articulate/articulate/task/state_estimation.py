@@ -1,94 +1,148 @@
-"""A simulated estimator: the object's true state with the noise and age that were drawn."""
+"""Simulated measurements: the object's state and the contact force, late and with sampled errors."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from articulate.jit import row_function
 from articulate.task.observation import Estimate
-from articulate.task.randomization import EpisodeParams
+from articulate.task.randomization import COLUMNS, EpisodeParams
 from articulate.task.randomization_config import MAX_DELAY_STEPS, RandomizationConfig
 from articulate.transforms import Array, Ints
 
 MAX_AGE = MAX_DELAY_STEPS + 1
-"""How many states are kept."""
+"""Number of states that are kept."""
 PART_LENGTH = 0.3
-"""What ``part_noise`` is a share of: 0.3 m of a slide, 1 rad of a hinge, over the span."""
+"""Scale of ``part_noise``: 0.3 m of a slide, 1 rad of a hinge, over the span."""
+_BIAS, _YAW = COLUMNS.index("bias_x_m"), COLUMNS.index("bias_yaw_rad")
+_AGE = COLUMNS.index("estimate_delay_steps")
+_FORCE_BIAS = COLUMNS.index("force_bias_x_n")
+
+
+class StateHistory(NamedTuple):
+    """States of N objects, the latest first."""
+
+    T_wh: Array
+    """Poses of the handles in the world (ages, N, 4, 4)."""
+    opened: Array
+    """Fractions open (ages, N)."""
+    speed: Array
+    """Speeds of the parts (ages, N) [m/s or rad/s]."""
+
+
+class EstimatorParams(NamedTuple):
+    """Standard deviations of the noise that is new in each control step."""
+
+    pos_m: float
+    """Position of the handle, each axis [m]."""
+    opened: float
+    """Fraction open."""
+
+
+@row_function
+def push_state(history: StateHistory, T_wh: Array, opened: Array, speed: Array) -> None:
+    """Store the state of a control step: poses (N, 4, 4), fractions (N,), speeds (N,)."""
+    for age in range(len(history.opened) - 1, 0, -1):
+        history.T_wh[age] = history.T_wh[age - 1]
+        history.opened[age] = history.opened[age - 1]
+        history.speed[age] = history.speed[age - 1]
+    history.T_wh[0] = T_wh
+    history.opened[0] = opened
+    history.speed[0] = speed
+
+
+@row_function
+def estimate_state(
+    history: StateHistory,
+    i: int,
+    values: Array,
+    noise: Array,
+    params: EstimatorParams,
+    T_wh: Array,
+) -> tuple[float, float]:
+    """Write the estimated handle pose of object ``i``; return its fraction open and its speed.
+
+    Args:
+        history: States of N objects.
+        i: Index of the object.
+        values: Its episode parameters (columns,).
+        noise: Standard normal numbers (4,): position and fraction open.
+        params: Standard deviations.
+        T_wh: Output (4, 4).
+    """
+    age = int(values[_AGE])
+    true = history.T_wh[age, i]
+    c, s = np.cos(values[_YAW]), np.sin(values[_YAW])
+    for j in range(3):
+        T_wh[0, j] = c * true[0, j] - s * true[1, j]
+        T_wh[1, j] = s * true[0, j] + c * true[1, j]
+        T_wh[2, j] = true[2, j]
+        T_wh[j, 3] = true[j, 3] + values[_BIAS + j] + params.pos_m * noise[j]
+    opened = history.opened[age, i] + params.opened * noise[3]
+    return opened, history.speed[age, i]
+
+
+@row_function
+def measured_force(force_w: Array, values: Array, noise: Array, noise_n: float, out: Array) -> None:
+    """Write the measured force on a gripper: the true one with bias and noise.
+
+    An arm derives it from its torques. Joint friction and a wrong payload make errors: 2 N at rest
+    in a recording of libfranka's issue 112.
+
+    Args:
+        force_w: True net force, world axes (3,) or more [N].
+        values: Episode parameters (columns,), with the constant error.
+        noise: Standard normal numbers (3,).
+        noise_n: Standard deviation of the noise, each axis [N].
+        out: Output (3,) [N].
+    """
+    for k in range(3):
+        out[k] = force_w[k] + values[_FORCE_BIAS + k] + noise_n * noise[k]
 
 
 class NoisyEstimator:
-    """Holds the last states of N objects and gives them late and with errors."""
+    """Estimator that keeps the last states of N objects and returns them late and with errors."""
 
     def __init__(self, n: int, span: float, kind: str, config: RandomizationConfig) -> None:
-        """For N objects whose joint goes ``span`` [m or rad] from closed to open."""
-        self._config = config
+        """Create an estimator of N objects whose joint travels ``span`` [m or rad]."""
         length = PART_LENGTH if kind == "slide" else 1.0
-        self.part_noise = config.part_noise * length / abs(span)
-        """Standard deviation of the fraction open."""
-        self.poses = np.tile(np.eye(4), (MAX_AGE, n, 1, 1))
-        self.opened = np.zeros((MAX_AGE, n))
-        self.speed = np.zeros((MAX_AGE, n))
+        self.params = EstimatorParams(
+            config.estimate_noise_m, config.part_noise * length / abs(span)
+        )
+        """Standard deviations of the noise."""
+        self.history = StateHistory(
+            np.tile(np.eye(4), (MAX_AGE, n, 1, 1)), np.zeros((MAX_AGE, n)), np.zeros((MAX_AGE, n))
+        )
+        """Last states."""
 
     def reset(self, rows: Ints, T_wh: Array, opened: Array) -> None:
-        """Fill the past of ``rows`` with the state at their start."""
-        self.poses[:, rows] = T_wh
-        self.opened[:, rows] = opened
-        self.speed[:, rows] = 0.0
+        """Fill the history of ``rows`` (M,) with their initial poses (M, 4, 4) and fractions (M,)."""
+        self.history.T_wh[:, rows] = T_wh
+        self.history.opened[:, rows] = opened
+        self.history.speed[:, rows] = 0.0
 
     def push(self, T_wh: Array, opened: Array, speed: Array) -> None:
-        """Take the true state of this tick: poses (N, 4, 4), fractions (N,), speeds (N,)."""
-        for past, now in ((self.poses, T_wh), (self.opened, opened), (self.speed, speed)):
-            past[1:] = past[:-1]
-            past[0] = now
+        """Store the true state of a control step; see :func:`push_state`."""
+        push_state(self.history, T_wh, opened, speed)
 
-    def estimate(self, drawn: EpisodeParams, rng: np.random.Generator) -> Estimate:
-        """What is known at this tick under the draws (N rows); noise comes from ``rng``."""
-        n = len(drawn.values)
-        age = drawn["estimate_delay_steps"].astype(np.int64)
-        rows = np.arange(n)
-        T_wh = self.poses[age, rows].copy()
-        _turn(T_wh, drawn["bias_yaw_rad"])
+    def estimate(self, params: EpisodeParams, rng: np.random.Generator) -> Estimate:
+        """Return the estimate under the episode parameters (N rows), with noise from ``rng``."""
+        n = len(params.values)
         noise = rng.normal(size=(n, 4))
-        T_wh[:, :3, 3] += drawn["bias"] + self._config.estimate_noise_m * noise[:, :3]
-        return Estimate(
-            T_wh=T_wh,
-            opened=self.opened[age, rows] + self.part_noise * noise[:, 3],
-            speed=self.speed[age, rows].copy(),
-        )
+        T_wh, opened, speed = np.tile(np.eye(4), (n, 1, 1)), np.empty(n), np.empty(n)
+        for i in range(n):
+            opened[i], speed[i] = estimate_state(
+                self.history, i, params.values[i], noise[i], self.params, T_wh[i]
+            )
+        return Estimate(T_wh=T_wh, opened=opened, speed=speed)
 
     def snapshot(self) -> dict[str, Array]:
-        """The states held."""
-        return {
-            "estimate_poses": self.poses.copy(),
-            "estimate_opened": self.opened.copy(),
-            "estimate_speed": self.speed.copy(),
-        }
+        """Return copies of the states."""
+        return {f"history_{k}": v.copy() for k, v in self.history._asdict().items()}
 
     def restore(self, snapshot: dict[str, Array]) -> None:
         """Continue from :meth:`snapshot`."""
-        self.poses[:] = snapshot["estimate_poses"]
-        self.opened[:] = snapshot["estimate_opened"]
-        self.speed[:] = snapshot["estimate_speed"]
-
-
-def felt(force_w: Array, drawn: EpisodeParams, noise_n: float, rng: np.random.Generator) -> Array:
-    """What an arm says of the forces (N, 3) on its hand, world axes [N].
-
-    An arm tells them from its torques, and is wrong by what its joints' friction and the weight
-    that it believes in are wrong: at rest by 2 N in a recording of libfranka's issue 112.
-
-    Args:
-        force_w: What is true (N, 3) [N].
-        drawn: The constant errors (N rows).
-        noise_n: Standard deviation of what is added anew, each axis [N].
-        rng: Where that comes from.
-    """
-    noise = rng.normal(size=force_w.shape)
-    return np.asarray(force_w + drawn["force_bias"] + noise_n * noise)
-
-
-def _turn(T: Array, yaw_rad: Array) -> None:
-    """Turn the axes of poses (N, 4, 4) by yaws (N,) [rad] about the vertical, in place."""
-    c, s = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
-    x, y = T[:, 0, :3].copy(), T[:, 1, :3].copy()
-    T[:, 0, :3] = c * x - s * y
-    T[:, 1, :3] = s * x + c * y
+        for name, array in self.history._asdict().items():
+            array[:] = snapshot[f"history_{name}"]

@@ -1,38 +1,38 @@
-"""Tasks: what is asked of which joint, and what counts.
+"""Tasks: a joint, its target, and the success criteria of an episode.
 
-The eight names are data over the same functions. Progress is measured as a fraction of the
-joint's way from closed (0) to open (1); a task says between which fractions the part begins, at
-which it counts as done, and where it hits its stop.
+The eight names are data over the same functions. Progress is the fraction of the joint's travel from
+closed (0) to open (1); a task defines the fractions at which the part begins, the target, and the
+mechanical stop.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from articulate.assets.asset import Asset, Joint
 from articulate.errors import AssetError, ConfigError, nearest
+from articulate.jit import row_function
 from articulate.task.part_kinds import PartKind, part_kind
-from articulate.transforms import Array, Mask
 
 QUARTER_TURN = np.pi / 2
 OPEN_SHARE, CLOSED_SHARE = 0.8, 0.05
-"""A part is open from the first share of its range on, closed up to the second."""
+"""A part counts as open from the first share of its range on, and as closed up to the second."""
 BEGIN_SHARE = 0.5
-"""To be closed, a part begins between this share of its open target and that target."""
+"""Closing tasks begin between this share of the open target and that target."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TaskRule:
-    """What a task's name says about joints."""
+    """Direction and kind of part of a task's name."""
 
     verb: Literal["open", "close"]
     """Towards the open or the closed end."""
     part: PartKind | Literal["joint"]
-    """Kind of part that it is asked of; ``joint`` is every one."""
+    """Kind of part that it applies to; ``joint`` is any."""
 
 
 TASK_RULES = {
@@ -45,23 +45,23 @@ TASK_RULES = {
     "open_joint": TaskRule(verb="open", part="joint"),
     "close_joint": TaskRule(verb="close", part="joint"),
 }
-"""Names that can be asked for."""
+"""Known names of tasks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a deployable episode may ask of the arm; going beyond fails it with that reason."""
+    """Limits of a deployable episode; a violation ends it as failed with that reason."""
 
     speed_share: float = 0.7
     """Share of the table's joint speed allowed, in (0, 1]."""
     torque_share: float = 1.0
-    """Share of the table's joint torque that is never to be asked for, gravity included, in (0, 1].
+    """Share of the table's joint torque that must not be reached, gravity included, in (0, 1].
 
-    Simulated arms are given the table's torque at most: one that reaches it has asked for more."""
+    Simulated arms saturate at the table's torque, so reaching it means a larger request."""
     force_n: float = 40.0
-    """Largest filtered net force of the surroundings on the hand [N]."""
+    """Largest filtered net force of the surroundings on the gripper [N]."""
     moment_nm: float = 40.0
-    """Largest filtered net moment on the hand about the tool frame [Nm]."""
+    """Largest filtered net moment on the gripper about the tool frame [Nm]."""
     filter_s: float = 0.05
     """Time constant of the first-order filter on that wrench [s]."""
     short_filter_s: float = 0.01
@@ -90,11 +90,11 @@ class Task:
     kind: Literal["slide", "hinge"]
     """Kind of that joint."""
     span: float
-    """Signed way from closed to open [m or rad]."""
+    """Signed travel from closed to open [m or rad]."""
     target: float
-    """Fraction of the span at which the part must rest, or beyond it."""
+    """Fraction of the span at or beyond which the part must come to rest."""
     begin: tuple[float, float] = (0.0, 0.0)
-    """Fractions of the span between which the part is when an episode begins."""
+    """Range of the fraction of the span at which an episode begins."""
     stop: float | None = 1.0
     """Fraction beyond the target at which the part hits its stop; None if it has none."""
     episode_s: float = 10.0
@@ -102,9 +102,9 @@ class Task:
     hold_s: float = 0.5
     """Time at the end during which the part must be at or beyond the target [s]."""
     slow: float = 0.02
-    """Speed below which the part counts as resting [m/s or rad/s]."""
+    """Speed below which the part counts as at rest [m/s or rad/s]."""
     limits: Limits = Limits()
-    """What a deployable episode may ask of the arm."""
+    """Limits of a deployable episode."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.episode_s <= 10.0:
@@ -120,22 +120,22 @@ class Task:
 
     @property
     def closes(self) -> bool:
-        """Whether the part is moved towards its closed end."""
+        """True if the part is moved towards its closed end."""
         return self.target < self.begin[1]
 
     @property
     def far(self) -> float:
-        """The fraction that is farthest open of all that the task asks for."""
+        """Largest fraction open that the task needs: the target or the beginning."""
         return max(self.target, self.begin[1])
 
 
 def done_word(name: str) -> str:
-    """What a part is when the task ``name`` is done, for texts: opened or closed."""
+    """Return the participle of the task ``name`` for texts: opened or closed."""
     return {"open": "opened", "close": "closed"}[TASK_RULES[name].verb]
 
 
 def matching_joints(name: str, asset: Asset) -> tuple[Joint, ...]:
-    """Joints of ``asset`` that the task ``name`` can be asked of; ConfigError if it is unknown."""
+    """Return the joints of ``asset`` that the task ``name`` fits; ConfigError if it is unknown."""
     if name not in TASK_RULES:
         raise ConfigError(f"unknown task {name!r}{nearest(name, TASK_RULES)}")
     part = TASK_RULES[name].part
@@ -143,21 +143,21 @@ def matching_joints(name: str, asset: Asset) -> tuple[Joint, ...]:
 
 
 def matching_tasks(asset: Asset, joint: Joint) -> tuple[str, ...]:
-    """Names of the tasks that can be asked of ``joint``."""
+    """Return the names of the tasks that fit ``joint``."""
     kind = part_kind(asset, joint)
     return tuple(name for name, rule in TASK_RULES.items() if rule.part in ("joint", kind))
 
 
 def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> Task:
-    """The task ``name`` for one joint of ``asset``.
+    """Return the task ``name`` for one joint of ``asset``.
 
     A part is open at 0.8 of its range, of at most 90 degrees for hinges; a joint without limits
     at 90 degrees. It is closed within 0.05 of its range from its closed end (of the quarter turn
-    of a joint without limits; at most half of where it may begin, for joints of many turns). To
-    be closed, it begins between half of its open target and that target.
+    of a joint without limits; at most half of its smallest beginning, for joints of many turns).
+    Closing tasks begin between half of its open target and that target.
 
     Raises:
-        AssetError: No such joint, or not one that the task can be asked of.
+        AssetError: No such joint, or the task does not fit it.
         ConfigError: Unknown task.
     """
     matching = matching_joints(name, asset)
@@ -165,15 +165,15 @@ def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> T
     if joint not in matching:
         names = ", ".join(j.name for j in matching)
         raise AssetError(
-            f"{asset.name}: {name} cannot be asked of joint {joint_name}; it matches: {names}"
+            f"{asset.name}: {name} does not fit joint {joint_name}; it fits: {names}"
             if names
-            else f"{asset.name}: {name} matches no joint; {joint_name} can be asked for "
+            else f"{asset.name}: {name} fits no joint; tasks of {joint_name}: "
             + ", ".join(matching_tasks(asset, joint))
         )
     reach = abs(joint.span)
-    way = reach if joint.kind == "slide" else min(reach, QUARTER_TURN)
+    usable = reach if joint.kind == "slide" else min(reach, QUARTER_TURN)
     free = joint.lower is None
-    open_target = (1.0 if free else OPEN_SHARE) * way / reach
+    open_target = (1.0 if free else OPEN_SHARE) * usable / reach
     begin, target, stop = (0.0, 0.0), open_target, 1.0
     if TASK_RULES[name].verb == "close":
         begin = (BEGIN_SHARE * open_target, open_target)
@@ -191,42 +191,58 @@ def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> T
     )
 
 
-def fraction(q: Array, closed: Array, span: Array) -> Array:
-    """How far parts are open: 0 closed, 1 at the open end, not clipped. Shape (N,).
+class GoalParams(NamedTuple):
+    """Success criteria of a task, as numbers for row functions."""
+
+    closes: bool
+    target: float
+    slow: float
+
+
+def goal_params(task: Task) -> GoalParams:
+    """Return the target and speed bound of ``task``."""
+    return GoalParams(task.closes, float(task.target), float(task.slow))
+
+
+@row_function
+def fraction_open(q: Any, closed: Any, span: Any) -> Any:
+    """Return the fraction open of parts: 0 closed, 1 at the open end, not clipped.
 
     Args:
-        q: Joint positions (N,) [m or rad].
-        closed: Closed positions (N,) [m or rad].
-        span: Signed ways from closed to open (N,) [m or rad].
+        q: Joint positions, numbers or arrays [m or rad].
+        closed: Closed positions [m or rad].
+        span: Signed travel from closed to open [m or rad].
     """
-    return np.asarray((q - closed) / span)
+    return (q - closed) / span
 
 
-def at_target(task: Task, opened: Array, speed: Array) -> Mask:
-    """Whether the part rests at or beyond the target (N,).
+@row_function
+def goal_error(opened: Any, target: float, closes: bool) -> Any:
+    """Return the distance of parts beyond ``target`` in fractions open; below 0 short of it.
+
+    A part is closed on either side of its closed end: one that turns without limit can pass it.
 
     Args:
-        task: Target and speed bound.
-        opened: Fraction open (N,).
-        speed: Speed of the part (N,) [m/s or rad/s].
+        opened: Fractions open, a number or an array.
+        target: Target [fraction open].
+        closes: True if the task closes the part.
     """
-    return beyond_target(task, opened) & (np.abs(speed) < task.slow)
+    return target - np.abs(opened) if closes else opened - target
 
 
-def beyond(opened: Array, target: float, *, closes: bool) -> Array:
-    """By how much parts are beyond ``target`` (N,), in fractions open; below 0 short of it.
-
-    A part is closed on either side of its closed end: one that turns without end can pass it.
-    """
-    return np.asarray(target - np.abs(opened) if closes else opened - target)
+@row_function
+def is_at_goal(goal: GoalParams, opened: float) -> bool:
+    """Return True if a part is at or beyond the target."""
+    return bool(goal_error(opened, goal.target, goal.closes) >= 0.0)
 
 
-def beyond_target(task: Task, opened: Array) -> Mask:
-    """Whether the part is at or beyond the target (N,)."""
-    return beyond(opened, task.target, closes=task.closes) >= 0.0
+@row_function
+def is_at_rest(goal: GoalParams, opened: float, speed: float) -> bool:
+    """Return True if a part with ``speed`` [m/s or rad/s] is at rest at or beyond the target."""
+    return bool(is_at_goal(goal, opened) and abs(speed) < goal.slow)
 
 
 def no_joint_error(name: str, asset: Asset) -> AssetError:
-    """What to say when ``asset`` has no joint for the task ``name``."""
+    """Return the error for an ``asset`` without a joint for the task ``name``."""
     have = ", ".join(f"{j.name} ({part_kind(asset, j)})" for j in asset.joints)
     return AssetError(f"{asset.name}: no joint for {name}; it has {have or 'no movable joint'}")

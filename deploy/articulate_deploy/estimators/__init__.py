@@ -1,1 +1,1 @@
-"""Where the object's state comes from."""
+"""Estimators of the object's state."""

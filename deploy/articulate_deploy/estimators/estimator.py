@@ -1,4 +1,4 @@
-"""The protocol of estimators: where the object's state comes from."""
+"""Protocol of estimators of the object's state."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from articulate.task.observation import Estimate
 
 
 class Estimator(Protocol):
-    """What is known of the object. Estimates have one row."""
+    """Estimator of the object's state; estimates have one row."""
 
     def reset(self) -> None:
-        """A new episode begins; the robot stands at its start."""
+        """Begin a new episode, with the robot at its start."""
 
     def update(self) -> None:
-        """A tick has passed."""
+        """Take in the state after a control step."""
 
     def estimate(self) -> Estimate:
-        """What the policy is told, once a tick."""
+        """Return the input of the policy, once per control step."""
 
-    def judged(self) -> Estimate:
-        """What the episode is judged by: the truth where it is known, else the estimate."""
+    def monitored_state(self) -> Estimate:
+        """Return the state for the success criteria: the true one if known, else the estimate."""

@@ -1,4 +1,4 @@
-"""The object's true state, late and with the errors that were drawn."""
+"""Estimator from the object's true state in simulation, late and with the sampled errors."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from articulate_deploy.robots.robot import SimulatedRobot
 
 
 class TruthEstimator:
-    """An :class:`~articulate_deploy.estimators.estimator.Estimator` that asks a stand-in."""
+    """An :class:`~articulate_deploy.estimators.estimator.Estimator` for a simulated robot."""
 
     def __init__(
         self,
         robot: SimulatedRobot,
         config: RandomizationConfig,
         task: Task,
-        drawn: EpisodeParams,
+        params: EpisodeParams,
         rng: np.random.Generator,
     ) -> None:
-        """With errors and age of ``drawn`` (one row); noise of ``config`` comes from ``rng``."""
-        self._robot, self._drawn, self._rng = robot, drawn, rng
+        """Use errors and age of ``params`` (one row), and noise of ``config`` from ``rng``."""
+        self._robot, self._params, self._rng = robot, params, rng
         self._noisy = NoisyEstimator(1, task.span, task.kind, config)
 
     def reset(self) -> None:
-        """The past is as the present."""
+        """Fill the history with the present state."""
         now = self._robot.object_state()
         self._noisy.reset(np.zeros(1, dtype=np.int64), now.T_wh, now.opened)
         self.update()
 
     def update(self) -> None:
-        """Take the state of this tick."""
+        """Store the state of this control step."""
         now = self._robot.object_state()
         self._noisy.push(now.T_wh, now.opened, now.speed)
 
     def estimate(self) -> Estimate:
-        """What the policy is told."""
-        return self._noisy.estimate(self._drawn, self._rng)
+        """Return the input of the policy."""
+        return self._noisy.estimate(self._params, self._rng)
 
-    def judged(self) -> Estimate:
-        """The truth."""
+    def monitored_state(self) -> Estimate:
+        """Return the true state."""
         return self._robot.object_state()

@@ -1,4 +1,4 @@
-"""Robots by name; each is imported when it is asked for."""
+"""Robots by name; each is imported on request."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ COMING = {
     "panda": "panda comes with the arm's client, which this version does not have yet",
     "fr3": "fr3 comes with the arm's client, which this version does not have yet",
 }
-"""Names that will be known, and what to say until then."""
+"""Names of future versions, with the error until then."""
 
 
 def robot_named(name: str, bundle: Bundle) -> SimulatedRobot:
-    """The robot called ``name``, not yet connected.
+    """Return the robot called ``name``, not yet connected.
 
     Raises:
-        ConfigError: There is none.
-        MissingError: What it needs is not installed.
+        ConfigError: The name is unknown.
+        MissingError: A package that it needs is not installed.
     """
     if name in COMING:
-        raise ConfigError(f"--robot {COMING[name]}; there is: {', '.join(ROBOTS)}")
+        raise ConfigError(f"--robot {COMING[name]}; available: {', '.join(ROBOTS)}")
     if name not in ROBOTS:
         raise ConfigError(f"--robot {name}: unknown{nearest(name, (*ROBOTS, *COMING))}")
     module, attribute = ROBOTS[name].split(":")
     try:
-        with suppress_output():  # PyBullet announces itself
+        with suppress_output():  # PyBullet prints a banner
             make: Any = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("articulate"):

@@ -1,8 +1,7 @@
-"""A stand-in arm in this process: the scene that the policy was trained in, from the bundle.
+"""Simulated arm in MuJoCo: the scene in which the policy was trained, from the bundle.
 
-It repeats the plant of training: the follower at every physics step, the hand's latency and
-speed, joint impedance by the model's own actuators. What a :class:`articulate.task.randomization.EpisodeParams` says
-is applied, but for the object's size: a bundle holds the scene at one size.
+The control stack is that of training, with joint impedance by the model's actuators. All episode
+parameters apply except the object's size: a bundle has its scene at one size.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from articulate_deploy.robots.robot import Sample
 from articulate_deploy.robots.simulated import BaseSimulatedRobot
 
 MAX_ITERATIONS = 1000
-"""Most iterations of a solver in a physics step; ours have up to 50."""
+"""Largest number of solver iterations in a physics step; exported scenes have up to 50."""
 SENSOR_SIZES = (10, 10, 1)
-"""Numbers of the three: net contacts of the hand with object and floor, a count for the robot."""
+"""Sizes of the sensors: net contacts of the gripper with object and floor, count for the robot."""
 
 
 @dataclass(frozen=True)
 class Addresses:
-    """Where the manifest's names stand: positions ``q``, speeds ``v``, actuators ``u``, others."""
+    """Indices of the manifest's names: positions ``q``, speeds ``v``, actuators ``u``, others."""
 
     arm_q: Ints
     arm_v: Ints
@@ -48,7 +47,7 @@ class Addresses:
 
 
 class MujocoRobot(BaseSimulatedRobot):
-    """The arm of a bundle in MuJoCo; see :class:`articulate_deploy.robots.robot.SimulatedRobot`."""
+    """Arm of a bundle in MuJoCo; see :class:`articulate_deploy.robots.robot.SimulatedRobot`."""
 
     name = "mujoco"
 
@@ -58,7 +57,7 @@ class MujocoRobot(BaseSimulatedRobot):
         self._nominal: mujoco.MjModel | None = None
 
     @property
-    def step_s(self) -> float:
+    def physics_step_s(self) -> float:
         """Length of a physics step [s]."""
         return self._manifest.scene.timestep_s
 
@@ -69,18 +68,20 @@ class MujocoRobot(BaseSimulatedRobot):
             self._at = _addresses(self._nominal, self._manifest)
             _check_options(self._nominal, self._manifest)
             _check_gains(self._nominal, self._at, self._manifest)
-        except (ValueError, KeyError, TypeError) as error:  # TypeError: a name that is no text
+        except (ValueError, KeyError, TypeError) as error:  # TypeError: a name that is not text
             self._nominal = None
-            what = " ".join(str(error).split())[:160]
-            raise BundleError(f"{self._bundle.where}: its scene cannot be used ({what})") from None
+            reason = " ".join(str(error).split())[:160]
+            raise BundleError(
+                f"{self._bundle.where}: its scene cannot be used ({reason})"
+            ) from None
 
-    def _shut(self) -> None:
+    def _close(self) -> None:
         self._nominal = None
 
     def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
         assert self._nominal is not None
         manifest, at = self._manifest, self._at
-        self._model = self._drawn_model(self._nominal)
+        self._model = self._sampled_model(self._nominal)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_setConst(self._model, self._data)
         mujoco.mj_resetData(self._model, self._data)
@@ -91,10 +92,10 @@ class MujocoRobot(BaseSimulatedRobot):
         self._data.qpos[at.arm_q] = q
         self._data.qpos[at.finger_q] = np.array([0.5, -0.5]) * gripper_width_m
 
-    def _drawn_model(self, nominal: mujoco.MjModel) -> mujoco.MjModel:
-        """A copy of the scene with the drawn numbers in it, as the batched engine writes them."""
+    def _sampled_model(self, nominal: mujoco.MjModel) -> mujoco.MjModel:
+        """Return a copy of the scene with the sampled numbers, as the batched engine writes them."""
         model, at = copy.copy(nominal), self._at
-        d = {name: float(self._drawn[name][0]) for name in _FACTORS}
+        d = {name: float(self._params[name][0]) for name in _FACTORS}
         model.geom_friction[at.finger_geoms, 0] *= d["friction"]
         model.dof_damping[at.object_v] *= d["joint_damping"]
         model.dof_frictionloss[at.object_v] *= d["joint_friction"]
@@ -124,22 +125,24 @@ class MujocoRobot(BaseSimulatedRobot):
         data.ctrl[at.arm_u] = set_point
         data.ctrl[at.finger_u] = (finger_m, -finger_m)
         mujoco.mj_step(self._model, data)
-        tool_w = data.site_xpos[at.tool]
-        wrench, touch = contact_wrench(data.sensordata[None], at.sensors, tool_w[None])
+        wrench = np.empty(6)
+        touch = contact_wrench(data.sensordata, *at.sensors, data.site_xpos[at.tool], wrench)
         return Sample(
             dq=data.qvel[at.arm_v].copy(),
             torque=data.qfrc_actuator[at.arm_v].copy(),
-            wrench=wrench[0],
-            touch=bool(touch[0]),
-            dt=self.step_s,
+            wrench=wrench,
+            touch=touch,
+            dt=self.physics_step_s,
         )
 
 
 def _check_options(model: mujoco.MjModel, manifest: Manifest) -> None:
-    """The scene is stepped as the manifest says, and in bounded time; ValueError if not."""
-    option, step_s = model.opt, manifest.scene.timestep_s
-    if abs(option.timestep - step_s) > 1e-9:
-        raise ValueError(f"its time step is {option.timestep:g} s, the manifest's {step_s:g} s")
+    """Require the manifest's time step and a bounded time per step; else ValueError."""
+    option, physics_step_s = model.opt, manifest.scene.timestep_s
+    if abs(option.timestep - physics_step_s) > 1e-9:
+        raise ValueError(
+            f"its time step is {option.timestep:g} s, the manifest's {physics_step_s:g} s"
+        )
     names = ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations")
     for name in (*names, "sdf_iterations"):
         if not 0 <= getattr(option, name) <= MAX_ITERATIONS:
@@ -150,14 +153,14 @@ def _check_options(model: mujoco.MjModel, manifest: Manifest) -> None:
 
 
 def _check_gains(model: mujoco.MjModel, at: Addresses, manifest: Manifest) -> None:
-    """The arm has the gains of the manifest, which other robots are given; else ValueError."""
+    """Require the gains of the manifest, which other robots get; else ValueError."""
     robot, bias = manifest.robot, model.actuator_biasprm[at.arm_u]
-    for name, found, told in (
+    for name, found, expected in (
         ("stiffness", model.actuator_gainprm[at.arm_u, 0], robot.stiffness),
         ("stiffness", -bias[:, 1], robot.stiffness),
         ("damping", -bias[:, 2], robot.damping),
     ):
-        if not np.allclose(found, told, rtol=1e-6, atol=0.0):
+        if not np.allclose(found, expected, rtol=1e-6, atol=0.0):
             raise ValueError(f"{name} of its arm is not the manifest's")
 
 
@@ -167,7 +170,7 @@ _FACTORS = (
 
 
 def _addresses(model: mujoco.MjModel, manifest: Manifest) -> Addresses:
-    """Where things stand; KeyError names what the scene lacks."""
+    """Return the indices; KeyError names what the scene lacks."""
     scene = manifest.scene
     joints = [model.joint(name) for name in scene.arm_joints]
     fingers = [model.joint(name) for name in scene.finger_joints]

@@ -1,4 +1,4 @@
-"""One episode of a bundle on the stand-in in this process, to be watched."""
+"""Playback of one episode of a bundle on the simulated robot in MuJoCo."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 from articulate.render.canvas import Canvas, Pixels
 from articulate.render.encode_video import write_video
 from articulate.render.playback import EpisodePlayback
-from articulate.render.scene_style import add_sky, part_rgba
-from articulate.render.view_camera import Viewpoint, fit_viewpoint, geom_corners
+from articulate.render.view_camera import Viewpoint, fit_viewpoint
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import FIELDS
 from articulate.transforms import Array
@@ -23,14 +22,18 @@ from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.mujoco import MujocoRobot
 
 SIZE = (640, 480)
-"""Width and height of a clip [px]."""
+"""Width and height of a video [px]."""
 AZIMUTH_DEG, ELEVATION_DEG = 52.0, -22.0
+HORIZON_RGB, ZENITH_RGB = (0.93, 0.945, 0.955), (0.70, 0.78, 0.85)
 ARM_RGBA = (0.92, 0.92, 0.93, 1.0)
+PART_RGBA = ((0.80, 0.79, 0.76, 1.0), (0.72, 0.53, 0.34, 1.0), (0.55, 0.63, 0.66, 1.0))
+"""Colours of the object: its root, and its moving links in turn."""
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 FLOOR_RGBA = (0.80, 0.82, 0.83, 1.0)
 
 
-class _Seen(MujocoRobot):
-    """Keeps what it went through."""
+class _RecordedRobot(MujocoRobot):
+    """Robot that records its positions."""
 
     def __init__(self, bundle: Bundle) -> None:
         super().__init__(bundle)
@@ -42,41 +45,42 @@ class _Seen(MujocoRobot):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The scene under the last draw."""
+        """Scene under the last episode parameters."""
         return self._model
 
 
 def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool) -> EpisodePlayback:
-    """Let the policy of the bundle at ``path`` act for one episode.
+    """Run the policy of the bundle at ``path`` for one episode.
 
     Args:
-        path: The bundle.
-        seed: Must be None: a bundle holds one policy.
-        episode: The episode that ``deploy`` counts so.
-        randomise: Draw as in training, the object's size aside; else the start of the arm alone.
+        path: Bundle.
+        seed: Must be None: a bundle has one policy.
+        episode: Index of the episode in ``deploy``.
+        randomise: Randomize as in training, except the object's size; else only the start of the
+            arm.
 
     Raises:
-        BundleError: The bundle is not sound.
+        BundleError: The bundle is invalid.
     """
     assert seed is None
     bundle = load_bundle(path)
     manifest = bundle.manifest
     plan = make_plan(bundle, episode + 1, seed=None, randomise=randomise)
-    drawn, noise = plan.params(episode), plan.noise(episode)
-    robot, recording = _Seen(bundle), Recording()
+    params, noise = plan.params(episode), plan.noise(episode)
+    robot, recording = _RecordedRobot(bundle), Recording()
     with robot:
-        robot.set_episode_params(drawn, force_noise_n=plan.config.force_noise_n, noise=noise)
-        robot.reset_to(start_of(manifest, drawn), manifest.start.gripper_width_m)
-        estimator = TruthEstimator(robot, plan.config, manifest.task, drawn, noise)
+        robot.set_episode_params(params, force_noise_n=plan.config.force_noise_n, noise=noise)
+        robot.reset_to(start_of(manifest, params), manifest.start.gripper_width_m)
+        estimator = TruthEstimator(robot, plan.config, manifest.task, params, noise)
         result = run_episode(
             Policy(bundle),
             robot,
             estimator,
             manifest,
-            delay_steps=int(drawn["delay_steps"][0]),
+            delay_steps=int(params["delay_steps"][0]),
             recording=recording,
         )
-        model = _as_seen(bundle, robot.model)
+        model = _visual_model(bundle, robot.model)
     arrays, qpos = recording.arrays(), np.stack(robot.qpos)
     step_s = manifest.control.step_s
 
@@ -93,45 +97,58 @@ def watch_bundle(path: Path, *, seed: int | None, episode: int, randomise: bool)
         step_s=step_s,
         curves={
             "opened": arrays["part_open"],
-            "force_n": arrays["judgement"][:, column["force"]],
+            "force_n": arrays["monitor"][:, column["force"]],
             "part_speed": arrays["part_speed"],
         },
         write_video=write_clip,
     )
 
 
-def _as_seen(bundle: Bundle, drawn: mujoco.MjModel) -> mujoco.MjModel:
-    """The scene of a bundle with a sky, light and colours, its object where it was drawn."""
+def _visual_model(bundle: Bundle, sampled: mujoco.MjModel) -> mujoco.MjModel:
+    """Return the scene of a bundle with sky, light and colours, its object at the sampled pose."""
     text, meshes = bundle.scene_assets()
     spec = mujoco.MjSpec.from_string(text, assets=meshes)
-    add_sky(spec, 64)
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=ZENITH_RGB,
+        rgb2=HORIZON_RGB,
+        width=64,
+        height=384,
+    )
     spec.visual.headlight.ambient = (0.45, 0.45, 0.45)
     spec.visual.headlight.diffuse = (0.55, 0.55, 0.55)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     model = spec.compile()
     scene = bundle.manifest.scene
-    own = 0
+    count = 0
     for b in range(1, model.nbody):
         of = model.geom_bodyid == b
         if model.body(b).name.startswith(scene.object_prefix):
-            model.geom_rgba[of] = part_rgba(own)
-            own += 1
+            model.geom_rgba[of] = PART_RGBA[0] if count == 0 else PART_RGBA[1 + (count - 1) % 2]
+            count += 1
         else:
             model.geom_rgba[of] = ARM_RGBA
-    # A bundle holds the shapes that touch, which are hidden, and not those that are seen.
+    # A bundle has the collision shapes, which are hidden, and no visual shapes.
     model.geom_group[:] = 0
     model.geom_rgba[model.geom_bodyid == 0] = FLOOR_RGBA
     root = model.body(scene.object_root).id
-    model.body_pos[root], model.body_quat[root] = drawn.body_pos[root], drawn.body_quat[root]
+    model.body_pos[root], model.body_quat[root] = sampled.body_pos[root], sampled.body_quat[root]
     return model
 
 
 def _frames(model: mujoco.MjModel, qpos: Array) -> Iterator[Pixels]:
-    """One picture for each row of positions (T, nq)."""
+    """Yield one image for each row of positions (T, nq)."""
     data = mujoco.MjData(model)
     canvas = Canvas(model, SIZE, shadows=False)
     try:
-        camera = _view(model, data, qpos).camera()
+        view = _view(model, data, qpos)
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = view.lookat_w
+        camera.distance = view.distance_m
+        camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
         for q in qpos:
             _place(model, data, q)
             yield canvas.render(data, camera)
@@ -140,11 +157,13 @@ def _frames(model: mujoco.MjModel, qpos: Array) -> Iterator[Pixels]:
 
 
 def _view(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> Viewpoint:
-    """From the front and above, so that every moving shape is in the picture."""
+    """Return a view from the front and above with every moving shape in the image."""
     points = []
     for q in qpos[:: max(1, len(qpos) // 5)]:
         _place(model, data, q)
-        points.append(geom_corners(model, data, np.flatnonzero(model.geom_bodyid != 0)))
+        for i in np.flatnonzero(model.geom_bodyid != 0):
+            corners = model.geom_aabb[i, :3] + model.geom_aabb[i, 3:] * CORNERS
+            points.append(corners @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i])
     return fit_viewpoint(
         np.concatenate(points),
         azimuth_deg=AZIMUTH_DEG,

@@ -1,9 +1,9 @@
-"""A stand-in arm in another engine: PyBullet, with its own Panda and the object's URDF.
+"""Simulated arm in another engine: PyBullet, with its Panda and the object's URDF.
 
-What is the same as in training: follower, hand, joint impedance with gravity compensation and
-torque limits, layouts, judgement. What is not: the engine, its contacts, the shapes and inertias
-of the arm, and how the object was read. A policy that does as well here does not live on one
-engine's quirks. :attr:`PybulletRobot.notes` says what of a draw is taken otherwise.
+Equal to training: set-point filter, gripper, joint impedance with gravity compensation and torque
+limits, layouts, episode monitor. Different: the engine, its contacts, the shapes and inertias of
+the arm, and the reader of the object. A policy with the same success here does not depend on one
+engine's peculiarities. :attr:`PybulletRobot.notes` lists episode parameters that differ.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from articulate_deploy.robots.robot import Sample
 from articulate_deploy.robots.simulated import BaseSimulatedRobot
 
 STEP_S = 0.001
-"""Longest physics step [s]: that of the arm's own controller."""
+"""Longest physics step [s]: that of the arm's controller."""
 ITERATIONS = 100
 """Iterations of Bullet's solver in a step."""
 GRAVITY_M_S2 = 9.81
@@ -36,26 +36,26 @@ ARM_URDF = "franka_panda/panda.urdf"
 """The Panda that comes with PyBullet."""
 ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
 FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")
-HAND_LINKS = ("panda_hand", "panda_leftfinger", "panda_rightfinger")
+GRIPPER_LINKS = ("panda_hand", "panda_leftfinger", "panda_rightfinger")
 FINGER_COUPLING_N = 1000.0
 """Largest force that keeps the two fingers at the same opening [N]."""
 NOTES = (
-    "pybullet knows no reflected inertia: that of the arm, as drawn, is laid on its links so that "
-    "the sum at each joint is right at the start; that of the object's joints is left out",
-    "pybullet reads the object's inertias, damping and dry friction from its URDF; its parts meet "
-    "the arm and not each other",
-    "the moment on the hand is that of the contacts' forces, without their torsional friction",
+    "pybullet has no reflected inertia: the sampled one of the arm is added to its links, so that "
+    "the sum at each joint is correct at the start; that of the object's joints is left out",
+    "pybullet reads the object's inertias, damping and dry friction from its URDF; its parts collide "
+    "with the arm and not with each other",
+    "the moment on the gripper is that of the contacts' forces, without their torsional friction",
 )
 
 
 @dataclass(frozen=True)
 class _Bodies:
-    """Where names stand in the world of one episode."""
+    """Indices of names in the world of one episode."""
 
     arm: int
     arm_joints: list[int]
     """Seven joints, then the two fingers."""
-    hand_links: frozenset[int]
+    gripper_links: frozenset[int]
     object: int
     object_joints: dict[str, int]
     """Moving joints by name; a joint has the number of the link that it moves."""
@@ -63,7 +63,7 @@ class _Bodies:
 
 
 class PybulletRobot(BaseSimulatedRobot):
-    """The arm of a bundle in PyBullet; see :class:`articulate_deploy.robots.robot.SimulatedRobot`."""
+    """Arm of a bundle in PyBullet; see :class:`articulate_deploy.robots.robot.SimulatedRobot`."""
 
     name = "pybullet"
 
@@ -75,14 +75,14 @@ class PybulletRobot(BaseSimulatedRobot):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What of a draw this engine takes otherwise, or not at all."""
+        """Episode parameters that this engine handles differently, or not at all."""
         return NOTES
 
     @property
-    def step_s(self) -> float:
-        """Length of a physics step [s]: :data:`STEP_S`, or what fits into a step of training."""
-        step_s = self._manifest.scene.timestep_s
-        return step_s / math.ceil(step_s / STEP_S - 1e-9)
+    def physics_step_s(self) -> float:
+        """Length of a physics step [s]: :data:`STEP_S`, or a shorter one that divides training's step."""
+        physics_step_s = self._manifest.scene.timestep_s
+        return physics_step_s / math.ceil(physics_step_s / STEP_S - 1e-9)
 
     def _open(self) -> None:
         text, meshes = self._bundle.object_assets()
@@ -94,7 +94,7 @@ class PybulletRobot(BaseSimulatedRobot):
         self._object_urdf.write_text(text, encoding="utf-8")
         self._world = pybullet.connect(pybullet.DIRECT)
 
-    def _shut(self) -> None:
+    def _close(self) -> None:
         if self._world >= 0:
             pybullet.disconnect(self._world)
             self._world = -1
@@ -106,12 +106,12 @@ class PybulletRobot(BaseSimulatedRobot):
         return getattr(pybullet, name)(*args, **kwargs, physicsClientId=self._world)
 
     def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
-        """Make the world anew, so that an episode depends on nothing that was before it."""
+        """Reset the world, so that an episode does not depend on earlier ones."""
         self._call("resetSimulation")
         self._call("setGravity", 0.0, 0.0, -GRAVITY_M_S2)
         self._call(
             "setPhysicsEngineParameter",
-            fixedTimeStep=self.step_s,
+            fixedTimeStep=self.physics_step_s,
             numSubSteps=0,
             numSolverIterations=ITERATIONS,
             deterministicOverlappingPairs=1,
@@ -120,12 +120,12 @@ class PybulletRobot(BaseSimulatedRobot):
         self._set_arm()
         self._set_object()
         self._rest(q, gripper_width_m, part)
-        robot, drawn = self._manifest.robot, self._drawn
-        self._stiffness = np.asarray(robot.stiffness) * float(drawn["stiffness"][0])
-        self._damping = np.asarray(robot.damping) * float(drawn["damping"][0])
+        robot, params = self._manifest.robot, self._params
+        self._stiffness = np.asarray(robot.stiffness) * float(params["stiffness"][0])
+        self._damping = np.asarray(robot.damping) * float(params["damping"][0])
         self._tau_max = np.asarray(robot.tau_max)
         self._push_w = np.zeros(3)
-        self._look()
+        self._read_arm()
 
     def _load(self) -> _Bodies:
         manifest = self._manifest
@@ -138,7 +138,7 @@ class PybulletRobot(BaseSimulatedRobot):
             flags=pybullet.URDF_IGNORE_VISUAL_SHAPES,
         )
         try:
-            with suppress_output():  # what it says of a file that it refuses, beside the error
+            with suppress_output():  # its messages about a rejected file, beside the error
                 item = self._call(
                     "loadURDF",
                     str(self._object_urdf),
@@ -172,7 +172,7 @@ class PybulletRobot(BaseSimulatedRobot):
         return _Bodies(
             arm=arm,
             arm_joints=[arm_joints[name] for name in (*ARM_JOINTS, *FINGER_JOINTS)],
-            hand_links=frozenset(links[name] for name in HAND_LINKS),
+            gripper_links=frozenset(links[name] for name in GRIPPER_LINKS),
             object=item,
             object_joints=object_joints,
             floor=floor,
@@ -186,7 +186,7 @@ class PybulletRobot(BaseSimulatedRobot):
         return [(int(info[0]), info[12].decode()) for info in self._infos(body)]
 
     def _set_arm(self) -> None:
-        """Friction, inertia and limits of the arm; its motors are dry friction and no more."""
+        """Set friction, inertia and limits of the arm; its motors are dry friction only."""
         robot, fingers = self._manifest.robot, self._manifest.scene.fingers
         arm, joints = self._bodies.arm, self._bodies.arm_joints
         for number, _ in [(-1, ""), *self._links(arm)]:
@@ -194,11 +194,11 @@ class PybulletRobot(BaseSimulatedRobot):
                 "changeDynamics", arm, number, linearDamping=0.0, angularDamping=0.0,
                 jointDamping=0.0, lateralFriction=1.0, rollingFriction=0.0, spinningFriction=0.0,
             )  # fmt: skip
-        # Inverse dynamics keep the inertias of their first call, and would refuse what follows: a
-        # rotor's lone inertia about one axis is no rigid body's. Gravity does not ask for inertia.
+        # Inverse dynamics keep the inertias of their first call and would reject the ones below: a
+        # rotor's inertia about one axis is not a rigid body's. Gravity does not depend on inertia.
         self._gravity(np.zeros(9))
         more = armature_on_links(robot, np.asarray(self._manifest.start.q))
-        more = more * float(self._drawn["armature"][0])
+        more = more * float(self._params["armature"][0])
         for i, number in enumerate(joints[:7]):
             inertia = np.array(self._call("getDynamicsInfo", arm, number)[2])
             inertia[2] += more[i]
@@ -209,7 +209,7 @@ class PybulletRobot(BaseSimulatedRobot):
         for number in joints[7:]:
             self._call(
                 "changeDynamics", arm, number, spinningFriction=fingers.spin_friction_m,
-                lateralFriction=fingers.sliding_friction * float(self._drawn["friction"][0]),
+                lateralFriction=fingers.sliding_friction * float(self._params["friction"][0]),
             )  # fmt: skip
         gear = self._call(
             "createConstraint", arm, joints[7], arm, joints[8], pybullet.JOINT_GEAR,
@@ -220,9 +220,9 @@ class PybulletRobot(BaseSimulatedRobot):
             self._dry_friction(arm, number, force)
 
     def _set_object(self) -> None:
-        """Mass, damping and dry friction of the object as they were drawn."""
-        item, drawn = self._bodies.object, self._drawn
-        d = {name: float(drawn[name][0]) for name in ("joint_damping", "joint_friction", "mass")}
+        """Set the sampled mass, damping and dry friction of the object."""
+        item, params = self._bodies.object, self._params
+        d = {name: float(params[name][0]) for name in ("joint_damping", "joint_friction", "mass")}
         moving = set(self._bodies.object_joints.values())
         for number in (-1, *(number for number, _ in self._links(item))):
             self._call(
@@ -240,11 +240,13 @@ class PybulletRobot(BaseSimulatedRobot):
                 jointDamping=info[6] * d["joint_damping"],
             )  # fmt: skip
             self._dry_friction(item, number, info[7] * d["joint_friction"])
-        carried = set(self._manifest.scene.counterbalanced)
-        self._carried = [number for number, name in self._links(item) if name in carried]
+        counterbalanced = set(self._manifest.scene.counterbalanced)
+        self._counterbalanced = [
+            number for number, name in self._links(item) if name in counterbalanced
+        ]
 
     def _dry_friction(self, body: int, joint: int, force: float) -> None:
-        """A motor that wants no motion and has no more than ``force`` [N or Nm] to say so."""
+        """Add a motor with target speed 0 and at most ``force`` [N or Nm]."""
         self._call(
             "setJointMotorControl2", body, joint, pybullet.VELOCITY_CONTROL,
             targetVelocity=0.0, force=force,
@@ -271,7 +273,7 @@ class PybulletRobot(BaseSimulatedRobot):
         position, speed, *_ = self._call("getJointState", self._bodies.object, number)
         return float(position), float(speed)
 
-    def _look(self) -> None:
+    def _read_arm(self) -> None:
         states = self._call("getJointStates", self._bodies.arm, self._bodies.arm_joints)
         self._q = np.array([state[0] for state in states])
         self._dq = np.array([state[1] for state in states])
@@ -285,37 +287,41 @@ class PybulletRobot(BaseSimulatedRobot):
         )  # fmt: skip
         self._act_on_object()
         self._call("stepSimulation")
-        self._look()
+        self._read_arm()
         wrench, touch = self._contacts()
         return Sample(
-            dq=self._dq[:7].copy(), torque=torque[:7], wrench=wrench, touch=touch, dt=self.step_s
+            dq=self._dq[:7].copy(),
+            torque=torque[:7],
+            wrench=wrench,
+            touch=touch,
+            dt=self.physics_step_s,
         )
 
     def _torques(self, set_point: Array, finger_m: float) -> Array:
-        """Torques of the joints and forces of the fingers (9,) [Nm, N], gravity carried."""
+        """Return joint torques and finger forces (9,) [Nm, N], gravity compensated."""
         fingers, q, dq = self._manifest.scene.fingers, self._q, self._dq
         gravity = self._gravity(q)
         out = np.empty(9)
-        wish = self._stiffness * (set_point - q[:7]) - self._damping * dq[:7] + gravity[:7]
-        out[:7] = np.clip(wish, -self._tau_max, self._tau_max)
+        torque = self._stiffness * (set_point - q[:7]) - self._damping * dq[:7] + gravity[:7]
+        out[:7] = np.clip(torque, -self._tau_max, self._tau_max)
         force = fingers.stiffness_n_m * (finger_m - q[7:]) - fingers.damping_n_s_m * dq[7:]
         out[7:] = np.clip(force, -fingers.force_n, fingers.force_n) + gravity[7:]
         out[7:] -= fingers.passive_damping_n_s_m * dq[7:]
         return out
 
     def _gravity(self, q: Array) -> Array:
-        """What carries the arm's weight at ``q`` (9,), hand and fingers included (9,) [Nm, N]."""
+        """Return the torques (9,) [Nm, N] that compensate the weight at ``q`` (9,), fingers included."""
         still = [0.0] * 9
         arm = self._bodies.arm
         return np.array(self._call("calculateInverseDynamics", arm, q.tolist(), still, still))
 
     def _act_on_object(self) -> None:
-        """The drawn push, and what carries the weight of parts that would fall."""
+        """Apply the sampled push, and the compensation of parts that would fall."""
         item = self._bodies.object
         part = self._bodies.object_joints[self._manifest.task.joint]
         forces = [
             (number, np.array([0.0, 0.0, self._mass(number) * GRAVITY_M_S2]))
-            for number in self._carried
+            for number in self._counterbalanced
         ]
         if self._push_w.any():
             forces.append((part, self._push_w))
@@ -329,16 +335,16 @@ class PybulletRobot(BaseSimulatedRobot):
         return float(self._call("getDynamicsInfo", self._bodies.object, number)[0])
 
     def _contacts(self) -> tuple[Array, bool]:
-        """Net wrench on hand and fingers about the tool (6,), and whether the arm touches."""
+        """Return the net wrench on the gripper about the tool (6,), and forbidden contact of the arm."""
         # Contacts come one by one, as tuples: sums of floats are ten times as fast as arrays here.
         fx = fy = fz = mx = my = mz = 0.0  # about the world's origin
-        touch, held, bodies = False, False, self._bodies
+        touch, loaded, bodies = False, False, self._bodies
         for contact in self._call("getContactPoints"):
             if contact[9] <= 0.0:
                 continue
             first = contact[1] == bodies.arm
             link, other = (contact[3], contact[2]) if first else (contact[4], contact[1])
-            if link not in bodies.hand_links:
+            if link not in bodies.gripper_links:
                 touch |= other == bodies.object
                 continue
             x, y, z = contact_force(contact)
@@ -347,19 +353,19 @@ class PybulletRobot(BaseSimulatedRobot):
             px, py, pz = contact[5 if first else 6]
             fx, fy, fz = fx + x, fy + y, fz + z
             mx, my, mz = mx + py * z - pz * y, my + pz * x - px * z, mz + px * y - py * x
-            held = True
+            loaded = True
         wrench = np.array([fx, fy, fz, mx, my, mz])
-        if held:
+        if loaded:
             tool_w = tool_pose(self._manifest.robot, self._q[:7])[:3, 3]
             wrench[3:] -= np.cross(tool_w, wrench[:3])
         return wrench, touch
 
 
 def contact_force(contact: Any) -> tuple[float, float, float]:
-    """Force on the first of the two bodies of a contact point [N].
+    """Return the force on the first of the two bodies of a contact point [N].
 
-    ``getContactPoints`` turns the normal round where it is asked for a pair, but not the two
-    directions of friction: only what it gives without being asked for a body fits together.
+    ``getContactPoints`` flips the normal for a requested pair, but not the two directions of
+    friction: the values are consistent only for a call without bodies.
     """
     nx, ny, nz = contact[7]
     ax, ay, az = contact[11]
@@ -373,12 +379,12 @@ def contact_force(contact: Any) -> tuple[float, float, float]:
 
 
 def armature_on_links(arm: Arm, q: Array) -> Array:
-    """What each link is given about its joint's axis (7,) [kg m^2] to stand for ``arm.armature``.
+    """Return the inertia of each link about its joint axis (7,) [kg m^2] that models ``arm.armature``.
 
-    A rotor's inertia counts at its own joint alone; a link's counts at every joint before it, by
-    the squared cosine between the axes. What links beyond bring at ``q`` (7,) [rad] is left out.
+    A rotor's inertia acts at its joint only; a link's acts at every joint before it, by the squared
+    cosine between the axes. The part of the links beyond at ``q`` (7,) [rad] is subtracted.
     """
-    axes = joint_poses(q)[:, :3, 2]
+    axes = joint_poses(arm, q)[:, :3, 2]
     share = (axes @ axes.T) ** 2
     out = np.zeros(7)
     for i in reversed(range(7)):

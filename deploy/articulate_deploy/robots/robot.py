@@ -1,8 +1,8 @@
-"""The protocol of robots: LeRobot's names, and what we need beside them.
+"""Protocol of robots: LeRobot's names, and the additions that episodes need.
 
 Names and meanings of ``observation_features`` to ``disconnect`` are those of
 ``lerobot.robots.Robot`` (LeRobot 0.6); keys are flat, one number each. ``reset_to``, ``stop``,
-``take_samples`` are ours.
+``take_samples`` are additions.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from articulate.transforms import Array
 JOINT_KEYS = tuple(f"joint_{i}.pos" for i in range(1, 8))
 SPEED_KEYS = tuple(f"joint_{i}.vel" for i in range(1, 8))
 FORCE_KEYS = ("force.x", "force.y", "force.z")
-"""Net force of the surroundings on hand and fingers as the arm feels it, world axes [N], filtered
-over the ``filter_s`` of the task's limits as the judgement filters it."""
+"""Net force of the surroundings on the gripper as the arm measures it, world axes [N], filtered
+over the ``filter_s`` of the task's limits like the monitor's."""
 GRIPPER_KEY = "gripper.pos"
 """Opening between the fingers [m]."""
 OBSERVATION_FEATURES: dict[str, type] = dict.fromkeys(
@@ -37,22 +37,26 @@ class NotConnectedError(ArticulateError, ConnectionError):
 
 @dataclass(frozen=True)
 class Sample:
-    """What is measured at one step of the robot's controller."""
+    """Measurements at one step of the robot's controller."""
 
     dq: Array
     """Joint speeds (7,) [rad/s]."""
     torque: Array
     """Joint torques, gravity included (7,) [Nm]."""
     wrench: Array
-    """Force [N] and moment about the tool [Nm] of the surroundings on the hand, world axes (6,)."""
+    """Force [N] and moment about the tool [Nm] of the surroundings on the gripper, world axes
+    (6,)."""
     touch: bool
-    """Whether anything but hand and fingers touches the object."""
+    """True if anything but the gripper touches the object."""
     dt: float
-    """Time since the sample before [s]."""
+    """Time since the last sample [s]."""
 
 
 class Robot(Protocol):
-    """An arm with a hand that follows targets sent once a tick."""
+    """Arm with a gripper that tracks one set of targets per control step.
+
+    A driver gets targets that the episode loop has made safe, and sends them as they are.
+    """
 
     name: str
 
@@ -66,38 +70,38 @@ class Robot(Protocol):
 
     @property
     def is_connected(self) -> bool:
-        """Whether :meth:`connect` was called."""
+        """True after :meth:`connect`."""
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether the robot needs no calibration."""
+        """True if the robot needs no calibration."""
 
     def connect(self, calibrate: bool = True) -> None:
         """Open the connection."""
 
     def calibrate(self) -> None:
-        """Calibrate, where there is something to calibrate."""
+        """Calibrate the robot, if it needs it."""
 
     def configure(self) -> None:
         """Write settings to the robot."""
 
     def get_observation(self) -> dict[str, float]:
-        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m], force on it [N]."""
+        """Return joint angles [rad], joint speeds [rad/s], opening of the gripper [m], force [N]."""
 
     def send_action(self, action: dict[str, float]) -> dict[str, float]:
-        """Send targets [rad] and an opening [m]; returns what was really sent."""
+        """Send targets [rad] and an opening [m]; return the values that were sent."""
 
     def disconnect(self) -> None:
         """Close the connection."""
 
     def reset_to(self, q: Array, gripper_width_m: float) -> None:
-        """Bring the arm to rest at ``q`` (7,) [rad] and the hand to an opening [m]."""
+        """Bring the arm to rest at ``q`` (7,) [rad] and the gripper to an opening [m]."""
 
     def stop(self) -> None:
-        """Hold the arm where it is; actions are refused until :meth:`reset_to`."""
+        """Hold the arm in place; actions are rejected until :meth:`reset_to`."""
 
     def take_samples(self) -> list[Sample]:
-        """Samples since the last call."""
+        """Return the samples since the last call."""
 
     def __enter__(self) -> Self:
         """Connect."""
@@ -115,41 +119,41 @@ class Robot(Protocol):
 
 
 class SimulatedRobot(Robot, Protocol):
-    """A robot in simulation: it can be told what was drawn, and knows the object's state.
+    """Robot in simulation: it takes episode parameters and provides the object's true state.
 
-    Time passes by one tick with each :meth:`Robot.send_action`.
+    Time advances by one control step with each :meth:`Robot.send_action`.
     """
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What of a draw it takes otherwise than the simulator of training, or not at all."""
+        """Episode parameters that it handles differently from training, or not at all."""
 
     def set_episode_params(
         self,
-        drawn: EpisodeParams,
+        params: EpisodeParams,
         *,
         force_noise_n: float = 0.0,
         noise: np.random.Generator | None = None,
     ) -> None:
-        """What the next episodes are like (one row); takes effect at :meth:`Robot.reset_to`.
+        """Set the parameters of the next episodes (one row), from :meth:`Robot.reset_to` on.
 
         Args:
-            drawn: The draw.
-            force_noise_n: Standard deviation of the error of the felt force, each reading [N].
-            noise: Where that comes from; None reads without it.
+            params: Episode parameters.
+            force_noise_n: Standard deviation of the noise of the measured force [N].
+            noise: Random generator of that noise; None reads without it.
         """
 
     def object_state(self) -> Estimate:
-        """The true state of the object (one row)."""
+        """Return the true state of the object (one row)."""
 
 
-def joints_of(values: dict[str, float], keys: tuple[str, ...] = JOINT_KEYS) -> Array:
-    """The numbers under ``keys`` in their order (len(keys),)."""
+def read_keys(values: dict[str, float], keys: tuple[str, ...] = JOINT_KEYS) -> Array:
+    """Return the numbers under ``keys`` in their order (len(keys),)."""
     return np.array([values[key] for key in keys], dtype=np.float64)
 
 
-def action_of(target: Array, gripper_width_m: float) -> dict[str, float]:
-    """Targets (7,) [rad] and an opening [m] under their keys."""
+def action_dict(target: Array, gripper_width_m: float) -> dict[str, float]:
+    """Return targets (7,) [rad] and an opening [m] under their keys."""
     return {
         **dict(zip(JOINT_KEYS, target.tolist(), strict=True)),
         GRIPPER_KEY: float(gripper_width_m),

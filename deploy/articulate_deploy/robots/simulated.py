@@ -1,7 +1,7 @@
-"""What stand-ins in this process share: the plant of training around an engine's physics steps.
+"""Common part of simulated robots in this process: the control stack around an engine's physics.
 
-The follower, the hand's latency and speed and the drawn push are here; an engine brings the
-torques of the joint impedance, the fingers' forces, and contacts.
+The set-point filter, the latency and speed of the gripper and the sampled push are here; an engine
+adds the torques of the joint impedance, the fingers' forces, and contacts.
 """
 
 from __future__ import annotations
@@ -13,16 +13,20 @@ import numpy as np
 
 from articulate.errors import ConfigError, nearest
 from articulate.robot.control import (
-    ROUNDING_S,
+    apply_gripper_latency,
     discretize_filter,
     filter_start,
     filter_step,
-    finger_command,
+    finger_params,
+    finger_start,
+    finger_step,
+    new_gripper_state,
 )
-from articulate.task.object_placement import handle_in_world, object_pose
+from articulate.task.episode_monitor import filter_gain, low_pass
+from articulate.task.object_placement import handle_path_of, object_pose
 from articulate.task.observation import Estimate
-from articulate.task.randomization import PUSH_S, EpisodeParams, nominal_params
-from articulate.task.state_estimation import felt
+from articulate.task.randomization import EpisodeParams, nominal_params, push_is_active
+from articulate.task.state_estimation import measured_force
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import (
@@ -35,20 +39,19 @@ from articulate_deploy.robots.robot import (
     NotConnectedError,
     Sample,
     SimulatedRobot,
-    action_of,
-    joints_of,
+    action_dict,
+    read_keys,
 )
-from articulate_deploy.safety import safe_target
 
 
 class BaseSimulatedRobot(SimulatedRobot, ABC):
-    """The arm of a bundle in an engine."""
+    """Arm of a bundle in an engine."""
 
     def __init__(self, bundle: Bundle) -> None:
         """Keep ``bundle``; the scene is made by :meth:`connect`."""
         self._bundle = bundle
         self._manifest = bundle.manifest
-        self._drawn = nominal_params(begin=bundle.manifest.task.begin)
+        self._params = nominal_params(begin=bundle.manifest.task.begin)
         self._force_noise_n, self._noise = 0.0, np.random.default_rng(0)
         self._is_open = False
         self._stopped = True
@@ -65,60 +68,60 @@ class BaseSimulatedRobot(SimulatedRobot, ABC):
 
     @property
     def is_connected(self) -> bool:
-        """Whether the scene is there."""
+        """True while the scene is open."""
         return self._is_open
 
     @property
     def is_calibrated(self) -> bool:
-        """Nothing is to be calibrated."""
+        """True; a simulated arm needs no calibration."""
         return True
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What of a draw this engine takes otherwise, or not at all."""
+        """Episode parameters that this engine handles differently, or not at all."""
         return ()
 
     @property
     @abstractmethod
-    def step_s(self) -> float:
-        """Length of a physics step [s]; a whole number of them is one of training's."""
+    def physics_step_s(self) -> float:
+        """Length of a physics step [s]; training's is an integer multiple."""
 
     @abstractmethod
     def _open(self) -> None:
         """Make the scene; BundleError if it cannot be used."""
 
     @abstractmethod
-    def _shut(self) -> None:
-        """Forget the scene."""
+    def _close(self) -> None:
+        """Release the scene."""
 
     @abstractmethod
     def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
-        """Begin anew under ``self._drawn``, the object at ``self._T_wo``, all at rest.
+        """Begin under ``self._params``, the object at ``self._T_wo``, all at rest.
 
         Args:
             q: Angles of the arm (7,) [rad].
-            gripper_width_m: Opening of the hand [m].
+            gripper_width_m: Opening of the gripper [m].
             part: Position of the task's joint [m or rad]; all others are closed.
         """
 
     @abstractmethod
     def _push(self, force_w: Array) -> None:
-        """Push the moving part with a force (3,) [N] throughout the next tick."""
+        """Push the moving part with a force (3,) [N] during the next control step."""
 
     @abstractmethod
     def _step(self, set_point: Array, finger_m: float) -> Sample:
-        """One physics step with set points (7,) [rad] and a finger's [m]."""
+        """Run one physics step with set points (7,) [rad] and a finger's [m]."""
 
     @abstractmethod
     def _read(self) -> tuple[Array, Array, float]:
-        """Angles (7,) [rad], speeds (7,) [rad/s], opening of the hand [m]."""
+        """Return angles (7,) [rad], speeds (7,) [rad/s], opening of the gripper [m]."""
 
     @abstractmethod
     def _part(self) -> tuple[float, float]:
-        """Position and speed of the task's joint [m or rad, and a second]."""
+        """Return position and speed of the task's joint [m or rad, and per second]."""
 
     def connect(self, calibrate: bool = True) -> None:
-        """Make the scene and stand at the bundle's start."""
+        """Make the scene, with the arm at the bundle's start."""
         self._open()
         self._is_open = True
         start = self._manifest.start
@@ -129,69 +132,70 @@ class BaseSimulatedRobot(SimulatedRobot, ABC):
             raise
 
     def calibrate(self) -> None:
-        """Nothing is to be calibrated."""
+        """Do nothing: a simulated arm needs no calibration."""
 
     def configure(self) -> None:
-        """Gains are the bundle's."""
+        """Do nothing: the gains are the bundle's."""
 
     def disconnect(self) -> None:
-        """Forget the scene."""
+        """Release the scene."""
         self._is_open = False
-        self._shut()
+        self._close()
 
     def set_episode_params(
         self,
-        drawn: EpisodeParams,
+        params: EpisodeParams,
         *,
         force_noise_n: float = 0.0,
         noise: np.random.Generator | None = None,
     ) -> None:
-        """What the next episodes are like; see :meth:`SimulatedRobot.set_episode_params`.
+        """Set the parameters of the next episodes; see :meth:`SimulatedRobot.set_episode_params`.
 
         Raises:
-            ConfigError: It asks for another size of the object.
+            ConfigError: They have another size of the object.
         """
-        scale = float(drawn["scale"][0])
+        scale = float(params["scale"][0])
         if scale != self._manifest.scene.scale:
             raise ConfigError(
                 f"the bundle's scene has size {self._manifest.scene.scale}, not {scale:.3g}; "
-                "draw with one size"
+                "sample with one size"
             )
-        self._drawn = drawn
+        self._params = params
         self._force_noise_n = 0.0 if noise is None else force_noise_n
         self._noise = np.random.default_rng(0) if noise is None else noise
 
     def reset_to(self, q: Array, gripper_width_m: float) -> None:
-        """Begin anew under the last draw, the arm at rest at ``q``.
+        """Begin an episode with the arm at rest at ``q`` (7,) [rad].
 
-        Every part is closed but the task's, which is where it was drawn.
+        All parts are closed except the task's, whose position is an episode parameter.
         """
-        self._connected()
-        manifest = self._manifest
+        self._check_connected()
+        manifest, dt = self._manifest, self.physics_step_s
         self._T_wo = self._object_pose()
         joint = manifest.object.joint(manifest.task.joint)
-        part = joint.closed + float(self._drawn["part_open"][0]) * joint.span
+        part = joint.closed + float(self._params["part_open"][0]) * joint.span
         self._begin(np.asarray(q, dtype=np.float64), gripper_width_m, part)
-        self._A, self._B = discretize_filter(manifest.control.omega_rad_s, self.step_s)
-        self._follower = filter_start(np.asarray(q)[None])
+        self._A, self._B = discretize_filter(manifest.control.omega_rad_s, dt)
+        self._filter = filter_start(np.asarray(q))
         self._target = np.asarray(q, dtype=np.float64).copy()
+        self._fingers = finger_params(manifest.robot.gripper, dt)
         self._finger = gripper_width_m / 2.0
-        self._wish = self._closing = -1.0
-        self._wait_s = 0.0
-        self._tick = 0
+        self._gripper = new_gripper_state(1)
+        self._steps = 0
         self._samples: list[Sample] = []
         self._force = np.zeros(3)
         self._stopped = False
 
     def stop(self) -> None:
-        """Hold the arm where it is told to be."""
+        """Hold the arm at its targets."""
         self._stopped = True
 
     def get_observation(self) -> dict[str, float]:
-        """Joint angles [rad], joint speeds [rad/s], opening of the hand [m], force on it [N]."""
-        self._connected()
+        """Return joint angles [rad], joint speeds [rad/s], opening of the gripper [m], force [N]."""
+        self._check_connected()
         q, dq, width = self._read()
-        force = felt(self._force[None], self._drawn, self._force_noise_n, self._noise)[0]
+        force, noise = np.empty(3), self._noise.normal(size=3)
+        measured_force(self._force, self._params.values[0], noise, self._force_noise_n, force)
         return {
             **dict(zip(JOINT_KEYS, q.tolist(), strict=True)),
             **dict(zip(SPEED_KEYS, dq.tolist(), strict=True)),
@@ -200,114 +204,106 @@ class BaseSimulatedRobot(SimulatedRobot, ABC):
         }
 
     def send_action(self, action: dict[str, float]) -> dict[str, float]:
-        """Send targets [rad] and an opening [m], and let one tick pass; returns what was sent.
+        """Send targets [rad] and an opening [m], and simulate one control step.
+
+        Returns:
+            The values that were sent.
 
         Raises:
             NotConnectedError: The robot is not connected, or was stopped.
-            ConfigError: A key is missing or not known.
+            ConfigError: A key is missing or unknown.
         """
-        self._connected()
+        self._check_connected()
         if self._stopped:
             raise NotConnectedError("the robot was stopped; call reset_to first")
         for key in ACTION_FEATURES.keys() ^ action.keys():
-            raise ConfigError(
-                f"action: {key} is missing or not known{nearest(key, ACTION_FEATURES)}"
-            )
-        config, robot = self._manifest.control, self._manifest.robot
-        self._target = safe_target(joints_of(action), self._target, config, robot)
-        wide = robot.gripper.max_width_m
+            raise ConfigError(f"action: {key} is missing or unknown{nearest(key, ACTION_FEATURES)}")
+        manifest = self._manifest
+        self._target = read_keys(action)
+        wide = manifest.robot.gripper.max_width_m
         width = wide if not action[GRIPPER_KEY] < wide / 2.0 else 0.0
-        self._tell_hand(1.0 if width == 0.0 else -1.0)
-        held = np.array([self._read()[2]])
-        self._finger = float(finger_command(np.array([self._finger]), held, self._closing)[0])
-        self._push(self._push_now())
-        finger_step = robot.gripper.finger_speed_m_s * self.step_s
-        together = round(self._manifest.scene.timestep_s / self.step_s)
-        steps: list[Sample] = []
-        for _ in range(round(config.step_s / self.step_s)):
-            self._follower = filter_step(self._follower, self._target[None], self._A, self._B)
-            move = -self._closing * finger_step
-            self._finger = float(np.clip(self._finger + move, *robot.gripper.finger_m))
-            steps.append(self._step(self._follower[0, :, 0], self._finger))
-            if len(steps) == together:
-                self._feel(joined(steps))
-                steps = []
-        self._tick += 1
-        return action_of(self._target, width)
+        self._command_gripper(1.0 if width == 0.0 else -1.0)
+        closing = self._gripper.closing[0]
+        self._finger = finger_start(self._finger, self._read()[2], closing)
+        self._push(self._present_push())
+        together = round(manifest.scene.timestep_s / self.physics_step_s)
+        samples: list[Sample] = []
+        for _ in range(round(manifest.control.step_s / self.physics_step_s)):
+            filter_step(self._filter, self._target, self._A, self._B)
+            self._finger = finger_step(self._finger, closing, self._fingers)
+            samples.append(self._step(self._filter[:, 0], self._finger))
+            if len(samples) == together:
+                self._store(joined(samples))
+                samples = []
+        self._steps += 1
+        return action_dict(self._target, width)
 
     def take_samples(self) -> list[Sample]:
-        """Samples since the last call, one for each physics step of training."""
+        """Return the samples since the last call, one for each physics step of training."""
         samples, self._samples = self._samples, []
         return samples
 
     def object_state(self) -> Estimate:
-        """The true state of the object."""
-        self._connected()
+        """Return the true state of the object."""
+        self._check_connected()
         manifest = self._manifest
-        joint = manifest.object.joint(manifest.task.joint)
+        path = handle_path_of(manifest.object, manifest.task.joint, flip=manifest.placement.flip)
         position, speed = self._part()
-        opened = np.array([(position - joint.closed) / joint.span])
-        T_wh = handle_in_world(
-            manifest.object,
-            joint.name,
-            T_wo=self._T_wo,
-            scale=np.ones(1),
-            opened=opened,
-            flip=manifest.placement.flip,
-        )
-        return Estimate(T_wh=T_wh, opened=opened, speed=np.array([speed * np.sign(joint.span)]))
+        opened = np.array([(position - path.closed) / path.span])
+        T_wh = path.in_world(T_wo=self._T_wo, scale=np.ones(1), opened=opened)
+        return Estimate(T_wh=T_wh, opened=opened, speed=np.array([speed * np.sign(path.span)]))
 
-    def _connected(self) -> None:
+    def _check_connected(self) -> None:
         if not self._is_open:
             raise NotConnectedError("the robot is not connected; call connect first")
 
     def _object_pose(self) -> Array:
-        drawn, manifest = self._drawn, self._manifest
+        params, manifest = self._params, self._manifest
         return object_pose(
             manifest.object,
             manifest.task.joint,
             manifest.placement,
             scale=np.ones(1),
-            shift=np.stack([drawn["x_m"], drawn["y_m"]], axis=1),
-            yaw=drawn["yaw_rad"],
+            shift=np.stack([params["x_m"], params["y_m"]], axis=1),
+            yaw=params["yaw_rad"],
         )
 
-    def _feel(self, sample: Sample) -> None:
-        """Keep a sample, and filter its force as :func:`judge_sample` does."""
+    def _store(self, sample: Sample) -> None:
+        """Keep a sample, and filter its force as the episode monitor does."""
         self._samples.append(sample)
-        gain = 1.0 - np.exp(-sample.dt / self._manifest.task.limits.filter_s)
-        self._force = self._force + gain * (sample.wrench[:3] - self._force)
+        gain = filter_gain(sample.dt, self._manifest.task.limits.filter_s)
+        low_pass(self._force, 0, sample.wrench, 3, gain)
 
-    def _tell_hand(self, wish: float) -> None:
-        """A new command acts after the drawn latency."""
-        if wish != self._wish:
-            self._wait_s = float(self._drawn["gripper_latency_s"][0])
-        else:
-            self._wait_s = max(self._wait_s - self._manifest.control.step_s, 0.0)
-        self._wish = wish
-        if self._wait_s <= ROUNDING_S:
-            self._closing = wish
+    def _command_gripper(self, command: float) -> None:
+        """Take a command, +1 close or -1 open, which acts after the sampled latency."""
+        sent = command != self._gripper.command[0]
+        self._gripper.command[0] = command
+        latency_s = float(self._params["gripper_latency_s"][0])
+        step_s = self._manifest.control.step_s
+        apply_gripper_latency(self._gripper, 0, sent, latency_s, step_s)
 
-    def _push_now(self) -> Array:
-        """The drawn push (3,) [N] if this is its time."""
-        t = self._tick * self._manifest.control.step_s
-        begin = float(self._drawn["push_time"][0]) * self._manifest.task.episode_s
-        on = begin <= t < begin + PUSH_S
-        return np.asarray(self._drawn["push"][0] if on else np.zeros(3))
+    def _present_push(self) -> Array:
+        """Force of the sampled push (3,) [N], 0 outside its time."""
+        time_s, episode_s = (
+            self._steps * self._manifest.control.step_s,
+            self._manifest.task.episode_s,
+        )
+        active = push_is_active(self._params.values[0], time_s, episode_s)
+        return np.asarray(self._params["push"][0] if active else np.zeros(3))
 
 
-def joined(steps: Sequence[Sample]) -> Sample:
-    """What one sample of training's rate shows of shorter steps.
+def joined(samples: Sequence[Sample]) -> Sample:
+    """Return one sample at training's rate from samples of shorter physics steps.
 
-    The judgement was made for that rate: the change of a torque over 1 ms is another number than
-    over 5 ms. Speed and torque are those at the end, the wrench is the mean.
+    The limits hold for that rate: the change of a torque over 1 ms differs from that over 5 ms.
+    Speed and torque are those at the end, the wrench is the mean.
     """
-    if len(steps) == 1:
-        return steps[0]
+    if len(samples) == 1:
+        return samples[0]
     return Sample(
-        dq=steps[-1].dq,
-        torque=steps[-1].torque,
-        wrench=np.mean([step.wrench for step in steps], axis=0),
-        touch=any(step.touch for step in steps),
-        dt=sum(step.dt for step in steps),
+        dq=samples[-1].dq,
+        torque=samples[-1].torque,
+        wrench=np.mean([sample.wrench for sample in samples], axis=0),
+        touch=any(sample.touch for sample in samples),
+        dt=sum(sample.dt for sample in samples),
     )

@@ -1,7 +1,5 @@
-"""What runs at every tick, compiled: it repeats for one environment what robots run in Python.
+"""Compiled loop of the engine: row functions (:mod:`articulate.jit`) compiled by numba into one loop.
 
-Between two ticks of the physics nothing else goes on, and Python would hold all threads up.
-
-numba keeps compiled code by the file of the outermost function: who changes something that another
-module here calls saves that module again as well, or clears ``__pycache__``.
+Python would serialise the threads between two control steps, so each part of a control step is one
+compiled call: ``pre_step``, ``step``, ``post_step``.
 """

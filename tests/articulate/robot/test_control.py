@@ -12,21 +12,30 @@ from articulate.robot.arm import PANDA, Gripper
 from articulate.robot.config import ControlConfig
 from articulate.robot.control import (
     OPEN_M,
+    apply_gripper_latency,
     check_control,
+    delay_action,
     discretize_filter,
+    exceeds_force_limit,
     filter_start,
     filter_step,
-    finger_command,
-    hand_start,
-    hand_tick,
-    joint_step,
+    finger_params,
+    finger_start,
+    finger_step,
+    force_limits,
+    gripper_params,
     joint_steps,
-    next_target,
-    presses,
+    new_action_delay,
+    new_gripper_state,
     response,
+    send_gripper_command,
+    target_params,
+    target_workspace,
+    update_targets,
     worst_case,
+    write_target_step,
 )
-from articulate.robot.kinematics import relative, small_twist, tool_pose
+from articulate.robot.kinematics import small_twist, tool_pose
 from articulate.task.observation import ACTION
 from articulate.task.task import Limits
 
@@ -34,6 +43,23 @@ CONFIG = ControlConfig()
 HAND = Gripper()
 TICK_S = CONFIG.step_s
 FINE_S = 1e-4
+WORK = target_workspace()
+
+
+def filtered(state, target, A, B):
+    """States (N, 7, 3) of set-point filters one step later."""
+    out = state.copy()
+    for row, goal in zip(out, target, strict=True):
+        filter_step(row, goal, A, B)
+    return out
+
+
+def next_target(target, motion, q, config=CONFIG, retract=False):
+    """Targets (N, 7) of the next control step."""
+    out, params = target.copy(), target_params(PANDA, config)
+    for i, row in enumerate(out):
+        update_targets(row, motion[i], q[i], np.broadcast_to(retract, len(q))[i], params, WORK)
+    return out
 
 
 @pytest.mark.parametrize("omega", [5.0, 20.0, 40.0])
@@ -54,7 +80,7 @@ def test_step_response_is_what_the_discrete_follower_does():
     A, B = discretize_filter(CONFIG.omega_rad_s, 0.01)
     state = filter_start(np.zeros((1, 7)))
     for k in range(1, 50):
-        state = filter_step(state, np.ones((1, 7)), A, B)
+        state = filtered(state, np.ones((1, 7)), A, B)
         expected = response(CONFIG.omega_rad_s, np.array(0.01 * k))[:3]
         assert_allclose(state[0, 3], expected, atol=1e-11 * CONFIG.omega_rad_s**2)
 
@@ -77,15 +103,15 @@ def test_five_steps_of_1_ms_are_one_of_5_ms_for_any_targets(seed):
     for _ in range(10):
         target = rng.uniform(-2, 2, (2, 7))
         for _ in range(5):
-            a = filter_step(a, target, *fine)
-        b = filter_step(b, target, *coarse)
+            a = filtered(a, target, *fine)
+        b = filtered(b, target, *coarse)
         scale = np.array([1.0, CONFIG.omega_rad_s, CONFIG.omega_rad_s**2])
         assert_allclose(a / scale, b / scale, rtol=0, atol=1e-12)
 
 
 def test_follower_at_rest_on_its_target_stays_there():
     q = np.linspace(-1, 1, 7)[None]
-    state = filter_step(filter_start(q), q, *discretize_filter(CONFIG.omega_rad_s, 5e-3))
+    state = filtered(filter_start(q), q, *discretize_filter(CONFIG.omega_rad_s, 5e-3))
     assert_allclose(state, filter_start(q), atol=1e-14 * CONFIG.omega_rad_s**2)
 
 
@@ -142,15 +168,11 @@ def joints(low=-3.0, high=3.0):
     return arrays(np.float64, (3, 7), elements=st.floats(low, high))
 
 
-FREE = np.zeros(1, dtype=bool)
-"""Hands that touch nothing."""
-
-
 @given(target=joints(), motion=joints(-5, 5), q=joints(-4, 4), yields=arrays(bool, 3))
 def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, motion, q, yields):
     low, high = PANDA.bounds(CONFIG.margin_rad)
     target = np.clip(target, low, high)
-    new = next_target(target, motion, q, CONFIG, PANDA, yields)
+    new = next_target(target, motion, q, CONFIG, yields)
     assert np.all(np.abs(new - target) <= joint_steps(CONFIG, PANDA) + 1e-12)
     assert np.all((new >= low - 1e-12) & (new <= high + 1e-12))
 
@@ -158,7 +180,7 @@ def test_target_moves_by_one_step_at_most_and_never_leaves_the_limits(target, mo
 @given(motion=joints(-1, 1), lead=joints(-1, 1))
 def test_target_does_not_run_away_from_a_joint_that_is_held(motion, lead):
     q = np.tile(PANDA.home, (3, 1))
-    new = next_target(q + CONFIG.max_tracking_error_rad * lead, motion, q, CONFIG, PANDA, FREE)
+    new = next_target(q + CONFIG.max_tracking_error_rad * lead, motion, q)
     assert np.all(np.abs(new - q) <= CONFIG.max_tracking_error_rad + 1e-12)
 
 
@@ -167,7 +189,7 @@ def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead
     """By a step a tick, and no further than the joints."""
     q = np.tile(PANDA.home, (3, 1))
     ahead, most = CONFIG.max_tracking_error_rad * lead, joint_steps(CONFIG, PANDA)
-    new = next_target(q + ahead, motion, q, CONFIG, PANDA, np.ones(3, dtype=bool))
+    new = next_target(q + ahead, motion, q, CONFIG, True)
     assert_allclose(new - q, np.sign(ahead) * np.maximum(np.abs(ahead) - most, 0.0), atol=1e-12)
 
 
@@ -187,8 +209,8 @@ def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead
 def test_a_hand_that_closes_may_pull_and_an_open_one_has_nothing_to_press_for(
     force_n, wish, width_m, much
 ):
-    force = force_n * np.array([[0.6, 0.0, -0.8]])
-    assert presses(force, np.array([wish]), np.array([width_m]), CONFIG)[0] == much
+    force = force_n * np.array([0.6, 0.0, -0.8])
+    assert exceeds_force_limit(*force, wish, width_m, force_limits(CONFIG)) == much
 
 
 HOME = np.asarray(PANDA.home)[None]
@@ -198,8 +220,8 @@ def moved(motion, config=CONFIG):
     """What a motion of one field does to the tool at home (6,), in its own frame."""
     vector = np.zeros((1, ACTION.size))
     vector[:, ACTION.slice(motion[0])] = motion[1]
-    new = next_target(HOME, vector[:, :7], HOME, config, PANDA, FREE)
-    return small_twist(relative(tool_pose(PANDA, HOME), tool_pose(PANDA, new)))[0]
+    new = next_target(HOME, vector[:, :7], HOME, config)
+    return small_twist(tool_pose(PANDA, HOME), tool_pose(PANDA, new))[0]
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -212,7 +234,7 @@ def test_tool_moves_and_turns_along_its_own_axes_by_what_is_asked(axis):
 
 
 def test_elbow_moves_by_its_step_and_leaves_the_tool_where_it_is():
-    new = next_target(HOME, np.eye(7)[6][None], HOME, CONFIG, PANDA, FREE)
+    new = next_target(HOME, np.eye(7)[6][None], HOME)
     assert np.linalg.norm(new - HOME) == pytest.approx(CONFIG.step_rad)
     assert_allclose(moved(("elbow", 1.0)), 0, atol=3e-4)
 
@@ -230,17 +252,24 @@ def test_same_motion_asked_near_a_singular_pose_stays_small(motion, seed):
     """The arm stretched out: the elbow at its bound nearest to straight, wrist in line."""
     rng = np.random.default_rng(seed)
     q = np.clip(0.01 * rng.normal(size=(3, 7)), *PANDA.bounds(CONFIG.margin_rad))
-    step = joint_step(q, motion, CONFIG, PANDA)
-    assert np.isfinite(step).all()
-    assert np.all(np.abs(step) <= joint_steps(CONFIG, PANDA) + 1e-12)
+    for target, each in zip(q, motion, strict=True):
+        write_target_step(target, each, target_params(PANDA, CONFIG), WORK)
+        assert np.isfinite(WORK.step).all()
+        assert np.all(np.abs(WORK.step) <= joint_steps(CONFIG, PANDA) + 1e-12)
+
+
+def gripper_step(state, i, command, latency_s, gripper, step_s):
+    """Advance gripper ``i`` by one control step."""
+    sent = send_gripper_command(state, i, command, gripper_params(gripper, step_s))
+    apply_gripper_latency(state, i, sent, latency_s, step_s)
 
 
 def run_hand(commands, *, latency_s=0.0, gripper=HAND, step_s=TICK_S):
-    """States of one hand after each of ``commands``."""
-    state, out = hand_start(1), []
+    """States of one gripper after each of ``commands``."""
+    state, out = new_gripper_state(1), []
     for command in commands:
-        state = hand_tick(state, np.array([command]), np.array([latency_s]), gripper, step_s)
-        out.append(state)
+        gripper_step(state, 0, command, latency_s, gripper, step_s)
+        out.append(state.copy())
     return out
 
 
@@ -254,8 +283,29 @@ def run_hand(commands, *, latency_s=0.0, gripper=HAND, step_s=TICK_S):
     ],
 )
 def test_a_hand_opens_from_where_its_fingers_are(command, width, closing, on):
-    found = finger_command(np.array([command]), np.array([width]), np.array([closing]))
-    assert_allclose(found, [on])
+    assert finger_start(command, width, closing) == pytest.approx(on)
+
+
+def test_fingers_move_at_their_speed_within_their_limits():
+    params = finger_params(HAND, 0.005)
+    assert finger_step(0.02, 1.0, params) == pytest.approx(0.02 - 0.005 * HAND.finger_speed_m_s)
+    assert finger_step(0.02, -1.0, params) == pytest.approx(0.02 + 0.005 * HAND.finger_speed_m_s)
+    closed, wide = HAND.finger_m
+    assert finger_step(closed, 1.0, params) == closed
+    assert finger_step(wide, -1.0, params) == wide
+
+
+def test_an_action_acts_after_its_delay_and_is_pending_until_then():
+    delay = new_action_delay(1, 4)
+    delay.steps[0] = 2
+    motions = np.arange(1.0, 6.0)
+    acted, pending = [], []
+    for motion in motions:
+        delay_action(delay, 0, np.full(8, motion))
+        acted.append(delay.motion[0, 0])
+        pending.append(delay.pending[0, 0])
+    assert acted == [0.0, 0.0, 1.0, 2.0, 3.0]
+    assert pending == [1.0, 3.0, 5.0, 7.0, 9.0]
 
 
 def test_a_closed_hand_presses_with_its_force_on_the_thinnest_thing():
@@ -273,7 +323,7 @@ def test_hand_is_told_to_close_when_the_smoothed_command_passes_the_threshold():
     states = run_hand(np.ones(60), step_s=0.05)
     smooth = column(states, "smooth")
     assert_allclose(smooth, 1 - HAND.smoothing ** np.arange(1, 61))
-    assert_allclose(column(states, "wish"), np.where(smooth > HAND.on_threshold, 1.0, -1.0))
+    assert_allclose(column(states, "command"), np.where(smooth > HAND.on_threshold, 1.0, -1.0))
 
 
 @given(ratio=st.sampled_from([2, 5, 10]))
@@ -287,14 +337,14 @@ def test_smoothing_depends_on_time_not_on_ticks(ratio):
 def test_command_between_the_thresholds_changes_nothing(sign):
     settle = round(2 * HAND.dwell_s / TICK_S) + 40
     states = run_hand([*([sign] * settle), *([-sign * 0.9 * HAND.on_threshold] * 200)])
-    assert np.all(column(states, "wish")[settle:] == sign)
+    assert np.all(column(states, "command")[settle:] == sign)
     assert np.all(column(states, "closing")[settle:] == sign)
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.3, 1.2])
 def test_command_acts_after_its_latency(latency_s):
     states = run_hand(np.ones(100), latency_s=latency_s)
-    told = int(np.argmax(column(states, "wish") > 0))
+    told = int(np.argmax(column(states, "command") > 0))
     acts = int(np.argmax(column(states, "closing") > 0))
     assert (acts - told) * TICK_S == pytest.approx(latency_s, abs=TICK_S / 2 + 1e-9)
 
@@ -303,7 +353,7 @@ def test_command_acts_after_its_latency(latency_s):
 def test_hand_is_never_told_twice_within_its_dwell(seed, period):
     rng = np.random.default_rng(seed)
     commands = np.sign(rng.normal(size=300 // period + 1)).repeat(period)
-    wish = column(run_hand(commands, latency_s=0.5), "wish")
+    wish = column(run_hand(commands, latency_s=0.5), "command")
     told = np.flatnonzero(np.diff(wish))
     assert np.all(np.diff(told) * TICK_S >= HAND.dwell_s - 1e-9)
 
@@ -312,12 +362,14 @@ def test_hand_is_never_told_twice_within_its_dwell(seed, period):
 def test_noise_of_exploration_does_not_toggle_a_hand_that_is_meant(sign):
     """A policy that says ±0.6 with standard deviation 0.6 holds its hand for 100 episodes."""
     rng = np.random.default_rng(0)
-    state, n = hand_start(100), 100
+    state, n = new_gripper_state(100), 100
     for _ in range(60):
-        state = hand_tick(state, np.full(n, sign), np.zeros(n), HAND, TICK_S)
+        for i in range(n):
+            gripper_step(state, i, sign, 0.0, HAND, TICK_S)
     for _ in range(200):
         command = 0.6 * sign + 0.6 * rng.normal(size=n)
-        state = hand_tick(state, command, np.zeros(n), HAND, TICK_S)
+        for i in range(n):
+            gripper_step(state, i, command[i], 0.0, HAND, TICK_S)
         assert np.all(state.closing == sign)
 
 

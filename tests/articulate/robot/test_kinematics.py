@@ -10,16 +10,36 @@ from articulate.robot.kinematics import (
     manipulability,
     relative,
     resolve_motion,
-    self_motion,
     small_twist,
     solve_ik,
     tool_jacobian,
-    tool_jacobian_t,
     tool_pose,
+    write_self_motion,
 )
 from articulate.transforms import axis_angle_to_matrix, pose, rotation_angle
 
 LOW, HIGH = PANDA.bounds()
+
+
+def tool_jacobian_t(q):
+    """Jacobian in the axes of the tool."""
+    return tool_jacobian(PANDA, q, in_tool=True)
+
+
+def self_motion(jacobian):
+    """Self-motions (N, 7) for Jacobians (N, 6, 7)."""
+    out = np.empty((len(jacobian), 7))
+    for row, matrix in zip(out, jacobian, strict=True):
+        write_self_motion(matrix.copy(), np.zeros(7, dtype=np.int64), row)
+    return out
+
+
+def resolved(jacobian, twist, *, damping=0.02):
+    """Joint motions (N, 7) for twists (N, 6)."""
+    out = np.empty((len(jacobian), 7))
+    for row, matrix, each in zip(out, jacobian, twist, strict=True):
+        resolve_motion(matrix, each.copy(), damping, np.empty((6, 6)), row)
+    return out
 
 
 def angles(seed, n=1):
@@ -51,7 +71,9 @@ def test_first_joint_turns_everything_about_the_vertical(seed, turn):
 
 def test_batches_of_any_shape_give_what_single_poses_give():
     q = angles(1, 6)
-    assert_allclose(joint_poses(q.reshape(2, 3, 7)).reshape(6, 7, 4, 4), joint_poses(q))
+    assert_allclose(
+        joint_poses(PANDA, q.reshape(2, 3, 7)).reshape(6, 7, 4, 4), joint_poses(PANDA, q)
+    )
     assert_allclose(tool_jacobian(PANDA, q)[4], tool_jacobian(PANDA, q[4]))
 
 
@@ -125,7 +147,7 @@ def test_relative_pose_carries_a_point_from_one_frame_to_the_other():
 def test_jacobian_in_the_tools_axes_is_the_worlds_turned(seed):
     q = angles(seed)
     turn = np.swapaxes(tool_pose(PANDA, q)[:, :3, :3], 1, 2)
-    world, tool = tool_jacobian(PANDA, q), tool_jacobian_t(PANDA, q)
+    world, tool = tool_jacobian(PANDA, q), tool_jacobian_t(q)
     for rows in (slice(0, 3), slice(3, 6)):
         assert_allclose(tool[:, rows], turn @ world[:, rows], atol=1e-12)
 
@@ -133,7 +155,7 @@ def test_jacobian_in_the_tools_axes_is_the_worlds_turned(seed):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_self_motion_has_length_one_and_leaves_the_tool_where_it_is(seed):
     q = angles(seed, 4)
-    jacobian = tool_jacobian_t(PANDA, q)
+    jacobian = tool_jacobian_t(q)
     motion = self_motion(jacobian)
     assert_allclose(np.einsum("nij,nj->ni", jacobian, motion), 0, atol=1e-9)
     regular = manipulability(PANDA, q) > 0.05
@@ -144,7 +166,7 @@ def test_self_motion_keeps_its_sign_along_a_path():
     """From home to a reaching pose in a hundred steps; a sign that flips would give about -1."""
     way = np.array([0.4, 0.5, -0.3, 0.6, 0.3, 0.4, -0.5])
     path = np.asarray(PANDA.home) + np.linspace(0.0, 1.0, 100)[:, None] * way
-    motion = self_motion(tool_jacobian_t(PANDA, path))
+    motion = self_motion(tool_jacobian_t(path))
     assert np.all(np.einsum("ni,ni->n", motion[1:], motion[:-1]) > 0.99)
 
 
@@ -152,11 +174,11 @@ def test_self_motion_keeps_its_sign_along_a_path():
 def test_resolved_motion_moves_the_tool_as_asked_and_has_no_part_that_does_not(seed):
     rng = np.random.default_rng(seed)
     q = np.asarray(PANDA.home) + rng.uniform(-0.3, 0.3, (4, 7))
-    jacobian = tool_jacobian_t(PANDA, q)
+    jacobian = tool_jacobian_t(q)
     twist = 1e-4 * rng.normal(size=(4, 6))
-    step = resolve_motion(jacobian, twist, damping=1e-6)
+    step = resolved(jacobian, twist, damping=1e-6)
     assert_allclose(np.einsum("nij,nj->ni", jacobian, step), twist, atol=1e-10)
-    seen = small_twist(relative(tool_pose(PANDA, q), tool_pose(PANDA, q + step)))
+    seen = small_twist(tool_pose(PANDA, q), tool_pose(PANDA, q + step))
     # What is left over a straight step is of second order in it.
     assert np.all(np.abs(seen - twist).max(axis=1) <= np.square(step).sum(axis=1) + 1e-12)
     assert_allclose(np.einsum("ni,ni->n", step, self_motion(jacobian)), 0, atol=1e-12)
@@ -165,8 +187,8 @@ def test_resolved_motion_moves_the_tool_as_asked_and_has_no_part_that_does_not(s
 def test_resolved_motion_is_halved_where_the_singular_value_is_the_damping():
     jacobian = np.eye(6, 7)
     jacobian[0, 0] = 0.1
-    step = resolve_motion(jacobian, np.array([1.0, 0, 0, 0, 0, 0]), damping=0.1)
-    assert_allclose(step[0], 0.5 / 0.1)
+    step = resolved(jacobian[None], np.array([[1.0, 0, 0, 0, 0, 0]]), damping=0.1)
+    assert_allclose(step[0, 0], 0.5 / 0.1)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -175,4 +197,4 @@ def test_small_twist_is_the_translation_and_the_rotation_vector(seed):
     move, axis = rng.normal(size=3), rng.normal(size=3)
     turn = 0.01 * axis / np.linalg.norm(axis)
     T = pose(move, axis_angle_to_matrix(turn / 0.01, 0.01))
-    assert_allclose(small_twist(T), [*move, *turn], atol=1e-6)
+    assert_allclose(small_twist(np.eye(4), T), [*move, *turn], atol=1e-6)

@@ -5,32 +5,65 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from articulate.robot.arm import PANDA
-from articulate.robot.control import hand_start
-from articulate.robot.kinematics import resolve_motion, tool_jacobian_t, tool_pose
-from articulate.task.observation import ACTION, OBSERVATION, SINCE_S, Estimate, observation
+from articulate.robot.control import new_gripper_state
+from articulate.robot.kinematics import resolve_motion, tool_jacobian, tool_pose
+from articulate.task.observation import (
+    ACTION,
+    COMMAND_TIME_S,
+    OBSERVATION,
+    Estimate,
+    ObservationInputs,
+    ObservationParams,
+    observation,
+)
 from articulate.transforms import axis_angle_to_matrix, pose
 
 HOME = np.asarray(PANDA.home)[None]
 
 
+STEP_S = 0.05
+
+
 def observe(*, T_wh=None, q=HOME, **values):
-    T_wh = tool_pose(PANDA, q) if T_wh is None else T_wh
+    """Observation of one robot at rest, except for ``values``."""
     given = {
         "dq": np.zeros((1, 7)),
         "target": q,
         "gripper_width": np.array([0.08]),
         "gripper_speed": np.zeros(1),
         "measured_force": np.zeros((1, 3)),
-        "hand": hand_start(1),
-        "estimate": Estimate(T_wh, np.zeros(1), np.zeros(1)),
+        "gripper": new_gripper_state(1),
+        "estimate": Estimate(tool_pose(PANDA, q) if T_wh is None else T_wh, *np.zeros((2, 1))),
         "last_action": np.zeros((1, 8)),
         "pending_actions": np.zeros((1, 7)),
-        "move_m": 0.008,
-        "time_left": np.ones(1),
+        "time_left": 1.0,
         "goal": 0.8,
         "closes": False,
     } | values
-    return observation(PANDA, q=q, **given)[0]
+    width = given["gripper_width"]
+    inputs = ObservationInputs(
+        q=q,
+        dq=given["dq"],
+        target=given["target"],
+        T_wt=tool_pose(PANDA, q),
+        T_wt_target=tool_pose(PANDA, given["target"]),
+        gripper=given["gripper"],
+        gripper_width=width,
+        last_gripper_width=width - STEP_S * given["gripper_speed"],
+        pending_actions=given["pending_actions"],
+        last_action=given["last_action"],
+    )
+    params = ObservationParams(STEP_S, 0.008, given["goal"], given["closes"])
+    force, left = given["measured_force"], given["time_left"]
+    return observation(inputs, given["estimate"], force, left, params)[0]
+
+
+def resolved(twist):
+    """Joint motion (1, 7) at home for a small motion of the tool (1, 6)."""
+    out = np.empty(7)
+    jacobian = tool_jacobian(PANDA, HOME[0], in_tool=True)
+    resolve_motion(jacobian, twist[0].copy(), 0.02, np.empty((6, 6)), out)
+    return out[None]
 
 
 def field(vector, name):
@@ -58,7 +91,7 @@ def test_handle_is_aimed_at_from_the_target_and_less_what_is_due():
     """Ten centimetres ahead, of which the target has made one and two late motions take 16 mm."""
     T_wh = tool_pose(PANDA, HOME) @ pose(np.array([0.0, 0.0, 0.1]))
     twist = np.array([[0, 0, 0.01, 0, 0, 0]])
-    target = HOME + resolve_motion(tool_jacobian_t(PANDA, HOME), twist)
+    target = HOME + resolved(twist)
     due = np.array([[0.0, 0.0, 2.0, 0.5, 0.0, 0.0, 1.0]])
     seen = observe(T_wh=T_wh, target=target, pending_actions=due)
     assert_allclose(field(seen, "handle_pos_predicted"), [0, 0, 0.074 / 0.2], atol=5e-3)
@@ -93,7 +126,7 @@ def test_robot_and_object_turned_together_about_the_base_look_the_same(angle, se
 def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
     """A target 1 mm along the tool's z and turned by 0.004 rad about its x."""
     twist = np.array([[0, 0, 0.001, 0.004, 0, 0]])
-    target = HOME + resolve_motion(tool_jacobian_t(PANDA, HOME), twist)
+    target = HOME + resolved(twist)
     seen = field(observe(target=target), "tracking_error")
     assert_allclose(seen, [0, 0, 0.02, 0.02, 0, 0], atol=6e-4)
 
@@ -107,7 +140,7 @@ def test_target_ahead_of_the_tool_is_a_lead_in_the_tools_frame():
         ("gripper_speed", {"gripper_speed": np.array([-0.1])}, -1.0),
         ("last_action", {"last_action": np.full((1, 8), -0.2)}, -0.2),
         ("pending_actions", {"pending_actions": np.full((1, 7), 1.5)}, 1.5),
-        ("time_left", {"time_left": np.array([0.25])}, 0.25),
+        ("time_left", {"time_left": 0.25}, 0.25),
         (
             "part_open",
             {"estimate": Estimate(np.eye(4)[None], np.array([0.4]), np.array([0.03]))},
@@ -161,9 +194,9 @@ def test_force_is_felt_in_the_axes_of_the_tool():
 
 
 def test_hand_command_shows_the_time_since_it_was_sent():
-    gripper = hand_start(1)
-    gripper.since_s[:] = SINCE_S / 4
-    gripper.smooth[:], gripper.wish[:] = 0.3, 1.0
+    gripper = new_gripper_state(1)
+    gripper.since_s[:] = COMMAND_TIME_S / 4
+    gripper.smooth[:], gripper.command[:] = 0.3, 1.0
     assert_allclose(field(observe(gripper=gripper), "gripper_command"), [0.3, 1.0, 0.25])
     gripper.since_s[:] = 100.0
     assert field(observe(gripper=gripper), "gripper_command")[2] == 1.0
@@ -176,7 +209,7 @@ def test_values_out_of_bounds_are_clipped():
 
 def test_action_is_a_motion_of_seven_numbers_and_a_hand_within_one():
     assert ACTION.size == 8
-    assert ACTION.slice("hand") == slice(7, 8)
+    assert ACTION.slice("gripper") == slice(7, 8)
     assert (ACTION.low.min(), ACTION.high.max()) == (-1, 1)
 
 
@@ -184,7 +217,7 @@ def test_nothing_a_robot_cannot_know_is_observed():
     assert {f.source for f in OBSERVATION.fields} <= {
         "robot",
         "estimator",
-        "plant",
+        "controller",
         "clock",
         "policy",
     }

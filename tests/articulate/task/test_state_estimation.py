@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from articulate.task.randomization import COLUMNS, EpisodeParams, nominal_params
 from articulate.task.randomization_config import NO_RANDOMIZATION
-from articulate.task.state_estimation import NoisyEstimator, felt
+from articulate.task.state_estimation import NoisyEstimator, measured_force
 from articulate.transforms import axis_angle_to_matrix, pose
 
 N = 3
@@ -91,14 +91,22 @@ def test_snapshot_restored_into_another_gives_the_same_bits():
     assert_array_equal(a.opened, b.opened)
 
 
+def measured(force, params, noise_n, rng):
+    """Measured forces (N, 3)."""
+    out = np.empty((N, 3))
+    for i, row in enumerate(out):
+        measured_force(force[i], params.values[i], rng.normal(size=3), noise_n, row)
+    return out
+
+
 def test_without_errors_the_force_is_felt_as_it_is():
     force = np.arange(9.0).reshape(N, 3)
-    assert_array_equal(felt(force, drawn(), 0.0, np.random.default_rng(0)), force)
+    assert_array_equal(measured(force, drawn(), 0.0, np.random.default_rng(0)), force)
 
 
 def test_the_felt_force_is_wrong_by_what_was_drawn_and_by_noise():
     errors = drawn(force_bias_x_n=[1.0, -2.0, 0.0], force_bias_z_n=3.0)
     rng = np.random.default_rng(0)
-    seen = np.stack([felt(np.zeros((N, 3)), errors, 0.5, rng) for _ in range(4000)])
+    seen = np.stack([measured(np.zeros((N, 3)), errors, 0.5, rng) for _ in range(4000)])
     assert_allclose(seen.mean(axis=0), [[1, 0, 3], [-2, 0, 3], [0, 0, 3]], atol=0.05)
     assert_allclose(seen.std(axis=0), 0.5, rtol=0.05)

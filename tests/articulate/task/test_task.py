@@ -12,14 +12,26 @@ from articulate.task.task import (
     TASK_RULES,
     Limits,
     Task,
-    at_target,
-    beyond_target,
-    fraction,
+    fraction_open,
+    goal_params,
+    is_at_goal,
+    is_at_rest,
     make_task,
     matching_joints,
     matching_tasks,
     no_joint_error,
 )
+
+
+def beyond_target(task, opened):
+    """True for each part at or beyond the target."""
+    return [is_at_goal(goal_params(task), each) for each in opened]
+
+
+def at_target(task, opened, speed):
+    """True for each part that is also at rest."""
+    goal = goal_params(task)
+    return [is_at_rest(goal, *each) for each in zip(opened, speed, strict=True)]
 
 
 @pytest.fixture(scope="module")
@@ -148,14 +160,14 @@ def test_closed_is_within_the_target_on_either_side_of_the_closed_end_and_at_res
     opened = np.array([0.05, 0.0, -0.04, -0.06, 0.051, 0.8, 0.0, 0.0])
     speed = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.019])
     beyond = [True, True, True, False, False, False, True, True]
-    assert beyond_target(task, opened).tolist() == beyond
-    assert at_target(task, opened, speed).tolist() == [*beyond[:6], False, True]
+    assert beyond_target(task, opened) == beyond
+    assert at_target(task, opened, speed) == [*beyond[:6], False, True]
 
 
 @given(closed=st.floats(-2, 2), span=st.floats(0.1, 3), sign=st.sampled_from([-1, 1]))
 def test_fraction_is_0_when_closed_and_1_at_the_open_end(closed, span, sign):
     q = np.array([closed, closed + sign * span, closed + 2 * sign * span])
-    part = fraction(q, np.full(3, closed), np.full(3, sign * span))
+    part = fraction_open(q, np.full(3, closed), np.full(3, sign * span))
     assert_allclose(part, [0, 1, 2], atol=1e-9)
 
 
@@ -163,8 +175,8 @@ def test_part_is_at_its_target_only_at_rest_and_in_both_directions_of_motion():
     task = Task(name="open_joint", joint="j", kind="slide", span=0.3, target=0.8)
     opened = np.array([0.8, 0.8, 0.8, 0.79, 1.1])
     speed = np.array([0.0, task.slow, -task.slow, 0.0, 0.0])
-    assert at_target(task, opened, speed).tolist() == [True, False, False, False, True]
-    assert beyond_target(task, opened).tolist() == [True, True, True, False, True]
+    assert at_target(task, opened, speed) == [True, False, False, False, True]
+    assert beyond_target(task, opened) == [True, True, True, False, True]
 
 
 def test_unknown_names_and_joints_are_refused_with_what_exists(error_line, cabinet, cupboard):
