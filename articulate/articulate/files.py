@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from articulate.errors import UsageError
+from articulate.untrusted import load_json_object
 
 MAX_TRIES = 20
 """Attempts to replace a folder that other processes replace at the same time."""
@@ -106,10 +107,9 @@ def write_json(path: Path, content: Any) -> None:
 def read_json_object(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file; empty if it is absent, unreadable or something else."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return load_json_object(path)
+    except UsageError:
         return {}
-    return content if isinstance(content, dict) else {}
 
 
 def sha256(path: Path) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import io
-import json
 import logging
 import re
 import shutil
@@ -49,6 +48,7 @@ from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization import EpisodeParams, at_size, sample_episode_params_each
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array
+from articulate.untrusted import load_json_object
 from articulate_envs.export_object import object_files
 from articulate_envs.export_scene import export_scene
 from articulate_envs.scene import PREFIX, Scene
@@ -65,6 +65,8 @@ from articulate_train.policy import (
 from articulate_train.run import Run, open_run, versions
 from articulate_train.seed_runner import last_progress
 
+REPORT_BYTES = 100_000_000
+"""Largest report of an evaluation that is read."""
 OPSET = 18
 """Version of the ONNX operators."""
 BUNDLE_BYTES = 40_000_000
@@ -175,13 +177,13 @@ def select_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
 def _success_of_report(run: Run) -> dict[int, float]:
     """Return the success rates of seeds whose checkpoint is the evaluated one."""
     try:
-        report = json.loads((run.folder / "report.json").read_text(encoding="utf-8"))
+        report = load_json_object(run.folder / "report.json", limit_bytes=REPORT_BYTES)
         return {
             int(row["seed"]): float(row["success"]["value"])
             for row in report["seeds"]
             if row["checkpoint_sha256"] == checkpoint_sha256(run.seed_folder(int(row["seed"])))
         }
-    except (OSError, ValueError, KeyError, TypeError):
+    except (UsageError, ValueError, KeyError, TypeError):
         return {}
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from articulate.errors import ArticulateError, DivergedError, KilledError, RunError, shorten
 from articulate.files import read_json_object
+from articulate.untrusted import read_text
 from articulate_train.run import DONE, SUMMARY, Run, done_steps, write_summary
 from articulate_train.run_lock import lock_run
 from articulate_train.train_seed import (
@@ -26,6 +27,8 @@ from articulate_train.train_seed import (
 )
 from articulate_train.training_time import TrainingClock
 
+PROGRESS_BYTES = 200_000_000
+"""Largest progress of a seed that is read."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to 1 for each seed: more threads would spin beside those of the physics."""
 
@@ -135,10 +138,10 @@ def read_progress(folder: Path) -> list[dict[str, Any]]:
     """Return all lines of a seed's progress; an incomplete last line is left out."""
     path = folder / PROGRESS
     rows = []
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+    for line in read_text(path, PROGRESS_BYTES).splitlines() if path.exists() else []:
         try:
-            rows.append(json.loads(line))
-        except ValueError:
+            rows.append(dict(json.loads(line)))
+        except (ValueError, TypeError, RecursionError):
             break
     return rows
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Any
 
+from articulate.errors import UsageError
 from articulate.files import write_json
+from articulate.untrusted import load_json_object
 
 SESSIONS = "sessions.json"
 """File of a run with the seconds of each call of ``train``; the last entry is updated."""
@@ -37,8 +38,8 @@ def sessions_s(folder: Path) -> list[float]:
 
 def _seconds(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))["seconds"]
-    except (OSError, ValueError, KeyError, TypeError):
+        return load_json_object(path)["seconds"]
+    except (UsageError, KeyError):
         return None
 
 

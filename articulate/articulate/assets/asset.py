@@ -31,6 +31,9 @@ SCHEMA = "articulate.asset"
 SCHEMA_VERSION = 2
 ABOUT = frozenset({"check_report.json", "check_report.html", "check_report.webp"})
 """Files in an asset folder that describe the asset and are not part of it."""
+NAMES = frozenset({"name", "category", "link", "parent", "joint"})
+MAX_NAME = 250
+"""Longest name [characters]."""
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
@@ -305,7 +308,13 @@ def _fields(cls: type[Any], item: Any) -> dict[str, Any]:
     for name, value in found.items():
         if name in types and not _matches(value, types[name]):
             raise TypeError(f"{name} is {quote(value)}, not {types[name]}")
+        if name in NAMES and isinstance(value, str) and not _is_name(value):
+            raise TypeError(f"{name} {quote(value, 40)} is longer than {MAX_NAME} or not printable")
     return found
+
+
+def _is_name(value: str) -> bool:
+    return len(value) <= MAX_NAME and value.isprintable()
 
 
 def _as_tuples(value: Any) -> Any:

@@ -30,6 +30,8 @@ LIBRARIES = {
 """Procedural libraries by name, imported on use."""
 TRUTH = "mobility_v2"
 """Value of ``truth`` in entries of an index that can be scored."""
+MAX_ID = 200
+"""Longest id of an object."""
 INDEX_BYTES = 100_000_000
 """Largest index that is read."""
 SEEDS = 5
@@ -243,6 +245,11 @@ def _check_entry(path: Path, entry: Mapping[str, Any]) -> None:
     if not isinstance(entry.get("id"), (str, int)):
         raise ConfigError(
             f"{path}: an entry has no id ({shorten(dict(entry), 80)}); give each its own id"
+        )
+    if len(str(entry["id"])) > MAX_ID or not str(entry["id"]).isprintable():
+        raise ConfigError(
+            f"{path}: the id {quote(str(entry['id']), 40)} is not accepted; an id has at most "
+            f"{MAX_ID} printable characters"
         )
     if not isinstance(entry.get("path"), str):
         raise ConfigError(

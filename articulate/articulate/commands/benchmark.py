@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -18,11 +17,14 @@ from articulate.commands.flags import parse
 from articulate.errors import ConfigError, nearest
 from articulate.files import write_json
 from articulate.reconstruct.actors.modality import Modality
+from articulate.untrusted import load_json_object
 
 LOST_EXIT = 3
 MOST_LIMIT_S = 1e6
 """Largest time limit [s]."""
 SCHEMA, SCHEMA_VERSION = "articulate.benchmark", 2
+RESULTS_BYTES = 100_000_000
+"""Largest results of another run that are read."""
 PROMPTS_FOLDER = "prompts"
 PROTOCOLS = ("paper", "released_code", "strict")
 COMPARED = ("config", "protocols", "errors", "iterations", "cost")
@@ -210,12 +212,9 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
 def _results_in(folder: Path) -> dict[str, Any]:
     path = folder / "results.json"
     try:
-        results: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(
-            f"--compare-with {folder}: {path.name} cannot be read ({error})"
-        ) from None
-    content: dict[str, Any] = results if isinstance(results, dict) else {}
+        content = load_json_object(path, limit_bytes=RESULTS_BYTES, error=ConfigError)
+    except ConfigError as error:
+        raise ConfigError(f"--compare-with {error}") from None
     if content.get("schema") != SCHEMA or content.get("schema_version") != SCHEMA_VERSION:
         raise ConfigError(
             f"--compare-with {folder}: {path.name} is not of {SCHEMA} {SCHEMA_VERSION}; "

@@ -34,6 +34,7 @@ def check_gltf(content: bytes, name: str) -> None:
     header = _header(content, name)
     for key in ("nodes", "meshes", "accessors", "bufferViews", "buffers", "images"):
         _check("count", len(_list(header, key, name)), MAX_NODES, key, name)
+    _check_trees(_list(header, "nodes", name), name)
     accessors = _list(header, "accessors", name)
     values = 0
     for k, accessor in enumerate(accessors):
@@ -73,6 +74,24 @@ def _list(owner: Mapping[str, Any], key: str, name: str) -> list[dict[str, Any]]
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise AssetError(f"mesh {name}: cannot be read ({key} is not a list of objects)")
     return items
+
+
+def _check_trees(nodes: list[dict[str, Any]], name: str) -> None:
+    """Reject nodes that are not disjoint trees: shared children double at each level."""
+    parents: dict[int, int] = {}
+    for k, node in enumerate(nodes):
+        children = node.get("children", [])
+        for child in children if isinstance(children, list) else []:
+            if not isinstance(child, int) or not 0 <= child < len(nodes) or child in parents:
+                raise AssetError(f"mesh {name}: cannot be read (its nodes are not trees)")
+            parents[child] = k
+    level = [k for k in range(len(nodes)) if k not in parents]
+    reached = 0
+    while level:
+        reached += len(level)
+        level = [child for k in level for child in nodes[k].get("children", [])]
+    if reached < len(nodes):
+        raise AssetError(f"mesh {name}: cannot be read (its nodes contain themselves)")
 
 
 def _count(value: Any, k: int, name: str) -> int:

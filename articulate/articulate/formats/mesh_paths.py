@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from articulate.errors import AssetError, quote
+from articulate.errors import MAX_QUOTED, AssetError, quote
 
 
 class MissingMesh(AssetError):  # noqa: N818  # a kind of AssetError, which has the word
@@ -39,7 +39,8 @@ def resolve(reference: str, urdf: Path, mesh_dirs: tuple[Path, ...] = ()) -> Pat
             return found
         if candidate.parent.resolve() not in (folder.resolve() for folder in tried):
             tried.append(candidate.parent)
-    where = ", ".join(_short(folder, urdf.parent) for folder in tried[:8])
+    names = [_short(folder, urdf.parent) for folder in tried]
+    where = ", ".join([name for name in names if len(name) <= MAX_QUOTED][:8])
     ros = "" if os.environ.get("ROS_PACKAGE_PATH") else ", $ROS_PACKAGE_PATH (unset)"
     raise MissingMesh(
         f"mesh {quote(reference)} not found; looked in {where}{ros}. Put it there, "

@@ -503,7 +503,9 @@ class _Files:
             raise AssetError(f"{self.path}: includes more than {MAX_FILES} files")
         folders = list(dict.fromkeys((self.path.parent, path.parent)))
         for folder in folders:
-            if reference and (folder / reference).is_file():
+            if reference and os.path.isfile(
+                folder / reference
+            ):  # False for a name that is too long
                 self.found[reference] = folder / reference
                 return folder / reference
         raise AssetError(

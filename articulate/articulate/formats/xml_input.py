@@ -170,10 +170,10 @@ def _parsed(text: str, path: Path, repairs: Repairs) -> Element:
     for element in root.iter():
         count += 1
         for key in NAMES:
-            if len(element.get(key) or "") > MAX_NAME:
-                raise AssetError(
-                    f"{path}:{element.sourceline}: {key} has more than {MAX_NAME} characters"
-                )
+            name = element.get(key) or ""
+            if len(name) > MAX_NAME or not name.isprintable():
+                reason = f"more than {MAX_NAME}" if name.isprintable() else "unprintable"
+                raise AssetError(f"{path}:{element.sourceline}: {key} has {reason} characters")
     if count > MAX_ELEMENTS:
         raise AssetError(f"{path}: {count} elements; at most {MAX_ELEMENTS} are accepted")
     return root

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from articulate.conversion.provenance import PARTNET_LICENCE
 from articulate.errors import AssetError, UsageError, nearest
 from articulate.formats.mesh_paths import resolve
 from articulate.formats.read_urdf import read_urdf
+from articulate.untrusted import load_json_object, read_bounded
 
 URDF_NAME = "mobility.urdf"
 """File that makes a folder an object."""
@@ -19,6 +19,8 @@ FILES = (URDF_NAME, "meta.json", "semantics.txt", "bounding_box.json")
 """Files of an object that are copied; the truth ``mobility_v2.json`` is not."""
 FOLDERS = ("textured_objs", "images")
 """Folders of an object that are copied."""
+SEMANTICS_BYTES = 1_000_000
+"""Largest ``semantics.txt`` that is read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +65,8 @@ class PartNetLibrary:
     def category(self, object_id: str) -> str:
         """Return the category in ``meta.json``, ``"unknown"`` without one."""
         try:
-            text = (self._at(object_id) / "meta.json").read_text(encoding="utf-8")
-            found = json.loads(text).get("model_cat")
-        except (OSError, ValueError, AttributeError):
+            found = load_json_object(self._at(object_id) / "meta.json").get("model_cat")
+        except UsageError:
             return "unknown"
         return found if isinstance(found, str) and found else "unknown"
 
@@ -127,8 +128,8 @@ def _copied(origin: Path, target: Path) -> None:
 def _semantics(path: Path) -> dict[str, tuple[str, str]]:
     """Joint type and name by link; other lines are skipped."""
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
+        lines = read_bounded(path, SEMANTICS_BYTES).decode(errors="replace").splitlines()
+    except UsageError:
         return {}
     words = (line.split() for line in lines)
     return {row[0]: (row[1], " ".join(row[2:])) for row in words if len(row) >= 3}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import filecmp
 import html
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -105,7 +106,7 @@ def path_exists(path: Path) -> bool:
 
 def _single_object(folder: Path) -> Path | None:
     """Return the only object that ``folder`` is or holds, or None."""
-    if (folder / "asset.json").is_file():
+    if os.path.lexists(folder / "asset.json"):  # if it is no file, the check rejects it
         return folder
     found = objects_in(folder)
     return found[0] if len(found) == 1 else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import tempfile
 import time
 from collections.abc import Mapping
@@ -120,7 +121,7 @@ def load_checked_asset(source: Path, cache: Path, config: ConvertConfig | None =
 
 def _source_of(source: Path) -> Path:
     """Return an asset folder itself, else the object file that ``source`` is or holds."""
-    return source if (source / "asset.json").is_file() else find_source(source)
+    return source if os.path.lexists(source / "asset.json") else find_source(source)
 
 
 def options_of(config: ConvertConfig) -> dict[str, Any]:

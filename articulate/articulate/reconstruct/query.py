@@ -24,6 +24,7 @@ from articulate.render.camera import (
     look_at,
     pinhole,
 )
+from articulate.suppress_output import suppress_output
 from articulate.transforms import Array
 from articulate.untrusted import load_json_object, read_bounded
 from articulate.video.read_video import VideoReadOptions, check_motion, read_video
@@ -134,7 +135,8 @@ def _decode_image(path: Path) -> np.ndarray:
     if width * height > MAX_PIXELS:
         raise UsageError(f"{path}: {_TOO_LARGE}")
     try:
-        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+        with suppress_output():  # libpng prints warnings
+            pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:
         pixels = None
     if pixels is None:
