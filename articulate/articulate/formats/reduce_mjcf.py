@@ -503,15 +503,20 @@ class _Files:
             raise AssetError(f"{self.path}: includes more than {MAX_FILES} files")
         folders = list(dict.fromkeys((self.path.parent, path.parent)))
         for folder in folders:
-            if reference and os.path.isfile(
-                folder / reference
-            ):  # False for a name that is too long
+            if reference and _is_file(folder / reference):
                 self.found[reference] = folder / reference
                 return folder / reference
         raise AssetError(
             f"{where(element)}: included file {quote(reference)} not found; looked in "
             f"{', '.join(f'{folder}/' for folder in folders)}. Put it there"
         )
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long
+        return False
 
 
 def check_native(path: Path) -> None:
