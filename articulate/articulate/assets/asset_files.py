@@ -11,6 +11,7 @@ import re
 import stat
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from lxml import etree
@@ -27,6 +28,10 @@ MAX_FILES = 20_000
 MAX_ELEMENTS = 200_000
 MAX_PIXELS = 8192
 """Largest width and height of a texture [px]."""
+MAX_ITERATIONS = 1000
+"""Largest number of iterations in the options of a model."""
+MIN_STEP_S = 1e-5
+"""Smallest time step in the options of a model [s]."""
 MAX_RESOLUTION = 256
 """Largest parameter of a built-in mesh."""
 FORBIDDEN = frozenset(
@@ -92,6 +97,8 @@ def _check_model(path: Path) -> None:
             _check_size(path, MAX_RESOLUTION, *attributes.get("params", "").split())
         if tag == "texture":
             _check_size(path, MAX_PIXELS, *(attributes.get(k, "0") for k in ("width", "height")))
+        if tag == "option":
+            _check_option(path, attributes)
         folders |= {k: v for k, v in attributes.items() if FOLDER_ATTRIBUTE.match(k)}
         files += [(tag, v) for k, v in attributes.items() if FILE_ATTRIBUTE.match(k)]
     for tag, value in files:
@@ -128,6 +135,17 @@ def _check_reference(path: Path, inside: str, value: str, *, is_texture: bool) -
         if len(header) < PNG.size or not header.startswith(b"\x89PNG"):
             raise AssetError(f"{path}: texture {quote(value)} is not a PNG file")
         _check_size(path, MAX_PIXELS, *PNG.unpack(header))
+
+
+def _check_option(path: Path, attributes: dict[str, str]) -> None:
+    """Reject a time step and numbers of iterations that take processor time without bound."""
+    _check_size(path, MAX_ITERATIONS, *(v for k, v in attributes.items() if "iterations" in k))
+    step = attributes.get("timestep", "1")
+    with suppress(ValueError):  # MuJoCo reports it
+        if not float(step) >= MIN_STEP_S:
+            raise AssetError(
+                f"{path}: a time step of {quote(step)} s; at least {MIN_STEP_S:g} s is accepted"
+            )
 
 
 def _check_size(path: Path, largest: int, *values: str | int) -> None:
