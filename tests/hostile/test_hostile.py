@@ -1,0 +1,63 @@
+"""Hostile inputs of all readers end with one short line, exit 2 or 3, within limits of cost.
+
+The default tests call some commands in this process; the slow ones start every command as users do.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.hostile.cases import CASES, DEFAULT, Case
+from tests.hostile.harness import (
+    Outcome,
+    arguments,
+    prepare,
+    problems,
+    run_process,
+    snapshot,
+)
+from tests.hostile.writers import HonestInputs
+
+from articulate.commands import main
+
+
+@pytest.fixture(scope="session")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> HonestInputs:
+    """Honest inputs of all readers; not to be changed."""
+    return HonestInputs(tmp_path_factory.mktemp("honest"))
+
+
+def test_there_are_two_hundred_cases_with_distinct_names() -> None:
+    names = [case.name for case in CASES]
+    assert len(names) >= 200
+    assert len(set(names)) == len(names)
+    assert set(names) >= DEFAULT
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.is_default], ids=str)
+def test_it_is_rejected_in_one_line(
+    case: Case,
+    honest: HonestInputs,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    for name, value in prepare(case, tmp_path, honest).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.chdir(tmp_path)
+    before = snapshot(tmp_path)
+    code = main(arguments(case))
+    stdout, stderr = capfd.readouterr()
+    assert problems(Outcome(code=code, stdout=stdout, stderr=stderr), tmp_path, before) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_its_process_stays_within_its_limits(
+    case: Case, honest: HonestInputs, tmp_path: Path
+) -> None:
+    environment = prepare(case, tmp_path, honest)
+    before = snapshot(tmp_path)
+    outcome = run_process(case, tmp_path, environment)
+    assert problems(outcome, tmp_path, before) == [], outcome.stderr[-600:]
