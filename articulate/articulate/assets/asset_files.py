@@ -10,6 +10,7 @@ import os
 import re
 import stat
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +27,8 @@ FOLDER_BYTES = 2_000_000_000
 """Largest total size of an asset folder."""
 MAX_FILES = 20_000
 MAX_ELEMENTS = 200_000
+MOST = {"body": 1000, "link": 1000, "joint": 2000, "geom": 20_000}
+"""Most elements of a kind, of those that the processor time of the checks depends on."""
 MAX_PIXELS = 8192
 """Largest width and height of a texture [px]."""
 MAX_ITERATIONS = 1000
@@ -90,7 +93,11 @@ def _check_model(path: Path) -> None:
     """Reject a model with a forbidden element or a reference to a file outside its folder."""
     folders: dict[str, str] = {}
     files: list[tuple[str, str]] = []
+    counts: Counter[str] = Counter()
     for tag, attributes in _elements(path):
+        counts[tag] += 1
+        if counts[tag] > MOST.get(tag, MAX_ELEMENTS):
+            raise AssetError(f"{path}: more than {MOST[tag]} elements <{tag}>")
         if tag in FORBIDDEN:
             raise AssetError(f"{path}: element <{tag}> is not accepted in an asset folder")
         if tag == "mesh" and "builtin" in attributes:
