@@ -312,6 +312,7 @@ ASSET_XML: dict[str, Change] = {
     "time step": _head('<option timestep="1e-300" iterations="2000000000"/>'),
     "other joints": _mjcf('name="drawer_0_slide"', f'name="{X}"'),
     "100,000 bodies": _body("<body/>" * 100_000),
+    "attributes": edited(("<mujoco ", "<mujoco " + " ".join(f'a{k}="1"' for k in range(100_000)) + " ")),
     "10,000 geoms": _mjcf('<geom type="box"', '<geom size="0.01"/>' * 10_000 + '<geom type="box"'),
     "900 joints": _mjcf("<joint", '<body><joint type="slide"/><geom size="0.01" mass="1"/></body>' * 900 + "<joint"),
 }  # fmt: skip
@@ -512,10 +513,12 @@ BUNDLE_FILES: dict[str, dict[str, Change]] = {
         "100,000 bodies": _sealed(_body("<body/>" * 100_000)),
         "user data": _sealed(_head('<size nuserdata="2000000000"/>')),
         "deep elements": _sealed(text("<a>" * 100_000)),
+        "attributes": _sealed(edited(("<mujoco ", "<mujoco " + " ".join(f'a{k}="1"' for k in range(100_000)) + " "))),
         "entities": _sealed(text(ENTITIES + "<mujoco model='&e11;'/>")),
     },
     "object/object.urdf": {
         "100,000 links": _sealed(edited(("</robot>", '<link name="l"/>' * 100_000 + "</robot>"))),
+        "attributes": _sealed(edited(("<robot ", "<robot " + " ".join(f'a{k}="1"' for k in range(100_000)) + " "))),
         "mesh outside": _sealed(edited(("</robot>", '<link name="l"><visual><geometry><mesh filename="/etc/passwd"/></geometry></visual></link></robot>'))),
         "entities": _sealed(text(ENTITIES + "<robot name='&e11;'/>")),
     },

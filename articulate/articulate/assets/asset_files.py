@@ -27,6 +27,8 @@ FOLDER_BYTES = 2_000_000_000
 """Largest total size of an asset folder."""
 MAX_FILES = 20_000
 MAX_ELEMENTS = 200_000
+MAX_ATTRIBUTES = 200
+"""Most attributes of an element; reading them takes quadratic time."""
 MOST = {"body": 1000, "link": 1000, "joint": 2000, "geom": 20_000}
 """Most elements of a kind, of those that the processor time of the checks depends on."""
 MAX_PIXELS = 8192
@@ -128,6 +130,8 @@ def _elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     for count, element in enumerate(root.iter(etree.Element)):
         if count > MAX_ELEMENTS:
             raise AssetError(f"{path}: more than {MAX_ELEMENTS} elements")
+        if len(element.attrib) > MAX_ATTRIBUTES:
+            raise AssetError(f"{path}: an element with more than {MAX_ATTRIBUTES} attributes")
         yield etree.QName(element).localname, dict(element.attrib)
 
 

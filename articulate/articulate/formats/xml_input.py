@@ -36,6 +36,8 @@ MARKS = (
 DECLARATION = re.compile(r"<\?xml\b[^>]{0,300}\?>")
 NAMES = ("name", "link", "joint", "type", "class", "childclass", "material", "mesh", "model")
 """Attributes that messages quote."""
+MAX_ATTRIBUTES = 200
+"""Most attributes of an element; reading them takes quadratic time."""
 MAX_NAME = 200
 """Longest of them, in characters."""
 HEAD_BYTES = 200_000
@@ -169,6 +171,10 @@ def _parsed(text: str, path: Path, repairs: Repairs) -> Element:
     count = 0
     for element in root.iter():
         count += 1
+        if len(element.attrib) > MAX_ATTRIBUTES:
+            raise AssetError(
+                f"{path}:{element.sourceline}: more than {MAX_ATTRIBUTES} attributes of an element"
+            )
         for key in NAMES:
             name = element.get(key) or ""
             if len(name) > MAX_NAME or not name.isprintable():
