@@ -34,10 +34,10 @@ MARKS = (
 )
 """First bytes of a file and the encoding they mark."""
 DECLARATION = re.compile(r"<\?xml\b[^>]{0,300}\?>")
-NAMES = ("name", "link", "joint", "type", "class", "childclass", "material", "mesh", "model")
-"""Attributes that messages quote."""
 MAX_ATTRIBUTES = 200
 """Most attributes of an element; reading them takes quadratic time."""
+NAMES = ("name", "link", "joint", "type", "class", "childclass", "material", "mesh", "model")
+"""Attributes that messages quote."""
 MAX_NAME = 200
 """Longest of them, in characters."""
 HEAD_BYTES = 200_000
