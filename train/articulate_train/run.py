@@ -314,6 +314,9 @@ def open_run(folder: Path) -> Run:
                 "without --resume"
             )
         raise RunError(f"{folder}: not a run folder: {reason}; give a folder that train made")
+    for file in (path, folder / CONFIG):
+        if file.is_symlink():  # its messages would quote another file
+            raise RunError(f"{file}: a link; a run holds regular files only")
     content = load_json_object(path, error=RunError)
     version = content.get("schema_version", 1)
     if content.get("schema", SCHEMA) != SCHEMA or version != SCHEMA_VERSION:

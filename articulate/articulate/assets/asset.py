@@ -168,7 +168,7 @@ class Asset:
             if joint.name == name:
                 return joint
         known = [joint.name for joint in self.joints]
-        raise AssetError(f"{self.name}: no joint {name!r}{nearest(name, known)}")
+        raise AssetError(f"{self.name}: no joint {quote(name)}{nearest(name, known)}")
 
     def link(self, name: str) -> Link:
         """Return the link ``name``; AssetError if it does not exist."""

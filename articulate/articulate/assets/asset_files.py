@@ -29,7 +29,7 @@ MAX_FILES = 20_000
 MAX_ELEMENTS = 200_000
 MAX_ATTRIBUTES = 200
 """Most attributes of an element; reading them takes quadratic time."""
-MOST = {"body": 1000, "link": 1000, "joint": 2000, "geom": 20_000}
+MOST = {"body": 1000, "link": 1000, "joint": 2000, "geom": 4_000}
 """Most elements of a kind, of those that the processor time of the checks depends on."""
 MAX_PIXELS = 8192
 """Largest width and height of a texture [px]."""

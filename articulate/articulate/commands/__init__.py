@@ -25,6 +25,8 @@ GROUP = "articulate.commands"
 DISTRIBUTION = "articulate-robots"
 USAGE_EXIT = 2
 BUG_EXIT = 1
+MAX_WORD = 300
+"""Longest word of an error [characters]."""
 
 Main = Callable[[Sequence[str]], int]
 
@@ -192,7 +194,8 @@ def _print_and_return(message: str, code: int) -> int:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    """Return ``text`` as one line; no input can make a word of it longer than a path."""
+    return " ".join(shorten(word, MAX_WORD) for word in text.split())
 
 
 def _write_trace() -> Path:
