@@ -59,7 +59,7 @@ FLAGS = {
 COMMON = {"--set", "--help-all", "--config", "--help", "--quiet", "--verbose"}
 """Flags of every command."""
 
-OTHERS = {"coverage", "source", "tensorboard"}
+OTHERS = {"coverage", "git", "source", "tensorboard"}
 """Commands in the documents that are not ours."""
 
 
@@ -165,8 +165,12 @@ def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
         if command == "--completion":
             assert rest[0] in SHELLS
             continue
+        if command in {"--help", "--version"}:
+            continue
         if command in FLAGS:
-            resumes = TrainFlags(asset="kept") if "--resume" in rest else None
+            resumes = (
+                TrainFlags(asset="kept") if {"--resume", "--list-joints"} & set(rest) else None
+            )
             parse(FLAGS[command], rest, default=resumes, prog=command)
         elif command.startswith("python"):
             source = (ROOT / rest[0]).read_text(encoding="utf-8")
@@ -198,7 +202,11 @@ def test_every_block_names_its_language(page):
     ],
 )
 def test_tables_of_fields_are_those_of_the_code(head, cls, without):
-    told = [name for row in table("reference/formats.md", head) for name in re.findall(r"`(\w+)`", row[0])]
+    told = [
+        name
+        for row in table("reference/formats.md", head)
+        for name in re.findall(r"`(\w+)`", row[0])
+    ]
     assert sorted(told) == sorted({f.name for f in dataclasses.fields(cls)} - without)
 
 

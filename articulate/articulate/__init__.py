@@ -1,1 +1,1 @@
-"""What an object is: make it, read it, prove it."""
+"""Articulated objects: reconstruct, read, convert and check them."""

@@ -2,7 +2,7 @@
 
 By default the library writes a device identifier, a database and a session file to the cache and
 temporary folders of the user, and sends events. The environment variable has to be set before the
-import; ``disable_telemetry_events`` alone does not prevent the files.
+import; ``disable_telemetry_events`` does not prevent the files.
 """
 
 from __future__ import annotations

@@ -37,9 +37,9 @@ CHECKS: dict[str, Meaning] = {
         "axis of its joint, and mimic factors, in object.xml, object.urdf and asset.json.",
     ),
     "input_kinematics": Meaning(
-        means="At 100 random joint states every moving link is where yourdfpy or MuJoCo puts it "
-        "when they read the input file, up to the listed scale, the object frame and "
-        "normalized axes, to 1e-6 m and rad.",
+        means="At 100 random joint states every moving link is where yourdfpy or MuJoCo puts it, "
+        "to 1e-6 m and rad. They read the input file; the listed scale, the object frame and "
+        "normalized axes are taken into account.",
         matters="Otherwise the asset is another object than the input.",
         remedy="Check origin and axis of the joint that moves the named link. If the input "
         "itself is ambiguous (two roots, names used twice), make it unambiguous.",

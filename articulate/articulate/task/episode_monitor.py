@@ -34,6 +34,24 @@ class FailureReason(IntEnum):
     def __str__(self) -> str:
         return self.name.lower()
 
+    @property
+    def meaning(self) -> str:
+        """One sentence for people."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    FailureReason.SUCCESS: "The part is at rest at the target and no limit was violated.",
+    FailureReason.FORBIDDEN_CONTACT: "Something other than the gripper touched the object.",
+    FailureReason.SPEED: "A joint exceeded its allowed share of the arm's speed table.",
+    FailureReason.TORQUE: "A joint required the torque of the arm's table or more.",
+    FailureReason.TORQUE_RATE: "A torque changed faster than the arm's controller allows.",
+    FailureReason.FORCE: "The filtered net contact force on the gripper exceeded the limit.",
+    FailureReason.MOMENT: "The filtered net contact moment about the tool exceeded the limit.",
+    FailureReason.GOAL_NOT_REACHED: "The part was not at the target at the end of the episode.",
+    FailureReason.NOT_AT_REST: "The part was at the target, but not at rest for long enough.",
+    FailureReason.DIVERGED: "A state was not finite.",
+}
 
 REASONS = tuple(str(reason) for reason in FailureReason)
 """Names of the reason codes in files and reports, in order of their codes."""
