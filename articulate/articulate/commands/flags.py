@@ -146,7 +146,7 @@ def _read(flags: Sequence[Flag], argv: Sequence[str], prog: str) -> Values:
         flag = named[name]
         if flag.is_switch:
             if equals:
-                raise ConfigError(f"{name} is a switch; leave out {equals}{value}")
+                raise ConfigError(f"{name} is a switch; omit {equals}{value}")
             parsed[flag.path] = name == flag.name
             continue
         values = [value] if equals else _pop_values(flag, words)
