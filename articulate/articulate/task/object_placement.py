@@ -8,9 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from articulate.assets.asset import Asset, Handle
+from articulate.errors import ConfigError
 from articulate.jit import row_function
 from articulate.robot.arm import PAD_M
 from articulate.transforms import Array, axis_angle_to_matrix, pose
+
+MAX_NUMBER = 100.0
+"""Largest size of a coordinate or angle of a placement [m or rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +37,13 @@ class ObjectPlacement:
     """Share of sampled poses and sizes at which the complete path is reachable."""
     tilt_rad: float = 0.0
     """Rotation of the grasp about the handle's long axis [rad]; see :func:`tilted`."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.pos_w, self.yaw_rad, *self.start_q, self.tilt_rad)
+        if not all(abs(number) <= MAX_NUMBER for number in numbers):
+            raise ConfigError(
+                f"placement: a position or angle is not within {MAX_NUMBER:g} m or rad of 0"
+            )
 
     def T_wo(self) -> Array:
         """Return the pose of the object in the world (4, 4)."""

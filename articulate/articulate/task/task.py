@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from articulate.assets.asset import Asset, Joint
-from articulate.errors import AssetError, ConfigError, nearest
+from articulate.errors import AssetError, ConfigError, nearest, quote
 from articulate.jit import row_function
 from articulate.task.part_kinds import PartKind, part_kind
 
@@ -110,7 +110,7 @@ class Task:
         if not 0.0 < self.episode_s <= 10.0:
             raise ConfigError(f"task.episode_s is {self.episode_s}; it must be in (0, 10] s")
         if self.name not in TASK_RULES:
-            raise ConfigError(f"unknown task {self.name!r}{nearest(self.name, TASK_RULES)}")
+            raise ConfigError(f"unknown task {quote(self.name)}{nearest(self.name, TASK_RULES)}")
         if not 0.0 < self.hold_s <= self.episode_s:
             raise ConfigError(
                 f"task.hold_s is {self.hold_s}; it must be in (0, {self.episode_s}] s"
