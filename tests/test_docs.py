@@ -9,12 +9,12 @@ import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
-import figures
 import pytest
-import reference
 from mkdocs.commands.build import build
 from mkdocs.config import load_config
 
+import figures
+import reference
 from articulate.assets.asset import Asset, Handle, Joint, Link
 from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.cache import CacheFlags
