@@ -31,9 +31,9 @@ def check_grasp(scene: Scene) -> float:
     asset, task, place = scene.asset, scene.task, scene.place
     if place.reachable_share < MIN_SAMPLED_SHARE:
         raise ReachError(
-            f"{asset.name}: the handle of {task.joint} can be followed to the target at "
-            f"only {place.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size "
-            "or smaller --randomization.* ranges"
+            f"{asset.name}: the handle of {task.joint} can be followed to the target at only "
+            f"{place.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size or "
+            "smaller --randomization.* ranges"
         )
     best = max(
         min(_overlap(scene, opened, back) for back in BACK_M)

@@ -227,7 +227,7 @@ class ArticulatedObject(MujocoEnv):  # type: ignore[misc]  # robosuite has no ty
         return {name: values.tolist()[0] for name, values in info.items()}
 
     def reward(self, action: Array | None = None) -> float:
-        """Return the reward of the last control step; ``action`` is not used."""
+        """Return the reward of the last control step, a scalar; ``action`` (8,) is not used."""
         return self._reward
 
     def _check_success(self) -> bool:

@@ -18,6 +18,7 @@ from articulate.errors import ConfigError, EngineError, nearest, quote
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization import COLUMNS
 from articulate.transforms import Ints, Mask
+from articulate_envs.episodes import StepResult
 from articulate_envs.gym_env import box
 from articulate_envs.interface import apply_options, checked_action, episode_info
 from articulate_envs.make_scene import make_scene, read_config
@@ -202,7 +203,7 @@ class ArticulateVectorEnv(VectorEnv[Vectors, Vectors, NDArray[Any]]):
             self._ended[rows] = False
         return self._observation.copy(), reward, terminated, truncated, self._info() | final
 
-    def _ends(self, result: Any) -> tuple[NDArray[Any], Mask, Mask]:
+    def _ends(self, result: StepResult) -> tuple[NDArray[Any], Mask, Mask]:
         """Return rewards, terminations and truncations (N,) of a control step."""
         self._elapsed += 1
         truncated = np.zeros(self.num_envs, dtype=bool)

@@ -73,7 +73,7 @@ class SceneRenderer:
         self._view: Viewpoint | None = None
 
     def choose_view(self, qpos: Array) -> Viewpoint:
-        """Choose and keep the view that shows the gripper best over positions (T, nq)."""
+        """Choose and keep the view that shows the gripper best at positions (T, nq) [m, rad]."""
         samples = qpos[np.linspace(0, len(qpos) - 1, min(len(qpos), 5)).astype(int)]
         visible = np.zeros((len(ELEVATIONS_DEG), len(AZIMUTHS_DEG)))
         points = []
@@ -188,7 +188,7 @@ def visual_model(
     T_wo: Array | None = None,
     size: tuple[int, int] = SIZE,
 ) -> mujoco.MjModel:
-    """Return the model with visual geoms; arguments as in :class:`SceneRenderer`."""
+    """Return the model with visual geoms; ``T_wo`` (4, 4) is homogeneous, ``size`` in pixels."""
     T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
     spec = scene_spec(
         scene.asset,

@@ -15,7 +15,7 @@ def test_gymnasium_records_a_video(drawer, tmp_path):
     recorder = gymnasium.wrappers.RecordVideo(env, str(tmp_path / "videos"), video_length=3)
     recorder.reset(seed=0)
     for _ in range(5):
-        recorder.step(np.zeros(8))
+        recorder.step(np.zeros(8, dtype=np.float32))
     recorder.close()
     (video,) = (tmp_path / "videos").glob("*.mp4")
     assert video.stat().st_size > 1000

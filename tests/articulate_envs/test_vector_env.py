@@ -80,7 +80,7 @@ def test_an_end_gives_the_last_observation_and_begins_anew(drawer, envs):
 def test_episodes_cut_in_training_are_truncations(envs, drawer):
     """What the curriculum of training cuts while the part rests at the target."""
     envs.reset(seed=0)
-    envs.episodes._cut = lambda: np.array([True, False, False])
+    envs.episodes._truncated = lambda: np.array([True, False, False])
     _, _, terminated, truncated, info = envs.step(np.zeros((N, 8)))
     assert_array_equal(truncated, [True, False, False])
     assert not terminated.any()

@@ -4,13 +4,13 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import onnxruntime
 import pytest
 import torch
 from numpy.testing import assert_array_equal
 from tests.runs import tiny_run, write_checkpoint
 
 from articulate.errors import ConfigError, RunError
+from articulate.onnx_runtime import onnxruntime
 from articulate.task.observation import OBSERVATION
 from articulate_deploy.onnx_graph import check_graph
 from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation

@@ -6,7 +6,6 @@ import zipfile
 
 import numpy as np
 import onnx
-import onnxruntime
 import pytest
 import torch
 from numpy.testing import assert_allclose
@@ -14,6 +13,7 @@ from tests.assets import make_cabinet
 from tests.runs import make_run, write_checkpoint
 
 from articulate.errors import RunError, UsageError
+from articulate.onnx_runtime import onnxruntime
 from articulate.task.manifest import decode_manifest
 from articulate.task.observation import OBSERVATION
 from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
