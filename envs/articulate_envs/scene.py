@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from articulate.assets.asset import Asset
+from articulate.errors import AssetError, shorten
 from articulate.robot.arm import Arm
 from articulate.robot.config import ControlConfig
 from articulate.robot.contact import FLOOR_SENSOR, GRIPPER_SENSOR, ROBOT_SENSOR
@@ -120,7 +121,12 @@ def build_scene(
     for scale in scales:
         spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)
         counterbalance(spec, asset, task)
-        models.append(spec.compile())
+        try:
+            models.append(spec.compile())
+        except ValueError as error:
+            raise AssetError(
+                f"{asset.mjcf_path}: MuJoCo does not accept it ({shorten(error)})"
+            ) from None
     return Scene(
         asset=tilted(asset, task.joint, place.tilt_rad),
         task=task,
@@ -147,7 +153,10 @@ def scene_spec(
     spec = panda_spec(arm, visuals=visuals)
     spec.modelname = asset.name
     apply_physics(spec, physics)
-    child = mujoco.MjSpec.from_file(str(asset.mjcf_path))
+    try:
+        child = mujoco.MjSpec.from_file(str(asset.mjcf_path))
+    except ValueError as error:
+        raise AssetError(f"{asset.mjcf_path}: MuJoCo does not accept it ({shorten(error)})") from None
     _prepare_object(child, scale=scale, visuals=visuals)
     frame = spec.worldbody.add_frame()
     T_wo = place.T_wo()

@@ -314,7 +314,6 @@ ASSET_XML: dict[str, Change] = {
     "100,000 bodies": _body("<body/>" * 100_000),
     "attributes": edited(("<mujoco ", "<mujoco " + " ".join(f'a{k}="1"' for k in range(100_000)) + " ")),
     "10,000 geoms": _mjcf('<geom type="box"', '<geom size="0.01"/>' * 10_000 + '<geom type="box"'),
-    "3,000 geoms": _mjcf('<geom type="box"', '<geom size="0.01"/>' * 3_000 + '<geom type="box"'),
     "900 joints": _mjcf("<joint", '<body><joint type="slide"/><geom size="0.01" mass="1"/></body>' * 900 + "<joint"),
 }  # fmt: skip
 SCENE_JSON: dict[str, Change] = {

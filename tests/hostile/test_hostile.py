@@ -5,7 +5,10 @@ The default tests call some commands in this process; the slow ones start every 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tests.hostile.cases import CASES, DEFAULT, Case
@@ -20,6 +23,8 @@ from tests.hostile.harness import (
 from tests.hostile.writers import HonestInputs
 
 from articulate.commands import main
+from articulate.errors import ArticulateError, UsageError
+from articulate.jobs import child, process_pool
 
 
 @pytest.fixture(scope="session")
@@ -46,10 +51,21 @@ def test_it_is_rejected_in_one_line(
     for name, value in prepare(case, tmp_path, honest).items():
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(process_pool._Children, "handle", handle_here)
     before = snapshot(tmp_path)
     code = main(arguments(case))
     stdout, stderr = capfd.readouterr()
     assert problems(Outcome(code=code, stdout=stdout, stderr=stderr), tmp_path, before) == []
+
+
+def handle_here(children: Any, request: Mapping[str, Any]) -> process_pool.ChildResult:
+    """Handle the request of a child process in this one, which has imported all that it needs."""
+    try:
+        value = import_module(children.module).run(dict(request))
+    except ArticulateError as error:
+        code = child.USAGE_EXIT if isinstance(error, UsageError) else child.REQUEST_EXIT
+        return process_pool.ChildResult(code=code, stderr=str(error))
+    return process_pool.ChildResult(code=0, stdout=value)
 
 
 @pytest.mark.slow

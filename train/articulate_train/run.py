@@ -34,6 +34,7 @@ from pathlib import Path
 from typing import Any
 
 from articulate.assets.asset import Asset, load_asset
+from articulate.assets.asset_files import check_asset_files
 from articulate.cache import cache_in_use
 from articulate.config import from_mapping, read_yaml, to_yaml
 from articulate.conversion import ConvertConfig
@@ -317,6 +318,7 @@ def open_run(folder: Path) -> Run:
     for file in (path, folder / CONFIG):
         if file.is_symlink():  # its messages would quote another file
             raise RunError(f"{file}: a link; a run holds regular files only")
+    check_asset_files(folder / "asset")
     content = load_json_object(path, error=RunError)
     version = content.get("schema_version", 1)
     if content.get("schema", SCHEMA) != SCHEMA or version != SCHEMA_VERSION:
