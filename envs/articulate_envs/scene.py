@@ -156,7 +156,9 @@ def scene_spec(
     try:
         child = mujoco.MjSpec.from_file(str(asset.mjcf_path))
     except ValueError as error:
-        raise AssetError(f"{asset.mjcf_path}: MuJoCo does not accept it ({shorten(error)})") from None
+        raise AssetError(
+            f"{asset.mjcf_path}: MuJoCo does not accept it ({shorten(error)})"
+        ) from None
     _prepare_object(child, scale=scale, visuals=visuals)
     frame = spec.worldbody.add_frame()
     T_wo = place.T_wo()
