@@ -94,7 +94,6 @@ RUN = {"run": "in/run"}
 EVALUATE = Reader(argv=("evaluate", "in/run", "--episodes", "1"), inputs=RUN, file="in/run/x")
 EXPORT = Reader(argv=("export", "in/run", "--out", "out"), inputs=RUN, file="in/run/x")
 WATCH = Reader(argv=("watch", "in/run", "--out", "out.mp4"), inputs=RUN, file="in/run/x")
-RESUME = Reader(argv=("train", "--out", "in/run", "--resume"), inputs=RUN, file="in/run/x")
 DEPLOY = Reader(
     argv=("deploy", "in/bundle", "--out", "out", "--episodes", "1"),
     inputs={"bundle": "in/bundle"},
@@ -173,7 +172,6 @@ def _rows() -> Iterator[tuple[str, Reader, dict[str, Change]]]:
     yield "checkpoint of evaluate", EVALUATE.at(checkpoint), kinds | CHECKPOINTS
     yield "checkpoint of export", EXPORT.at(checkpoint), kinds | CHECKPOINTS
     yield "checkpoint of watch", WATCH.at(checkpoint), _kinds("fifo", "pickle")
-    yield "checkpoint of resume", RESUME.at(checkpoint), _kinds("fifo", "pickle")
     yield (
         "asset of a run",
         EVALUATE.at("in/run/asset/object.xml"),
