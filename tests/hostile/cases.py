@@ -180,7 +180,9 @@ def _rows() -> Iterator[tuple[str, Reader, dict[str, Change]]]:
             | {k: ASSET_XML[k] for k in ("includes a file outside", "texture outside", "user data")}
         ),
     )
-    yield "asset.json of a run", EXPORT.at("in/run/asset/asset.json"), _kinds(*few) | ASSET_JSON
+    # Exporting does not use the name of another joint.
+    changes = {k: v for k, v in ASSET_JSON.items() if k != "path as a name"}
+    yield "asset.json of a run", EXPORT.at("in/run/asset/asset.json"), _kinds(*few) | changes
     yield "manifest", DEPLOY, _kinds(*few, "290 MB") | _texts(JSON_TEXTS) | MANIFESTS
     for file, changes in BUNDLE_FILES.items():
         kinds = _kinds("fifo", "device", "folder", "290 MB")

@@ -184,7 +184,7 @@ MJCF_CHANGES: dict[str, Change] = {
     **{f"{k} in the position": _mjcf('pos="0.5 0 0"', f'pos="{v} 0 0"') for k, v in NUMBERS.items()},
     **{f"{k} in the size": _mjcf('size="0.2 0.2 0.2"', f'size="{v} 1 1"') for k, v in NUMBERS.items()},
     **{f"{k} in the range": _mjcf('range="0 0.3"', f'range="0 {v}"') for k, v in NUMBERS.items() if k != "1e308"},
-    **{f"{k} in the mass": _mjcf('mass="1"', f'mass="{v}"') for k, v in NUMBERS.items()},
+    **{f"{k} in the mass": _mjcf('mass="1"', f'mass="{v}"') for k, v in NUMBERS.items() if k != "1e308"},
 }  # fmt: skip
 
 
@@ -254,7 +254,6 @@ MESH_CHANGES: dict[str, dict[str, Change]] = {
         "negative accessor": _accessor(count=-5),
         "buffer outside": _gltf(buffers=[{"uri": "../secret", "byteLength": 36}]),
         "buffer of a device": _gltf(buffers=[{"uri": "/dev/zero", "byteLength": 36}]),
-        "buffer of 1e18": _gltf(buffers=[{"byteLength": 10**18}]),
         "cyclic nodes": _gltf(nodes=[{"mesh": 0, "children": [1]}, {"children": [0]}]),
         "node of itself": _gltf(nodes=[{"mesh": 0, "children": [0]}]),
         "doubling nodes": _gltf(nodes=[*({"children": [k + 1, k + 1]} for k in range(40)), {"mesh": 0}]),
