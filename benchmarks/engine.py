@@ -2,8 +2,8 @@
 
     python benchmarks/engine.py --json
 
-All on the embedded cabinet at 20 Hz, in one run, in blocks that alternate, so that other load on the
-machine affects both sides; ratios are medians over ``--rounds`` blocks.
+All on the embedded cabinet at 20 Hz, in one run, in blocks that alternate, so that other load on
+the machine affects both sides; ratios are medians over ``--rounds`` blocks.
 
 ``limit_ratio``
     Environment steps per second of complete episodes (randomized starts, set-point filter, physics,
@@ -82,8 +82,8 @@ STARTS = InitialStatesConfig(share_first=1.0, share_last=1.0, truncation_probabi
 ACTION_STEPS = 10
 """Control steps for which an action is constant."""
 ALTERNATIONS = 4
-"""Changes between the sides in a round of :func:`limit`: each block takes a second, and other load on
-the machine changes within seconds."""
+"""Changes between the sides in a round of :func:`limit`: each block takes a second, and other load
+on the machine changes within seconds."""
 
 
 class ReplayPointers(NamedTuple):

@@ -28,7 +28,7 @@ from articulate.reconstruct.program.result import ProgramError
 from articulate.reconstruct.program.run import compile_program
 from articulate.transforms import Array, normalised
 
-STATES = 20
+CANDIDATES = 20
 ALLOWED = 1e-6
 """Largest difference of an entry of a pose [m or 1]."""
 
@@ -89,7 +89,7 @@ def difference(one: yourdfpy.URDF, other: yourdfpy.URDF, rng: np.random.Generato
     if set(one.actuated_joint_names) != set(other.actuated_joint_names):
         return float("inf")
     worst = 0.0
-    for _ in range(STATES):
+    for _ in range(CANDIDATES):
         q = state(one, rng)
         poses = [poses_of(robot, links, one.base_link, q) for robot in (one, other)]
         worst = max(worst, float(np.abs(poses[0] - poses[1]).max()))

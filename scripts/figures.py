@@ -162,9 +162,9 @@ def draw(name: str) -> str:
             if j + 1 < len(row) and (name, i) not in PARALLEL:
                 parts.append(_arrow(f"M{x + WIDTH} {y + HEIGHT / 2}h{GAP - 2}"))
         if i + 1 < len(rows) and (name, i + 1) != ("concept_randomization", 1):
-            x = MARGIN + (len(row) - 1) * (WIDTH + GAP) + WIDTH / 2
+            end = MARGIN + (len(row) - 1) * (WIDTH + GAP) + WIDTH / 2
             y = MARGIN + i * (HEIGHT + GAP) + HEIGHT
-            path = f"M{x} {y}v{GAP / 2}H{MARGIN + WIDTH / 2}v{GAP / 2 - 2}"
+            path = f"M{end} {y}v{GAP / 2}H{MARGIN + WIDTH / 2}v{GAP / 2 - 2}"
             parts.append(_arrow(path))
     return "\n".join([*parts, "</svg>", ""])
 

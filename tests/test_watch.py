@@ -51,7 +51,7 @@ def test_a_run_is_watched_for_a_whole_episode(run_play, made):
 def test_a_bundle_is_watched_in_the_episodes_that_deploy_counts(bundle_play, made):
     report = deploy(made / "b.zip", episodes=2)
     assert bundle_play.reason == report.results[1].reason
-    assert len(bundle_play.qpos) == report.results[1].ticks
+    assert len(bundle_play.qpos) == report.results[1].steps
     assert (bundle_play.model.geom_group == 0).all()
 
 

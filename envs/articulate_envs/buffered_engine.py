@@ -42,10 +42,10 @@ KEPT_ACTIONS = MAX_DELAY_STEPS + 1
 
 
 class BufferedEngine(ABC):
-    """N environments, each with its own model and state; see :class:`articulate_envs.engine.Engine`.
+    """N environments, each with a model and a state; see :class:`articulate_envs.engine.Engine`.
 
-    A subclass runs the physics in :meth:`_advance`. Snapshots of one fit another: they hold the same
-    arrays.
+    A subclass runs the physics in :meth:`_advance`. Snapshots of one fit another: they hold the
+    same arrays.
     """
 
     def __init__(self, scene: Scene, n_envs: int) -> None:

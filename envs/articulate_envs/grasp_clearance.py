@@ -33,7 +33,7 @@ def check_grasp(scene: Scene) -> float:
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} can be followed to the target at only "
             f"{place.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size or "
-            "smaller --randomization.* ranges"
+            "smaller randomization ranges"
         )
     best = max(
         min(_overlap(scene, opened, back) for back in BACK_M)

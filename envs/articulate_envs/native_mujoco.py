@@ -18,8 +18,8 @@ SAMPLED = (
     "dof_M0", "dof_armature", "dof_damping", "dof_frictionloss", "dof_invweight0", "dof_length",
     "geom_friction", "tendon_invweight0", "tendon_length0",
 )  # fmt: skip
-"""Arrays in which models of one size differ: sampled numbers, and what ``mj_setConst`` computes from
-them."""
+"""Arrays in which models of one size differ: sampled numbers, and what ``mj_setConst`` computes
+from them."""
 _BEFORE_CENTER = 4
 """Numbers of ``mjStatistic`` before its center: mean inertia, mass and size, extent."""
 

@@ -1,7 +1,7 @@
 """Privileged inputs of the value function: true state and sampled parameters, in training only.
 
-A policy on a robot never gets them. The value function is more accurate if it knows the latency, the
-masses and the true pose of the handle (asymmetric actor-critic; Pinto et al. 2018,
+A policy on a robot never gets them. The value function is more accurate if it knows the latency,
+the masses and the true pose of the handle (asymmetric actor-critic; Pinto et al. 2018,
 arXiv:1710.06542).
 """
 

@@ -1,4 +1,5 @@
 import dataclasses
+from typing import cast
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from articulate_deploy.robots.robot import (
     GRIPPER_KEY,
     JOINT_KEYS,
     SPEED_KEYS,
+    Robot,
     read_keys,
 )
 from articulate_envs.engine import Start
@@ -174,7 +176,7 @@ def test_unsafe_targets_never_reach_a_driver(bundle, monkeypatch, value):
         return np.full(7, value), 0.08
 
     monkeypatch.setattr(PolicyController, "step", faulty)
-    run_episode(Policy(bundle), driver, StillObject(), manifest)
+    run_episode(Policy(bundle), cast(Robot, driver), StillObject(), manifest)
     sent = np.array([read_keys(action) for action in driver.actions])
     assert len(sent) == round(manifest.task.episode_s / manifest.control.step_s)
     assert np.isfinite(sent).all()

@@ -3,6 +3,7 @@
 import copy
 import subprocess
 import sys
+from typing import cast
 
 import numpy as np
 from numpy.testing import assert_allclose
@@ -60,8 +61,9 @@ def test_a_diverged_environment_is_observed_as_zeros_and_earns_nothing(
         seed=0,
     )
     episodes.reset()
-    episodes.engine.physics_state(1)[1].qvel[:] = 1e12
+    cast(ThreadEngine, episodes.engine).physics_state(1)[1].qvel[:] = 1e12
     result = episodes.step(np.zeros((N, 8)))
+    assert result.ended is not None
     assert result.ended.rows.tolist() == [1]
     assert result.reward[1] == 0.0
     assert np.isfinite(result.ended.observation).all()

@@ -10,6 +10,7 @@ from tests.assets import make_cabinet
 from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA
 from articulate.robot.kinematics import manipulability, solve_ik, tool_pose
+from articulate.task.object_placement import handle_in_world, handle_poses, object_pose
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.task.task import make_task
 from articulate_envs import placement_search as reach_test
@@ -17,9 +18,6 @@ from articulate_envs.placement_search import (
     MIN_JOINT_MARGIN_RAD,
     MIN_MANIPULABILITY,
     find_placement,
-    handle_in_world,
-    handle_poses,
-    object_pose,
 )
 
 

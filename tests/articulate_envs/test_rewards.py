@@ -1,6 +1,7 @@
 import dataclasses
 import itertools
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -38,8 +39,10 @@ from articulate_envs.rewards import (
     term_params,
 )
 
+DEFAULT = RewardConfig()
 
-def configured(values, base=RewardConfig()):
+
+def configured(values, base=DEFAULT):
     """The configuration with ``values`` by dotted name."""
     for name, value in values.items():
         group, _, key = name.partition(".")
@@ -96,8 +99,8 @@ def terms(
         travel=as_numbers(config.travel),
         task=reward_task(task, along_m=along_m, thick_m=thick_m),
         goal=goal_params(task),
-        observation=None,
-        estimator=None,
+        observation=cast(Any, None),  # the reward reads neither
+        estimator=cast(Any, None),
         force_noise_n=0.0,
         steps=1,
     )

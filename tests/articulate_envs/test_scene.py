@@ -59,7 +59,9 @@ def summed(model, data):
 
 def reported(scene, data):
     wrench = np.empty((1, 6))
-    contact = contact_wrench(data.sensordata, *scene.at.sensors, data.site("tool").xpos, wrench[0])
+    gripper, floor, robot = scene.at.sensors
+    tool_w = data.site("tool").xpos
+    contact = contact_wrench(data.sensordata, gripper, floor, robot, tool_w, wrench[0])
     touch = np.array([contact])
     return wrench[0], bool(touch[0])
 

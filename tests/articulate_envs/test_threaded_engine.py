@@ -119,7 +119,8 @@ def test_same_seed_gives_the_same_bits_twice_and_in_another_process(drawer, tmp_
     ours = digest(run(drawer))
     assert digest(run(drawer)) == ours
     code = (
-        "import sys; from pathlib import Path; import tests.articulate_envs.test_threaded_engine as t; "
+        "import sys; from pathlib import Path; "
+        "import tests.articulate_envs.test_threaded_engine as t; "
         "from tests.scenes import drawer_scene; "
         "print(t.digest(t.run(drawer_scene(Path(sys.argv[1])), threads=2)))"
     )
@@ -236,7 +237,8 @@ class Reference:
         width = data.qpos[at.finger_q] - data.qpos[at.finger_q + 1]
         force = self.samples[:3] + self.value("force_bias")
         command = self.gripper.command[0]
-        retract = exceeds_force_limit(*force, command, width, self.limits)
+        fx, fy, fz = force
+        retract = exceeds_force_limit(fx, fy, fz, command, width, self.limits)
         update_targets(self.target, motion, self.q, retract, self.targets, self.work)
         self.finger = finger_start(self.finger, width, self.gripper.closing[0])
         time_s, values = self.step_count * scene.control.step_s, self.params.values[0]
@@ -255,7 +257,8 @@ class Reference:
         data.ctrl[at.finger_ctrl : at.finger_ctrl + 2] = self.finger, -self.finger
         mujoco.mj_step(self.model, data)
         tool_w = data.site_xpos[at.tool_site]
-        contact = contact_wrench(data.sensordata, *at.sensors, tool_w, self.wrench)
+        gripper, floor, robot = at.sensors
+        contact = contact_wrench(data.sensordata, gripper, floor, robot, tool_w, self.wrench)
         arm_v = slice(at.arm_q, at.arm_q + 7)
         dq, torque = data.qvel[arm_v], data.qfrc_actuator[arm_v]
         monitor_sample(self.samples, dq, torque, self.torque, self.wrench, contact, self.monitor)

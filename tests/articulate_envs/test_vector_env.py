@@ -153,7 +153,7 @@ def test_each_environment_follows_its_seed(drawer, vectors, mode):
     first, _ = envs.reset(seed=seeds)
     found = [first] + [envs.step(np.full((N, 8), 0.3))[0] for _ in range(steps + 3)]
     assert_array_equal([step[0] for step in found], [step[2] for step in found])
-    found = np.array(found)
+    observations = np.array(found)
     for row, seed in enumerate(seeds[:2]):
         env = ArticulateEnv(scene=drawer)
         expected = [env.reset(seed=seed)[0]]
@@ -163,7 +163,7 @@ def test_each_environment_follows_its_seed(drawer, vectors, mode):
         expected.append(env.reset()[0])
         expected += [env.step(np.full(8, 0.3))[0] for _ in range(2)]
         env.close()
-        np.testing.assert_allclose(found[: len(expected), row], expected, atol=1e-5)
+        np.testing.assert_allclose(observations[: len(expected), row], expected, atol=1e-5)
 
 
 def test_seeds_of_some_environments_change_no_other(vectors):
@@ -180,7 +180,7 @@ def test_gymnasium_normalizes_observations_and_rewards(named):
         ID, num_envs=N, autoreset_mode="NEXT_STEP", max_episode_steps=20, **named
     )
     envs = NormalizeReward(NormalizeObservation(envs))
-    envs.reset(seed=[1, 2, 3])
+    envs.reset(seed=[1, 2, 3])  # type: ignore[arg-type]  # vector environments take lists
     for _ in range(5):
         observation, reward, *_ = envs.step(envs.action_space.sample())
     assert np.isfinite(observation).all()

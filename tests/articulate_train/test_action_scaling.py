@@ -12,13 +12,13 @@ from numpy.testing import assert_allclose
 from articulate.errors import ConfigError
 from articulate.task.observation import (
     ACTION,
-    JOINT_TRACKING_UNIT_RAD,
     GOAL_ERROR_UNIT,
+    GRIPPER_SPEED_UNIT_M_S,
     HANDLE_UNIT_M,
+    JOINT_TRACKING_UNIT_RAD,
+    OBSERVATION,
     TRACKING_UNIT_M,
     TRACKING_UNIT_RAD,
-    OBSERVATION,
-    GRIPPER_SPEED_UNIT_M_S,
     WIDTH_UNIT_M,
 )
 from articulate.task.task import Task
@@ -232,7 +232,9 @@ def test_leads_are_compensated_where_the_stop_is_near_the_target(target, stop, h
     assert LEADS.for_task(task, None) == want
 
 
-@pytest.mark.parametrize(("path_m", "begin"), [(0.2, -0.2), (0.5, -0.1), (1.0, -0.05), (None, -0.2)])
+@pytest.mark.parametrize(
+    ("path_m", "begin"), [(0.2, -0.2), (0.5, -0.1), (1.0, -0.05), (None, -0.2)]
+)
 def test_motions_are_finer_over_at_most_a_bounded_length_of_the_handle(path_m, begin):
     action_scaling = ActionScalingConfig(goal_range=(-0.2, 0.0), goal_range_max_m=0.05)
     task = Task(name="open_door", joint="j", kind="hinge", span=1.5, target=0.8)

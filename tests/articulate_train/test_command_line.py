@@ -21,7 +21,10 @@ OTHER = dataclasses.replace(
     evaluation_seed=7,
     ppo=dataclasses.replace(PLAIN.ppo, net_arch=(32, 16, 8), learning_rate=1e-05),
     randomization=dataclasses.replace(PLAIN.randomization, mass=(0.5, 2.0), scales=3),
-    reward=dataclasses.replace(PLAIN.reward, premature_close=-0.5),
+    reward=dataclasses.replace(
+        PLAIN.reward,
+        premature_close=dataclasses.replace(PLAIN.reward.premature_close, weight=-0.5),
+    ),
     physics=dataclasses.replace(PLAIN.physics, cone="pyramidal"),
 )
 

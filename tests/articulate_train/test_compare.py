@@ -36,7 +36,9 @@ def test_a_training_that_is_not_over_is_reported():
     one, two = content_of(), content_of("second")
     assert "not over" not in comparison_page(compare([one, two]), "evaluate …")
     two["info"]["unfinished"] = "seed 0 has 0.05 of 0.1M control steps"
-    assert "seed 0 has 0.05 of 0.1M control steps" in comparison_page(compare([one, two]), "evaluate …")
+    assert "seed 0 has 0.05 of 0.1M control steps" in comparison_page(
+        compare([one, two]), "evaluate …"
+    )
 
 
 def test_settings_that_differ_are_reported_with_each_value_and_no_others():

@@ -69,7 +69,7 @@ def test_without_a_driver_it_gives_the_reason(config, tmp_path, monkeypatch):
 def test_the_scene_is_rendered_in_its_initial_state(fresh):
     scene = fresh.scene((1.0,))
     qpos = dry.start_qpos(scene)
-    assert np.allclose(qpos[scene.at.arm_q : scene.at.arm_q + 7], fresh.place.start_q)
+    assert np.allclose(qpos[scene.at.arm_q : scene.at.arm_q + 7], fresh.placement.start_q)
     assert qpos.shape == (scene.nominal.nq,)
 
 

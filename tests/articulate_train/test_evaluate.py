@@ -104,7 +104,7 @@ def ends(rows, codes):
         terms=np.zeros((n, len(TERMS))),
         peaks=np.zeros((n, WIDTH)),
         observation=np.zeros((n, OBSERVATION.size)),
-        cut=np.zeros(n, dtype=bool),
+        truncated=np.zeros(n, dtype=bool),
         privileged=np.zeros((n, PRIVILEGED.size)),
     )
 

@@ -28,9 +28,13 @@ from articulate_train.train_seed import PROGRESS
 def videos(monkeypatch):
     """Names of the requested videos; nothing is rendered."""
     calls = []
-    monkeypatch.setattr(
-        evaluation, "write_episode_video", lambda path, *_, **__: calls.append(path.name)
-    )
+
+    def write(path, *_, **__):
+        calls.append(path.name)
+        path.write_bytes(b"video")
+        return path
+
+    monkeypatch.setattr(evaluation, "write_episode_video", write)
     monkeypatch.setattr(evaluation, "render_png", lambda *_, **__: b"\x89PNG\r\n\x1a\n")
     return calls
 
@@ -154,7 +158,6 @@ def test_another_object_without_that_joint_is_rejected(trained, tmp_path):
     ("files", "seconds"),
     [
         ({}, 30.0),  # seeds run side by side: the longest of them, and not their sum
-        ({"summary.json": {"seconds": 42.0}}, 42.0),
         ({"summary.json": {"seconds": 2.0}}, 30.0),  # of the last call of several
         ({"summary.json": {"seconds": 2.0}, "sessions.json": {"seconds": [40.0, 5.0]}}, 45.0),
         ({"summary.json": ["of", "another", "kind"]}, 30.0),

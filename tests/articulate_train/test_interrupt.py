@@ -1,4 +1,4 @@
-"""Ctrl-C during a training: once keeps everything and names the command that continues, twice ends at once."""
+"""Ctrl-C during a training: once saves and names the command that continues, twice ends."""
 
 import os
 import shlex

@@ -47,7 +47,7 @@ def train(learner, updates):
 
 def bits(learner):
     """Everything that training changes, as arrays."""
-    norm, model = learner.normalise, learner.model
+    norm, model = learner.normalization, learner.model
     out = {f"policy.{k}": v.numpy().copy() for k, v in model.policy.state_dict().items()}
     for k, state in model.policy.optimizer.state_dict()["state"].items():
         out |= {f"adam.{k}.{name}": np.asarray(v).copy() for name, v in state.items()}
@@ -116,7 +116,7 @@ def test_restored_training_goes_on_with_the_same_bits(learner, tmp_path, k):
 def test_saving_changes_nothing(learner, tmp_path):
     a = learner()
     train(a, 2)
-    write_checkpoint(tmp_path, a.content())
+    write_checkpoint(tmp_path, a.state_dict())
     train(a, 2)
     b = learner()
     train(b, 2)
@@ -128,10 +128,12 @@ def test_saved_policy_acts_as_the_mean_of_the_trained_one(learner, tmp_path):
     one = learner()
     train(one, 3)
     write_checkpoint(tmp_path, one.state_dict())
-    raw = one.normalise.old_obs
+    raw = one.normalization.old_obs
     policy = policy_of(read_checkpoint(tmp_path))
     seen_raw = raw[:, : OBSERVATION.size]
-    seen = torch.from_numpy(one.normalise.normalize_obs(raw.astype(np.float64)).astype(np.float32))
+    seen = torch.from_numpy(
+        one.normalization.normalize_obs(raw.astype(np.float64)).astype(np.float32)
+    )
     with torch.no_grad():
         mean = one.model.policy.get_distribution(seen).distribution.mean
     expected = np.clip(mean.numpy(), -1, 1)
@@ -171,7 +173,7 @@ def test_training_that_diverges_reports_after_how_many_steps(learner, what):
     elif what == "gradient":
         one.model.policy.value_net.weight.register_hook(lambda g: g * float("inf"))
     else:
-        one.normalise.obs_rms.mean[0] = np.nan
+        one.normalization.obs_rms.mean[0] = np.nan
     with pytest.raises(DivergedError, match=r"not finite after \d+ steps"):
         train(one, 3)
     assert not one.is_finite()

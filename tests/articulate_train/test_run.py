@@ -98,7 +98,7 @@ def test_sampled_poses_out_of_reach_are_rejected(cabinet, error_line):
         config_of(cabinet), randomization=dataclasses.replace(RANGES, position_m=0.4)
     )
     named = dataclasses.replace(wide, joint=JOINT)
-    with pytest.raises(ReachError, match="drawn poses"):
+    with pytest.raises(ReachError, match="sampled poses"):
         choose_joint(named, cabinet)
 
 
@@ -112,7 +112,9 @@ def checked(cabinet, monkeypatch):
 def test_a_rejected_object_is_not_trained_on(tmp_path):
     far = make_cabinet(tmp_path / "far")
     (far.folder / "object.urdf").unlink()  # it belongs to an asset
-    with pytest.raises(AssetError, match="refused: fk: yourdfpy does not read the canonical URDF"):
+    with pytest.raises(
+        AssetError, match="rejected: forward_kinematics: yourdfpy does not read the canonical URDF"
+    ):
         create_run(config_of(far), tmp_path / "run", tmp_path / "cache")
     assert not (tmp_path / "run").exists()
 

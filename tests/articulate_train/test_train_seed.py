@@ -279,7 +279,7 @@ def ended(codes, opened, home):
         terms=np.tile(np.arange(len(TERMS), dtype=float), (n, 1)),
         peaks=np.zeros((n, WIDTH)),
         observation=np.zeros((n, OBSERVATION.size)),
-        cut=np.zeros(n, dtype=bool),
+        truncated=np.zeros(n, dtype=bool),
         privileged=np.zeros((n, PRIVILEGED.size)),
     )
 

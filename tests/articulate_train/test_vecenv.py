@@ -10,10 +10,10 @@ from articulate.task.episode_monitor import REASONS
 from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization import nominal_params
 from articulate_envs.config import InitialStatesConfig
-from articulate_envs.rewards import RewardConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.initial_states import home_start
 from articulate_envs.privileged_observation import PRIVILEGED
+from articulate_envs.rewards import RewardConfig
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.action_scaling import MOTIONS
 from articulate_train.config import ActionScalingConfig

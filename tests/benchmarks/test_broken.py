@@ -23,7 +23,7 @@ def test_each_file_gets_a_row(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["broken.py", "--data", str(data), "--out", out, "--json"])
     assert broken.main() == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["files"], found["clear"], found["refused"]) == (2, 2, 1)
+    assert (found["files"], found["clear"], found["rejected"]) == (2, 2, 1)
     assert found["rows"][0]["exit"] == 0
     assert found["rows"][1]["exit"] == 3
 
@@ -31,7 +31,7 @@ def test_each_file_gets_a_row(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("code", "shown", "said"),
     [
-        (3, {"verdict": "refused", "reasons": ["a.urdf: its process ended with 1: KeyError"]}, ""),
+        (3, {"verdict": "rejected", "reasons": ["a.urdf: its process ended with 1: KeyError"]}, ""),
         (2, None, "one\ntwo"),
         (1, None, "a bug"),
     ],

@@ -12,7 +12,7 @@ pytest.importorskip("robosuite", reason="robosuite is not installed; scripts/ins
 
 TINY = """
 ppo: {n_envs: 2, n_steps: 16, batch_size: 32, n_epochs: 1}
-draw: {scales: 3}
+randomization: {scales: 3}
 """
 FLAGS = (
     "--rounds 1 --envs 4 --ticks 10 --updates 1 --counts 2 4 --scaling-ticks 4 --workers 1 "

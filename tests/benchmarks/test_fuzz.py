@@ -58,7 +58,9 @@ def test_a_process_that_dies_is_a_crash_and_one_that_waits_hangs(mutant, monkeyp
 
 def test_a_file_outside_the_output_is_told(mutant, monkeypatch):
     monkeypatch.setattr(
-        fuzz, "check_asset", lambda urdf, _: [Path("here.txt").write_text("x"), raised(AssetError("no"))]
+        fuzz,
+        "check_asset",
+        lambda urdf, _: [Path("here.txt").write_text("x"), raised(AssetError("no"))],
     )
     outcome = fuzz.outcome_of(0, mutant)
     assert (outcome.kind, outcome.text) == ("stray", "cwd/here.txt")

@@ -71,7 +71,10 @@ def lead_compensation(config: ActionScalingConfig, observation: Any) -> Any:
     done = _fraction_of(observation, config.goal_range)
     stopped = _fraction_of(observation, config.stop_range)
     moved = (lead[:, :3] * lead[:, :3]).sum(-1, keepdims=True) ** 0.5 * TRACKING_UNIT_M
-    turned = reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(N_JOINTS))) * JOINT_TRACKING_UNIT_RAD
+    turned = (
+        reduce(_larger, (abs(bent[:, k : k + 1]) for k in range(N_JOINTS)))
+        * JOINT_TRACKING_UNIT_RAD
+    )
     excess: Any = 0.0
     for error, (first, last) in ((moved, config.max_lead_m), (turned, config.max_lead_rad)):
         allowed = (first + done * (last - first)) * (1.0 - stopped)

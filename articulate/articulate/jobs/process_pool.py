@@ -14,7 +14,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Hashable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ class ChildResult:
 
 def run_isolated(
     module: str, items: Sequence[tuple[Key, Mapping[str, Any]]], jobs: int, limit_s: float
-) -> Iterator[tuple[Key, ChildResult]]:
+) -> Generator[tuple[Key, ChildResult], None, None]:
     """Handle requests in child processes and yield the results in the order in which they end.
 
     All children are killed when the loop over the results is left, also by an error.

@@ -442,7 +442,7 @@ def new_action_delay(n: int, ages: int) -> ActionDelay:
 
 @row_function
 def delay_action(delay: ActionDelay, i: int, action: Array) -> None:
-    """Store the motion of ``action`` (8,) and write the motion of environment ``i`` that acts now."""
+    """Store the motion of ``action`` (8,); write the motion of environment ``i`` that acts now."""
     for age in range(len(delay.requests) - 1, 0, -1):
         for k in range(7):
             delay.requests[age, i, k] = delay.requests[age - 1, i, k]

@@ -260,7 +260,7 @@ def _matrices_last(values: Array) -> Array:
 
 
 def joint_poses(arm: Arm, q: ArrayLike) -> Array:
-    """Return the poses (..., 7, 4, 4) of the joint frames in the world for angles (..., 7) [rad]."""
+    """Return the world poses (..., 7, 4, 4) of the joint frames for angles (..., 7) [rad]."""
     frames, _ = _batch(arm, q)
     out = np.zeros((*frames.shape[2:], 7, 4, 4))
     out[..., 3, 3] = 1.0

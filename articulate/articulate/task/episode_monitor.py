@@ -1,7 +1,7 @@
 """Episode monitor: limits that an episode violates, and the reason with which it ends.
 
-The same row functions (:mod:`articulate.jit`) run in every engine and on the robot. They get samples
-(one per physics or controller step) and control steps (one per action of the policy).
+The same row functions (:mod:`articulate.jit`) run in every engine and on the robot. They get
+samples (one per physics or controller step) and control steps (one per action of the policy).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from articulate.transforms import Array, Ints, Mask
 
 
 class FailureReason(IntEnum):
-    """Reason code with which an episode ends; ``SUCCESS`` is 0, codes 1 to 6 are violated limits."""
+    """Reason code of an ended episode; ``SUCCESS`` is 0, codes 1 to 6 are violated limits."""
 
     SUCCESS = 0
     FORBIDDEN_CONTACT = 1
@@ -147,7 +147,7 @@ def monitor_params(arm: Arm, limits: Limits, dt: float) -> MonitorParams:
 
 @row_function
 def low_pass(filtered: Array, first: int, values: Array, count: int, gain: float) -> None:
-    """Move ``count`` numbers of ``filtered`` from index ``first`` on towards ``values``, in place."""
+    """Move ``count`` numbers of ``filtered``, from index ``first`` on, towards ``values``."""
     for k in range(count):
         filtered[first + k] += gain * (values[k] - filtered[first + k])
 

@@ -68,7 +68,7 @@ class Layout:
         return np.repeat([f.high for f in self.fields], [f.size for f in self.fields])
 
     def pack(self, values: dict[str, Array]) -> Array:
-        """Return the vectors (N, size), clipped, from one array (N, size of field) or (N,) per field.
+        """Return clipped vectors (N, size) from one array (N, size of field) or (N,) per field.
 
         Raises:
             ConfigError: A field is missing or has another size.

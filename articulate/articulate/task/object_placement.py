@@ -57,9 +57,9 @@ class ObjectPlacement:
 def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:
     """Return ``asset`` with the handle of ``joint`` rotated by ``tilt_rad`` about its long axis.
 
-    Fingers can hold a bar from slightly above or from the side. On a part that rotates, a grasp that
-    begins rotated the other way can follow further. The thickness between the fingers is then that
-    of the section of the handle that the short pads reach.
+    Fingers can hold a bar from slightly above or from the side. On a part that rotates, a grasp
+    that begins rotated the other way can follow further. The thickness between the fingers is then
+    that of the section of the handle that the short pads reach.
     """
     if tilt_rad == 0.0:
         return asset

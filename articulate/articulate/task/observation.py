@@ -50,7 +50,9 @@ OBSERVATION = Layout(
             name="handle_pos_fine", size=3, unit="0.02 m", frame="tool", source="estimator",
             low=-1.5, high=1.5,
         ),
-        Field(name="handle_pos_predicted", size=3, unit="0.2 m", frame="target", source="estimator"),
+        Field(
+            name="handle_pos_predicted", size=3, unit="0.2 m", frame="target", source="estimator"
+        ),
         Field(
             name="handle_pos_predicted_fine", size=3, unit="0.02 m", frame="target",
             source="estimator", low=-1.5, high=1.5,
@@ -78,14 +80,14 @@ OBSERVATION = Layout(
 )  # fmt: skip
 """Inputs of a policy, in order.
 
-``handle_pos_fine`` repeats ``handle_pos`` at a finer scale near the handle: inputs are normalised by
-their range over an episode, of which the centimetre that decides a grasp is too small a part.
+``handle_pos_fine`` repeats ``handle_pos`` at a finer scale near the handle: inputs are normalised
+by their range over an episode, of which the centimetre that decides a grasp is too small a part.
 ``handle_pos_predicted`` is the handle relative to the tool once all requests have been executed:
 from the tool's target, less the pending actions. The arm is compliant and the link late, so the
 tool lags by up to half a second, and steering by its present position overshoots (the predictor of
 O. J. M. Smith, 1957, without its model of the controlled system, as targets are known).
-``goal_error_fine`` repeats ``part_open`` relative to the task's target, at a finer scale near it; it
-is above 0 beyond the target, for opening and closing tasks.
+``goal_error_fine`` repeats ``part_open`` relative to the task's target, at a finer scale near it;
+it is above 0 beyond the target, for opening and closing tasks.
 ``measured_force`` is the net force of the surroundings on the gripper as the arm measures it, under
 the filter of the episode monitor (50 ms): the tracking error cannot distinguish contact from the
 arm's own friction.
@@ -142,7 +144,7 @@ class ObservationInputs(NamedTuple):
     gripper_width: Array
     """Opening between the fingers (N,) [m]."""
     last_gripper_width: Array
-    """Opening one control step earlier (N,) [m]; its change separates a grasp from closing fingers."""
+    """Opening one control step earlier (N,) [m]; its change separates grasping from closing."""
     pending_actions: Array
     """Sum of the motions that were requested and have not acted yet (N, 7)."""
     last_action: Array

@@ -85,7 +85,8 @@ class RandomizationConfig:
                 raise ConfigError(f"randomization.{f.name} is {value}; factors must be above 0")
             if f.name.endswith("delay_steps") and not 0 <= value[0] <= value[1] <= MAX_DELAY_STEPS:
                 raise ConfigError(
-                    f"randomization.{f.name} is {value}; it must be within 0 to {MAX_DELAY_STEPS} control steps"
+                    f"randomization.{f.name} is {value}; it must be within 0 to "
+                    f"{MAX_DELAY_STEPS} control steps"
                 )
 
     def widened(self, factor: float) -> RandomizationConfig:

@@ -1,4 +1,4 @@
-"""Simulated measurements: the object's state and the contact force, late and with sampled errors."""
+"""Simulated measurements: object state and contact force with delays and sampled errors."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class NoisyEstimator:
         """Last states."""
 
     def reset(self, rows: Ints, T_wh: Array, opened: Array) -> None:
-        """Fill the history of ``rows`` (M,) with their initial poses (M, 4, 4) and fractions (M,)."""
+        """Fill the history of ``rows`` (M,) with initial poses (M, 4, 4) and fractions (M,)."""
         self.history.T_wh[:, rows] = T_wh
         self.history.opened[:, rows] = opened
         self.history.speed[:, rows] = 0.0

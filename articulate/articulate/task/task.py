@@ -1,8 +1,8 @@
 """Tasks: a joint, its target, and the success criteria of an episode.
 
-The eight names are data over the same functions. Progress is the fraction of the joint's travel from
-closed (0) to open (1); a task defines the fractions at which the part begins, the target, and the
-mechanical stop.
+The eight names are data over the same functions. Progress is the fraction of the joint's travel
+from closed (0) to open (1); a task defines the fractions at which the part begins, the target, and
+the mechanical stop.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ class MujocoRobot(BaseSimulatedRobot):
         self._data.qpos[at.finger_q] = np.array([0.5, -0.5]) * gripper_width_m
 
     def _sampled_model(self, nominal: mujoco.MjModel) -> mujoco.MjModel:
-        """Return a copy of the scene with the sampled numbers, as the batched engine writes them."""
+        """Return a copy of the scene with the sampled numbers of the batched engine."""
         model, at = copy.copy(nominal), self._at
         d = {name: float(self._params[name][0]) for name in _FACTORS}
         model.geom_friction[at.finger_geoms, 0] *= d["friction"]

@@ -42,8 +42,8 @@ FINGER_COUPLING_N = 1000.0
 NOTES = (
     "pybullet has no reflected inertia: the sampled one of the arm is added to its links, so that "
     "the sum at each joint is correct at the start; that of the object's joints is left out",
-    "pybullet reads the object's inertias, damping and dry friction from its URDF; its parts collide "
-    "with the arm and not with each other",
+    "pybullet reads the object's inertias, damping and dry friction from its URDF; its parts "
+    "collide with the arm and not with each other",
     "the moment on the gripper is that of the contacts' forces, without their torsional friction",
 )
 
@@ -80,7 +80,7 @@ class PybulletRobot(BaseSimulatedRobot):
 
     @property
     def physics_step_s(self) -> float:
-        """Length of a physics step [s]: :data:`STEP_S`, or a shorter one that divides training's step."""
+        """Physics step [s]: :data:`STEP_S`, or a shorter one that divides training's step."""
         physics_step_s = self._manifest.scene.timestep_s
         return physics_step_s / math.ceil(physics_step_s / STEP_S - 1e-9)
 
@@ -310,7 +310,7 @@ class PybulletRobot(BaseSimulatedRobot):
         return out
 
     def _gravity(self, q: Array) -> Array:
-        """Return the torques (9,) [Nm, N] that compensate the weight at ``q`` (9,), fingers included."""
+        """Return the torques (9,) [Nm, N] that compensate gravity at ``q`` (9,) [rad, m]."""
         still = [0.0] * 9
         arm = self._bodies.arm
         return np.array(self._call("calculateInverseDynamics", arm, q.tolist(), still, still))
@@ -335,7 +335,7 @@ class PybulletRobot(BaseSimulatedRobot):
         return float(self._call("getDynamicsInfo", self._bodies.object, number)[0])
 
     def _contacts(self) -> tuple[Array, bool]:
-        """Return the net wrench on the gripper about the tool (6,), and forbidden contact of the arm."""
+        """Return the net wrench on the gripper about the tool (6,), and forbidden contact."""
         # Contacts come one by one, as tuples: sums of floats are ten times as fast as arrays here.
         fx = fy = fz = mx = my = mz = 0.0  # about the world's origin
         touch, loaded, bodies = False, False, self._bodies
@@ -379,7 +379,7 @@ def contact_force(contact: Any) -> tuple[float, float, float]:
 
 
 def armature_on_links(arm: Arm, q: Array) -> Array:
-    """Return the inertia of each link about its joint axis (7,) [kg m^2] that models ``arm.armature``.
+    """Return the link inertias about the joint axes (7,) [kg m^2] that model ``arm.armature``.
 
     A rotor's inertia acts at its joint only; a link's acts at every joint before it, by the squared
     cosine between the axes. The part of the links beyond at ``q`` (7,) [rad] is subtracted.

@@ -86,7 +86,7 @@ class Robot(Protocol):
         """Write settings to the robot."""
 
     def get_observation(self) -> dict[str, float]:
-        """Return joint angles [rad], joint speeds [rad/s], opening of the gripper [m], force [N]."""
+        """Return joint angles [rad], joint speeds [rad/s], gripper opening [m], force [N]."""
 
     def send_action(self, action: dict[str, float]) -> dict[str, float]:
         """Send targets [rad] and an opening [m]; return the values that were sent."""

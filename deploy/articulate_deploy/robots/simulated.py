@@ -191,7 +191,7 @@ class BaseSimulatedRobot(SimulatedRobot, ABC):
         self._stopped = True
 
     def get_observation(self) -> dict[str, float]:
-        """Return joint angles [rad], joint speeds [rad/s], opening of the gripper [m], force [N]."""
+        """Return joint angles [rad], joint speeds [rad/s], gripper opening [m], force [N]."""
         self._check_connected()
         q, dq, width = self._read()
         force, noise = np.empty(3), self._noise.normal(size=3)

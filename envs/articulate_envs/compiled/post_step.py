@@ -95,7 +95,7 @@ def handle_offset(T_wt: Array, T_wh: Array, along_m: float) -> tuple[float, floa
 
 @row_function
 def handle_angle(T_wt: Array, T_wh: Array) -> float:
-    """Return the angle between tool and handle [rad]; see :func:`articulate.transforms.rotation_angle`."""
+    """Return the angle between tool and handle [rad]; see :func:`.transforms.rotation_angle`."""
     m = np.empty((3, 3))
     for r in range(3):
         for c in range(3):
@@ -256,7 +256,7 @@ def post_step(
     params: PostStepParams,
     terms: Array,
 ) -> Array:
-    """Write the reward terms (N, len(TERMS)), update the monitor, return the observations (N, size).
+    """Write reward terms (N, len(TERMS)), update the monitor, return observations (N, size).
 
     The terms of diverged environments are 0. The ``history`` takes in the state at the end of the
     control step. See :func:`write_rewards` and :func:`observe` for the arguments.

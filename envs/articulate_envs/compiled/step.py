@@ -239,7 +239,7 @@ def update_handle_pose(i: int, b: Buffers, poses: Poses) -> None:
 def refresh(
     rows: Ints, b: Buffers, delay: ActionDelay, geometry: ArmGeometry, poses: Poses
 ) -> None:
-    """Write all that follows from the buffers of environments ``rows`` (M,): poses, pending sums."""
+    """Write what the buffers of environments ``rows`` (M,) determine: poses, pending sums."""
     frames = np.zeros((7, 12))
     for i in rows:
         update_tool_poses(i, b, geometry, frames, poses)

@@ -100,7 +100,7 @@ def test_results_that_are_none_are_rejected(done, tmp_path):
     _, index, out = done
     (tmp_path / "results.json").write_text("[]")
     argv = [str(index), "--out", str(out), "--compare-with", str(tmp_path)]
-    with pytest.raises(ConfigError, match="is not of|a JSON object was expected"):
+    with pytest.raises(ConfigError, match=r"is not of|a JSON object was expected"):
         main(argv)
 
 

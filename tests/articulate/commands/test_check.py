@@ -42,7 +42,9 @@ def test_one_object_is_converted_checked_and_reported(objects, call, tmp_path):
     assert code == 0
     assert err == ""
     assert out.startswith("little: repaired (")
-    assert "joint    drawer_joint: slide of 0.3 m (limits 0 to 0.3), free 100%, opened by 30 N" in out
+    assert (
+        "joint    drawer_joint: slide of 0.3 m (limits 0 to 0.3), free 100%, opened by 30 N" in out
+    )
     assert {
         "asset.json",
         "object.xml",

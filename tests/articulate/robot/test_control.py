@@ -209,8 +209,8 @@ def test_hands_that_press_take_their_targets_back_whatever_is_asked(motion, lead
 def test_a_hand_that_closes_may_pull_and_an_open_one_has_nothing_to_press_for(
     force_n, wish, width_m, much
 ):
-    force = force_n * np.array([0.6, 0.0, -0.8])
-    assert exceeds_force_limit(*force, wish, width_m, force_limits(CONFIG)) == much
+    fx, fz = 0.6 * force_n, -0.8 * force_n
+    assert exceeds_force_limit(fx, 0.0, fz, wish, width_m, force_limits(CONFIG)) == much
 
 
 HOME = np.asarray(PANDA.home)[None]

@@ -41,7 +41,8 @@ def sample(samples, *, n=1, limits=LIMITS, dt=DT, **values):
     arrays = {name: np.array(value) for name, value in {**zero, **values}.items()}
     out, params = samples.copy(), monitor_params(PANDA, limits, dt)
     for i, row in enumerate(out):
-        monitor_sample(row, *(array[i] for array in arrays.values()), params)
+        dq, torque, last, wrench, contact = (array[i] for array in arrays.values())
+        monitor_sample(row, dq, torque, last, wrench, contact, params)
     return out
 
 
