@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -244,23 +244,12 @@ def run_with_params(
 def first_ends(ended: list[Ended], episodes: int) -> Ended:
     """Return the first outcome of each environment, in order (a diverged one restarts)."""
     rows = np.concatenate([e.rows for e in ended])
-    _, where = np.unique(rows, return_index=True)
-    assert len(where) == episodes
-
-    def take(name: str) -> Any:
-        return np.asarray(np.concatenate([getattr(e, name) for e in ended])[where])
-
-    return Ended(
-        rows=take("rows"),
-        code=take("code"),
-        opened=take("opened"),
-        from_home=take("from_home"),
-        terms=take("terms"),
-        peaks=take("peaks"),
-        observation=take("observation"),
-        truncated=take("cut"),
-        privileged=take("privileged"),
-    )
+    _, first = np.unique(rows, return_index=True)
+    assert len(first) == episodes
+    columns: dict[str, Any] = {
+        f.name: np.concatenate([getattr(e, f.name) for e in ended])[first] for f in fields(Ended)
+    }
+    return Ended(**columns)
 
 
 def timelines(rollout: Rollout, step_s: float) -> list[tuple[Timeline, int]]:
