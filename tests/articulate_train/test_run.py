@@ -304,5 +304,5 @@ def test_files_of_a_run_must_be_regular_and_bounded(tiny, name, kind, monkeypatc
     else:
         with path.open("wb") as stream:
             stream.truncate(3_000_000_000)
-    with pytest.raises(UsageError, match=r"not a regular file|larger than"):
+    with pytest.raises(UsageError, match=r"not a regular file|larger than|a link"):
         load_policy(open_run(tiny.folder).seed_folder(0))

@@ -221,7 +221,7 @@ def test_seed_that_diverges_keeps_its_last_states(tiny, process):
         one.train()
     folder = tiny.seed_folder(0)
     with np.load(folder / DIVERGED, allow_pickle=False) as kept:
-        assert len(kept["draw"]) == tiny.config.ppo.n_envs
+        assert len(kept["episode_params"]) == tiny.config.ppo.n_envs
     assert not (folder / DONE).exists()
     assert not (folder / CHECKPOINT).exists()  # weights that are no numbers replace no checkpoint
 
