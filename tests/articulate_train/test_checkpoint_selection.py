@@ -343,9 +343,16 @@ def test_choosing_who_acts_can_be_stopped_before_each_evaluation(
 ):
     run, process, state = two_members(tmp_path, cabinet)
     calls = member_scores(state, (8, 9, 7), (6, 7, 0))
+    lines: list[str] = []
     found = select_active_members(
-        run, 0, state, threads=1, should_continue=lambda: len(calls) < n_calls
+        run,
+        0,
+        state,
+        threads=1,
+        should_continue=lambda: len(calls) < n_calls,
+        on_progress=lines.append,
     )
+    assert len(lines) == n_calls
     process.close()
     assert found is None
     assert len(calls) == n_calls

@@ -92,7 +92,8 @@ def test_a_training_that_is_not_over_is_reported(trained, videos):
     done = evaluate_run_folder(trained, episodes=2, show_progress=printed.append)
     reports = "seed 0 has 0.000192 of 0.000192M control steps"
     assert done.report.info.unfinished == reports
-    assert f"training incomplete ({reports}); continue with train --resume --out {trained.folder}" in printed
+    command = f"train --resume --out {trained.folder}"
+    assert f"training incomplete ({reports}); continue with {command}" in printed
     assert f"Training incomplete: {reports}." in done.html_path.read_text()
     (trained.seed_folder(0) / DONE).write_text(json.dumps({"steps": 192}))
     done = evaluate_run_folder(trained, episodes=2)

@@ -18,7 +18,7 @@ from articulate_train import seed_runner
 from articulate_train.run import DONE, resume_run
 from articulate_train.run_lock import lock_run
 from articulate_train.seed_runner import SeedProgress, last_progress, read_progress, train_seeds
-from articulate_train.train_seed import DIVERGED, PROGRESS
+from articulate_train.train_seed import DIVERGED, PROGRESS, SELECTION_FILE
 
 
 def row(steps, success=0.5, opened=0.75):
@@ -240,3 +240,15 @@ def test_progress_that_is_rewritten_is_not_reported(tiny):
     seen = {0: 5}
     seed_runner._report_progress(tiny, 0, seen, lambda _: pytest.fail("reported"))
     assert seen == {0: 5}
+
+
+def test_selection_of_a_checkpoint_is_reported_once_for_each_line(tiny):
+    folder = tiny.seed_folder(0)
+    folder.mkdir()
+    seen: dict[int, str] = {}
+    lines: list[tuple[int, str]] = []
+    for text in (None, "candidate 1 of 2", "candidate 1 of 2", "candidate 2 of 2"):
+        if text is not None:
+            write_json(folder / SELECTION_FILE, {"text": text})
+        seed_runner._report_selection(tiny, 0, seen, lambda *line: lines.append(line))
+    assert lines == [(0, "candidate 1 of 2"), (0, "candidate 2 of 2")]
