@@ -6,8 +6,12 @@ Quaternions are ``wxyz``. A pose is a 4x4 matrix ``T_ab`` that takes coordinates
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from articulate.jit import row_function
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -142,8 +146,13 @@ def rotation_angle(matrix: ArrayLike) -> Array:
     It is exact near 0 and pi: the antisymmetric part has twice the sine, the trace is one plus
     twice the cosine.
     """
-    m = np.asarray(matrix, dtype=np.float64)
-    x, y = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0]
-    z = m[..., 1, 0] - m[..., 0, 1]
-    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
-    return np.asarray(np.arctan2(np.sqrt(x * x + y * y + z * z), trace - 1.0))
+    m = np.moveaxis(np.asarray(matrix, dtype=np.float64), (-2, -1), (0, 1))
+    return np.asarray(matrix_angle(m))
+
+
+@row_function
+def matrix_angle(m: Any) -> Any:
+    """Return the angle [rad] of a rotation (3, 3, ...); see :func:`rotation_angle`."""
+    x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+    trace = m[0, 0] + m[1, 1] + m[2, 2]
+    return np.arctan2(np.sqrt(x * x + y * y + z * z), trace - 1.0)

@@ -126,18 +126,15 @@ def run_episode(
     estimator.reset()
     monitor, torque = new_monitor(1), np.zeros(7)
     last_action, clipped, step = np.zeros(manifest.action.size), 0, 0
-    last_width: float | None = None
+    last_width, constants = np.nan, _observation_params(manifest)
     for step in range(steps):
         measured, estimate = robot.get_observation(), estimator.estimate()
         width = measured[GRIPPER_KEY]
-        inputs = _inputs(
-            manifest, measured, width if last_width is None else last_width, controller, last_action
-        )
+        last_width = width if step == 0 else last_width
+        inputs = _inputs(manifest, measured, last_width, controller, last_action)
         last_width = width
         force = read_keys(measured, FORCE_KEYS)
-        observed = observation(
-            inputs, estimate, force[None], 1.0 - step / steps, _observation_params(manifest)
-        )
+        observed = observation(inputs, estimate, force[None], 1.0 - step / steps, constants)
         action = policy.act(observed)[0]
         requested, opening = controller.step(action, q=inputs.q[0], width_m=width, force=force)
         safe = safe_target(requested, controller.target, manifest.control, manifest.robot)

@@ -21,7 +21,7 @@ from articulate.robot.control import (
 from articulate.simulator import mujoco
 from articulate.task.episode_monitor import WIDTH, monitor_params
 from articulate.task.object_placement import handle_path_of
-from articulate.task.randomization import COLUMNS, EpisodeParams
+from articulate.task.randomization import COLUMNS, EpisodeParams, randomize_model
 from articulate.task.randomization_config import MAX_DELAY_STEPS
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_envs.compiled.step import (
@@ -155,18 +155,15 @@ class BufferedEngine(ABC):
         k = int(np.argmin(np.abs(np.asarray(scene.scales) - value["scale"])))
         self._sizes[i] = k
         copy_model(model, scene.models[k])
-        arm_v = slice(at.arm_q, at.arm_q + 7)
-        arm_u = slice(at.arm_ctrl, at.arm_ctrl + 7)
-        object_v, moving = list(at.object_v), list(at.moving_bodies)
-        model.geom_friction[list(at.finger_geoms), 0] *= value["friction"]
-        model.dof_damping[object_v] *= value["joint_damping"]
-        model.dof_frictionloss[object_v] *= value["joint_friction"]
-        model.dof_armature[arm_v] *= value["armature"]
-        model.body_mass[moving] *= value["mass"]
-        model.body_inertia[moving] *= value["mass"]
-        model.actuator_gainprm[arm_u, 0] *= value["stiffness"]
-        model.actuator_biasprm[arm_u, 1] *= value["stiffness"]
-        model.actuator_biasprm[arm_u, 2] *= value["damping"]
+        randomize_model(
+            model,
+            value,
+            arm_v=slice(at.arm_q, at.arm_q + 7),
+            arm_u=slice(at.arm_ctrl, at.arm_ctrl + 7),
+            finger_geoms=list(at.finger_geoms),
+            object_v=list(at.object_v),
+            moving_bodies=list(at.moving_bodies),
+        )
         T_wo = self._poses.T_wo[i]
         model.body_pos[at.root_body] = T_wo[:3, 3]
         model.body_quat[at.root_body] = matrix_to_quat(T_wo[:3, :3])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -108,6 +110,38 @@ def push_is_active(values: Array, time_s: float, episode_s: float) -> bool:
     """
     begin = values[_PUSH_TIME] * episode_s
     return bool(begin <= time_s < begin + PUSH_S)
+
+
+def randomize_model(
+    model: Any,
+    value: Mapping[str, float],
+    *,
+    arm_v: Any,
+    arm_u: Any,
+    finger_geoms: Any,
+    object_v: Any,
+    moving_bodies: Any,
+) -> None:
+    """Multiply the numbers of a MuJoCo model by the sampled factors, in place.
+
+    Args:
+        model: An ``mjModel`` with nominal numbers.
+        value: Factors by name.
+        arm_v: Indices of the arm's degrees of freedom (7,).
+        arm_u: Indices of its actuators (7,).
+        finger_geoms: Indices of the geoms of the fingers.
+        object_v: Indices of the object's degrees of freedom.
+        moving_bodies: Indices of its moving bodies.
+    """
+    model.geom_friction[finger_geoms, 0] *= value["friction"]
+    model.dof_damping[object_v] *= value["joint_damping"]
+    model.dof_frictionloss[object_v] *= value["joint_friction"]
+    model.dof_armature[arm_v] *= value["armature"]
+    model.body_mass[moving_bodies] *= value["mass"]
+    model.body_inertia[moving_bodies] *= value["mass"]
+    model.actuator_gainprm[arm_u, 0] *= value["stiffness"]
+    model.actuator_biasprm[arm_u, 1] *= value["stiffness"]
+    model.actuator_biasprm[arm_u, 2] *= value["damping"]
 
 
 def at_size(config: RandomizationConfig, scale: float) -> RandomizationConfig:

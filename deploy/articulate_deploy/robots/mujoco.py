@@ -15,6 +15,7 @@ from articulate.errors import BundleError
 from articulate.robot.contact import contact_wrench
 from articulate.simulator import mujoco
 from articulate.task.manifest import Manifest
+from articulate.task.randomization import COLUMNS, randomize_model
 from articulate.transforms import Array, Ints, matrix_to_quat
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import Sample
@@ -95,16 +96,15 @@ class MujocoRobot(BaseSimulatedRobot):
     def _sampled_model(self, nominal: mujoco.MjModel) -> mujoco.MjModel:
         """Return a copy of the scene with the sampled numbers of the batched engine."""
         model, at = copy.copy(nominal), self._at
-        d = {name: float(self._params[name][0]) for name in _FACTORS}
-        model.geom_friction[at.finger_geoms, 0] *= d["friction"]
-        model.dof_damping[at.object_v] *= d["joint_damping"]
-        model.dof_frictionloss[at.object_v] *= d["joint_friction"]
-        model.dof_armature[at.arm_v] *= d["armature"]
-        model.body_mass[at.moving] *= d["mass"]
-        model.body_inertia[at.moving] *= d["mass"]
-        model.actuator_gainprm[at.arm_u, 0] *= d["stiffness"]
-        model.actuator_biasprm[at.arm_u, 1] *= d["stiffness"]
-        model.actuator_biasprm[at.arm_u, 2] *= d["damping"]
+        randomize_model(
+            model,
+            dict(zip(COLUMNS, self._params.values[0].tolist(), strict=True)),
+            arm_v=at.arm_v,
+            arm_u=at.arm_u,
+            finger_geoms=at.finger_geoms,
+            object_v=at.object_v,
+            moving_bodies=at.moving,
+        )
         model.body_pos[at.root_body] = self._T_wo[0, :3, 3]
         model.body_quat[at.root_body] = matrix_to_quat(self._T_wo[0, :3, :3])
         return model
@@ -162,11 +162,6 @@ def _check_gains(model: mujoco.MjModel, at: Addresses, manifest: Manifest) -> No
     ):
         if not np.allclose(found, expected, rtol=1e-6, atol=0.0):
             raise ValueError(f"{name} of its arm is not the manifest's")
-
-
-_FACTORS = (
-    "friction", "joint_damping", "joint_friction", "armature", "mass", "stiffness", "damping",
-)  # fmt: skip
 
 
 def _addresses(model: mujoco.MjModel, manifest: Manifest) -> Addresses:

@@ -27,6 +27,7 @@ from articulate.task.object_placement import handle_path_of, object_pose
 from articulate.task.observation import Estimate
 from articulate.task.randomization import EpisodeParams, nominal_params, push_is_active
 from articulate.task.state_estimation import measured_force
+from articulate.task.task import fraction_open
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle
 from articulate_deploy.robots.robot import (
@@ -249,7 +250,7 @@ class BaseSimulatedRobot(SimulatedRobot, ABC):
         manifest = self._manifest
         path = handle_path_of(manifest.object, manifest.task.joint, flip=manifest.placement.flip)
         position, speed = self._part()
-        opened = np.array([(position - path.closed) / path.span])
+        opened = np.array([fraction_open(position, path.closed, path.span)])
         T_wh = path.in_world(T_wo=self._T_wo, scale=np.ones(1), opened=opened)
         return Estimate(T_wh=T_wh, opened=opened, speed=np.array([speed * np.sign(path.span)]))
 

@@ -23,7 +23,7 @@ from articulate.task.state_estimation import (
     push_state,
 )
 from articulate.task.task import GoalParams, is_at_rest
-from articulate.transforms import Array, Ints
+from articulate.transforms import Array, Ints, matrix_angle
 from articulate_envs.compiled.entry_points import entry_point
 from articulate_envs.engine import State
 from articulate_envs.rewards import TERM_FUNCTIONS, RewardState, RewardTask, Travel
@@ -95,13 +95,12 @@ def handle_offset(T_wt: Array, T_wh: Array, along_m: float) -> tuple[float, floa
 
 @row_function
 def handle_angle(T_wt: Array, T_wh: Array) -> float:
-    """Return the angle between tool and handle [rad]; see :func:`.transforms.rotation_angle`."""
+    """Return the angle between tool and handle [rad]."""
     m = np.empty((3, 3))
     for r in range(3):
         for c in range(3):
             m[r, c] = T_wt[0, r] * T_wh[0, c] + T_wt[1, r] * T_wh[1, c] + T_wt[2, r] * T_wh[2, c]
-    x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
-    angle: float = np.arctan2(np.sqrt(x * x + y * y + z * z), m[0, 0] + m[1, 1] + m[2, 2] - 1.0)
+    angle: float = matrix_angle(m)
     return angle
 
 
