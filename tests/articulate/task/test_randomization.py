@@ -177,7 +177,7 @@ def test_what_is_as_wide_as_it_was_is_the_same_and_what_is_not_drawn_stays_so():
     [
         (0.0, "above 0"),
         (float("nan"), "above 0"),
-        (2.1, "2.1 times as wide: .*friction"),
+        (2.1, "range factor 2.1: .*friction"),
         (-1.0, "above 0"),
         (float("inf"), "at most 100"),
         (1e6, "at most 100"),

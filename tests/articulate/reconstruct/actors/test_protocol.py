@@ -76,7 +76,7 @@ def test_actors_are_made_by_name_or_by_module_and_class():
 
 @pytest.mark.parametrize(
     "name",
-    ["priar", "no.such.module:A", "articulate.reconstruct.actors.prior:Nobody", ":x", ".a:b"],
+    ["priar", "no.such.module:A", "articulate.reconstruct.actors.prior:Missing", ":x", ".a:b"],
 )
 def test_an_actor_that_does_not_exist_is_refused(name, error_line):
     error_line(f'make_actor("{name}")', lambda: make_actor(name))

@@ -76,7 +76,7 @@ def test_thoughts_are_no_part_of_the_answer(serve, gemini):
     [
         ("a key that is refused", failing(400, "API key not valid. Please pass a valid API key.")),
         ("no such model", failing(404, "models/gemini-3.8-flash is not found")),
-        ("a bad request", failing(400, "too many pictures")),
+        ("a bad request", failing(400, "too many images")),
         ("a blocked prompt", (200, {"promptFeedback": {"blockReason": "SAFETY"}})),
         ("an empty answer", saying("", candidates=[{"finishReason": "MAX_TOKENS"}])),
         ("a page that is no JSON", (200, b"<html>log in first</html>")),
