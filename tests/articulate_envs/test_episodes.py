@@ -155,7 +155,7 @@ def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_
     fresh = runs.monitor  # nothing of it is left to the episodes that now run
     assert not fresh.rest_s.any()
     assert not fresh.samples.any()
-    assert not fresh.opened.any()
+    assert not fresh.at_goal.any()
 
 
 def test_same_seed_gives_the_same_bits_whatever_the_threads(drawer):
