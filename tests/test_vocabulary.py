@@ -53,7 +53,7 @@ TEXT_WORDS = re.compile(
 REAL_USES = re.compile(
     r"""`[^`]*`                                  # code keeps the names it quotes
     |\b(?:by|other|left|right|first|second)[ -]hand\b|\bhand-?(?:held|written|made|eye)\b
-    |\bpanda_hand\b
+    |\bpanda_hand\b|\bConnection\ refused\b
     |\b(?:as|is|are|was|were|be)\ shown\ (?:in|by|on|at|to|with|as|below|above)\b   # figures
     |\bhttps?://\S+""",
     re.VERBOSE | re.IGNORECASE,
