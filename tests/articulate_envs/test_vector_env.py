@@ -78,7 +78,7 @@ def test_an_end_gives_the_last_observation_and_begins_anew(drawer, envs):
 
 
 def test_episodes_cut_in_training_are_truncations(envs, drawer):
-    """What the curriculum of training cuts while the part rests at the target."""
+    """Truncations of the training curriculum while the part is at rest at the target."""
     envs.reset(seed=0)
     envs.episodes._truncated = lambda: np.array([True, False, False])
     _, _, terminated, truncated, info = envs.step(np.zeros((N, 8)))

@@ -181,7 +181,7 @@ class MeshFiles(trimesh.resolvers.Resolver):  # type: ignore[misc]  # without ty
         return plain.encode("utf-8", "surrogateescape")
 
     def write(self, name: str, data: str | bytes) -> None:
-        """Writing is not supported."""
+        """Reject writing: the resolver only reads."""
         raise NotImplementedError
 
     def namespaced(self, namespace: str) -> MeshFiles:
