@@ -1,9 +1,9 @@
-"""The table of policies: what was asked beside what each object's three seeds measured.
+"""Table of policies: targets beside the figures of three seeds for each object.
 
 python benchmarks/policies.py
 
-Reads the summaries that ``benchmarks/collect.py`` wrote to ``docs/results/data/policies`` and
-prints the table of ``docs/results/policies.md``.
+Read the summaries that ``benchmarks/collect.py`` wrote to ``docs/results/data/policies`` and
+print their table; ``docs/results/index.md`` has its main columns.
 """
 
 from __future__ import annotations

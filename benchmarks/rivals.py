@@ -54,6 +54,8 @@ SEED = 1
 """Of the order in which objects are taken."""
 NOT_COUNTED = frozenset({"joint_limits", "collision_coverage", "inertia"})
 """Clauses that compare with our own files or with what is seen do not count for anyone here."""
+TOOL_FILES = "tool_files"
+"""Folder of the meshes and textures of a tool, below the asset folder."""
 BARE = "no collision shapes"
 """Stands for a part that nothing can touch: nothing would be in its way, and no hand could pull."""
 FLAGS = (
@@ -64,38 +66,38 @@ FLAGS = (
 
 
 @dataclass(frozen=True)
-class MakeResult:
+class ToolResult:
     """What a tool made of an object, as a file that MuJoCo reads, or why there is none."""
 
     path: Path | None
     reason: str = ""
 
 
-Tool = Callable[[Path, Path], MakeResult]
+Tool = Callable[[Path, Path], ToolResult]
 """From the URDF in a folder that may be written to, and the folder of environments."""
 
 
-def unmodified(urdf: Path, _: Path) -> MakeResult:
+def unmodified(urdf: Path, _: Path) -> ToolResult:
     """MuJoCo's own reader."""
-    return MakeResult(urdf)
+    return ToolResult(urdf)
 
 
-def with_flags(urdf: Path, _: Path) -> MakeResult:
+def with_flags(urdf: Path, _: Path) -> ToolResult:
     """MuJoCo's own reader with compiler settings."""
     text = urdf.read_text(encoding="utf-8", errors="replace")
     at = text.find(">", text.find("<robot")) + 1
     out = urdf.with_name("with_flags.urdf")
     out.write_text(text[:at] + FLAGS + text[at:], encoding="utf-8")
-    return MakeResult(out)
+    return ToolResult(out)
 
 
-def urdf2mjcf(urdf: Path, tools: Path) -> MakeResult:
+def urdf2mjcf(urdf: Path, tools: Path) -> ToolResult:
     """The converter of kscale."""
     out = urdf.with_name("urdf2mjcf.xml")
     return _run([tools / "urdf2mjcf/bin/urdf2mjcf", urdf, "--output", out], out)
 
 
-def urdf_to_mjcf(urdf: Path, tools: Path) -> MakeResult:
+def urdf_to_mjcf(urdf: Path, tools: Path) -> ToolResult:
     """The converter of discoverse, with convex decomposition; it writes beside no URDF."""
     out = urdf.parent / "urdf_to_mjcf" / "robot.xml"
     out.parent.mkdir(exist_ok=True)
@@ -103,7 +105,7 @@ def urdf_to_mjcf(urdf: Path, tools: Path) -> MakeResult:
     return _run([tool, "-ct", "decomposition", "-o", out, urdf], out)
 
 
-def simcheck_fix(urdf: Path, tools: Path) -> MakeResult:
+def simcheck_fix(urdf: Path, tools: Path) -> ToolResult:
     """The repair of simcheck of the URDF, then MuJoCo with compiler settings."""
     out = urdf.with_name("simcheck.urdf")
     done = _run([tools / "simcheck/bin/simcheck", "fix", "--no-verify", "-o", out, urdf], out)
@@ -119,17 +121,17 @@ TOOLS: dict[str, Tool] = {
 }
 
 
-def _run(command: list[str | Path], out: Path) -> MakeResult:
+def _run(command: list[str | Path], out: Path) -> ToolResult:
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, errors="replace", timeout=LIMIT_S, check=False
         )
     except subprocess.TimeoutExpired:
-        return MakeResult(None, f"stopped after {LIMIT_S:g} s")
+        return ToolResult(None, f"stopped after {LIMIT_S:g} s")
     if out.is_file():
-        return MakeResult(out)
+        return ToolResult(out)
     lines = (done.stderr or done.stdout).strip().splitlines()
-    return MakeResult(
+    return ToolResult(
         None, f"exit {done.returncode}: {lines[-1] if lines else 'it said nothing'}"[:300]
     )
 
@@ -154,12 +156,19 @@ def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
         for geom in [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]:
             spec.delete(geom)  # a floor, which is no part of the object
         _scale(spec, frame.scale)
-        spec.meshdir, spec.texturedir = str(meshes), str(meshes)
+        shutil.copytree(asset.folder, out)
+        folder = out.resolve() / TOOL_FILES
+        folder.mkdir()
+        for k, entry in enumerate([*spec.meshes, *spec.textures]):
+            if entry.file:  # asset folders are self-contained
+                name = f"{k}_{Path(entry.file).name}"
+                shutil.copy(meshes / entry.file, folder / name)
+                entry.file = name
+        spec.meshdir, spec.texturedir = str(folder), str(folder)
         spec.compile()
-        text = spec.to_xml()
+        text = spec.to_xml().replace(str(folder), TOOL_FILES)
     except (ValueError, mujoco.FatalError, OSError) as error:
-        raise AssetError(f"MuJoCo refuses it: {' '.join(str(error).split())[:300]}") from None
-    shutil.copytree(asset.folder, out)
+        raise AssetError(f"MuJoCo rejects it: {' '.join(str(error).split())[:300]}") from None
     names = _wrapped(text, asset.links[0].name, frame, out / "object.xml")
     links = tuple(link for link in asset.links if link.name in names)
     handles = tuple(h for h in asset.handles if h.link in names)
@@ -239,7 +248,7 @@ def cavities_min(check_report: CheckReport) -> float | None:
 
 def row_of(
     name: str,
-    made: MakeResult,
+    made: ToolResult,
     check_report: CheckReport | None,
     reason: str,
     took_s: float,
@@ -303,7 +312,7 @@ def ours(name: str, folder: Path) -> dict[str, Any]:
     """The same of our own conversion, proven anew without its input."""
     start = time.perf_counter()
     check_report = run_checks(load_asset(folder))
-    return row_of(name, MakeResult(folder), check_report, "", time.perf_counter() - start)
+    return row_of(name, ToolResult(folder), check_report, "", time.perf_counter() - start)
 
 
 def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
@@ -361,7 +370,7 @@ class Job:
             if not self.note.is_file():
                 took = time.perf_counter() - start
                 reason = f"exit {process.exitcode} after {took:.0f} s, no proof"
-                made = MakeResult(self.wrote if self.wrote.is_file() else None)
+                made = ToolResult(self.wrote if self.wrote.is_file() else None)
                 write_json(self.note, row_of(self.name, made, None, reason, took))
         row: dict[str, Any] = json.loads(self.note.read_text(encoding="utf-8"))
         return row

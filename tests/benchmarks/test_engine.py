@@ -15,7 +15,7 @@ ppo: {n_envs: 2, n_steps: 16, batch_size: 32, n_epochs: 1}
 randomization: {scales: 3}
 """
 FLAGS = (
-    "--rounds 1 --envs 4 --ticks 10 --updates 1 --counts 2 4 --scaling-ticks 4 --workers 1 "
+    "--rounds 1 --envs 4 --steps 10 --updates 1 --counts 2 4 --scaling-steps 4 --workers 1 "
     "--threads 2"
 )
 
@@ -54,7 +54,7 @@ def test_a_tiny_measurement_prints_every_figure(tmp_path):
         result["equal_steps_per_s"][0] / result["robosuite_steps_per_s"][0]
     )
     share = result["training_shown_share"]
-    assert share == pytest.approx(0.2)  # a tenth of a seed's ticks for each of two members
+    assert share == pytest.approx(0.2)  # a tenth of a seed's steps for each of two members
     shown, ppo = (result[f"training_{kind}_steps_per_s"] for kind in ("shown", "ppo"))
     assert result["training_steps_per_s"] == pytest.approx(1 / (share / shown + (1 - share) / ppo))
     assert set(result["steps_per_s_at"]) == {"2", "4"}

@@ -19,9 +19,16 @@ def rows(*shares, episodes=WINDOW // 2):
     ]
 
 
-def test_the_page_holds_the_table_that_the_command_prints():
-    page = (ROOT / "docs" / "results" / "policies.md").read_text(encoding="utf-8")
-    assert table(FOLDER) in page
+def test_the_page_of_results_has_the_figures_that_the_command_prints():
+    page = (ROOT / "docs" / "results" / "index.md").read_text(encoding="utf-8")
+    rows = (line for line in page.splitlines() if line.startswith(("| open_", "| close_")))
+    lines = [line for line in rows if line.count("|") == 6]  # those of policies
+    for path in sorted(FOLDER.glob("*.json")):
+        task, success, worst, *_, wider, ratio = row(json.loads(path.read_text()))[:7]
+        cells = success.replace("°", ""), worst, wider, ratio.split(": ")[-1].replace("—", "")
+        found = [line for line in lines if all(cell in line for cell in cells)]
+        assert [line for line in found if line.startswith(f"| {task.split(',')[0]},")], cells
+    assert len(table(FOLDER).splitlines()) == 2 + len(lines)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +70,7 @@ def test_a_cell_is_bold_where_it_reaches_what_is_asked_and_rounded_down_where_no
 
 def test_failures_are_in_the_order_of_their_number():
     told = failures({"success": 990, "not_at_rest": 3, "goal_not_reached": 7})
-    assert told == "not open 7, moving 3 of 1,000"
+    assert told == "goal not reached 7, not at rest 3 of 1,000"
     assert failures({"success": 3000}) == "none of 3,000"
 
 
