@@ -25,7 +25,7 @@ ENDED = ("its process ended", "a library crashed")
 
 
 def checked(item: dict[str, Any], file: Path, out: Path) -> dict[str, Any]:
-    """What ``articulate check`` says of one file."""
+    """Return the result of ``articulate check`` for one file."""
     command = [sys.executable, "-m", "articulate", "check", str(file), "--out", str(out), "--json"]
     start = time.perf_counter()
     row: dict[str, Any] = {"id": item["id"], "expected": item["expected"], "clear": False}

@@ -27,7 +27,7 @@ LEARNT, WINDOW = 0.9, 100
 
 
 def thinned(curve: dict[str, Any]) -> dict[str, Any]:
-    """A curve at about :data:`POINTS` moments, each the mean of the rows up to it."""
+    """Reduce a curve to about :data:`POINTS` points, each the mean of the rows up to it."""
     rows = list(zip(curve["steps"], curve["success"], curve["opened"], strict=True))
     size = max(1, len(rows) // POINTS)
     groups = [rows[i : i + size] for i in range(0, len(rows) - size + 1, size)]
@@ -79,7 +79,7 @@ def who_acts(run: Path, seed: int) -> dict[str, Any]:
 
 
 def outcome(report: Mapping[str, Any]) -> dict[str, Any]:
-    """What an evaluation with other ranges says, without what describes the run."""
+    """Return the result of an evaluation with other ranges, without the run's description."""
     names = ("success_rate", "opened_rate", "worst_seed_success_rate", "success_iqm", "reasons")
     return {
         **{k: report[k] for k in names},
@@ -88,7 +88,7 @@ def outcome(report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def kept(report: Mapping[str, Any]) -> dict[str, Any]:
-    """The figures of a report that the repository keeps."""
+    """Return the figures of a report that the repository keeps."""
     info = report["info"]
     names = (
         "success_rate", "opened_rate", "nominal_success_rate", "worst_seed_success_rate",
@@ -126,7 +126,7 @@ def collected(run: Path, deploy: Path | None) -> dict[str, Any]:
 
 
 def compared(told: dict[str, Any]) -> dict[str, Any]:
-    """What ``deploy --json`` printed, without its single episodes."""
+    """Return the output of ``deploy --json`` without its single episodes."""
     robots = {
         name: {key: value for key, value in robot.items() if key != "each"}
         for name, robot in told["robots"].items()

@@ -106,7 +106,7 @@ def main() -> int:
     lives: list[dict[str, Any]] = []
 
     def arguments() -> list[str]:
-        """What starts the run, or goes on with it where there is something to go on with."""
+        """Return the command that starts the run, or resumes it if there is something to resume."""
         there = (killed / "config.yaml").is_file()
         return [*(["--resume", "--no-evaluate"] if there else common), "--out", str(killed)]
 

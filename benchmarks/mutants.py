@@ -84,7 +84,7 @@ class Mutant:
 
 
 def tray_bytes() -> dict[str, bytes]:
-    """A tray of three plates in every format."""
+    """Return a tray of three plates in every format."""
     plates = [
         trimesh.creation.box(size, trimesh.transformations.translation_matrix(at))
         for size, at in (
@@ -102,7 +102,7 @@ TRAYS = tray_bytes()
 
 
 def changed_tree(content: bytes, changes: tuple[tuple[str, int, int, int], ...]) -> bytes:
-    """The document after changes of its elements and attributes."""
+    """Change elements and attributes of the document."""
     root = etree.fromstring(content)
     for kind, where, which, what in changes:
         elements = list(root.iter("*"))
@@ -129,7 +129,7 @@ def changed_tree(content: bytes, changes: tuple[tuple[str, int, int, int], ...])
 
 
 def changed_bytes(content: bytes, changes: tuple[tuple[str, int, int], ...]) -> bytes:
-    """The file after changes of its bytes."""
+    """Change bytes of the file."""
     for kind, where, what in changes:
         at = where % (len(content) + 1)
         if kind == "cut":

@@ -75,7 +75,7 @@ class Damaged:
                 yield body
 
     def largest(self) -> tuple[Any, Path] | None:
-        """The visual geom that shows most by itself, and its mesh file.
+        """Return the visual geom with the largest visible surface, and its mesh file.
 
         Surfaces on another mesh of the same link do not count. None shows enough
         where that is less than ``SHOWS`` of the area of its link's meshes.
@@ -108,12 +108,12 @@ def colliders(body: Any) -> list[Any]:
 
 
 def carried(body: Any) -> Names:
-    """A body, its joint and all that it carries."""
+    """Return a body, its joint and all their descendants."""
     return tuple(str(e.get("name")) for e in body.iter("body", "joint"))
 
 
 def numbers(element: Any, name: str, default: str) -> np.ndarray:
-    """An attribute as numbers."""
+    """Return an attribute as numbers."""
     return np.array([float(v) for v in element.get(name, default).split()])
 
 
@@ -123,7 +123,7 @@ def write(element: Any, name: str, values: Any) -> None:
 
 
 def across(axis: np.ndarray) -> np.ndarray:
-    """A unit vector at right angles to ``axis``."""
+    """Return a unit vector at right angles to ``axis``."""
     other = np.eye(3)[int(np.argmin(np.abs(axis)))]
     out = np.cross(axis, other)
     return np.asarray(out / np.linalg.norm(out))
@@ -191,7 +191,7 @@ def type_changed(d: Damaged) -> Names:
 
 
 def sealed(d: Damaged) -> Names:
-    """The link with most shapes collides as one box round all that it shows."""
+    """Replace the collision shapes of the link with most shapes by one box around it."""
     body = max(d.tree.iter("body"), key=lambda b: len(colliders(b)))
     own = colliders(body)
     if len(own) < 4:
@@ -339,7 +339,7 @@ def visual_lost(d: Damaged) -> Names:
 
 
 def _first_leaf(d: Damaged) -> Any | None:
-    """The first body below the root that carries nothing."""
+    """Return the first body below the root that has no children."""
     return next((b for b in d.tree.iterfind(".//body/body") if not b.findall("body")), None)
 
 
@@ -379,7 +379,7 @@ def sluggish(d: Damaged) -> Names:
 
 
 def sprung(d: Damaged) -> Names:
-    """A spring pulls the part open by itself."""
+    """Add a spring that pulls the part open."""
     if (joint := d.joint(limited=True)) is None:
         return ()
     known = d.asset.joint(str(joint.get("name")))

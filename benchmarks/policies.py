@@ -39,7 +39,7 @@ HEAD = (
 
 
 def share(value: float, asked: float) -> str:
-    """A share in per cent, bold where it reaches what is asked; rounded down where it does not."""
+    """Format a share in per cent: bold if it reaches ``asked``, else rounded down."""
     if value >= asked - 1e-9:
         return f"**{100 * value:.1f} %**"
     return f"{math.floor(1000 * value + 1e-9) / 10:.1f} %"
@@ -111,7 +111,7 @@ def row(summary: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def table(folder: Path) -> str:
-    """The table in Markdown, a row for each summary of ``folder``, in the order of names."""
+    """Return a Markdown table with a row for each summary of ``folder``, sorted by name."""
     summaries = [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob("*.json"))]
     rows = [HEAD, tuple("---" for _ in HEAD), *(row(summary) for summary in summaries)]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)

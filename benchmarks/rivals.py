@@ -92,13 +92,13 @@ def with_flags(urdf: Path, _: Path) -> ToolResult:
 
 
 def urdf2mjcf(urdf: Path, tools: Path) -> ToolResult:
-    """The converter of kscale."""
+    """Run the converter of kscale."""
     out = urdf.with_name("urdf2mjcf.xml")
     return _run([tools / "urdf2mjcf/bin/urdf2mjcf", urdf, "--output", out], out)
 
 
 def urdf_to_mjcf(urdf: Path, tools: Path) -> ToolResult:
-    """The converter of discoverse, with convex decomposition; it writes beside no URDF."""
+    """Run the converter of discoverse with convex decomposition, in a separate folder."""
     out = urdf.parent / "urdf_to_mjcf" / "robot.xml"
     out.parent.mkdir(exist_ok=True)
     tool = tools / "urdf-to-mjcf/bin/urdf-to-mjcf"
@@ -106,7 +106,7 @@ def urdf_to_mjcf(urdf: Path, tools: Path) -> ToolResult:
 
 
 def simcheck_fix(urdf: Path, tools: Path) -> ToolResult:
-    """The repair of simcheck of the URDF, then MuJoCo with compiler settings."""
+    """Run simcheck's repair of the URDF, then MuJoCo with compiler settings."""
     out = urdf.with_name("simcheck.urdf")
     done = _run([tools / "simcheck/bin/simcheck", "fix", "--no-verify", "-o", out, urdf], out)
     return with_flags(out, tools) if done.path else done
@@ -137,7 +137,7 @@ def _run(command: list[str | Path], out: Path) -> ToolResult:
 
 
 def adopted(path: Path, asset: Asset, frame: InputFrame, out: Path) -> Asset:
-    """An asset folder around the model at ``path``, with the joints and handles of ``asset``.
+    """Write an asset folder around the model at ``path``, with the joints and handles of ``asset``.
 
     Args:
         path: MJCF or URDF in units of the input.
@@ -254,7 +254,7 @@ def row_of(
     took_s: float,
     bare: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """What is kept of one object and tool."""
+    """Return the record of one object and tool."""
     checks = [c for c in check_report.checks if c.outcome == "failed"] if check_report else []
     checks = [c for c in checks if c.name not in NOT_COUNTED]
     failed = sorted({c.name for c in checks} | ({BARE} if bare else set()))
@@ -309,14 +309,14 @@ def judged(
 
 
 def ours(name: str, folder: Path) -> dict[str, Any]:
-    """The same of our own conversion, proven anew without its input."""
+    """Return the record of this project's conversion, checked again without its input."""
     start = time.perf_counter()
     check_report = run_checks(load_asset(folder))
     return row_of(name, ToolResult(folder), check_report, "", time.perf_counter() - start)
 
 
 def summed(rows: list[dict[str, Any]], joints: int) -> dict[str, Any]:
-    """Counts over the objects of one tool."""
+    """Sum the counts over the objects of one tool."""
     opennesses = sorted(r["cavities_min"] for r in rows if r["cavities_min"] is not None)
     return {
         "objects": len(rows),
@@ -358,7 +358,7 @@ class Job:
         return self.note.with_suffix(".wrote")
 
     def row(self) -> dict[str, Any]:
-        """The row, from an earlier run or made now; a crash and a limit are rows too."""
+        """Return the earlier run's row, or make it; crashes and exceeded limits are rows too."""
         if not self.note.is_file():
             process = multiprocessing.get_context("forkserver").Process(target=self.run)
             start = time.perf_counter()

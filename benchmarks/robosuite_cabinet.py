@@ -72,7 +72,7 @@ def fixture_of(
     yaw_rad: float,
     start_q: tuple[float, ...],
 ) -> Fixture:
-    """The fixture in which ``joint_name`` of ``asset`` is opened, placed as told."""
+    """Build the fixture in which ``joint_name`` of ``asset`` is opened."""
     joint, handle = asset.joint(joint_name), asset.handle_of(joint_name)
     if handle is None:
         raise AssetError(f"{asset.name}: joint {joint_name} has no handle; choose another --joint")
@@ -90,7 +90,7 @@ def fixture_of(
 
 
 def make_env(fixture: Fixture, horizon: int = 200) -> gymnasium.Env[Vector, Vector]:
-    """A gymnasium environment with flat observations around ``OpenCabinet``."""
+    """Create a Gymnasium environment with flat observations around ``OpenCabinet``."""
     ROBOSUITE_DEFAULT_LOGGER.setLevel("ERROR")
     controller = refactor_composite_controller_config(
         load_part_controller_config(default_controller="JOINT_POSITION"), "Panda", ["right"]
@@ -240,7 +240,7 @@ class OpenCabinet(ManipulationEnv):  # type: ignore[misc]  # robosuite has no ty
 
 
 def object_xml(model: mujoco.MjModel, fixture: Fixture) -> str:
-    """The MJCF that ``MujocoXMLObject`` expects, from a compiled fixture.
+    """Return the MJCF that ``MujocoXMLObject`` expects, from a compiled fixture.
 
     Defaults are resolved by the compilation, which robosuite would drop; geoms that touch
     nothing are left out.

@@ -72,7 +72,7 @@ def round_trip(object_id: str, urdf: Path, out: Path, rng: np.random.Generator) 
 
 
 def read(path: Path) -> yourdfpy.URDF:
-    """The file as yourdfpy reads it, with axes of unit length as the standard has them."""
+    """Read the file with yourdfpy and normalize its axes, as the standard requires."""
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
     robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
     for joint in robot.robot.joints:
@@ -97,7 +97,7 @@ def difference(one: yourdfpy.URDF, other: yourdfpy.URDF, rng: np.random.Generato
 
 
 def state(robot: yourdfpy.URDF, rng: np.random.Generator) -> dict[str, float]:
-    """A position within the limits of each joint, or within a turn or a metre."""
+    """Sample a position of each joint within its limits, or within a turn or a metre."""
     q = {}
     for name in robot.actuated_joint_names:
         limit = robot.joint_map[name].limit

@@ -19,7 +19,7 @@ from typing import Any
 
 
 def calls() -> dict[str, list[str]]:
-    """What is run, by name."""
+    """Return the commands that are run, by name."""
     python = [sys.executable]
     verbs = sorted(metadata.entry_points(group="articulate.commands").names)
     return {

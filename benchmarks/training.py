@@ -116,7 +116,7 @@ class Side(Protocol):
 
 
 def measure(side: Side, seconds: float) -> Block:
-    """Updates until ``seconds`` are over, at least one."""
+    """Run updates for ``seconds``, at least one."""
     processes = [os.getpid(), *side.workers()]
     steps, cpu, start = 0, processor_time(processes), time.perf_counter()
     while True:
@@ -243,7 +243,7 @@ class RobosuiteSide:
 def best_workers(
     fixture: Fixture, settings: Settings, counts: list[int]
 ) -> tuple[int, dict[int, float]]:
-    """The number of workers with which robosuite trains fastest, and the rate of each [steps/s]."""
+    """Find robosuite's fastest number of workers, and the rate of each number [steps/s]."""
     rates = {}
     for workers in counts:
         side = RobosuiteSide(fixture, settings, workers)
@@ -254,7 +254,7 @@ def best_workers(
 
 
 def compare(args: argparse.Namespace) -> dict[str, Any]:
-    """The whole measurement; what ``--json`` prints."""
+    """Run the measurement; return the content of ``--json``."""
     torch.set_num_threads(1)
     load_before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:

@@ -74,7 +74,7 @@ def trained(asset: Path, folder: Path, flags: argparse.Namespace, *more: object)
 
 
 def judged(run: Path, asset: Path, joint: str, flags: argparse.Namespace) -> dict[str, Any]:
-    """The report of ``run`` on the joint of the true object."""
+    """Return the report of ``run`` on the joint of the true object."""
     words = ("--asset", asset, "--joint", joint, "--episodes", flags.episodes)
     report: dict[str, Any] = json.loads(articulate("evaluate", run, *words, "--json"))
     return report
@@ -83,7 +83,7 @@ def judged(run: Path, asset: Path, joint: str, flags: argparse.Namespace) -> dic
 def told(
     summary: Path, object_id: str, task: str, joint: str, flags: argparse.Namespace
 ) -> dict[str, Any]:
-    """The evaluation that ``summary`` keeps of a run on the true object.
+    """Return the evaluation of a run on the true object, as ``summary`` keeps it.
 
     Raises:
         UsageError: It is of something else, or of other draws.

@@ -192,7 +192,7 @@ def _inputs(
     controller: PolicyController,
     last_action: Array,
 ) -> ObservationInputs:
-    """Inputs of the observation, one row."""
+    """Return the inputs of the observation, one row."""
     q, target = read_keys(measured)[None], controller.target[None]
     T_wt, T_wt_target = tool_pose(manifest.robot, np.concatenate([q, target]))
     return ObservationInputs(

@@ -224,7 +224,7 @@ class Episodes:
         return state
 
     def _inputs(self) -> ObservationInputs:
-        """Inputs of the observations except the estimate."""
+        """Return the inputs of the observations except the estimate."""
         state = self.state
         return ObservationInputs(
             q=state.q,

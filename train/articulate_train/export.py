@@ -232,7 +232,7 @@ def _npz(**arrays: Array) -> bytes:
 
 
 def to_onnx(policy: Policy) -> bytes:
-    """The policy as an ONNX model: float32 (batch, size) to (batch, 8), everything inside."""
+    """Return the policy as ONNX: float32 (batch, size) to (batch, 8), weights included."""
     entry = PolicyEntry(opset=OPSET)
     with _quiet_exporter():
         program = torch.onnx.export(

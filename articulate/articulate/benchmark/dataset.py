@@ -51,7 +51,7 @@ class Dataset(Protocol):
         ...
 
     def known(self, object_id: str) -> Sequence[KnownJoint]:
-        """True joints of an object, read without its meshes."""
+        """Return the true joints of an object, read without its meshes."""
         ...
 
     def category(self, object_id: str) -> str:
@@ -68,7 +68,7 @@ class Dataset(Protocol):
 
 
 def open_dataset(source: str, data: Path | None = None) -> Dataset:
-    """The data set that ``source`` names.
+    """Open the data set that ``source`` names.
 
     Args:
         source: An index file, a folder, or the name of a library.

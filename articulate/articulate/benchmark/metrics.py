@@ -166,7 +166,7 @@ def released_origin(truth: PredictedJoint, predicted: PredictedJoint) -> float:
 def paper_limit(
     truth: PredictedJoint, predicted: PredictedJoint
 ) -> tuple[float | None, float | None]:
-    """The published errors of range and direction, the predicted axis turned to the truth's side.
+    """Compute the published errors of range and direction, with the axis on the truth's side.
 
     A prediction without limits is infinitely far off; a motion of no length has no direction, and
     its error is NaN.

@@ -160,7 +160,7 @@ def union_surface(solids: tuple[Solid, ...], count: int) -> Array:
 
 
 def _outwards(triangles: Array, centres: Array) -> Array:
-    """Unit normals (N, 3) of triangles (N, 3, 3) of convex solids, away from points inside."""
+    """Return unit normals (N, 3) of triangles (N, 3, 3) of convex solids, pointing outwards."""
     edges = triangles[:, 1:] - triangles[:, :1]
     normals = np.cross(edges[:, 0], edges[:, 1])
     inwards = np.einsum("ni,ni->n", normals, triangles[:, 0] - centres) < 0.0

@@ -45,7 +45,7 @@ class Surface:
     """Corners of each triangle (F, 3)."""
 
     def content(self) -> dict[str, Any]:
-        """The surface as JSON: positions in 16 bits each over its box, in base64."""
+        """Return the surface as JSON: positions in 16 bits each over its box, in base64."""
         low = self.vertices_o.min(axis=0)
         step = np.maximum(self.vertices_o.max(axis=0) - low, 1e-9) / STEPS
         grid = np.round((self.vertices_o - low) / step).astype("<u2")
@@ -200,7 +200,7 @@ def _rgba(values: Sequence[float] | Array) -> Rgba:
 
 
 def _fitting(surfaces: list[Surface], most: int) -> list[Surface]:
-    """The surfaces, made equally coarse so that they have at most ``most`` triangles together."""
+    """Make the surfaces equally coarse, so that they have at most ``most`` triangles together."""
     if sum(len(s.faces) for s in surfaces) <= most:
         return surfaces
     points = np.concatenate([s.vertices_o for s in surfaces])
@@ -216,7 +216,7 @@ def _fitting(surfaces: list[Surface], most: int) -> list[Surface]:
 
 
 def _coarser(surface: Surface, cell_m: float) -> Surface:
-    """The surface with the corners in each cell of a grid merged into their mean.
+    """Merge the corners of the surface in each cell of a grid into their mean.
 
     J. Rossignac, P. Borrel, "Multi-resolution 3D approximations for rendering complex scenes",
     1993: crude, but it never fails and takes any triangles.

@@ -70,7 +70,7 @@ class Surfaces:
 
 
 def _near(triangles: Array, low: Array, high: Array) -> Array:
-    """The triangles whose upright boxes meet the one from ``low`` to ``high``."""
+    """Return the triangles whose upright boxes meet the one from ``low`` to ``high``."""
     meets = (triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)
     return np.asarray(triangles[meets.all(axis=1)][:MOST])
 

@@ -28,7 +28,7 @@ UPRIGHT = 0.9
 def handles_of(
     asset: Asset, bodies: Sequence[Body], repairs: Repairs
 ) -> tuple[tuple[Handle, ...], tuple[Vec3, Vec3]]:
-    """Handles, at most one for each joint, and the bounds of the closed object.
+    """Find handles, at most one for each joint, and the bounds of the closed object.
 
     Places to hold are looked for on the collision shapes: those are what fingers will meet.
     """
@@ -145,7 +145,7 @@ def _opening(joint: Joint, points: Array, poses: dict[str, Array]) -> tuple[Arra
 
 
 def _clean(v: Array) -> Array:
-    """A unit vector without the last digits that rotations leave."""
+    """Return the unit vector without the last digits that rotations leave."""
     return normalised(np.where(np.abs(v) < 1e-9, 0.0, v))
 
 

@@ -35,7 +35,7 @@ def parts_opening_upwards(asset: Asset) -> tuple[str, ...]:
 
 
 def opening_direction(asset: Asset, joint: Joint) -> Array:
-    """Unit vector in the object frame in which the middle of a closed part begins to open (3,)."""
+    """Return the unit vector (3,) along which the middle of a closed part starts to open."""
     sign = 1.0 if joint.span >= 0.0 else -1.0
     axis = sign * np.asarray(joint.axis_o)
     if joint.kind == "slide":

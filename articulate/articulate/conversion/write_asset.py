@@ -232,7 +232,7 @@ def _mjcf_shape(shape: Shape, body: str, b: int, k: int, pad: str) -> str:
 
 
 def urdf(name: str, bodies: Sequence[Body], mimics: Sequence[Mimic] = ()) -> str:
-    """The object as canonical URDF text: one frame for each body, meshes baked."""
+    """Return the object as canonical URDF text: one frame for each body, meshes baked."""
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(name)}>"]
     for b, body in enumerate(bodies):
         lines.append(f"  <link name={quoteattr(body.name)}>")

@@ -310,7 +310,7 @@ def _of_facets(
 
 
 def _facets(mesh: trimesh.Trimesh, fraction: float = FACET_AREA) -> list[trimesh.Trimesh]:
-    """Groups of adjacent coplanar triangles, each as a mesh; single triangles included.
+    """Return groups of adjacent coplanar triangles, each as a mesh; single triangles included.
 
     The largest that cover ``fraction`` of the area; none if they are more than can be merged.
     """

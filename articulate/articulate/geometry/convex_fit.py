@@ -107,7 +107,7 @@ class Fit:
         return tight.shape if tight is not None and tight.is_fit(tol, panel_m) else None
 
     def _nearer(self, box: ShapeDistance, tol: float, panel_m: float) -> Shape:
-        """A box that fits, or the hull if that is nearer and the box barely fits."""
+        """Return a box that fits, or the hull if that is nearer and the box barely fits."""
         share = box.share(box.allowed_m(tol, panel_m))
         tight = self._tight if share < SURE_SHARE else None
         return tight.shape if tight is not None and tight.share(tol) > share else box.shape
@@ -305,7 +305,7 @@ def turned_box(points: Array, tight: Shape) -> Shape | None:
 
 
 def _unique_directions(vectors: Array) -> Array:
-    """Unit vectors (M, 3) along ``vectors`` (N, 3), one of each pair that points both ways."""
+    """Return unit vectors (M, 3) along ``vectors`` (N, 3), one of each opposite pair."""
     length = np.linalg.norm(vectors, axis=1)
     units = vectors[length > 0.0] / length[length > 0.0][:, None]
     rounded = units.round(SAME_DIRECTION) + 0.0

@@ -64,7 +64,7 @@ def write_rerun(path: Path, play: EpisodePlayback) -> Path:
 
 
 def _visible_geoms(model: mujoco.MjModel) -> list[int]:
-    """Indices of the visible geoms, without planes, which are infinite."""
+    """Return the indices of the visible geoms, without planes, which are infinite."""
     seen = np.isin(model.geom_group, GEOM_GROUPS) & (model.geom_rgba[:, 3] > 0.0)
     seen &= model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     return [int(i) for i in np.flatnonzero(seen)]

@@ -38,7 +38,7 @@ class Bottle(Dimensions):
     """Material of the bottle."""
 
     def parts(self) -> list[Part]:
-        """The bottle and its cap."""
+        """Build the bottle and its cap."""
         r, neck, h = self.radius_m, self.neck_m, self.height_m
         shoulder = (0.80 - self.shoulder_share) * h
         levels = (0.006, shoulder, 0.80 * h, h)

@@ -46,7 +46,7 @@ class BoxWithLid(Dimensions):
     """Material of the boards."""
 
     def parts(self) -> list[Part]:
-        """The box, and its lid."""
+        """Build the box, and its lid."""
         x, y = (-self.depth_m / 2, self.depth_m / 2), (-self.width_m / 2, self.width_m / 2)
         rim = self.rim_m if self.lid == "deep" else 0.0
         split = self.height_m - self.board_m - rim

@@ -33,7 +33,7 @@ class Bucket(Dimensions):
     """Material of the bucket."""
 
     def parts(self) -> list[Part]:
-        """The bucket and its bail."""
+        """Build the bucket and its bail."""
         top, base, h = self.radius_m, self.taper * self.radius_m, self.height_m
         pieces: dict[str, Piece] = {
             "floor": cone(2, (0.0, 0.0, 0.0), (0.0, base), (0.006, base)),

@@ -27,7 +27,7 @@ LEFT, RIGHT = 1.0, -1.0
 def shape(
     name: str, material: str, pieces: Mapping[str, Piece], density_kg_m3: float | None = None
 ) -> Shape:
-    """A shape of one solid for each of ``pieces``.
+    """Build a shape of one solid for each of ``pieces``.
 
     Args:
         name: Unique in the object; contains "handle" or "knob" for a piece to grasp.
@@ -44,7 +44,7 @@ def shape(
 
 
 def box(spans: Spans) -> Box:
-    """A box of these extents."""
+    """Build a box of these extents."""
     x, y, z = spans
     return Box(low=(x[0], y[0], z[0]), high=(x[1], y[1], z[1]))
 
@@ -55,12 +55,12 @@ def corners_of(x: Span, y: Span, by: float) -> list[tuple[float, float]]:
 
 
 def around(middle: float, length: float) -> Span:
-    """The span of ``length`` round ``middle``."""
+    """Return the span of ``length`` round ``middle``."""
     return (middle - length / 2, middle + length / 2)
 
 
 def shrunk(span: Span, by: float) -> Span:
-    """The span, shorter by ``by`` at both ends."""
+    """Return the span, shorter by ``by`` at both ends."""
     return (span[0] + by, span[1] - by)
 
 
@@ -91,7 +91,7 @@ def cavity(outer: Spans, wall_m: float, *, name: str = "") -> dict[str, Piece]:
 
 
 def crown(x: Span, y: Span, z: Span, bevel_m: float) -> Loft:
-    """A flat top over ``x`` and ``y`` that is narrower by ``bevel_m`` all round above."""
+    """Build a flat top over ``x`` and ``y`` that is narrower by ``bevel_m`` all round above."""
 
     def outline(by: float, at: float) -> tuple[Vec3, ...]:
         (x0, x1), (y0, y1) = shrunk(x, by), shrunk(y, by)
@@ -101,7 +101,7 @@ def crown(x: Span, y: Span, z: Span, bevel_m: float) -> Loft:
 
 
 def lined(name: str, outer: Spans, walls_m: tuple[float, float], finish: str) -> list[Shape]:
-    """The cavity of an appliance: outer walls of ``finish`` and a liner of other thickness."""
+    """Build the cavity of an appliance: outer walls of ``finish`` and a liner."""
     (x, y, z), (wall, liner) = outer, walls_m
     within = ((x[0], x[1] - wall), shrunk(y, wall), shrunk(z, wall))
     return [
@@ -113,7 +113,7 @@ def lined(name: str, outer: Spans, walls_m: tuple[float, float], finish: str) ->
 def frame(
     outer: tuple[Span, Span], inner: tuple[Span, Span], x: Span, *, name: str = ""
 ) -> dict[str, Piece]:
-    """An upright frame ``x`` thick: the extents of its outside and of its opening in y and z."""
+    """Build an upright frame ``x`` thick between an outer and an inner extent in y and z."""
     (y, z), (iy, iz) = outer, inner
     return {
         f"{name}above": (x, y, (iz[1], z[1])),
@@ -126,7 +126,7 @@ def frame(
 def bar_handle(
     name: str, at: Vec3, length_m: float, *, upright: bool, material: str = "dark_steel"
 ) -> Shape:
-    """A round bar on two posts before an upright front, its middle at ``at`` on that front."""
+    """Build a round bar on two posts before an upright front; ``at`` is its middle there."""
     x, y, z = at
     radius, out = 0.007, x - 0.045
 
@@ -194,7 +194,7 @@ def linked(parts_o: Sequence[Part]) -> list[Part]:
 
 
 def slide(parent: str, part: str, at: Vec3, axis: Vec3, upper: float) -> Motion:
-    """The joint ``<part>_slide``: a drawer on rollers."""
+    """Build the joint ``<part>_slide``: a drawer on rollers."""
     return Motion(
         name=f"{part}_slide",
         kind="prismatic",
@@ -212,7 +212,7 @@ def slide(parent: str, part: str, at: Vec3, axis: Vec3, upper: float) -> Motion:
 def hinge(
     parent: str, part: str, at: Vec3, axis: Vec3, upper: float, *, stiff: float = 0.2
 ) -> Motion:
-    """The joint ``<part>_hinge``; ``stiff`` is its damping [Nm s/rad] and dry friction [Nm]."""
+    """Build joint ``<part>_hinge``; ``stiff``: its damping [Nm s/rad] and dry friction [Nm]."""
     return Motion(
         name=f"{part}_hinge",
         kind="revolute",
@@ -228,12 +228,12 @@ def hinge(
 
 
 def swing(parent: str, part: str, at: Vec3, side: float, upper: float = 1.75) -> Motion:
-    """The hinge of a door whose edge on ``side`` stays and that opens towards -x."""
+    """Build the hinge of a door whose edge on ``side`` stays and that opens towards -x."""
     return hinge(parent, part, at, (0.0, 0.0, -side), upper)
 
 
 def turning(parent: str, part: str, at: Vec3, axis: Vec3, *, stiff: float = 0.02) -> Motion:
-    """The joint ``<part>_turn``, which turns without end."""
+    """Build the joint ``<part>_turn``, which turns without end."""
     motion = hinge(parent, part, at, axis, 0.0, stiff=stiff)
     return replace(motion, name=f"{part}_turn", kind="continuous")
 

@@ -129,7 +129,7 @@ class CabinetSize:
         return min(rooms) - 2 * EDGE_M
 
     def with_handle_length(self, length_m: float) -> CabinetSize:
-        """The same with bars of that length."""
+        """Return the same with bars of that length."""
         return dataclasses.replace(self, handle_length_m=length_m)
 
     def bays(self) -> tuple[Bay, ...]:
@@ -296,7 +296,7 @@ def _front(size: CabinetSize, bay: Bay) -> Shape:
 
 
 def _handle(size: CabinetSize, number: int, *, middle_y: float, upright: bool) -> Shape:
-    """The handle in the frame of its link, at the middle of the front's height."""
+    """Build the handle in the frame of its link, at the middle of the front's height."""
     half, clear = size.handle_thickness_m / 2, size.handle_clear_m
     if size.handle == "knob":
         head, stem = (-half, half), (-half / 2, half / 2)
@@ -330,6 +330,6 @@ def _shape(name: str, material: str, spans: dict[str, Spans], density_kg_m3: flo
 
 
 def _part(name: str, motion: Motion, shapes_o: tuple[Shape, ...], handle: Shape) -> Part:
-    """A link from shapes in the object frame and a handle in its own."""
+    """Build a link from shapes in the object frame and a handle in its own."""
     part = Part.moving(name, motion, shapes_o)
     return dataclasses.replace(part, shapes=(*part.shapes, handle))

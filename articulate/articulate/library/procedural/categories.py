@@ -95,7 +95,7 @@ CATEGORIES: dict[str, Category] = {
 
 
 def category_named(name: str) -> Category:
-    """The category called ``name``.
+    """Return the category called ``name``.
 
     Raises:
         AssetError: There is none; the message gives the nearest.

@@ -45,7 +45,7 @@ class ChestOfDrawers(Dimensions):
     """Material of carcass and fronts."""
 
     def parts(self) -> list[Part]:
-        """The chest and its drawers."""
+        """Build the chest and its drawers."""
         half, board = self.width_m / 2, self.board_m
         x, y = (-self.depth_m / 2, self.depth_m / 2), (-half, half)
         body_x = (x[0] + board + GAP_M, x[1])

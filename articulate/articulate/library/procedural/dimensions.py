@@ -17,12 +17,12 @@ DIGITS = 3
 
 
 def between(low: float, high: float) -> Any:  # a field, as in dataclasses.field
-    """A number from ``low`` to ``high``."""
+    """Sample a number from ``low`` to ``high``."""
     return dataclasses.field(metadata={"between": (low, high)})
 
 
 def integer(low: int, high: int) -> Any:  # as above
-    """An integer from ``low`` to ``high``, both included."""
+    """Sample an integer from ``low`` to ``high``, both included."""
     return dataclasses.field(metadata={"integers": (low, high)})
 
 

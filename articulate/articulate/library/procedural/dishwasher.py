@@ -46,7 +46,7 @@ class Dishwasher(Dimensions):
     """Material of the door."""
 
     def parts(self) -> list[Part]:
-        """The dishwasher and its door."""
+        """Build the dishwasher and its door."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         top = self.height_m - 0.025

@@ -89,7 +89,7 @@ class Door(Dimensions):
         return linked([frame, leaf, self._lever((leaf_x[0], -side * (half - 0.07), LEVER_M), side)])
 
     def _raised_panels(self, x: float, half: float, top: float) -> dict[str, Piece]:
-        """Raised panels on the front."""
+        """Build raised panels on the front."""
         step = (top - 0.2) / self.panels
         out: dict[str, Piece] = {}
         for k in range(self.panels):
@@ -98,7 +98,7 @@ class Door(Dimensions):
         return out
 
     def _lever(self, at: tuple[float, float, float], side: float) -> Part:
-        """A lever that points to the hinge and is pressed down."""
+        """Build a lever that points to the hinge and is pressed down."""
         x, y, z = at
         out = x - 0.055
         pieces: dict[str, Piece] = {

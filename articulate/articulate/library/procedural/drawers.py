@@ -30,7 +30,7 @@ def drawer(
     material: str,
     handle: str,
 ) -> Part:
-    """A drawer that opens towards -x, in the object frame.
+    """Build a drawer that opens towards -x, in the object frame.
 
     Args:
         name: Name of the link.
@@ -39,22 +39,21 @@ def drawer(
         hole: Free space behind it in y and z [m].
         rear_x: Where the tray ends [m].
         material: Of the front.
-        handle: ``bar`` or ``knob``.
+        handle: ``bar``, ``knob`` or ``none``.
     """
     (hole_y, hole_z), (x, y, z) = hole, front
     low = hole_z[0] + GAP_M
     height = (low, low + 0.75 * (hole_z[1] - hole_z[0]))
     body = ((x[1], rear_x), shrunk(hole_y, GAP_M), height)
     middle = (x[0], (y[0] + y[1]) / 2, (z[0] + z[1]) / 2)
-    if handle == "bar":
-        length = min(0.16, 0.6 * (y[1] - y[0]))
-        held = bar_handle(f"{name}_handle", middle, length, upright=False)
-    else:
-        held = knob(f"{name}_knob", middle, 0.015, 0.032, material="brass")
-    shapes = (
+    shapes = [
         shape(f"{name}_front", material, {"panel": front}),
         shape(f"{name}_tray", "birch", tray(body, 0.011)),
-        held,
-    )
+    ]
+    if handle == "bar":
+        length = min(0.16, 0.6 * (y[1] - y[0]))
+        shapes.append(bar_handle(f"{name}_handle", middle, length, upright=False))
+    elif handle == "knob":
+        shapes.append(knob(f"{name}_knob", middle, 0.015, 0.032, material="brass"))
     motion = slide(parent, name, middle, (-1.0, 0.0, 0.0), TRAVEL_SHARE * (rear_x - x[1]))
-    return Part(name=name, shapes=shapes, motion=motion)
+    return Part(name=name, shapes=tuple(shapes), motion=motion)

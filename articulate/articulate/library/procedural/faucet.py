@@ -37,7 +37,7 @@ class Faucet(Dimensions):
     """Material of the tap."""
 
     def parts(self) -> list[Part]:
-        """The tap, its spout, its lever or handles."""
+        """Build the tap, its spout, its lever or handles."""
         wide, r = self.handles == "two", self.column_radius_m
         top = PLATE_M + self.column_m
         pieces: dict[str, Piece] = {
@@ -72,7 +72,7 @@ class Faucet(Dimensions):
         return linked(parts)
 
     def _spout(self, z: float) -> Part:
-        """A riser, a half circle, an outlet."""
+        """Build a riser, a half circle and an outlet."""
         radius, high = self.reach_m / 2, z + self.riser_m
         points = arc(
             (-radius, 0.0, high), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius, (0.0, math.pi), 12

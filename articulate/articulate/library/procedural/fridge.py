@@ -55,7 +55,7 @@ class Fridge(Dimensions):
     """Material of shell and doors."""
 
     def parts(self) -> list[Part]:
-        """The refrigerator, its two doors."""
+        """Build the refrigerator, its two doors."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         room = (FOOT_M, self.height_m)
@@ -79,7 +79,7 @@ class Fridge(Dimensions):
         return linked([Part(name="body", shapes=tuple(shapes)), *doors])
 
     def _door(self, name: str, x: Span, y: Span, z: Span) -> Part:
-        """A door with a shelf on its inside."""
+        """Build a door with a shelf on its inside."""
         side = RIGHT if self.hinges == "right" else LEFT
         z = shrunk(z, GAP_M / 2)
         height = z[1] - z[0]

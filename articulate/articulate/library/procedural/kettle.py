@@ -35,7 +35,7 @@ class Kettle(Dimensions):
     """Material of the jug."""
 
     def parts(self) -> list[Part]:
-        """The kettle and its lid."""
+        """Build the kettle and its lid."""
         low, top = self.radius_m, self.taper * self.radius_m
         base, rim = STAND_M, STAND_M + self.height_m
         jug: dict[str, Piece] = {

@@ -35,7 +35,7 @@ class KitchenPot(Dimensions):
     """Material of pot and lid."""
 
     def parts(self) -> list[Part]:
-        """The pot and its lid."""
+        """Build the pot and its lid."""
         r, h = self.radius_m, self.height_m
         pieces: dict[str, Piece] = {
             "floor": cone(2, (0.0, 0.0, 0.0), (0.0, 0.97 * r), (0.007, r)),

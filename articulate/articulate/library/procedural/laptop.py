@@ -35,7 +35,7 @@ class Laptop(Dimensions):
     """Material of base and lid."""
 
     def parts(self) -> list[Part]:
-        """The base and the lid."""
+        """Build the base and the lid."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         base_z = (0.0, self.base_m)

@@ -116,7 +116,7 @@ def _brushed(rng: np.random.Generator) -> Array:
 
 
 def _fabric(rng: np.random.Generator) -> Array:
-    """A plain weave."""
+    """Return a plain weave."""
     v, u = np.meshgrid(np.arange(SIDE), np.arange(SIDE), indexing="ij")
     over = np.where(
         (u // 6 + v // 6) % 2 == 0, np.sin(np.pi * (u % 6) / 5), np.sin(np.pi * (v % 6) / 5)
@@ -125,7 +125,7 @@ def _fabric(rng: np.random.Generator) -> Array:
 
 
 def _speckle(rng: np.random.Generator) -> Array:
-    """The dull surface of lacquer and plastics."""
+    """Return the dull surface of lacquer and plastics."""
     return np.asarray(0.02 * rng.normal(size=(SIDE, SIDE)))
 
 

@@ -52,7 +52,7 @@ class Microwave(Dimensions):
     """Material of the shell."""
 
     def parts(self) -> list[Part]:
-        """The oven, its door, its knobs."""
+        """Build the oven, its door, its knobs."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         z = (0.012, self.height_m)

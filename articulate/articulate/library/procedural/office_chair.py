@@ -45,7 +45,7 @@ class OfficeChair(Dimensions):
     """Material of seat and back."""
 
     def parts(self) -> list[Part]:
-        """Base, seat, back."""
+        """Build base, seat and back."""
         low = self.seat_m - self.cushion_m - 0.02
         return linked([self._base(low), self._seat(low), self._back()])
 

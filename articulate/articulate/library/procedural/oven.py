@@ -53,7 +53,7 @@ class Oven(Dimensions):
     """Material of the shell."""
 
     def parts(self) -> list[Part]:
-        """The cooker, its door, its drawer, its knobs."""
+        """Build the cooker, its door, its drawer, its knobs."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         front = (x[0], x[0] + self.door_m)

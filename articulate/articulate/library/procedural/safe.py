@@ -54,7 +54,7 @@ class Safe(Dimensions):
     """Material of walls and door."""
 
     def parts(self) -> list[Part]:
-        """The safe, its door, wheel and dial."""
+        """Build the safe, its door, wheel and dial."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         z = (0.015, self.height_m)

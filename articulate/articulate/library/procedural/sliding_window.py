@@ -45,7 +45,7 @@ class SlidingWindow(Dimensions):
     """Material of frame and sashes."""
 
     def parts(self) -> list[Part]:
-        """The window and its sliding sash."""
+        """Build the window and its sliding sash."""
         y = (-self.width_m / 2, self.width_m / 2)
         z = (0.0, self.height_m)
         hole_y, hole_z = shrunk(y, self.frame_m), shrunk(z, self.frame_m)

@@ -71,7 +71,7 @@ class Solid(Protocol):
         ...
 
     def seen_from(self, origin: Vec3) -> Self:
-        """The same solid in a parallel frame whose origin is at ``origin`` [m]."""
+        """Return the same solid in a parallel frame whose origin is at ``origin`` [m]."""
         ...
 
 
@@ -108,7 +108,7 @@ class Box:
         return (Collider(kind="box", centre=self.centre, size=self.size),)
 
     def seen_from(self, origin: Vec3) -> Box:
-        """The same box in a parallel frame whose origin is at ``origin`` [m]."""
+        """Return the same box in a parallel frame whose origin is at ``origin`` [m]."""
         return replace(self, low=_sub(self.low, origin), high=_sub(self.high, origin))
 
 
@@ -146,7 +146,7 @@ class Loft:
         return (Collider(kind="mesh", mesh=Loft(low=_corners(low), high=_corners(high)).mesh()),)
 
     def seen_from(self, origin: Vec3) -> Loft:
-        """The same solid in a parallel frame whose origin is at ``origin`` [m]."""
+        """Return the same solid in a parallel frame whose origin is at ``origin`` [m]."""
         low = tuple(_sub(corner, origin) for corner in self.low)
         return replace(self, low=low, high=tuple(_sub(corner, origin) for corner in self.high))
 
@@ -165,7 +165,7 @@ class Rod:
     density_kg_m3: float = 0.0
 
     def mesh(self) -> Mesh:
-        """A prism."""
+        """Build a prism."""
         along = np.subtract(self.end, self.start)
         along = along / np.linalg.norm(along)
         u = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
@@ -177,7 +177,7 @@ class Rod:
         return Loft(low=_corners(ring + self.start), high=_corners(ring + self.end)).mesh()
 
     def colliders(self) -> tuple[Collider, ...]:
-        """A cylinder."""
+        """Build a cylinder."""
         dx, dy, dz = _sub(self.end, self.start)
         (x0, y0, z0), (x1, y1, z1) = self.start, self.end
         return (
@@ -190,7 +190,7 @@ class Rod:
         )
 
     def seen_from(self, origin: Vec3) -> Rod:
-        """The same bar in a parallel frame whose origin is at ``origin`` [m]."""
+        """Return the same bar in a parallel frame whose origin is at ``origin`` [m]."""
         return replace(self, start=_sub(self.start, origin), end=_sub(self.end, origin))
 
 
@@ -257,7 +257,7 @@ class Ring:
         return tuple(pieces)
 
     def seen_from(self, origin: Vec3) -> Ring:
-        """The same ring in a parallel frame whose origin is at ``origin`` [m]."""
+        """Return the same ring in a parallel frame whose origin is at ``origin`` [m]."""
         return replace(self, centre=_sub(self.centre, origin))
 
     def _circles(self, count: int) -> list[Array]:
@@ -272,7 +272,7 @@ class Ring:
 def tube(
     axis: int, centre: Vec3, span: tuple[float, float], inner_m: float, outer_m: float
 ) -> Ring:
-    """A ring of the same radii all along."""
+    """Build a ring of the same radii all along."""
     low, high = ((at, inner_m, outer_m) for at in span)
     return Ring(axis=axis, centre=centre, low=low, high=high)
 
@@ -301,7 +301,7 @@ def cone(
     high: tuple[float, float],
     stretch: tuple[float, float] = (1.0, 1.0),
 ) -> Loft:
-    """A round solid between two places along ``axis``, each with its radius there [m]."""
+    """Build a round solid between two coordinates along ``axis``, each with its radius [m]."""
     ends = (circle(axis, centre, at, radius, ROUND, stretch) for at, radius in (low, high))
     first, second = (_corners(end) for end in ends)
     return Loft(low=first, high=second)

@@ -51,7 +51,7 @@ class Suitcase(Dimensions):
     """Material of the shells."""
 
     def parts(self) -> list[Part]:
-        """The suitcase, its front shell, its pulled handle."""
+        """Build the suitcase, its front shell, its pulled handle."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         low = 2 * self.wheel_m + 0.01
@@ -85,7 +85,7 @@ class Suitcase(Dimensions):
     def _shell(
         self, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]
     ) -> Part:
-        """The front shell with a lip at the edge that opens."""
+        """Build the front shell with a lip at the edge that opens."""
         side = LEFT if self.hinges == "left" else RIGHT
         wall, inner_z = WALL_M, shrunk(z, WALL_M)
         pieces: dict[str, Piece] = {

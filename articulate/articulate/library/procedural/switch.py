@@ -37,7 +37,7 @@ class Switch(Dimensions):
     """Material of the plate."""
 
     def parts(self) -> list[Part]:
-        """The plate and what is on it."""
+        """Build the plate and what is on it."""
         count = 1 if self.kind == "dial" else self.count
         width = 0.03 + PITCH_M * count
         plate: dict[str, Piece] = {

@@ -45,7 +45,7 @@ class TableWithDrawers(Dimensions):
     """Material of the table."""
 
     def parts(self) -> list[Part]:
-        """The table and its drawers."""
+        """Build the table and its drawers."""
         board, half = 0.016, self.width_m / 2
         x, y = (-self.depth_m / 2, self.depth_m / 2), (-half, half)
         under = self.height_m - self.top_m

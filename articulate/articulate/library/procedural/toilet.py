@@ -38,7 +38,7 @@ class Toilet(Dimensions):
     """Material of seat and cover."""
 
     def parts(self) -> list[Part]:
-        """The toilet, its seat, its cover, its lever."""
+        """Build the toilet, its seat, its cover, its lever."""
         r, h = self.width_m / 2, self.height_m
         reach = OVAL * r + 0.012  # of the hinge behind the middle of the bowl
         tank_x = (reach + 0.07, reach + 0.07 + self.tank_depth_m)
@@ -99,7 +99,7 @@ class Toilet(Dimensions):
         return Part(name=name, shapes=shapes, motion=motion)
 
     def _lever(self, at: tuple[float, float, float]) -> Part:
-        """A lever beside the tank that points to the front and is pressed down."""
+        """Build a lever beside the tank that points to the front and is pressed down."""
         x, y, z = at
         pieces: dict[str, Piece] = {
             "axle": Rod(start=(x, y, z), end=(x, y + 0.035, z), radius_m=0.009),

@@ -36,7 +36,7 @@ class TrashCan(Dimensions):
     """Material of wall and lid."""
 
     def parts(self) -> list[Part]:
-        """The bin, its lid, its pedal."""
+        """Build the bin, its lid, its pedal."""
         top, base = self.radius_m, self.taper * self.radius_m
         rim = self.height_m - self.lid_m - GAP_M
         low = (0.012, base - self.wall_m, base)

@@ -31,7 +31,7 @@ class Shape:
     """Name of the material, a key of the ``palette`` given to ``write_urdf``."""
 
     def seen_from(self, origin: Vec3) -> Shape:
-        """The same shape in a parallel frame whose origin is at ``origin`` [m]."""
+        """Return the same shape in a parallel frame whose origin is at ``origin`` [m]."""
         return replace(self, solids=tuple(solid.seen_from(origin) for solid in self.solids))
 
 
@@ -74,7 +74,7 @@ class Part:
 
     @classmethod
     def moving(cls, name: str, motion: Motion, shapes_p: Iterable[Shape]) -> Part:
-        """A link from shapes in the frame of its parent, closed."""
+        """Build a link from shapes in the frame of its parent, closed."""
         return cls(
             name=name,
             shapes=tuple(shape.seen_from(motion.origin_p) for shape in shapes_p),

@@ -57,7 +57,7 @@ class WashingMachine(Dimensions):
     """Material of the case."""
 
     def parts(self) -> list[Part]:
-        """The machine, its door, its drawer, its dial."""
+        """Build the machine, its door, its drawer, its dial."""
         x = (-self.depth_m / 2, self.depth_m / 2)
         y = (-self.width_m / 2, self.width_m / 2)
         body_x = (x[0] + DOOR_M + GAP_M, x[1])
@@ -128,7 +128,7 @@ class WashingMachine(Dimensions):
         }
 
     def _door(self, x: float, z: float) -> Part:
-        """A rim, a bowl of glass that reaches into the drum, a handle opposite to the hinge."""
+        """Build a rim, a glass bowl that reaches into the drum, a handle opposite to the hinge."""
         side = LEFT if self.hinges == "left" else RIGHT
         inner, outer = self.hole_m - 0.03, self.hole_m + 0.035
         middle = (x, 0.0, z)
