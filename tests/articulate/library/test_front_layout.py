@@ -1,0 +1,64 @@
+"""Objects with a divided front: places of parts, joints, and rejected layouts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from articulate.errors import ConfigError
+from articulate.library.procedural.front_layout import FrontLayout, FrontPanel, grid
+from articulate.library.procedural.urdf import Part
+
+
+def layout(*panels: FrontPanel, **changes: object) -> FrontLayout:
+    size: dict[str, object] = {"width_m": 1.0, "depth_m": 0.5, "height_m": 1.0, **changes}
+    return FrontLayout(panels=panels, **size)  # type: ignore[arg-type]
+
+
+def by_name(parts: list[Part]) -> dict[str, Part]:
+    return {part.name: part for part in parts}
+
+
+def test_grid_divides_the_front_evenly() -> None:
+    panels = grid(3, 2, "drawer")
+    assert len(panels) == 6
+    assert sum((p.right - p.left) * (p.top - p.bottom) for p in panels) == pytest.approx(1.0)
+
+
+def test_drawers_slide_towards_the_front_and_are_numbered_from_the_top_left() -> None:
+    parts = by_name(layout(*grid(2, 2, "drawer")).parts())
+    assert set(parts) == {"body", *(f"drawer_{k}" for k in range(4))}
+    origins = {name: np.array(p.motion.origin_p) for name, p in parts.items() if p.motion}
+    assert origins["drawer_0"][1] > origins["drawer_1"][1]  # +y is left
+    assert origins["drawer_0"][2] > origins["drawer_2"][2]
+    assert all(p.motion.axis == (-1.0, 0.0, 0.0) for p in parts.values() if p.motion)
+
+
+@pytest.mark.parametrize(
+    ("kind", "hinge", "free_edge"),
+    [
+        ("door", "left", (0.0, -1.0, 0.0)),
+        ("door", "right", (0.0, 1.0, 0.0)),
+        ("flap", "top", (0.0, 0.0, -1.0)),
+        ("flap", "bottom", (0.0, 0.0, 1.0)),
+    ],
+)
+def test_free_edge_swings_towards_the_front(
+    kind: str, hinge: str, free_edge: tuple[float, float, float]
+) -> None:
+    panel = FrontPanel(kind=kind, left=0, right=1, bottom=0, top=1, hinge=hinge)  # type: ignore[arg-type]
+    (_, part) = layout(panel).parts()
+    assert part.motion is not None
+    velocity = np.cross(part.motion.axis, free_edge)
+    assert velocity == pytest.approx([-1.0, 0.0, 0.0])
+
+
+def test_overlapping_and_tiny_panels_are_rejected() -> None:
+    with pytest.raises(ConfigError, match="overlap"):
+        layout(*grid(1, 1, "drawer"), *grid(2, 1, "drawer"))
+    with pytest.raises(ConfigError, match="too small"):
+        layout(*grid(20, 1, "drawer"))
+    with pytest.raises(ConfigError, match="hinge"):
+        FrontPanel(kind="drawer", left=0, right=1, bottom=0, top=1, hinge="left")
+    with pytest.raises(ConfigError, match="left and right"):
+        FrontPanel(kind="drawer", left=0.5, right=0.5, bottom=0, top=1)
