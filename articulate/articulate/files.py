@@ -74,6 +74,19 @@ def require_space(folder: Path, need_bytes: int, what: str) -> None:
         )
 
 
+def reject_links(folder: Path) -> None:
+    """Raise an error if ``folder`` holds a link: its target would be read or overwritten.
+
+    Raises:
+        UsageError: There is one, at any depth.
+    """
+    for base, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            path = Path(base, name)
+            if path.is_symlink():
+                raise UsageError(f"{path}: a link; remove it, or replace it by its target")
+
+
 def copy_writable(source: Path, target: Path) -> None:
     """Copy a folder that may be read-only to one that can be written and removed again."""
     shutil.copytree(source, target, copy_function=shutil.copyfile, dirs_exist_ok=True)

@@ -306,3 +306,17 @@ def test_files_of_a_run_must_be_regular_and_bounded(tiny, name, kind, monkeypatc
             stream.truncate(3_000_000_000)
     with pytest.raises(UsageError, match=r"not a regular file|larger than|a link"):
         load_policy(open_run(tiny.folder).seed_folder(0))
+
+
+@pytest.mark.parametrize("name", [".lock", "videos", "seed_0", "config.yaml"])
+def test_a_link_in_a_run_is_rejected_and_its_target_stays(tiny, tmp_path, name):
+    target = tmp_path / "target"
+    if name == "videos":
+        target.mkdir()
+    else:
+        target.write_text("mine")
+    (tiny.folder / name).unlink(missing_ok=True)
+    (tiny.folder / name).symlink_to(target)
+    with pytest.raises(UsageError, match="a link; remove it"):
+        resume_run(tiny.folder, dataclasses.replace(tiny.config, steps=10**6))
+    assert target.is_dir() or target.read_text() == "mine"

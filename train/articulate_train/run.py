@@ -40,7 +40,14 @@ from articulate.config import from_mapping, read_yaml, to_yaml
 from articulate.conversion import ConvertConfig
 from articulate.conversion.metric_size import check_category
 from articulate.errors import ConfigError, RunError, field_error, quote, shorten
-from articulate.files import copy_writable, read_json_object, require_space, write_json, write_text
+from articulate.files import (
+    copy_writable,
+    read_json_object,
+    reject_links,
+    require_space,
+    write_json,
+    write_text,
+)
 from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA, Arm
 from articulate.task.object_placement import ObjectPlacement
@@ -304,7 +311,7 @@ def open_run(folder: Path) -> Run:
     """Read a run folder.
 
     Raises:
-        RunError: It is not a run, is damaged or was made by another version.
+        UsageError: It is not a run, holds links, is damaged or was made by another version.
     """
     path = folder / SCENE
     if not path.exists():
@@ -315,9 +322,7 @@ def open_run(folder: Path) -> Run:
                 "without --resume"
             )
         raise RunError(f"{folder}: not a run folder: {reason}; give a folder that train made")
-    for file in (path, folder / CONFIG):
-        if file.is_symlink():  # its messages would quote another file
-            raise RunError(f"{file}: a link; a run holds regular files only")
+    reject_links(folder)
     check_asset_files(folder / "asset")
     content = load_json_object(path, error=RunError)
     version = content.get("schema_version", 1)

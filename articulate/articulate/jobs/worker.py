@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from articulate.errors import ArticulateError
+from articulate.files import reject_links
 from articulate.jobs.job import (
     LOG,
     Attempt,
@@ -46,6 +47,7 @@ LEASED = 75
 
 def run_job(folder: Path) -> int:
     """Run the job in ``folder`` and return its exit status; 75 if another process runs it."""
+    reject_links(folder)
     job = load_job(folder)
     if not take_lease(folder):
         return LEASED

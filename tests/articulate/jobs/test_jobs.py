@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from articulate.errors import RunError
+from articulate.errors import RunError, UsageError
 from articulate.files import write_json
 from articulate.jobs import process_identity
 from articulate.jobs.job import (
@@ -250,6 +250,15 @@ def test_a_folder_of_another_job_is_refused(tmp_path, error_line):
     (tmp_path / "a" / "job.json").write_text("{")
     with pytest.raises(RunError, match="cannot be read"):
         load_job(job.folder)
+
+
+def test_a_link_in_the_folder_of_a_job_is_not_followed(tmp_path):
+    job = save_job(job_of(tmp_path / "job"))
+    (tmp_path / "mine").write_text("mine")
+    (job.folder / "log.txt").symlink_to(tmp_path / "mine")
+    with pytest.raises(UsageError, match="a link; remove it"):
+        run_job(job.folder)
+    assert (tmp_path / "mine").read_text() == "mine"
 
 
 def test_exit_statuses_have_meanings():
