@@ -415,6 +415,24 @@ def test_reader_that_closes_the_pipe_is_no_bug():
     assert result.stderr == ""
 
 
+@pytest.mark.parametrize(
+    ("words", "redirect", "code", "line"),
+    [
+        ("--version", ">&- 2>&- <&-", 0, ""),
+        ("--version", "2>/dev/full", 0, ""),
+        ("--version", ">/dev/full", 2, "the standard output cannot be written"),
+        ("trian", ">&- 2>/dev/full", 2, ""),
+        ("trian", ">&-", 2, "trian: no such command"),
+    ],
+)
+def test_closed_and_full_streams_give_one_line_at_most(words, redirect, code, line):
+    shell = f"{sys.executable} -m articulate {words} {redirect}"
+    result = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)
+    assert result.returncode == code
+    assert result.stderr.startswith(line)
+    assert len(result.stderr.splitlines()) == bool(line)
+
+
 def test_usage_error_raised_by_a_verb_reaches_the_user_through_main(capsys, monkeypatch):
     monkeypatch.setattr(commands, "_command", lambda name: raising(UsageError(f"{name}: rejected")))
     assert commands.main(["train"]) == 2

@@ -49,12 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that ``argv`` names and return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in {"-h", "--help"}:
-        print(_help())
-        return 0 if arguments else USAGE_EXIT
+        return run_command(_emitting(_help(), 0 if arguments else USAGE_EXIT), [])
     first, rest = arguments[0], arguments[1:]
     if first in {"-V", "--version"}:
-        print(f"articulate {version()}")
-        return 0
+        return run_command(_emitting(f"articulate {version()}", 0), [])
     if first.partition("=")[0] == "--completion":
         return run_command(_completion, [*first.split("=")[1:], *rest])
     return run_command(_command(first), rest)
@@ -150,6 +148,16 @@ def _command(name: str) -> Main:
                 'install the extra with it, e.g. pip install "articulate-robots[all]"'
             ) from None
         return loaded(argv)
+
+    return command
+
+
+def _emitting(text: str, code: int) -> Main:
+    """Return a command that prints ``text`` and returns ``code``."""
+
+    def command(_: Sequence[str]) -> int:
+        console.emit(text)
+        return code
 
     return command
 

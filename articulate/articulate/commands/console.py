@@ -17,6 +17,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TextIO
 
+from articulate.errors import UsageError
+
 QUIET, NORMAL, VERBOSE = 0, 1, 2
 """Verbosity: errors and warnings; progress too; logs of libraries too."""
 _LOG = {QUIET: logging.ERROR, NORMAL: logging.WARNING, VERBOSE: logging.INFO}
@@ -32,10 +34,24 @@ class _State:
 _state = _State()
 
 
+def open_closed_streams() -> None:
+    """Open the null device for each standard stream that the shell has closed (``>&-``).
+
+    Otherwise Python has no stream to print to, and the next file that is opened becomes it.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
+
+
 @contextmanager
 def session() -> Iterator[None]:
     """Reserve the standard output for results while the block runs."""
     global _state  # noqa: PLW0603  one process has one standard output
+    open_closed_streams()
     outer, out = _state, sys.stdout
     level = logging.getLogger().level
     saved = _divert(out)
@@ -89,10 +105,20 @@ def forget_results() -> None:
 
 
 def emit(text: str) -> None:
-    """Print a result."""
+    """Print a result.
+
+    Raises:
+        UsageError: The standard output cannot be written.
+    """
     stream = _state.stdout or sys.stdout
-    stream.write(f"{text}\n")
-    stream.flush()
+    try:
+        stream.write(f"{text}\n")
+        stream.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        forget_results()
+        raise UsageError(f"the standard output cannot be written ({error.strerror})") from None
 
 
 def emit_json(content: Any) -> None:
@@ -123,14 +149,22 @@ def detail(text: str) -> None:
 
 def print_error(text: str) -> None:
     """Print an error or a warning on the standard error, at any verbosity."""
-    with suppress(BrokenPipeError):
-        print(text, file=sys.stderr, flush=True)
+    _print_to_stderr(f"{text}\n")
+
+
+def _print_to_stderr(text: str) -> None:
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except OSError:  # closed or full: nothing can be reported
+        with suppress(OSError, ValueError):  # what is buffered would fail again at exit
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def rewrite(text: str) -> None:
     """Replace the last line by ``text``; only if :func:`is_live`."""
     if _state.level > QUIET:
-        print(f"\r{text[:110]:<110}", end="", file=sys.stderr, flush=True)
+        _print_to_stderr(f"\r{text[:110]:<110}")
 
 
 def is_live() -> bool:
