@@ -17,7 +17,7 @@ from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
 from articulate_deploy.policy_runner import Policy
-from articulate_deploy.recording import claim_folders, release_folders, write_episode, write_report
+from articulate_deploy.recording import claimed_folders, write_episode, write_report
 from articulate_deploy.report import DeployReport, Transfer
 from articulate_deploy.robots import robot_named
 from articulate_deploy.robots.robot import SimulatedRobot
@@ -82,9 +82,7 @@ def _deploy(
     policy = Policy(bundle)
     plan = make_plan(bundle, request.episodes, seed=request.seed, randomise=request.randomise)
     robots = {name: robot_named(name, bundle) for name in folders}
-    claimed = [folder for folder in folders.values() if folder is not None]
-    claim_folders(claimed)
-    try:
+    with claimed_folders([folder for folder in folders.values() if folder is not None]):
         reports = []
         for name, out in folders.items():
             callback = None if on_episode is None else partial(on_episode, name)
@@ -94,8 +92,6 @@ def _deploy(
                 write_report(out, report)
             reports.append(report)
         return tuple(reports)
-    finally:
-        release_folders(claimed)
 
 
 def _run(

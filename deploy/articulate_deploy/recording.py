@@ -7,8 +7,12 @@ reads the arrays.
 
 from __future__ import annotations
 
+import fcntl
 import json
-from collections.abc import Sequence
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,52 +23,69 @@ from articulate_deploy.episode import Recording
 from articulate_deploy.report import DeployReport
 
 EPISODES_FILE, REPORT_FILE = "episodes.jsonl", "report.json"
+EPISODE = re.compile(r"episode_\d{4,}\.npz|\.episode_\d{4,}\.npz\..*")
+"""Name of an episode, or of its temporary file."""
+NOT_EMPTY = "exists and is not empty; choose another --out"
 
 
-def claim_folder(folder: Path) -> None:
-    """Make the folder of a recording and claim it: of several processes one gets it.
+@contextmanager
+def claimed_folders(folders: Sequence[Path]) -> Iterator[None]:
+    """Make the folders of recordings, or none, and hold them while the block runs.
 
-    The claim is an empty ``episodes.jsonl``, which :func:`write_report` replaces.
+    The claim is an empty, locked ``episodes.jsonl``, which :func:`write_report` replaces. A killed
+    process loses its lock, so that its incomplete recording can be replaced.
 
     Raises:
-        UsageError: It is not empty or cannot be made.
+        UsageError: A folder holds something else, is in use or cannot be made.
     """
+    with ExitStack() as stack:
+        for folder in folders:
+            stack.enter_context(_claimed(folder))
+        yield
+
+
+@contextmanager
+def _claimed(folder: Path) -> Iterator[None]:
+    """Hold one folder; if no episode is recorded, everything made here is removed again."""
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if not any(folder.iterdir()):
-            (folder / EPISODES_FILE).touch(exist_ok=False)
-            return
-    except FileExistsError as error:
-        if not folder.is_dir():
-            raise _write_error(folder, error) from None
+        earlier = [path for path in folder.iterdir() if path.name != EPISODES_FILE]
+        if any(not EPISODE.fullmatch(path.name) for path in earlier):
+            raise UsageError(f"{folder}: {NOT_EMPTY}")
+        claim = folder / EPISODES_FILE
+        if earlier and not claim.exists():
+            raise UsageError(f"{folder}: {NOT_EMPTY}")
+        handle = os.open(claim, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     except OSError as error:
-        raise _write_error(folder, error) from None
-    raise UsageError(f"{folder}: exists and is not empty; choose another --out")
-
-
-def _write_error(folder: Path, error: OSError) -> UsageError:
-    return UsageError(f"{folder}: cannot be written ({error.strerror}); choose another --out")
-
-
-def claim_folders(folders: Sequence[Path]) -> None:
-    """Make and claim all of ``folders``, or none.
-
-    Raises:
-        UsageError: As :func:`claim_folder`.
-    """
-    for k, folder in enumerate(folders):
+        raise UsageError(
+            f"{folder}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    with os.fdopen(handle):
+        _lock(handle, claim)
+        for path in earlier:  # of a killed process
+            path.unlink()
         try:
-            claim_folder(folder)
-        except UsageError:
-            release_folders(folders[:k])
-            raise
+            yield
+        finally:
+            if [path.name for path in folder.iterdir()] == [EPISODES_FILE]:
+                claim.unlink()
+                with suppress(OSError):  # others may use the folders above
+                    for path in new:
+                        path.rmdir()
 
 
-def release_folders(folders: Sequence[Path]) -> None:
-    """Remove the claims of folders without a recording, so that they can be used again."""
-    for folder in folders:
-        if [path.name for path in folder.iterdir()] == [EPISODES_FILE]:
-            (folder / EPISODES_FILE).unlink()
+def _lock(handle: int, claim: Path) -> None:
+    """Lock the claim, unless another process holds it or has written its report there."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise UsageError(
+            f"{claim.parent}: in use by another process; choose another --out"
+        ) from None
+    state = os.fstat(handle)
+    if state.st_size > 0 or state.st_ino != claim.stat().st_ino:
+        raise UsageError(f"{claim.parent}: {NOT_EMPTY}")
 
 
 def write_episode(folder: Path, index: int, recording: Recording) -> Path:
