@@ -82,6 +82,33 @@ def make(query: Query, part_set: PartSet, camera: Camera, request: MakeRequest) 
     start = time.monotonic()
     _check_joint(request.joint, part_set)
     prediction, actor_name = _predict(query, part_set, camera, request)
+    source = PredictionSource(query=query, camera=camera, actor=actor_name, start=start)
+    return make_predicted(prediction, part_set, request, source)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictionSource:
+    """Origin of predicted joints."""
+
+    query: Query
+    camera: Camera
+    actor: str
+    """Name of the actor."""
+    start: float
+    """Start of the reconstruction, by ``time.monotonic`` [s]."""
+    doubts: tuple[str, ...] = ()
+    """Reasons why the object may not be the intended one."""
+
+
+def make_predicted(
+    prediction: Prediction, part_set: PartSet, request: MakeRequest, source: PredictionSource
+) -> MakeResult:
+    """Write the program of predicted joints, check what it describes, and write the folder.
+
+    Raises:
+        UsageError: No joint moves, or the folder cannot be written.
+    """
+    query, actor_name = source.query, source.actor
     predicted = time.monotonic()
     part_joints: PartJoints
     root, part_joints = tree_of(_selected(prediction.joints, request.joint), part_set.meshes)
@@ -103,16 +130,16 @@ def make(query: Query, part_set: PartSet, camera: Camera, request: MakeRequest) 
         record = MakeRecord(
             part_set=part_set,
             query=query,
-            camera=camera,
+            camera=source.camera,
             actor=actor_name,
             prediction=prediction,
             root=root,
             part_joints=part_joints,
             program=program or write(part_joints),
             layers=_layers(work / PROGRAM_FOLDER),
-            seconds={"joints": predicted - start, **checker.seconds},
+            seconds={"joints": predicted - source.start, **checker.seconds},
         )
-        result = _result(record, check_report, request, time.monotonic() - start)
+        result = _result(record, check_report, request, source)
         copy_writable(work / PROGRAM_FOLDER, work / "asset" / PROGRAM_FOLDER)
         result = _write_reports(result, record, work / "asset")
         export(work / "asset", request.out)
@@ -273,10 +300,10 @@ def _nothing_moves(query: Query, selected: str) -> str:
 
 
 def _result(
-    record: MakeRecord, check_report: CheckReport, request: MakeRequest, seconds: float
+    record: MakeRecord, check_report: CheckReport, request: MakeRequest, source: PredictionSource
 ) -> MakeResult:
     """Combine the check report and the doubts about the prediction."""
-    doubts = _doubts(record)
+    doubts = [*source.doubts, *_doubts(record)]
     verdict: Verdict
     if check_report.is_usable:
         verdict, reasons = ("doubtful" if doubts else "passed"), doubts
@@ -292,7 +319,7 @@ def _result(
         joints=tuple(record.moving),
         check_report=check_report,
         rating=record.prediction.rating,
-        seconds=seconds,
+        seconds=time.monotonic() - source.start,
     )
 
 

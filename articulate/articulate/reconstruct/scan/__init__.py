@@ -1,0 +1,1 @@
+"""Parts and joints of one unsegmented mesh."""

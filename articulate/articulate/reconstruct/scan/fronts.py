@@ -1,0 +1,284 @@
+"""Doors, flaps and drawers from the front panels of an object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from articulate.reconstruct.scan.panels import Handle, Panel, find_panels
+from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
+from articulate.reconstruct.scan.segmentation import Segmentation
+from articulate.transforms import Ints
+
+SAME_SIZE = 0.08
+"""Panels whose sides differ by less than this share are congruent."""
+NARROW = 0.09
+"""Narrower panels without a handle, as a share of the diagonal of the front, are frames or legs."""
+LOWEST = 0.12
+"""Panels without a handle that end below this share of the height are plinths, if they are low."""
+TRAY_DEPTH = 0.25
+"""Least depth of the sides of a drawer, as a share of the depth of the object."""
+CEILING = 0.5
+"""Largest area of horizontal faces in the upper half of a tray, as a share of its bottom."""
+LEG = 3.0
+"""Narrow panels that are taller than this ratio are legs or stiles."""
+WIDE = 0.42
+"""Panels lower than this share of their width are drawers rather than flaps."""
+CENTRED = 0.17
+"""Largest offset of a centred handle, as a share of the width of the panel."""
+TRAVEL = 0.75
+"""Travel of a drawer, as a share of its depth."""
+ADJACENT = 0.04
+"""Largest gap between the doors of a pair, as a share of the width of the object."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Front:
+    """A panel and what lies behind it."""
+
+    panel: Panel
+    tray: Ints
+    """Faces of the tray behind the panel (K,); empty without one."""
+    handle: Handle | None
+    """The largest protrusion that can be a handle."""
+    depth: float
+    """Depth of the tray behind the panel [m]; 0 without one."""
+
+
+def front_parts(parts: Segmentation, counts: Mapping[str, int] | None = None) -> list[PartProposal]:
+    """Propose the doors, flaps and drawers of the front.
+
+    Args:
+        parts: The object; its front is +x.
+        counts: Number of parts by kind, where known.
+    """
+    mesh = parts.mesh
+    panels = find_panels(mesh, (parts.shells, parts.coloured, parts.facets), parts.view)
+    fronts = [_front(parts, panel) for panel in panels]
+    moving = _moving(parts, fronts)
+    found = []
+    for front in moving:
+        others = [other for other in moving if other is not front]
+        found.append(_proposal(parts, front, others))
+    return found
+
+
+def _front(parts: Segmentation, panel: Panel) -> Front:
+    tray, depth = _tray(parts, panel)
+    return Front(panel=panel, tray=tray, handle=_main_handle(panel), depth=depth)
+
+
+def _main_handle(panel: Panel) -> Handle | None:
+    """Return the largest protrusion that is not a frame around the panel."""
+    for handle in panel.handles:
+        share = handle.size / panel.size
+        if share.max() > 0.97 and share.min() > 0.3:
+            continue
+        return handle
+    return None
+
+
+def _tray(parts: Segmentation, panel: Panel) -> tuple[Ints, float]:
+    """Return the faces of the tray behind a panel and its depth; nothing unless it is a tray.
+
+    A tray has two side walls, a bottom and no ceiling; a cavity of the body has a ceiling.
+    """
+    mesh, size = parts.mesh, parts.mesh.size
+    nothing = np.zeros(0, dtype=np.int64)
+    y0, z0, y1, z1 = panel.rect
+    low = np.array([mesh.bounds[0, 0], y0, z0])
+    high = np.array([panel.front + parts.near, y1, z1])
+    inside = parts.inside(parts.shells, low, high)
+    spans = parts.shells.boxes[inside]
+    if not len(inside) or np.ptp(spans[..., 0], axis=1).max() < TRAY_DEPTH * size[0]:
+        return nothing, 0.0
+    faces = parts.faces_of(parts.shells, inside)
+    centres, area, normals = mesh.triangles.mean(axis=1)[faces], mesh.areas[faces], mesh.normals
+    behind = centres[:, 0] < panel.back + parts.near
+    sideways = behind & (np.abs(normals[faces, 1]) > 0.9)
+    level = behind & (np.abs(normals[faces, 2]) > 0.9)
+    if not sideways.any() or not level.any():
+        return nothing, 0.0
+    third = (y1 - y0) / 3.0
+    wall = 0.25 * (z1 - z0) * TRAY_DEPTH * size[0]
+    left = area[sideways & (centres[:, 1] < y0 + third)].sum()
+    right = area[sideways & (centres[:, 1] > y1 - third)].sum()
+    middle = z0 + 0.5 * (z1 - z0)
+    bottom = area[level & (centres[:, 2] < middle)].sum()
+    ceiling = area[level & (centres[:, 2] > middle)].sum()
+    if min(left, right) < wall or ceiling > CEILING * bottom:
+        return nothing, 0.0
+    if bottom < 0.3 * (y1 - y0) * TRAY_DEPTH * size[0]:
+        return nothing, 0.0
+    walls = spans[np.ptp(spans[..., 0], axis=1) > TRAY_DEPTH * size[0]]
+    outermost = (
+        walls[:, 0, 1].min() < mesh.bounds[0, 1] + 2.0 * parts.near
+        and walls[:, 1, 1].max() > mesh.bounds[1, 1] - 2.0 * parts.near
+        and y1 - y0 > 0.9 * size[1]
+        and z1 - z0 > 0.6 * size[2]
+    )
+    if outermost:  # the walls of the body behind a door that covers the entire front
+        return nothing, 0.0
+    return faces, float(panel.back - walls[:, 0, 0].min())
+
+
+def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
+    """Return the fronts that move: with a handle or tray, or like one that has."""
+    size = parts.mesh.size
+    scale = float(np.hypot(size[1], size[2]))
+
+    def plain(front: Front) -> bool:
+        return bool(front.panel.size.min() < NARROW * scale)
+
+    def leg(front: Front) -> bool:
+        wide, high = front.panel.size
+        return bool(wide < NARROW * scale and high > LEG * wide and front.handle is None)
+
+    fronts = [front for front in fronts if not leg(front)]
+    sure = [f for f in fronts if len(f.tray) or (f.handle is not None and f.panel.thin)]
+    alike = [
+        f
+        for f in fronts
+        if f not in sure
+        and f.panel.thin
+        and any(_congruent(f.panel, other.panel) for other in sure)
+        and not plain(f)
+    ]
+    if sure:
+        return sure + alike
+    bottom = parts.mesh.bounds[0, 2]
+    large = [
+        f
+        for f in fronts
+        if not plain(f)
+        and (f.panel.rect[3] - bottom > LOWEST * size[2] or f.panel.size[1] > 0.3 * size[2])
+        and f.panel.area > 0.06 * size[1] * size[2]
+    ]
+    return large
+
+
+def _congruent(one: Panel, other: Panel) -> bool:
+    return bool((np.abs(one.size - other.size) < SAME_SIZE * other.size).all())
+
+
+def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> PartProposal:
+    panel = front.panel
+    reach = max([handle.height for handle in panel.handles], default=0.0)
+    y0, z0, y1, z1 = panel.rect
+    low = np.array([panel.back, y0, z0])
+    high = np.array([panel.front + reach, y1, z1])
+    attached = parts.faces_of(parts.facets, parts.inside(parts.facets, low, high))
+    faces = np.unique(np.concatenate([panel.own, attached, front.tray]))
+    base = PartProposal(
+        kind="door",
+        faces=faces,
+        joint="revolute",
+        axis=np.array([0.0, 0.0, 1.0]),
+        pivot=np.zeros(3),
+        upper=QUARTER_RAD,
+        confidence=0.7,
+        panel=panel.rect,
+        front=panel.front,
+    )
+    if len(front.tray):
+        return _drawer(parts, base, front, "a tray behind the front")
+    wide = panel.size[1] < WIDE * panel.size[0]
+    centred = _is_centred(front)
+    if centred and wide and not _has_neighbour(parts, front, others):
+        return _drawer(parts, base, front, "a wide front with a centred handle")
+    if centred and not _has_neighbour(parts, front, others):
+        return _flap(base, front)
+    return _door(parts, base, front, others)
+
+
+def _is_centred(front: Front) -> bool:
+    """Return whether a horizontal handle, or a knob, is in the middle of the width."""
+    handle, panel = front.handle, front.panel
+    if handle is None:
+        return False
+    offset = abs(handle.centre[0] - panel.centre[0]) / panel.size[0]
+    return bool(offset < CENTRED and handle.size[1] < 1.5 * handle.size[0])
+
+
+def _has_neighbour(parts: Segmentation, front: Front, others: Sequence[Front]) -> bool:
+    """Return whether a tall congruent panel is beside: the two are a pair of doors."""
+    panel = front.panel
+    if panel.size[1] < 0.6 * panel.size[0]:
+        return False
+    return any(
+        _congruent(panel, other.panel) and _beside(parts, panel, other.panel)
+        for other in others
+        if not len(other.tray)
+    )
+
+
+def _beside(parts: Segmentation, one: Panel, other: Panel) -> bool:
+    gap = max(one.rect[0] - other.rect[2], other.rect[0] - one.rect[2])
+    level = min(one.rect[3], other.rect[3]) - max(one.rect[1], other.rect[1])
+    return bool(gap < ADJACENT * parts.mesh.size[1] and level > 0.8 * one.size[1])
+
+
+def _drawer(parts: Segmentation, base: PartProposal, front: Front, reason: str) -> PartProposal:
+    depth = front.depth or 0.6 * float(front.panel.front - parts.mesh.bounds[0, 0])
+    return replace(
+        base,
+        kind="drawer",
+        joint="prismatic",
+        axis=np.array([1.0, 0.0, 0.0]),
+        pivot=np.array([front.panel.front, *front.panel.centre]),
+        upper=TRAVEL * depth,
+        confidence=0.9 if len(front.tray) else 0.6,
+        hollow=not len(front.tray),
+        evidence=(reason,),
+    )
+
+
+def _flap(base: PartProposal, front: Front) -> PartProposal:
+    """Return a panel that turns about a horizontal edge, away from its handle."""
+    panel, handle = front.panel, front.handle
+    below = handle is not None and handle.centre[1] < panel.rect[1] + 0.4 * panel.size[1]
+    z = panel.rect[3] if below else panel.rect[1]
+    return replace(
+        base,
+        kind="flap",
+        axis=np.array([0.0, -1.0 if below else 1.0, 0.0]),
+        pivot=np.array([panel.back, panel.centre[0], z]),
+        evidence=(f"a centred handle at the {'bottom' if below else 'top'}",),
+        hollow=True,
+    )
+
+
+def _door(
+    parts: Segmentation, base: PartProposal, front: Front, others: Sequence[Front]
+) -> PartProposal:
+    """Return a panel that turns about a vertical edge, away from its handle or its partner."""
+    panel = front.panel
+    left, evidence, confidence = _hinge_side(parts, front, others)
+    y = panel.rect[0] if left else panel.rect[2]
+    return replace(
+        base,
+        axis=np.array([0.0, 0.0, -1.0 if left else 1.0]),
+        pivot=np.array([panel.back, y, panel.centre[1]]),
+        evidence=(evidence,),
+        confidence=confidence,
+        hollow=True,
+    )
+
+
+def _hinge_side(
+    parts: Segmentation, front: Front, others: Sequence[Front]
+) -> tuple[bool, str, float]:
+    """Return whether the hinge is at the smaller y, the evidence, and the confidence."""
+    panel, handle = front.panel, front.handle
+    if handle is not None and not _is_centred(front):
+        offset = (handle.centre[0] - panel.centre[0]) / panel.size[0]
+        if abs(offset) > 0.1:
+            return bool(offset > 0.0), "a handle near the other edge", 0.85
+    beside = [o for o in others if _congruent(panel, o.panel) and _beside(parts, panel, o.panel)]
+    if beside:
+        partner = beside[0].panel
+        return bool(partner.centre[0] > panel.centre[0]), "a partner beside it", 0.7
+    middle = float(parts.mesh.bounds[:, 1].mean())
+    return bool(panel.centre[0] <= middle), "its side of the object", 0.4

@@ -1,0 +1,187 @@
+"""Make an articulated object from one unsegmented mesh."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from articulate.errors import UsageError, shorten
+from articulate.preparation.store import check_out
+from articulate.reconstruct.actors.protocol import (
+    Evidence,
+    PredictedJoint,
+    Prediction,
+    TraceStep,
+)
+from articulate.reconstruct.actors.semantic.actor import SemanticActor
+from articulate.reconstruct.make import PredictionSource, make_predicted
+from articulate.reconstruct.part_set import PartSet
+from articulate.reconstruct.query import Query
+from articulate.reconstruct.result import MakeRequest, MakeResult
+from articulate.reconstruct.scan.masks import read_masks
+from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.propose import propose_parts
+from articulate.reconstruct.scan.read_scan import (
+    TURNS,
+    Scan,
+    ScanHints,
+    groups_by_name,
+    read_scan,
+    turned,
+)
+from articulate.reconstruct.scan.scan_parts import BODY, distinct_names, parents_of, part_set_of
+from articulate.reconstruct.text_counts import counts_in
+from articulate.render.camera import front_camera
+from articulate.transforms import Ints
+
+ACTOR = "scan"
+LEAST_CONFIDENCE = 0.5
+"""Parts with a lower confidence make the result doubtful."""
+MIN_NAMED = 2
+"""Fewest named meshes of a file whose names are used."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScanParts:
+    """Parts of a scan and their joints."""
+
+    part_set: PartSet
+    joints: tuple[PredictedJoint, ...]
+    doubts: tuple[str, ...] = ()
+    trace: tuple[TraceStep, ...] = ()
+
+
+def make_scan(path: Path, request: MakeRequest, hints: ScanHints) -> MakeResult:
+    """Find the parts and joints of one mesh, check the object, and write the folder.
+
+    Args:
+        path: Mesh file of one object.
+        request: Settings; ``actor`` is not used.
+        hints: What is known besides the mesh.
+
+    Raises:
+        UsageError: The mesh cannot be read, or no part is found that can move.
+    """
+    check_out(request.out)
+    start = time.monotonic()
+    scan = read_scan(path, hints)
+    found = scan_parts(scan, path, hints)
+    prediction = Prediction(joints=found.joints, trace=found.trace)
+    source = PredictionSource(
+        query=Query(modality="text", description=f"the mesh {path.name}", text=hints.text),
+        camera=front_camera(),
+        actor=ACTOR,
+        start=start,
+        doubts=found.doubts,
+    )
+    return make_predicted(prediction, found.part_set, request, source)
+
+
+def scan_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
+    """Return the parts and joints of a mesh: by masks, by names, or by its surface.
+
+    Raises:
+        UsageError: No part is found that can move.
+    """
+    assumed = TraceStep(title="assumptions", text="; ".join(scan.assumptions))
+    if hints.masks is not None:
+        masks = read_masks(hints.masks, scan, path)
+        return _named_parts(scan, masks, "masks", path, (assumed,))
+    named = [(name, faces) for name, faces in groups_by_name(scan.mesh) if len(faces)]
+    if len(named) >= MIN_NAMED:
+        found = _named_parts(scan, named, "names of the file", path, (assumed,))
+        if found.joints:
+            return found
+    return _found_parts(scan, path, hints, assumed)
+
+
+def _found_parts(scan: Scan, path: Path, hints: ScanHints, assumed: TraceStep) -> ScanParts:
+    """Find the parts on the surface of the mesh."""
+    counts = counts_in(hints.text) if hints.text else None
+    scan, proposals = _best_front(scan, hints, counts)
+    if not proposals:
+        raise UsageError(
+            f"{shorten(path.name)}: no door, drawer or lid was found on the surface; give --masks "
+            "with the part of each triangle, or a mesh whose parts are named"
+        )
+    names = distinct_names([proposal.kind for proposal in proposals])
+    parents = parents_of(proposals, names)
+    joints = tuple(
+        proposal.predicted(name, parents[name])
+        for name, proposal in zip(names, proposals, strict=True)
+    )
+    moving = np.zeros(len(scan.mesh.faces), dtype=bool)
+    for proposal in proposals:
+        moving[proposal.faces] = True
+    meshes = [scan.mesh.part(BODY, np.flatnonzero(~moving))]
+    meshes += [scan.mesh.part(n, p.faces) for n, p in zip(names, proposals, strict=True)]
+    text = "; ".join(
+        f"{name}: {proposal.joint}, {', '.join(proposal.evidence) or 'by its shape'}"
+        for name, proposal in zip(names, proposals, strict=True)
+    )
+    doubts = [
+        f"{name} is uncertain ({proposal.confidence:.2f}: {', '.join(proposal.evidence)})"
+        for name, proposal in zip(names, proposals, strict=True)
+        if proposal.confidence < LEAST_CONFIDENCE
+    ]
+    return ScanParts(
+        part_set=part_set_of(scan.name, meshes, path.name, scan.category),
+        joints=joints,
+        doubts=tuple(doubts),
+        trace=(assumed, TraceStep(title="parts on the surface", text=text)),
+    )
+
+
+def _best_front(
+    scan: Scan, hints: ScanHints, counts: dict[str, int] | None
+) -> tuple[Scan, list[PartProposal]]:
+    """Return the scan with its front at +x, and its parts.
+
+    Another side is the front only if the given one shows no part.
+    """
+    for front in TURNS if hints.front == "auto" else TURNS[:1]:
+        mesh = turned(scan.mesh, front)
+        proposals = propose_parts(mesh, scan.category, counts)
+        if proposals:
+            return replace(scan, mesh=mesh), proposals
+    return scan, []
+
+
+def _named_parts(
+    scan: Scan,
+    named: Sequence[tuple[str, Ints]],
+    origin: str,
+    path: Path,
+    trace: tuple[TraceStep, ...],
+) -> ScanParts:
+    """Return parts whose names tell how they move."""
+    names = distinct_names([name for name, _ in named])
+    names = [name.removesuffix("_1") if names.count(name) == 1 else name for name in names]
+    rest = np.ones(len(scan.mesh.faces), dtype=bool)
+    meshes = []
+    for name, (_, faces) in zip(names, named, strict=True):
+        rest[faces] = False
+        meshes.append(scan.mesh.part(name, faces))
+    if rest.any():
+        meshes.insert(0, scan.mesh.part(BODY, np.flatnonzero(rest)))
+    part_set = part_set_of(scan.name, meshes, path.name, scan.category)
+    if len(meshes) < 2:
+        return ScanParts(part_set=part_set, joints=())
+    evidence = Evidence(
+        modality="text",
+        parts=part_set.meshes,
+        labels=part_set.labels,
+        text=scan.category if scan.category != "unknown" else scan.name.replace("_", " "),
+    )
+    prediction = SemanticActor().predict(evidence)
+    moving = tuple(joint for joint in prediction.joints if joint.kind != "fixed")
+    step = TraceStep(title=f"parts by {origin}", text=", ".join(names))
+    return ScanParts(
+        part_set=part_set,
+        joints=prediction.joints if moving else (),
+        trace=(*trace, step, *prediction.trace),
+    )
