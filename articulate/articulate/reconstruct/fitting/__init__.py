@@ -1,0 +1,1 @@
+"""Proportions, front and parts of an object in one image of an unknown camera."""

@@ -1,0 +1,258 @@
+"""Usual sizes of categories, and generated objects from the measurements of an image."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.library.procedural.dimensions import Dimensions
+from articulate.library.procedural.front_layout import FrontLayout, FrontPanel
+from articulate.library.procedural.categories import CATEGORIES
+from articulate.library.procedural.urdf import Part
+from articulate.reconstruct.fitting.box_fit import SizePrior
+from articulate.reconstruct.fitting.front_cells import (
+    CellKind,
+    classify_cell,
+    hinge_side,
+    panels_of,
+)
+from articulate.reconstruct.fitting.object_front import ObjectFront
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsualSize:
+    """Usual height [m], and width and depth over height."""
+
+    height_m: float
+    width: float
+    depth: float
+    spread: float = 0.35
+    """Spread of the logarithms of the ratios."""
+    slides: float = 0.05
+    """Share of first motions that are a slide: drawers, sliding lids."""
+
+    @property
+    def prior(self) -> SizePrior:
+        """Prior of a box fit."""
+        return SizePrior(
+            log_width=float(np.log(self.width)),
+            log_depth=float(np.log(self.depth)),
+            spread=self.spread,
+        )
+
+
+USUAL: Mapping[str, UsualSize] = {
+    "Bottle": UsualSize(height_m=0.24, width=0.33, depth=0.33, spread=0.2, slides=0.4),
+    "Box": UsualSize(height_m=0.26, width=1.5, depth=1.1),
+    "Bucket": UsualSize(height_m=0.30, width=1.0, depth=1.0, spread=0.2),
+    "Chair": UsualSize(height_m=1.0, width=0.6, depth=0.6, slides=0.1),
+    "Dishwasher": UsualSize(height_m=0.85, width=0.71, depth=0.70, spread=0.15, slides=0.02),
+    "Door": UsualSize(height_m=2.05, width=0.45, depth=0.06, slides=0.1),
+    "Faucet": UsualSize(height_m=0.3, width=0.6, depth=0.6),
+    "Kettle": UsualSize(height_m=0.22, width=1.0, depth=0.8),
+    "KitchenPot": UsualSize(height_m=0.18, width=1.6, depth=1.2, slides=0.7),
+    "Laptop": UsualSize(height_m=0.24, width=1.5, depth=1.2, slides=0.01),
+    "Microwave": UsualSize(height_m=0.30, width=1.67, depth=1.25, spread=0.2, slides=0.02),
+    "Oven": UsualSize(height_m=0.88, width=0.72, depth=0.70, spread=0.3, slides=0.03),
+    "Refrigerator": UsualSize(height_m=1.7, width=0.42, depth=0.40, spread=0.3, slides=0.03),
+    "Safe": UsualSize(height_m=0.45, width=0.95, depth=0.9, spread=0.3, slides=0.01),
+    "StorageFurniture": UsualSize(height_m=0.85, width=0.95, depth=0.55, spread=0.5, slides=0.45),
+    "Suitcase": UsualSize(height_m=0.65, width=0.7, depth=0.4, slides=0.6),
+    "Switch": UsualSize(height_m=0.09, width=1.0, depth=0.3),
+    "Table": UsualSize(height_m=0.75, width=1.6, depth=0.8, spread=0.4, slides=0.9),
+    "Toilet": UsualSize(height_m=0.75, width=0.55, depth=0.9, slides=0.01),
+    "TrashCan": UsualSize(height_m=0.6, width=0.65, depth=0.65, slides=0.1),
+    "WashingMachine": UsualSize(height_m=0.85, width=0.71, depth=0.68, spread=0.12, slides=0.02),
+    "Window": UsualSize(height_m=1.2, width=1.0, depth=0.1, slides=0.5),
+}
+"""Usual sizes by PartNet-Mobility's category; those that the library can generate."""
+LIBRARY = {CATEGORIES[name].partnet: name for name in reversed(list(CATEGORIES))}
+"""Procedural category of each of PartNet-Mobility's; the first of several."""
+LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Dishwasher")
+"""Categories whose front is generated from the cells of the image."""
+BAND = 0.16
+"""Height of a control panel, as a share of the front, up to which a cell is fixed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generated:
+    """Generated parts and what was assumed for them."""
+
+    parts: tuple[Part, ...]
+    assumptions: tuple[str, ...]
+    layout: FrontLayout | None = None
+
+
+def generate(category: str, front: ObjectFront, height_m: float | None = None) -> Generated:
+    """Return the object of a category with the proportions and the front of an image.
+
+    Args:
+        category: PartNet-Mobility's name, a key of ``USUAL``.
+        front: Fitted box and its front.
+        height_m: Height of the object [m]; None: the usual one of the category.
+    """
+    usual = USUAL[category]
+    height = height_m or usual.height_m
+    assumptions = []
+    if height_m is None:
+        assumptions.append(f"height {height:g} m: usual for the category; give --size if known")
+    sizes = {
+        "width_m": front.fit.width * height,
+        "depth_m": float(np.clip(front.fit.depth, 0.25 * usual.depth, 3.0 * usual.depth)) * height,
+        "height_m": height,
+    }
+    kinds = [classify_cell(cell, front.aspect) for cell in front.cells]
+    if category in LAYOUTS:
+        layout = _LAYOUTS[category](kinds, front, sizes)
+        return Generated(parts=tuple(layout.parts()), assumptions=tuple(assumptions), layout=layout)
+    name = LIBRARY[category]
+    dimensions = CATEGORIES[name].dimensions
+    assert dimensions is not None
+    found, clipped = scaled(dimensions, sizes)
+    assumptions += [f"{field}: within the range of the category" for field in clipped]
+    assumptions.append("parts and other dimensions: those of the category")
+    return Generated(parts=tuple(found.parts()), assumptions=tuple(assumptions))
+
+
+def scaled(
+    dimensions: type[Dimensions], sizes: Mapping[str, float]
+) -> tuple[Dimensions, list[str]]:
+    """Return the usual object of a category with other outer sizes, and the sizes out of range."""
+    changes: dict[str, float] = {}
+    clipped = []
+    wanted = dict(sizes)
+    wanted["radius_m"] = 0.25 * (sizes["width_m"] + sizes["depth_m"])
+    for field in dataclasses.fields(dimensions):
+        if field.name in wanted and "between" in field.metadata:
+            low, high = field.metadata.get("accepted", field.metadata["between"])
+            value = float(np.clip(wanted[field.name], low, high))
+            if abs(value - wanted[field.name]) > 0.15 * wanted[field.name]:
+                clipped.append(field.name)
+            changes[field.name] = round(value, 3)
+    return dataclasses.replace(dimensions.sample(0), **changes), clipped
+
+
+def _storage(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    """Return furniture whose cells are drawers and doors."""
+    base = round(front.base_share * sizes["height_m"], 3)
+    return FrontLayout(
+        panels=panels_of(kinds),
+        width_m=round(max(0.15, sizes["width_m"]), 3),
+        depth_m=round(max(0.15, sizes["depth_m"]), 3),
+        height_m=sizes["height_m"],
+        base="legs" if base > 0.06 else "plinth" if base > 0.015 else "none",
+        base_m=base if base > 0.015 else 0.0,
+        worktop_m=0.018,
+        name="furniture",
+    )
+
+
+def _table(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    """Return a table: what the front covers below its top are drawers."""
+    drawers = [dataclasses.replace(kind, p_drawer=1.0) for kind in kinds]
+    return dataclasses.replace(
+        _storage(drawers, front, sizes), name="table", category="Table", worktop_m=0.025
+    )
+
+
+def _fridge(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    """Return a refrigerator: every cell is a door, wide low ones at the bottom are drawers."""
+    panels = []
+    for k, kind in enumerate(kinds):
+        drawer = kind.cell.bottom < 0.4 and kind.aspect > 1.6 and kind.cell.handle is not None
+        panel = panels_of([dataclasses.replace(kind, p_drawer=1.0 if drawer else 0.0)])[0]
+        if panel.kind == "door":
+            panel = dataclasses.replace(panel, hinge=hinge_side(kinds, k))
+        panels.append(panel)
+    return dataclasses.replace(
+        _storage([], front, sizes),
+        panels=tuple(panels),
+        name="fridge",
+        category="Refrigerator",
+        base="plinth",
+        base_m=0.04,
+        worktop_m=0.0,
+        board_m=0.05,
+        handle_m=0.4,
+    )
+
+
+def _microwave(
+    kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]
+) -> FrontLayout:
+    """Return a microwave: one door, beside a control panel on its free side."""
+    split = 0.76
+    cuts = [k.cell.left for k in kinds if 0.6 < k.cell.left < 0.9]
+    if cuts:
+        split = min(cuts)
+    return FrontLayout(
+        panels=(
+            FrontPanel(kind="door", left=0.0, right=split, bottom=0.0, top=1.0, hinge="left"),
+            FrontPanel(kind="panel", left=split, right=1.0, bottom=0.0, top=1.0),
+        ),
+        width_m=round(sizes["width_m"], 3),
+        depth_m=round(sizes["depth_m"], 3),
+        height_m=sizes["height_m"],
+        base="plinth",
+        base_m=0.012,
+        worktop_m=0.0,
+        board_m=0.02,
+        name="microwave",
+        category="Microwave",
+    )
+
+
+def _front_loader(
+    kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float], name: str, category: str
+) -> FrontLayout:
+    """Return an appliance whose door falls open, below a band of controls."""
+    above = [k.cell.bottom for k in kinds if k.cell.top > 0.99 and k.cell.bottom > 1.0 - BAND]
+    top = min(above) if above else 0.87
+    below = [
+        kind.cell.top
+        for kind in kinds
+        if kind.cell.bottom < 0.01 and kind.cell.top < 0.35 and kind.aspect > 1.5
+    ]
+    low = max(below) if below and category == "Oven" else 0.0
+    panels = [
+        FrontPanel(kind="panel", left=0.0, right=1.0, bottom=top, top=1.0),
+        FrontPanel(kind="flap", left=0.0, right=1.0, bottom=low, top=top, hinge="bottom"),
+    ]
+    if low > 0.0:
+        panels.append(FrontPanel(kind="drawer", left=0.0, right=1.0, bottom=0.0, top=low))
+    return FrontLayout(
+        panels=tuple(panels),
+        width_m=round(sizes["width_m"], 3),
+        depth_m=round(sizes["depth_m"], 3),
+        height_m=sizes["height_m"],
+        base="plinth",
+        base_m=0.05,
+        worktop_m=0.02,
+        board_m=0.03,
+        handle_m=0.45,
+        name=name,
+        category=category,
+    )
+
+
+def _oven(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
+    return _front_loader(kinds, front, sizes, "oven", "Oven")
+
+
+def _dishwasher(
+    kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]
+) -> FrontLayout:
+    return _front_loader(kinds, front, sizes, "dishwasher", "Dishwasher")
+
+
+_LAYOUTS: Mapping[str, Callable[..., FrontLayout]] = {
+    "StorageFurniture": _storage,
+    "Table": _table,
+    "Refrigerator": _fridge,
+    "Microwave": _microwave,
+    "Oven": _oven,
+    "Dishwasher": _dishwasher,
+}

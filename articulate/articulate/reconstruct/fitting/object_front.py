@@ -1,0 +1,98 @@
+"""Front of a box-like object in an image: which visible side it is, and its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from articulate.reconstruct.fitting.box_fit import BoxFit, SizePrior, fit_box, turned
+from articulate.reconstruct.fitting.front_parse import (
+    FrontCell,
+    covered,
+    edge_maps,
+    find_handles,
+    parse_front,
+    rectify,
+)
+from articulate.render.raster import Pixels
+
+SWAP_AZIMUTH_RAD = 0.45
+"""Beyond this azimuth the other visible side may be the front [rad]."""
+BORDER = 0.08
+"""Border of a side that is ignored where contents are compared, as a share."""
+HANDLE_CONTENT, EDGE_CONTENT, AZIMUTH_CONTENT = 0.5, 6.0, 0.4
+"""Weights of the number of handles, of the share of edges, and of the azimuth [1/rad]."""
+MOST_HANDLES = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ObjectFront:
+    """Fitted box with its front."""
+
+    fit: BoxFit
+    image: Pixels
+    """Rectified front without legs (H, W, 3)."""
+    cells: tuple[FrontCell, ...]
+    base_share: float
+    """Height of legs or of an open space below the front, as a share of the object's height."""
+    width_share: float
+    """Width of the front as a share of the object's width."""
+
+    @property
+    def aspect(self) -> float:
+        """Width over height of the front."""
+        height, width = self.image.shape[:2]
+        return float(width / height)
+
+
+def find_front(
+    image: Pixels, mask: NDArray[np.bool_], prior: SizePrior | None = None, seed: int = 0
+) -> ObjectFront:
+    """Fit a box to an object and parse its front.
+
+    Args:
+        image: Colours (H, W, 3).
+        mask: Pixels of the object (H, W).
+        prior: Expected proportions.
+        seed: Seed of the fit.
+    """
+    fit = fit_box(image, mask, prior, seed)
+    candidates = [fit]
+    if abs(fit.parameters["azimuth"]) > SWAP_AZIMUTH_RAD:
+        candidates.append(turned(fit))
+    scores = [_content(image, one) for one in candidates]
+    return front_of(image, mask, candidates[int(np.argmax(scores))])
+
+
+def front_of(image: Pixels, mask: NDArray[np.bool_], fit: BoxFit) -> ObjectFront:
+    """Rectify and parse the front of a fitted box."""
+    front = rectify(image, fit.front(), fit.width)
+    covered_px = np.repeat(mask[..., None], 3, axis=2).astype(np.uint8) * 255
+    rows, columns = covered(rectify(covered_px, fit.front(), fit.width)[..., 0] > 127)
+    height, width = front.shape[:2]
+    kept = np.ascontiguousarray(front[rows, columns])
+    return ObjectFront(
+        fit=fit,
+        image=kept,
+        cells=parse_front(kept),
+        base_share=1.0 - rows.stop / height,
+        width_share=(columns.stop - columns.start) / width,
+    )
+
+
+def _content(image: Pixels, fit: BoxFit) -> float:
+    """Return how much a side of the box looks like a front: handles and lines."""
+    front = rectify(image, fit.front(), fit.width)
+    height, width = front.shape[:2]
+    y, x = max(2, int(BORDER * height)), max(2, int(BORDER * width))
+    inner = np.ascontiguousarray(front[y : height - y, x : width - x])
+    across, down = edge_maps(inner)
+    share = 0.5 * float(across.mean() + down.mean())
+    handles = min(MOST_HANDLES, len(find_handles(inner)))
+    return (
+        HANDLE_CONTENT * handles
+        + EDGE_CONTENT * share
+        - AZIMUTH_CONTENT * abs(fit.parameters["azimuth"])
+    )

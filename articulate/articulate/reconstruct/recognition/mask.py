@@ -1,0 +1,46 @@
+"""Mask of the salient object of an image (U2-Net-p: Qin et al., Pattern Recognition 2020)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+
+from articulate.reconstruct.recognition.weights import SALIENCY
+from articulate.render.raster import Pixels
+from articulate.transforms import Array
+
+SIDE_PX = 320
+MEAN, SCALE = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+
+
+def saliency(image: Pixels) -> Array:
+    """Return the saliency (H, W) of an image (H, W, 3), in [0, 1].
+
+    Raises:
+        UsageError: The package with the weights is not installed.
+    """
+    height, width = image.shape[:2]
+    small = cv2.resize(image, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
+    small /= max(float(small.max()), 1.0)
+    pixels = ((small - MEAN) / SCALE).transpose(2, 0, 1)[None].astype(np.float32)
+    session = _session()
+    found = session.run(None, {session.get_inputs()[0].name: pixels})[0][0, 0]
+    low, high = float(found.min()), float(found.max())
+    scaled = (found - low) / max(high - low, 1e-6)
+    return np.asarray(
+        cv2.resize(scaled, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float64
+    )
+
+
+@lru_cache(maxsize=1)
+def _session() -> Any:
+    from articulate.onnx_runtime import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    return onnxruntime.InferenceSession(
+        SALIENCY.read(), options, providers=["CPUExecutionProvider"]
+    )
