@@ -22,9 +22,9 @@ class Bottle(Dimensions):
 
     category: ClassVar[str] = "Bottle"
 
-    radius_m: float = between(0.033, 0.045)
+    radius_m: float = between(0.033, 0.045, accepted=(0.025, 0.08))
     """Radius of the body [m]."""
-    height_m: float = between(0.18, 0.28)
+    height_m: float = between(0.18, 0.28, accepted=(0.1, 0.5))
     """Height up to the cap [m]."""
     neck_m: float = between(0.016, 0.020)
     """Radius of the neck [m]."""

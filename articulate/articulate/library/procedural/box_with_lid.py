@@ -26,11 +26,11 @@ class BoxWithLid(Dimensions):
 
     category: ClassVar[str] = "Box"
 
-    width_m: float = between(0.30, 0.50)
+    width_m: float = between(0.30, 0.50, accepted=(0.15, 1.2))
     """Width along y without lips [m]."""
-    depth_m: float = between(0.25, 0.38)
+    depth_m: float = between(0.25, 0.38, accepted=(0.15, 0.8))
     """Depth along x [m]."""
-    height_m: float = between(0.20, 0.34)
+    height_m: float = between(0.20, 0.34, accepted=(0.1, 0.8))
     """Height of the closed box [m]."""
     board_m: float = between(0.009, 0.014)
     """Thickness of the boards [m]."""
@@ -40,7 +40,7 @@ class BoxWithLid(Dimensions):
     """Height of the rim of a deep lid [m]."""
     lip_m: float = between(0.030, 0.040)
     """Overhang of the lips [m]."""
-    lip_length_m: float = between(0.10, 0.14)
+    lip_length_m: float = between(0.10, 0.14, accepted=(0.04, 0.14))
     """Length of the lips along x [m]."""
     wood: str = one_of("oak", "birch", "walnut")
     """Material of the boards."""

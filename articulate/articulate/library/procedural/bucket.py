@@ -21,9 +21,9 @@ class Bucket(Dimensions):
 
     category: ClassVar[str] = "Bucket"
 
-    radius_m: float = between(0.12, 0.17)
+    radius_m: float = between(0.12, 0.17, accepted=(0.07, 0.25))
     """Radius of the rim [m]."""
-    height_m: float = between(0.22, 0.34)
+    height_m: float = between(0.22, 0.34, accepted=(0.12, 0.5))
     """Height of the rim [m]."""
     taper: float = between(0.70, 0.88)
     """Radius of the bottom over that of the rim."""

@@ -16,14 +16,16 @@ DIGITS = 3
 """Decimals of sampled lengths: millimetres."""
 
 
-def between(low: float, high: float) -> Any:  # a field, as in dataclasses.field
-    """Sample a number from ``low`` to ``high``."""
-    return dataclasses.field(metadata={"between": (low, high)})
+def between(low: float, high: float, accepted: tuple[float, float] | None = None) -> Any:
+    """Describe a number, sampled from ``low`` to ``high``; given values lie in ``accepted``."""
+    limits = accepted or (low, high)
+    return dataclasses.field(metadata={"between": (low, high), "accepted": limits})
 
 
-def integer(low: int, high: int) -> Any:  # as above
-    """Sample an integer from ``low`` to ``high``, both included."""
-    return dataclasses.field(metadata={"integers": (low, high)})
+def integer(low: int, high: int, accepted: tuple[int, int] | None = None) -> Any:
+    """Describe an integer, sampled from ``low`` to ``high``; given ones lie in ``accepted``."""
+    limits = accepted or (low, high)
+    return dataclasses.field(metadata={"integers": (low, high), "accepted": limits})
 
 
 def one_of(*choices: str) -> Any:  # as above
@@ -92,6 +94,6 @@ def _check(name: str, field: dataclasses.Field[Any], value: Any) -> None:
             known = nearest(str(value), about["choices"])
             raise ConfigError(f"{name}.{field.name} is {value!r}{known}")
         return
-    low, high = about["integers"] if "integers" in about else about["between"]
+    low, high = about["accepted"]
     if not low <= value <= high:
         raise ConfigError(f"{name}.{field.name} is {value}; it must be in [{low}, {high}]")

@@ -31,9 +31,9 @@ class Door(Dimensions):
 
     category: ClassVar[str] = "Door"
 
-    width_m: float = between(0.75, 0.95)
+    width_m: float = between(0.75, 0.95, accepted=(0.5, 1.3))
     """Width of the leaf along y [m]."""
-    height_m: float = between(1.95, 2.10)
+    height_m: float = between(1.95, 2.10, accepted=(1.4, 2.8))
     """Height of the leaf [m]."""
     leaf_m: float = between(0.036, 0.044)
     """Thickness of the leaf [m]."""

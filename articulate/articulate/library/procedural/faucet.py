@@ -23,7 +23,7 @@ class Faucet(Dimensions):
 
     column_m: float = between(0.08, 0.14)
     """Height of the column [m]."""
-    riser_m: float = between(0.06, 0.14)
+    riser_m: float = between(0.06, 0.14, accepted=(0.03, 0.4))
     """Height of the straight piece of the spout [m]."""
     reach_m: float = between(0.14, 0.22)
     """From the column to the outlet along x [m]."""

@@ -35,11 +35,11 @@ class Fridge(Dimensions):
 
     category: ClassVar[str] = "Refrigerator"
 
-    width_m: float = between(0.55, 0.70)
+    width_m: float = between(0.55, 0.70, accepted=(0.45, 1.0))
     """Width along y [m]."""
-    depth_m: float = between(0.58, 0.68)
+    depth_m: float = between(0.58, 0.68, accepted=(0.45, 0.9))
     """Depth along x without handles [m]."""
-    height_m: float = between(1.50, 1.85)
+    height_m: float = between(1.50, 1.85, accepted=(0.9, 2.2))
     """Height [m]."""
     door_m: float = between(0.050, 0.065)
     """Thickness of the doors [m]."""

@@ -21,9 +21,9 @@ class Kettle(Dimensions):
 
     category: ClassVar[str] = "Kettle"
 
-    radius_m: float = between(0.070, 0.085)
+    radius_m: float = between(0.070, 0.085, accepted=(0.055, 0.11))
     """Radius of the bottom [m]."""
-    height_m: float = between(0.16, 0.21)
+    height_m: float = between(0.16, 0.21, accepted=(0.13, 0.28))
     """Height of the jug [m]."""
     taper: float = between(0.72, 0.85)
     """Radius of the rim over that of the bottom."""

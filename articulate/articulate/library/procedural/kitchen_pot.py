@@ -21,9 +21,9 @@ class KitchenPot(Dimensions):
 
     category: ClassVar[str] = "KitchenPot"
 
-    radius_m: float = between(0.09, 0.14)
+    radius_m: float = between(0.09, 0.14, accepted=(0.06, 0.25))
     """Radius [m]."""
-    height_m: float = between(0.09, 0.18)
+    height_m: float = between(0.09, 0.18, accepted=(0.06, 0.35))
     """Height of the rim [m]."""
     wall_m: float = between(0.003, 0.005)
     """Thickness of the wall [m]."""

@@ -19,9 +19,9 @@ class Laptop(Dimensions):
 
     category: ClassVar[str] = "Laptop"
 
-    width_m: float = between(0.29, 0.39)
+    width_m: float = between(0.29, 0.39, accepted=(0.22, 0.45))
     """Width along y [m]."""
-    depth_m: float = between(0.20, 0.27)
+    depth_m: float = between(0.20, 0.27, accepted=(0.16, 0.33))
     """Depth along x without the lip [m]."""
     base_m: float = between(0.014, 0.022)
     """Thickness of the base [m]."""

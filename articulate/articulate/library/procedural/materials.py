@@ -63,8 +63,41 @@ PALETTE: dict[str, Material] = {
     "glass": Material(rgba=(0.62, 0.76, 0.80, 0.35), density_kg_m3=2500.0),
     "dark_glass": _material(0.07, 0.08, 0.10, "", 2500.0),
     "screen": _material(0.10, 0.20, 0.38, "", 1200.0),
+    "pine": _material(0.87, 0.72, 0.48, "wood", 520.0, 0.5),
+    "beech": _material(0.80, 0.62, 0.45, "wood", 680.0, 0.5),
+    "maple": _material(0.86, 0.72, 0.54, "wood", 650.0, 0.5),
+    "cherry": _material(0.60, 0.33, 0.22, "wood", 600.0, 0.5),
+    "mahogany": _material(0.42, 0.20, 0.14, "wood", 600.0, 0.5),
+    "teak": _material(0.58, 0.42, 0.26, "wood", 650.0, 0.5),
+    "ash": _material(0.79, 0.70, 0.57, "wood", 680.0, 0.5),
+    "bamboo": _material(0.84, 0.71, 0.45, "wood", 650.0, 0.5),
+    "copper": _material(0.72, 0.45, 0.30, "brushed", 2700.0, 0.1),
+    "leather": _material(0.30, 0.19, 0.13, "speckle", 300.0, 0.1),
 }
 """Materials by name."""
+COLOURS: dict[str, tuple[float, float, float]] = {
+    "white": (0.91, 0.91, 0.89),
+    "beige": (0.87, 0.81, 0.70),
+    "black": (0.12, 0.12, 0.13),
+    "grey": (0.48, 0.50, 0.52),
+    "red": (0.72, 0.16, 0.14),
+    "blue": (0.16, 0.34, 0.62),
+    "green": (0.20, 0.48, 0.30),
+    "yellow": (0.92, 0.76, 0.20),
+    "orange": (0.88, 0.46, 0.14),
+    "brown": (0.40, 0.27, 0.18),
+    "pink": (0.88, 0.58, 0.66),
+    "purple": (0.42, 0.26, 0.54),
+}
+"""Red, green and blue of common colours, each in [0, 1]."""
+SURFACES = {"lacquer": 650.0, "sheet": 300.0, "plastic": 950.0}
+"""Density of painted board, painted sheet metal and plastic [kg/m^3]."""
+PALETTE |= {
+    f"{colour}_{surface}": _material(*rgb, "speckle", density)
+    for surface, density in SURFACES.items()
+    for colour, rgb in COLOURS.items()
+    if f"{colour}_{surface}" not in PALETTE
+}
 
 
 def texture(name: str, material: Material) -> bytes:

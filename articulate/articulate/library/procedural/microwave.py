@@ -36,11 +36,11 @@ class Microwave(Dimensions):
 
     category: ClassVar[str] = "Microwave"
 
-    width_m: float = between(0.44, 0.56)
+    width_m: float = between(0.44, 0.56, accepted=(0.4, 0.7))
     """Width along y [m]."""
-    depth_m: float = between(0.34, 0.44)
+    depth_m: float = between(0.34, 0.44, accepted=(0.3, 0.5))
     """Depth along x without handle and knobs [m]."""
-    height_m: float = between(0.26, 0.33)
+    height_m: float = between(0.26, 0.33, accepted=(0.22, 0.5))
     """Height [m]."""
     door_share: float = between(0.70, 0.78)
     """Width of the door over that of the oven."""

@@ -27,15 +27,15 @@ class OfficeChair(Dimensions):
 
     category: ClassVar[str] = "Chair"
 
-    seat_m: float = between(0.43, 0.50)
+    seat_m: float = between(0.43, 0.50, accepted=(0.38, 0.6))
     """Height of the seat [m]."""
-    width_m: float = between(0.44, 0.52)
+    width_m: float = between(0.44, 0.52, accepted=(0.38, 0.65))
     """Width of the seat along y [m]."""
-    depth_m: float = between(0.42, 0.50)
+    depth_m: float = between(0.42, 0.50, accepted=(0.38, 0.6))
     """Depth of the seat along x [m]."""
     cushion_m: float = between(0.06, 0.09)
     """Thickness of the cushion [m]."""
-    back_m: float = between(0.45, 0.65)
+    back_m: float = between(0.45, 0.65, accepted=(0.25, 0.9))
     """Height of the back [m]."""
     base_m: float = between(0.28, 0.33)
     """Length of the legs [m]."""

@@ -37,15 +37,15 @@ class Oven(Dimensions):
 
     category: ClassVar[str] = "Oven"
 
-    width_m: float = between(0.55, 0.70)
+    width_m: float = between(0.55, 0.70, accepted=(0.45, 1.2))
     """Width along y [m]."""
-    depth_m: float = between(0.55, 0.65)
+    depth_m: float = between(0.55, 0.65, accepted=(0.5, 0.75))
     """Depth along x without handles [m]."""
-    height_m: float = between(0.84, 0.92)
+    height_m: float = between(0.84, 0.92, accepted=(0.7, 1.0))
     """Height [m]."""
     door_m: float = between(0.030, 0.045)
     """Thickness of the door [m]."""
-    knobs: int = integer(3, 5)
+    knobs: int = integer(3, 5, accepted=(1, 8))
     """Number of knobs."""
     open_rad: float = between(1.40, 1.57)
     """Widest opening of the door [rad]."""
@@ -91,6 +91,8 @@ class Oven(Dimensions):
 
     def _across(self, span: Span, count: int) -> list[float]:
         """Places evenly along a span."""
+        if count == 1:
+            return [sum(span) / 2]
         return [span[0] + k * (span[1] - span[0]) / (count - 1) for k in range(count)]
 
     def _plates(self, z: float) -> dict[str, Piece]:

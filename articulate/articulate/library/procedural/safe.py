@@ -34,11 +34,11 @@ class Safe(Dimensions):
 
     category: ClassVar[str] = "Safe"
 
-    width_m: float = between(0.34, 0.50)
+    width_m: float = between(0.34, 0.50, accepted=(0.25, 1.0))
     """Width along y [m]."""
-    depth_m: float = between(0.32, 0.44)
+    depth_m: float = between(0.32, 0.44, accepted=(0.25, 0.8))
     """Depth along x without the wheel [m]."""
-    height_m: float = between(0.34, 0.60)
+    height_m: float = between(0.34, 0.60, accepted=(0.25, 1.5))
     """Height [m]."""
     wall_m: float = between(0.022, 0.035)
     """Thickness of the walls [m]."""

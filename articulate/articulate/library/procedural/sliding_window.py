@@ -31,9 +31,9 @@ class SlidingWindow(Dimensions):
 
     category: ClassVar[str] = "Window"
 
-    width_m: float = between(0.80, 1.40)
+    width_m: float = between(0.80, 1.40, accepted=(0.5, 2.5))
     """Width along y [m]."""
-    height_m: float = between(0.80, 1.20)
+    height_m: float = between(0.80, 1.20, accepted=(0.4, 2.2))
     """Height [m]."""
     frame_m: float = between(0.04, 0.06)
     """Width of the frame [m]."""

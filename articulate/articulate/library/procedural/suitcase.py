@@ -33,11 +33,11 @@ class Suitcase(Dimensions):
 
     category: ClassVar[str] = "Suitcase"
 
-    width_m: float = between(0.38, 0.48)
+    width_m: float = between(0.38, 0.48, accepted=(0.3, 0.6))
     """Width along y [m]."""
-    height_m: float = between(0.50, 0.70)
+    height_m: float = between(0.50, 0.70, accepted=(0.35, 0.9))
     """Height of the shells [m]."""
-    depth_m: float = between(0.20, 0.30)
+    depth_m: float = between(0.20, 0.30, accepted=(0.15, 0.4))
     """Depth of both shells along x [m]."""
     front_share: float = between(0.35, 0.50)
     """Depth of the front shell over that of both."""

@@ -23,9 +23,9 @@ class Switch(Dimensions):
 
     kind: str = one_of("lever", "dial")
     """Kind of element on the plate."""
-    count: int = integer(1, 3)
+    count: int = integer(1, 3, accepted=(1, 6))
     """Number of levers; a plate with a dial has none."""
-    height_m: float = between(0.10, 0.14)
+    height_m: float = between(0.10, 0.14, accepted=(0.07, 0.25))
     """Height of the plate [m]."""
     lever_m: float = between(0.026, 0.036)
     """Length of a lever [m]."""

@@ -25,13 +25,13 @@ class TableWithDrawers(Dimensions):
 
     category: ClassVar[str] = "Table"
 
-    width_m: float = between(1.00, 1.60)
+    width_m: float = between(1.00, 1.60, accepted=(0.4, 2.5))
     """Width along y [m]."""
-    depth_m: float = between(0.50, 0.75)
+    depth_m: float = between(0.50, 0.75, accepted=(0.3, 1.2))
     """Depth along x without handles [m]."""
-    height_m: float = between(0.72, 0.76)
+    height_m: float = between(0.72, 0.76, accepted=(0.3, 1.2))
     """Height [m]."""
-    drawers: int = integer(1, 3)
+    drawers: int = integer(1, 3, accepted=(1, 5))
     """Number of drawers."""
     case_m: float = between(0.12, 0.17)
     """Height of the case that they run in [m]."""

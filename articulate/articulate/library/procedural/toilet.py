@@ -28,7 +28,7 @@ class Toilet(Dimensions):
     """Height of the bowl [m]."""
     tank_width_m: float = between(0.36, 0.44)
     """Width of the tank along y [m]."""
-    tank_height_m: float = between(0.32, 0.40)
+    tank_height_m: float = between(0.32, 0.40, accepted=(0.2, 0.6))
     """Height of the tank above the bowl [m]."""
     tank_depth_m: float = between(0.16, 0.20)
     """Depth of the tank along x [m]."""

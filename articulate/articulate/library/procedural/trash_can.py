@@ -20,9 +20,9 @@ class TrashCan(Dimensions):
 
     category: ClassVar[str] = "TrashCan"
 
-    radius_m: float = between(0.13, 0.19)
+    radius_m: float = between(0.13, 0.19, accepted=(0.08, 0.35))
     """Radius of the rim [m]."""
-    height_m: float = between(0.32, 0.60)
+    height_m: float = between(0.32, 0.60, accepted=(0.2, 1.1))
     """Height of the closed bin [m]."""
     taper: float = between(0.80, 1.00)
     """Radius of the bottom over that of the rim."""

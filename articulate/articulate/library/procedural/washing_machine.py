@@ -41,11 +41,11 @@ class WashingMachine(Dimensions):
 
     category: ClassVar[str] = "WashingMachine"
 
-    width_m: float = between(0.58, 0.64)
+    width_m: float = between(0.58, 0.64, accepted=(0.45, 0.75))
     """Width along y [m]."""
-    depth_m: float = between(0.52, 0.64)
+    depth_m: float = between(0.52, 0.64, accepted=(0.4, 0.8))
     """Depth along x without handles [m]."""
-    height_m: float = between(0.82, 0.88)
+    height_m: float = between(0.82, 0.88, accepted=(0.75, 1.0))
     """Height [m]."""
     hole_m: float = between(0.15, 0.18)
     """Radius of the drum [m]."""
