@@ -10,6 +10,7 @@ import numpy as np
 from articulate.reconstruct.scan.panels import Handle, Panel, find_panels
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
+from articulate.reconstruct.scan.trays import Tray, is_attached, trays_behind
 from articulate.transforms import Ints
 
 SAME_SIZE = 0.08
@@ -18,10 +19,10 @@ NARROW = 0.09
 """Narrower panels without a handle, as a share of the diagonal of the front, are frames or legs."""
 LOWEST = 0.12
 """Panels without a handle that end below this share of the height are plinths, if they are low."""
-TRAY_DEPTH = 0.25
-"""Least depth of the sides of a drawer, as a share of the depth of the object."""
-CEILING = 0.5
-"""Largest area of horizontal faces in the upper half of a tray, as a share of its bottom."""
+OUTSIDE = 1.6
+"""Largest area of the shell of a panel, seen from the front, as a share of the panel."""
+BAR = 2.0
+"""Ratio of the sides of a protrusion from which it is a bar."""
 LEG = 3.0
 """Narrow panels that are taller than this ratio are legs or stiles."""
 WIDE = 0.42
@@ -30,7 +31,7 @@ CENTRED = 0.17
 """Largest offset of a centred handle, as a share of the width of the panel."""
 TRAVEL = 0.75
 """Travel of a drawer, as a share of its depth."""
-ADJACENT = 0.04
+ADJACENT = 0.12
 """Largest gap between the doors of a pair, as a share of the width of the object."""
 
 
@@ -45,6 +46,8 @@ class Front:
     """The largest protrusion that can be a handle."""
     depth: float
     """Depth of the tray behind the panel [m]; 0 without one."""
+    inner: tuple[Tray, ...] = ()
+    """Trays behind the panel that are not attached to it."""
 
 
 def front_parts(parts: Segmentation, counts: Mapping[str, int] | None = None) -> list[PartProposal]:
@@ -58,70 +61,71 @@ def front_parts(parts: Segmentation, counts: Mapping[str, int] | None = None) ->
     panels = find_panels(mesh, (parts.shells, parts.coloured, parts.facets), parts.view)
     fronts = [_front(parts, panel) for panel in panels]
     moving = _moving(parts, fronts)
-    found = []
+    found: list[PartProposal] = []
+    taken = np.zeros(len(mesh.faces), dtype=bool)
     for front in moving:
         others = [other for other in moving if other is not front]
-        found.append(_proposal(parts, front, others))
+        for proposal in (_proposal(parts, front, others), *_inner_drawers(front)):
+            faces = proposal.faces[~taken[proposal.faces]]
+            if len(faces):
+                taken[faces] = True
+                found.append(replace(proposal, faces=faces))
     return found
 
 
 def _front(parts: Segmentation, panel: Panel) -> Front:
-    tray, depth = _tray(parts, panel)
-    return Front(panel=panel, tray=tray, handle=_main_handle(panel), depth=depth)
+    panel = replace(panel, board=_is_board(parts, panel))
+    trays = trays_behind(parts, panel)
+    attached = [tray for tray in trays if is_attached(parts, panel, tray)]
+    nothing = np.zeros(0, dtype=np.int64)
+    return Front(
+        panel=panel,
+        tray=np.concatenate([nothing, *(tray.faces for tray in attached)]),
+        handle=_main_handle(panel),
+        depth=max([float(panel.back - tray.box[0, 0]) for tray in attached], default=0.0),
+        inner=tuple(tray for tray in trays if not is_attached(parts, panel, tray)),
+    )
+
+
+def _is_board(parts: Segmentation, panel: Panel) -> bool:
+    """Return whether the shells of a panel end at its outline."""
+    shells = np.unique(parts.shells.label[panel.own])
+    sides = np.ptp(parts.shells.boxes[shells][:, :, 1:], axis=1)
+    return bool(sides.prod(axis=1).max() < OUTSIDE * panel.area)
 
 
 def _main_handle(panel: Panel) -> Handle | None:
-    """Return the largest protrusion that is not a frame around the panel."""
+    """Return the largest protrusion that is not a frame around the panel, a bar before a dial."""
+    found = []
     for handle in panel.handles:
         share = handle.size / panel.size
         if share.max() > 0.97 and share.min() > 0.3:
             continue
-        return handle
-    return None
+        bar = float(handle.size.max() / max(float(handle.size.min()), 1e-9)) > BAR
+        found.append((bar, float(np.prod(handle.size)), handle))
+    if not found:
+        return None
+    return max(found, key=lambda item: item[:2])[2]
 
 
-def _tray(parts: Segmentation, panel: Panel) -> tuple[Ints, float]:
-    """Return the faces of the tray behind a panel and its depth; nothing unless it is a tray.
-
-    A tray has two side walls, a bottom and no ceiling; a cavity of the body has a ceiling.
-    """
-    mesh, size = parts.mesh, parts.mesh.size
-    nothing = np.zeros(0, dtype=np.int64)
-    y0, z0, y1, z1 = panel.rect
-    low = np.array([mesh.bounds[0, 0], y0, z0])
-    high = np.array([panel.front + parts.near, y1, z1])
-    inside = parts.inside(parts.shells, low, high)
-    spans = parts.shells.boxes[inside]
-    if not len(inside) or np.ptp(spans[..., 0], axis=1).max() < TRAY_DEPTH * size[0]:
-        return nothing, 0.0
-    faces = parts.faces_of(parts.shells, inside)
-    centres, area, normals = mesh.triangles.mean(axis=1)[faces], mesh.areas[faces], mesh.normals
-    behind = centres[:, 0] < panel.back + parts.near
-    sideways = behind & (np.abs(normals[faces, 1]) > 0.9)
-    level = behind & (np.abs(normals[faces, 2]) > 0.9)
-    if not sideways.any() or not level.any():
-        return nothing, 0.0
-    third = (y1 - y0) / 3.0
-    wall = 0.25 * (z1 - z0) * TRAY_DEPTH * size[0]
-    left = area[sideways & (centres[:, 1] < y0 + third)].sum()
-    right = area[sideways & (centres[:, 1] > y1 - third)].sum()
-    middle = z0 + 0.5 * (z1 - z0)
-    bottom = area[level & (centres[:, 2] < middle)].sum()
-    ceiling = area[level & (centres[:, 2] > middle)].sum()
-    if min(left, right) < wall or ceiling > CEILING * bottom:
-        return nothing, 0.0
-    if bottom < 0.3 * (y1 - y0) * TRAY_DEPTH * size[0]:
-        return nothing, 0.0
-    walls = spans[np.ptp(spans[..., 0], axis=1) > TRAY_DEPTH * size[0]]
-    outermost = (
-        walls[:, 0, 1].min() < mesh.bounds[0, 1] + 2.0 * parts.near
-        and walls[:, 1, 1].max() > mesh.bounds[1, 1] - 2.0 * parts.near
-        and y1 - y0 > 0.9 * size[1]
-        and z1 - z0 > 0.6 * size[2]
-    )
-    if outermost:  # the walls of the body behind a door that covers the entire front
-        return nothing, 0.0
-    return faces, float(panel.back - walls[:, 0, 0].min())
+def _inner_drawers(front: Front) -> list[PartProposal]:
+    """Propose the trays behind a door as drawers."""
+    if len(front.tray):
+        return []
+    return [
+        PartProposal(
+            kind="drawer",
+            faces=tray.faces,
+            joint="prismatic",
+            axis=np.array([1.0, 0.0, 0.0]),
+            pivot=tray.box.mean(axis=0),
+            upper=TRAVEL * float(np.ptp(tray.box[:, 0])),
+            confidence=0.6,
+            evidence=("a tray behind a door",),
+            front=float(tray.box[1, 0]),
+        )
+        for tray in front.inner
+    ]
 
 
 def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
@@ -137,7 +141,7 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
         return bool(wide < NARROW * scale and high > LEG * wide and front.handle is None)
 
     fronts = [front for front in fronts if not leg(front)]
-    sure = [f for f in fronts if len(f.tray) or (f.handle is not None and f.panel.thin)]
+    sure = [f for f in fronts if len(f.tray) or (f.handle is not None and f.panel.board)]
     alike = [
         f
         for f in fronts
@@ -156,7 +160,8 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
         and (f.panel.rect[3] - bottom > LOWEST * size[2] or f.panel.size[1] > 0.3 * size[2])
         and f.panel.area > 0.06 * size[1] * size[2]
     ]
-    return large
+    largest = max(large, key=lambda front: front.panel.area, default=None)
+    return [f for f in large if largest is not None and _congruent(f.panel, largest.panel)]
 
 
 def _congruent(one: Panel, other: Panel) -> bool:

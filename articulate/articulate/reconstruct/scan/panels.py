@@ -75,6 +75,8 @@ class Panel:
     thin: bool
     """True if its cell is a board; False if it is a face of a deeper cell."""
     score: float
+    board: bool = True
+    """True if its surface ends at its outline; False if it continues as the body."""
     handles: tuple[Handle, ...] = field(default=())
 
     @property

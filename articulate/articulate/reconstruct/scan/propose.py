@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+import numpy as np
+
+from articulate.reconstruct.scan.discs import knobs, wheels
 from articulate.reconstruct.scan.fronts import front_parts
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.reconstruct.scan.slabs import slab_parts
+from articulate.reconstruct.scan.vessels import vessel_parts
 
 
 def propose_parts(
@@ -23,4 +28,24 @@ def propose_parts(
     """
     parts = Segmentation(mesh)
     del category
-    return slab_parts(parts) or front_parts(parts, counts)
+    slabs = slab_parts(parts)
+    if slabs:
+        return slabs
+    vessel = vessel_parts(parts)
+    if vessel:
+        return vessel
+    return with_details(parts, front_parts(parts, counts))
+
+
+def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartProposal]:
+    """Add knobs and wheels to proposals; their faces are taken from what carries them."""
+    taken = np.zeros(len(parts.mesh.faces), dtype=bool)
+    for proposal in found:
+        taken[proposal.faces] = True
+    details = [*knobs(parts, taken, found), *wheels(parts)]
+    for detail in details:
+        found = [
+            replace(p, faces=np.setdiff1d(p.faces, detail.faces)) if p not in details else p
+            for p in found
+        ]
+    return [p for p in [*found, *details] if len(p.faces)]

@@ -64,3 +64,22 @@ class Segmentation:
         if len(which) == 0:
             return np.zeros(0, dtype=np.int64)
         return np.sort(np.concatenate([cells.members[k] for k in which]))
+
+
+def touching(parts: Segmentation, which: Ints) -> list[Ints]:
+    """Group shells whose boxes touch."""
+    boxes = parts.shells.boxes[which]
+    apart = (boxes[:, None, 0] > boxes[None, :, 1] + parts.near).any(axis=-1)
+    near = ~(apart | apart.T)
+    left = set(range(len(which)))
+    groups = []
+    while left:
+        group = {left.pop()}
+        rim = set(group)
+        while rim:
+            reached = {int(j) for k in rim for j in np.flatnonzero(near[k])} & left
+            left -= reached
+            group |= reached
+            rim = reached
+        groups.append(which[sorted(group)])
+    return sorted(groups, key=lambda group: int(group[0]))

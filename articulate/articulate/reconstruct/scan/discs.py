@@ -1,0 +1,196 @@
+"""Round parts: knobs on the front, wheels at the bottom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.segmentation import Segmentation
+from articulate.transforms import Array, Ints
+
+ROUND_FILL = (0.735, 0.84)
+"""Area of the outline of a disc over that of its square: 0.785, and 0.83 for an octagon."""
+SQUARE = 0.88
+"""Least ratio of the two sides of the outline."""
+SIZES = (0.012, 0.3)
+"""Diameters, as shares of the diagonal of the object."""
+THICKEST = 1.5
+"""Largest length along the axis, in diameters."""
+CONCENTRIC = 0.3
+"""Largest distance of the centres of concentric discs, in radii of the larger one."""
+LEAST_HEIGHT = 0.006
+"""Least height of a knob over the surface, as a share of the diagonal."""
+DIAL = 0.14
+"""A round protrusion on a door that is wider than this share of it is a dial, not a handle."""
+WHEEL_BOTTOM = 0.04
+"""Largest height of the lowest point of a wheel, as a share of the height of the object."""
+WHEEL_SIZE = 0.35
+"""Largest diameter of a wheel, as a share of the height of the object."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Disc:
+    """Round cluster of surfaces."""
+
+    faces: Ints
+    """Its faces (K,)."""
+    box: Array
+    """Its bounding box (2, 3) [m]."""
+
+    @property
+    def centre(self) -> Array:
+        """Centre of its box (3,) [m]."""
+        return np.asarray(self.box.mean(axis=0))
+
+    @property
+    def size(self) -> Array:
+        """Sides of its box (3,) [m]."""
+        return np.asarray(self.box[1] - self.box[0])
+
+
+def find_discs(parts: Segmentation, axis: int) -> list[Disc]:
+    """Return the round clusters about the axis x, y or z, largest first, each with its interior."""
+    across = [k for k in range(3) if k != axis]
+    boxes, diagonal = parts.shells.boxes, parts.mesh.diagonal
+    sides = boxes[:, 1] - boxes[:, 0]
+    wide, high = sides[:, across[0]], sides[:, across[1]]
+    larger = np.maximum(wide, high)
+    likely = np.minimum(wide, high) > SQUARE * larger
+    likely &= (larger > SIZES[0] * diagonal) & (larger < SIZES[1] * diagonal)
+    likely &= sides[:, axis] < THICKEST * larger
+    found: list[Disc] = []
+    for k in sorted(np.flatnonzero(likely), key=lambda k: (-larger[k], k)):
+        points = parts.mesh.triangles[parts.shells.members[k]].reshape(-1, 3)[:, across]
+        if not _is_round(points):
+            continue
+        centre = boxes[k].mean(axis=0)
+        if any(_is_concentric(centre, disc, across) for disc in found):
+            continue
+        low, high_corner = boxes[k].copy()
+        reach = np.zeros(3)
+        reach[axis] = larger[k]
+        inside = parts.inside(parts.shells, low - reach, high_corner + reach)
+        faces = parts.faces_of(parts.shells, inside)
+        corners = parts.mesh.triangles[faces].reshape(-1, 3)
+        found.append(Disc(faces=faces, box=np.stack([corners.min(axis=0), corners.max(axis=0)])))
+    return found
+
+
+def _is_round(points: Array) -> bool:
+    hull = cv2.convexHull(points.astype(np.float32)).reshape(-1, 2)
+    if len(hull) < 6:
+        return False
+    square = float(np.prod(np.ptp(hull, axis=0)))
+    fill = float(cv2.contourArea(hull)) / max(square, 1e-12)
+    return ROUND_FILL[0] < fill < ROUND_FILL[1]
+
+
+def _is_concentric(centre: Array, disc: Disc, across: Sequence[int]) -> bool:
+    offset = (centre - disc.centre)[list(across)]
+    radius = 0.5 * float(disc.size[list(across)].max())
+    return bool(np.linalg.norm(offset) < radius + CONCENTRIC * radius)
+
+
+def knobs(
+    parts: Segmentation, taken: NDArray[np.bool_], fronts: Sequence[PartProposal]
+) -> list[PartProposal]:
+    """Propose knobs that are visible from the front: beside the doors, and dials on doors."""
+    view, mesh = parts.view, parts.mesh
+    found = []
+    for disc in find_discs(parts, 0):
+        y, z = disc.centre[1:]
+        rows, columns = view.window(np.array([disc.box[0, 1], disc.box[0, 2], disc.box[1, 1], disc.box[1, 2]]))
+        seen = view.face[rows, columns]
+        own = np.zeros(len(mesh.faces), dtype=bool)
+        own[disc.faces] = True
+        visible = own[np.maximum(seen, 0)] & (seen >= 0)
+        if not seen.size or float(visible.mean()) < 0.5:
+            continue
+        carrier = None
+        for k, front in enumerate(fronts):
+            if front.panel is not None and _contains(front.panel, y, z):
+                carrier = k
+        if carrier is None and taken[disc.faces].mean() > 0.5:
+            continue
+        if carrier is not None and not _is_dial(fronts[carrier], disc):
+            continue
+        if _height(parts, disc) < LEAST_HEIGHT * mesh.diagonal:
+            continue
+        found.append(
+            PartProposal(
+                kind="knob",
+                faces=disc.faces,
+                joint="continuous",
+                axis=np.array([1.0, 0.0, 0.0]),
+                pivot=disc.centre,
+                upper=0.0,
+                confidence=0.6 if carrier is None else 0.5,
+                evidence=("a round protrusion of the front",),
+                on=carrier,
+            )
+        )
+    return found
+
+
+def _height(parts: Segmentation, disc: Disc) -> float:
+    """Return the height of a disc over the surface around it [m]."""
+    view = parts.view
+    grow = 0.25 * disc.size[1:]
+    low, high = disc.box[0, 1:] - grow, disc.box[1, 1:] + grow
+    rows, columns = view.window(np.concatenate([low, high]))
+    depth, face = view.depth[rows, columns], view.face[rows, columns]
+    own = np.isin(face, disc.faces)
+    around = depth[~own & (face >= 0)]
+    if not len(around):
+        return float(disc.size[0])
+    return float(disc.box[1, 0] - np.median(around))
+
+
+def _contains(rect: Array, y: float, z: float) -> bool:
+    return bool(rect[0] < y < rect[2] and rect[1] < z < rect[3])
+
+
+def _is_dial(front: PartProposal, disc: Disc) -> bool:
+    """Return whether a disc on a door is a dial: large, and away from the corners."""
+    if front.kind == "drawer" or front.panel is None:
+        return False
+    sides = front.panel[2:] - front.panel[:2]
+    share = float(disc.size[1:].max() / sides.min())
+    return DIAL < share < 0.6
+
+
+def wheels(parts: Segmentation) -> list[PartProposal]:
+    """Propose two or more equal wheels at the bottom."""
+    mesh = parts.mesh
+    bottom, height = mesh.bounds[0, 2], mesh.size[2]
+    found: list[tuple[int, Disc]] = []
+    for axis in (1, 0):
+        discs = [
+            disc
+            for disc in find_discs(parts, axis)
+            if disc.box[0, 2] < bottom + WHEEL_BOTTOM * height
+            and disc.size[2] < WHEEL_SIZE * height
+            and disc.size[axis] < 0.8 * disc.size[2]
+        ]
+        if len(discs) > len(found):
+            found = [(axis, disc) for disc in discs]
+    if not 2 <= len(found) <= 8:
+        return []
+    return [
+        PartProposal(
+            kind="wheel",
+            faces=disc.faces,
+            joint="continuous",
+            axis=np.eye(3)[axis],
+            pivot=disc.centre,
+            upper=0.0,
+            confidence=0.7,
+            evidence=("equal discs at the bottom",),
+        )
+        for axis, disc in found
+    ]

@@ -1,0 +1,90 @@
+"""Trays: boxes without a lid behind the front panels of an object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulate.reconstruct.scan.panels import Panel
+from articulate.reconstruct.scan.segmentation import Segmentation, touching
+from articulate.transforms import Array, Ints
+
+TRAY_DEPTH = 0.25
+"""Least depth of a tray, as a share of the depth of the object."""
+CEILING = 0.5
+"""Largest area of horizontal faces in the upper half of a tray, as a share of its bottom."""
+WALL = 0.25
+"""Least area of each side wall, as a share of the tray's depth and height."""
+BOTTOM = 0.3
+"""Least area of the bottom, as a share of the tray's depth and width."""
+OWN_FRONT = 0.02
+"""A tray that begins farther behind the panel is not attached to it, as a share of the diagonal."""
+WIDEST = 0.97
+"""A tray as wide and deep as this share of the object is its body."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tray:
+    """An open box."""
+
+    faces: Ints
+    """Its faces (K,)."""
+    box: Array
+    """Its bounding box (2, 3) [m]."""
+
+
+def trays_behind(parts: Segmentation, panel: Panel) -> list[Tray]:
+    """Return the trays within the outline of a panel and behind it."""
+    mesh = parts.mesh
+    y0, z0, y1, z1 = panel.rect
+    low = np.array([mesh.bounds[0, 0], y0, z0])
+    high = np.array([panel.front + parts.near, y1, z1])
+    inside = parts.inside(parts.shells, low, high)
+    own = np.isin(inside, np.unique(parts.shells.label[panel.own]))
+    length = np.ptp(parts.shells.boxes[inside][..., 0], axis=1)
+    inside = inside[length > np.where(own, TRAY_DEPTH, 0.05) * mesh.size[0]]
+    found = []
+    for group in touching(parts, inside):
+        tray = _tray(parts, group)
+        if tray is not None:
+            found.append(tray)
+    if not found and len(inside):
+        tray = _tray(parts, inside)
+        found = [] if tray is None else [tray]
+    return found
+
+
+def is_attached(parts: Segmentation, panel: Panel, tray: Tray) -> bool:
+    """Return whether a tray begins at the back of a panel and is about as high as it."""
+    gap = panel.back - float(tray.box[1, 0])
+    high = float(tray.box[1, 2] - tray.box[0, 2]) > 0.25 * float(panel.size[1])
+    return gap < OWN_FRONT * parts.mesh.diagonal and high
+
+
+def _tray(parts: Segmentation, group: Ints) -> Tray | None:
+    """Return the tray of a group of shells; None without two walls and a bottom, or closed."""
+    mesh = parts.mesh
+    spans = parts.shells.boxes[group]
+    box = np.stack([spans[:, 0].min(axis=0), spans[:, 1].max(axis=0)])
+    depth, width, height = box[1] - box[0]
+    if depth < TRAY_DEPTH * mesh.size[0] or _is_body(parts, box):
+        return None
+    faces = parts.faces_of(parts.shells, group)
+    centres, area, normals = mesh.triangles.mean(axis=1)[faces], mesh.areas[faces], mesh.normals
+    sideways, level = np.abs(normals[faces, 1]) > 0.9, np.abs(normals[faces, 2]) > 0.9
+    left = area[sideways & (centres[:, 1] < box[0, 1] + width / 3.0)].sum()
+    right = area[sideways & (centres[:, 1] > box[1, 1] - width / 3.0)].sum()
+    middle = 0.5 * float(box[0, 2] + box[1, 2])
+    bottom = area[level & (centres[:, 2] < middle)].sum()
+    ceiling = area[level & (centres[:, 2] > middle)].sum()
+    if min(left, right) < WALL * depth * height or bottom < BOTTOM * depth * width:
+        return None
+    return None if ceiling > CEILING * bottom else Tray(faces=faces, box=box)
+
+
+def _is_body(parts: Segmentation, box: Array) -> bool:
+    """Return whether a box is that of the body behind a door over the entire front."""
+    bounds, near = parts.mesh.bounds, 2.0 * parts.near
+    sides = box[0, 1] < bounds[0, 1] + near and box[1, 1] > bounds[1, 1] - near
+    return bool(sides and box[1, 2] - box[0, 2] > 0.6 * parts.mesh.size[2])
