@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from articulate.reconstruct.scan.frames import grown
 from articulate.reconstruct.scan.panels import Handle, Panel, find_panels
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
@@ -50,17 +51,21 @@ class Front:
     """Trays behind the panel that are not attached to it."""
 
 
-def front_parts(parts: Segmentation, counts: Mapping[str, int] | None = None) -> list[PartProposal]:
+def find_fronts(parts: Segmentation) -> tuple[list[Front], bool]:
+    """Return the fronts that move, and whether handles or trays show that they do."""
+    levels = (parts.shells, parts.coloured, parts.facets)
+    fronts = [_front(parts, panel) for panel in find_panels(parts.mesh, levels, parts.view)]
+    return _moving(parts, fronts)
+
+
+def front_parts(parts: Segmentation, moving: Sequence[Front]) -> list[PartProposal]:
     """Propose the doors, flaps and drawers of the front.
 
     Args:
         parts: The object; its front is +x.
-        counts: Number of parts by kind, where known.
+        moving: Fronts that move.
     """
     mesh = parts.mesh
-    panels = find_panels(mesh, (parts.shells, parts.coloured, parts.facets), parts.view)
-    fronts = [_front(parts, panel) for panel in panels]
-    moving = _moving(parts, fronts)
     found: list[PartProposal] = []
     taken = np.zeros(len(mesh.faces), dtype=bool)
     for front in moving:
@@ -128,7 +133,7 @@ def _inner_drawers(front: Front) -> list[PartProposal]:
     ]
 
 
-def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
+def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], bool]:
     """Return the fronts that move: with a handle or tray, or like one that has."""
     size = parts.mesh.size
     scale = float(np.hypot(size[1], size[2]))
@@ -151,7 +156,7 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
         and not plain(f)
     ]
     if sure:
-        return sure + alike
+        return sure + alike, True
     bottom = parts.mesh.bounds[0, 2]
     large = [
         f
@@ -161,7 +166,8 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> list[Front]:
         and f.panel.area > 0.06 * size[1] * size[2]
     ]
     largest = max(large, key=lambda front: front.panel.area, default=None)
-    return [f for f in large if largest is not None and _congruent(f.panel, largest.panel)]
+    alike = [f for f in large if largest is not None and _congruent(f.panel, largest.panel)]
+    return [_front(parts, grown(parts, f.panel)) for f in alike], False
 
 
 def _congruent(one: Panel, other: Panel) -> bool:

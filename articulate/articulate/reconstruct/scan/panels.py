@@ -173,11 +173,11 @@ def _panel(
         fill=fill,
         thin=thin,
         score=score,
-        handles=_handles(mesh, view, rect, depth, float(np.quantile(depth[own], FRAME_QUANTILE))),
+        handles=handles_of(mesh, view, rect, depth, float(np.quantile(depth[own], FRAME_QUANTILE))),
     )
 
 
-def _handles(
+def handles_of(
     mesh: ScanMesh, view: FrontView, rect: Array, depth: Array, front: float
 ) -> tuple[Handle, ...]:
     """Return the protrusions of a panel, the largest first."""

@@ -29,7 +29,7 @@ class PartProposal:
     pivot: Array
     """Point on the axis (3,) [m]."""
     upper: float
-    """Position when open [m or rad]; closed is 0."""
+    """Position when open [m or rad]; 0 is the pose of the mesh."""
     confidence: float
     evidence: tuple[str, ...] = ()
     """Observations that support it."""
@@ -39,6 +39,8 @@ class PartProposal:
     """Coordinate x of the front panel's surface [m]."""
     hollow: bool = False
     """True if the interior behind the part must be built."""
+    lower: float = 0.0
+    """Position when closed [m or rad]."""
     on: int | None = None
     """Index of the proposal that carries it; None: the body."""
 
@@ -51,7 +53,7 @@ class PartProposal:
             kind=self.joint,
             axis_o=_three(self.axis),
             pivot_o=_three(self.pivot),
-            lower=None if free else 0.0,
+            lower=None if free else self.lower,
             upper=None if free else self.upper,
             confidence=self.confidence,
         )

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from articulate.reconstruct.scan.discs import knobs, wheels
-from articulate.reconstruct.scan.fronts import front_parts
+from articulate.reconstruct.scan.fronts import find_fronts, front_parts
+from articulate.reconstruct.scan.lids import ajar_door, closed_lid
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
@@ -27,14 +28,19 @@ def propose_parts(
         counts: Number of parts by kind, where known.
     """
     parts = Segmentation(mesh)
-    del category
+    del category, counts
     slabs = slab_parts(parts)
     if slabs:
         return slabs
     vessel = vessel_parts(parts)
     if vessel:
         return vessel
-    return with_details(parts, front_parts(parts, counts))
+    ajar = ajar_door(parts)
+    if ajar:
+        return with_details(parts, ajar)
+    fronts, sure = find_fronts(parts)
+    lid = [] if sure else closed_lid(parts)
+    return with_details(parts, lid or front_parts(parts, fronts))
 
 
 def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartProposal]:

@@ -11,12 +11,14 @@ from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation, touching
 from articulate.transforms import Array, Ints
 
-ROUND_FILL = (0.735, 0.86)
-"""Area of the outline of a vessel over that of its box; an ellipse covers 0.785."""
+ROUND = (0.88, 1.07)
+"""Distances of the outline of a vessel from its axis, relative to an ellipse; 0.92 for an octagon."""
 OVAL = 0.55
 """Least ratio of the two horizontal sides of a vessel."""
 BAND = (0.15, 0.6)
 """Heights between which a vessel is round, as shares of its height."""
+SMALL = 0.025
+"""Smaller shells do not decide the outline of a vessel, as a share of the area of the object."""
 LEAST_WIDTH = 0.6
 """Least width of the round body, as a share of the object with its handles."""
 LOW = 0.4
@@ -29,7 +31,7 @@ OFF_CENTRE = 0.3
 """Largest offset of a shell of a lid, as a share of the width of the body."""
 LEDGE = 0.03
 """Least area of the lower side of a lid, as a share of the square of the width of the body."""
-LID_AREA = (0.01, 0.5)
+LID_AREA = (0.004, 0.5)
 """Area of a lid, as a share of the object."""
 BAIL_WIDTH = 0.8
 """Least width of a bail, as a share of the width of the body."""
@@ -75,6 +77,7 @@ def find_vessel(parts: Segmentation) -> Vessel | None:
     middle = mesh.triangles.mean(axis=1)[:, 2]
     band = (middle > low + BAND[0] * height) & (middle < low + BAND[1] * height)
     band |= (spans > 0.3 * height) & (np.abs(mesh.normals[:, 2]) < 0.5)
+    band &= (cells.area > SMALL * cells.area.sum())[cells.label]
     if not band.any():
         return None
     points = corners.reshape(-1, 3, 3)[band].reshape(-1, 3)
@@ -97,12 +100,15 @@ def find_vessel(parts: Segmentation) -> Vessel | None:
 
 
 def _is_round(points: Array) -> bool:
+    """Return whether the outline of points (N, 2) is nearly an ellipse along the axes."""
     hull = cv2.convexHull(points.astype(np.float32)).reshape(-1, 2)
     sides = np.ptp(hull, axis=0)
-    if len(hull) < 6 or sides.min() < OVAL * sides.max():
+    if len(hull) < 8 or sides.min() < OVAL * sides.max():
         return False
-    fill = float(cv2.contourArea(hull)) / max(float(np.prod(sides)), 1e-12)
-    return ROUND_FILL[0] < fill < ROUND_FILL[1]
+    unit = (hull - 0.5 * (hull.min(axis=0) + hull.max(axis=0))) / (0.5 * sides)
+    middles = 0.5 * (unit + np.roll(unit, 1, axis=0))
+    radii = np.linalg.norm(np.concatenate([unit, middles]), axis=1)
+    return bool(radii.min() > ROUND[0] and radii.max() < ROUND[1])
 
 
 def vessel_parts(parts: Segmentation) -> list[PartProposal]:

@@ -1,0 +1,144 @@
+"""Closed lids on top of a container, and doors that are ajar."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
+from articulate.reconstruct.scan.segmentation import Segmentation
+from articulate.transforms import Array, Ints
+
+COVER = 0.8
+"""Least share of the width and depth of the object that a lid covers."""
+LID_HEIGHT = (0.015, 0.45)
+"""Height of a lid, as a share of the height of the object."""
+LID_BOTTOM = 0.5
+"""Least height of the lower side of a lid, as a share of the height of the object."""
+WALL = 0.35
+"""Least share of each side of a container that is closed."""
+MARGIN = 0.15
+"""Distance of a wall from the outline of the object, as a share of its width or depth."""
+AJAR = (float(np.radians(7.0)), float(np.radians(83.0)))
+"""Angles of a door that is ajar to the front and sides of the object."""
+DOOR_HEIGHT = 0.4
+"""Least height of a door that is ajar, as a share of the height of the object."""
+SLIM = 0.2
+"""Largest ratio of thickness to width of a door that is ajar."""
+DOOR_AREA = 0.04
+"""Least area of a shell of a door that is ajar, as a share of the object."""
+HANDLE_REACH = 0.12
+"""Height of handles over a door that is ajar, as a share of its width."""
+
+
+def closed_lid(parts: Segmentation) -> list[PartProposal]:
+    """Propose the shells on top of a container as its lid, hinged at the back."""
+    mesh, cells = parts.mesh, parts.shells
+    boxes, size, low = cells.boxes, mesh.size, mesh.bounds[0]
+    sides = np.ptp(boxes, axis=1)
+    likely = (sides[:, 0] > COVER * size[0]) & (sides[:, 1] > COVER * size[1])
+    likely &= (sides[:, 2] > LID_HEIGHT[0] * size[2]) & (sides[:, 2] < LID_HEIGHT[1] * size[2])
+    likely &= boxes[:, 0, 2] > low[2] + LID_BOTTOM * size[2]
+    if not likely.any():
+        return []
+    bottom = float(boxes[likely, 0, 2].min())
+    above = np.flatnonzero(boxes[:, 0, 2] > bottom - parts.near)
+    faces = parts.faces_of(cells, above)
+    rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
+    if not len(rest) or not _is_container(parts, rest, bottom):
+        return []
+    corners = mesh.triangles[faces].reshape(-1, 3)
+    pivot = np.array([corners[:, 0].min(), corners[:, 1].mean(), bottom])
+    return [
+        PartProposal(
+            kind="lid",
+            faces=faces,
+            joint="revolute",
+            axis=np.array([0.0, -1.0, 0.0]),
+            pivot=pivot,
+            upper=QUARTER_RAD,
+            confidence=0.55,
+            evidence=("a cover on top of a container",),
+            hollow=True,
+        )
+    ]
+
+
+def _is_container(parts: Segmentation, rest: Ints, top: float) -> bool:
+    """Return whether faces close all four sides below ``top``."""
+    mesh = parts.mesh
+    low, high = mesh.bounds
+    height = top - float(low[2])
+    centres = mesh.triangles.mean(axis=1)[rest]
+    for axis, other in ((0, 1), (1, 0)):
+        outward = np.abs(mesh.normals[rest, axis])
+        margin = MARGIN * mesh.size[axis]
+        for near in (centres[:, axis] < low[axis] + margin, centres[:, axis] > high[axis] - margin):
+            area = (mesh.areas[rest] * outward)[near].sum()
+            if area < WALL * height * mesh.size[other]:
+                return False
+    return True
+
+
+def ajar_door(parts: Segmentation) -> list[PartProposal]:
+    """Propose an upright slab that is turned against the object as an open door."""
+    mesh, cells = parts.mesh, parts.shells
+    boxes = cells.boxes
+    tall = np.ptp(boxes[..., 2], axis=1) > DOOR_HEIGHT * mesh.size[2]
+    for k in np.argsort(-cells.area, kind="stable")[:6]:
+        if not tall[k] or cells.area[k] < DOOR_AREA * cells.area.sum():
+            continue
+        points = mesh.triangles[cells.members[k]].reshape(-1, 3)
+        (cx, cy), (w, h), degrees = cv2.minAreaRect(points[:, :2].astype(np.float32))
+        angle = float(np.radians(degrees))
+        if w < h:
+            w, h, angle = h, w, angle + QUARTER_RAD
+        if h > SLIM * w or not AJAR[0] < angle % QUARTER_RAD < AJAR[1]:
+            continue
+        along = np.array([np.cos(angle), np.sin(angle)])
+        return _ajar(parts, points, np.array([cx, cy]), along, (w, h))
+    return []
+
+
+def _ajar(
+    parts: Segmentation, points: Array, centre: Array, along: Array, sides: tuple[float, float]
+) -> list[PartProposal]:
+    """Return the door of all cells within an upright slab, and with its handles."""
+    mesh = parts.mesh
+    across = np.array([-along[1], along[0]])
+    flat = mesh.triangles[..., :2] - centre
+    reach = 0.5 * sides[1] + HANDLE_REACH * sides[0]
+    inside = (np.abs(flat @ along) < 0.5 * sides[0] + parts.near).all(axis=1)
+    inside &= (np.abs(flat @ across) < reach).all(axis=1)
+    low, high = float(points[:, 2].min()), float(points[:, 2].max())
+    z = mesh.triangles[..., 2]
+    inside &= ((z > low - parts.near) & (z < high + parts.near)).all(axis=1)
+    cells = parts.facets
+    share = np.bincount(cells.label, mesh.areas * inside, cells.count) / np.maximum(cells.area, 1e-300)
+    faces = np.flatnonzero(share[cells.label] > 0.95)
+    rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
+    if not len(faces) or not len(rest):
+        return []
+    others = mesh.triangles[rest].reshape(-1, 3)
+    ends = [centre + sign * 0.5 * sides[0] * along for sign in (-1.0, 1.0)]
+    gaps = [float(np.linalg.norm(others[:, :2] - end, axis=1).min()) for end in ends]
+    middle = others[:, :2].mean(axis=0)
+    far = [float(np.linalg.norm(end - middle)) for end in ends]
+    hinge = int(np.argmin([gap + 0.1 * d for gap, d in zip(gaps, far, strict=True)]))
+    towards = ends[1 - hinge] - ends[hinge]
+    # Closed, the door is along y; it opens to the front.
+    side = 1.0 if towards[1] > 0.0 else -1.0
+    opened = float(np.arctan2(towards[0], abs(towards[1])))
+    return [
+        PartProposal(
+            kind="door",
+            faces=faces,
+            joint="revolute",
+            axis=np.array([0.0, 0.0, -side]),
+            pivot=np.array([*ends[hinge], 0.5 * (low + high)]),
+            lower=-max(opened, 0.0),
+            upper=max(QUARTER_RAD - opened, 0.1),
+            confidence=0.7,
+            evidence=("an upright slab turned against the object",),
+        )
+    ]
