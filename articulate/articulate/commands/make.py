@@ -1,7 +1,8 @@
-"""``articulate make``: find joints from parts and a video, image or text; write a URDF."""
+"""``articulate make``: an object from a video, image or text, with or without known parts."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +32,10 @@ FRONT_FOVY = 35.0
 
 @dataclass(frozen=True, kw_only=True)
 class MakeFlags:
-    """Find the joints of an object from its parts, and write a checked URDF.
+    """Make an object from text, or find the joints of known parts, and write a checked URDF.
 
-    Example: articulate make --video clip.mp4 --parts parts/ --out asset/
+    Examples: articulate make --text "a cabinet with two drawers above a door" --out asset/
+    and articulate make --video clip.mp4 --parts parts/ --out asset/
     """
 
     video: Path | None = None
@@ -41,7 +43,9 @@ class MakeFlags:
     image: Path | None = None
     """Image of the object."""
     text: str | None = None
-    """Description, e.g. "a cabinet with two drawers"; with or without a video or image."""
+    """Description in English, e.g. "a double-door fridge with a bottom freezer": parts, counts,
+    sizes, arrangement, hinges, handles, materials. Without --parts or --library the object is
+    generated from it; otherwise it describes the joints."""
     parts: Path | None = None
     """Folder with one mesh for each part, a URDF (its joints are ignored), or a GLB whose meshes
     are the parts."""
@@ -88,10 +92,7 @@ class MakeFlags:
         if self.video is not None and self.image is not None:
             raise ConfigError("--video and --image are given; give one of them")
         if self.parts is None and self.library is None:
-            raise ConfigError(
-                "missing: --parts or --library; joints are found between known parts: "
-                "give a folder with one mesh for each, a URDF or a GLB, or --library cabinet"
-            )
+            self._check_without_parts()
         if self.parts is not None and self.library is not None:
             raise ConfigError("--parts and --library are given; give one of them")
         if self.iterations is not None and self.iterations < 1:
@@ -105,6 +106,25 @@ class MakeFlags:
                 f"--limit is {self.limit:g} s; it must be at most {MOST_LIMIT_S:.0f} s"
             )
 
+    def _check_without_parts(self) -> None:
+        """Check the flags for an object that is generated."""
+        if self.video is not None or self.image is not None:
+            raise ConfigError(
+                "missing: --parts or --library; joints are found between known parts: "
+                "give a folder with one mesh for each, a URDF or a GLB, or --library cabinet"
+            )
+        for flag, given in (
+            ("--actor", self.actor != "auto"),
+            ("--joint", self.joint not in {"auto", "all"}),
+            ("--iterations", self.iterations is not None),
+            ("--dry-run", self.dry_run),
+            ("--camera-file", self.camera_file is not None),
+        ):
+            if given:
+                raise ConfigError(
+                    f"{flag} needs known parts; give --parts or --library, or omit {flag}"
+                )
+
 
 FLAGS = MakeFlags
 
@@ -112,6 +132,8 @@ FLAGS = MakeFlags
 def main(argv: Sequence[str]) -> int:
     """Make, write and print; 3 if the result is doubtful or did not pass."""
     flags = parse(MakeFlags, argv, prog="articulate make")
+    if flags.parts is None and flags.library is None:
+        return _print(flags, _generate(flags))
     # These read meshes and videos, which --help does without.
     from articulate.reconstruct.make import dry_run, make
     from articulate.reconstruct.result import MakeRequest
@@ -141,6 +163,31 @@ def main(argv: Sequence[str]) -> int:
         return 0
     with cache_in_use(cache):
         result = make(query, part_set, camera, request)
+    return _print(flags, result)
+
+
+def _generate(flags: MakeFlags) -> MakeResult:
+    """Make the object that a text describes."""
+    from articulate.reconstruct.make_object import make_object
+    from articulate.reconstruct.query import text_query
+    from articulate.reconstruct.result import MakeRequest
+    from articulate.reconstruct.text.propose import propose
+
+    assert flags.text is not None
+    start = time.monotonic()
+    query = text_query(flags.text)
+    proposal = propose(query.text)
+    out = flags.out or Path("made") / proposal.name
+    require_space(out, RESULT_BYTES, f"making {proposal.name}")
+    cache = cache_folder()
+    request = MakeRequest(out=out, cache=cache, limit_s=flags.limit, seed=flags.seed)
+    console.show_progress(f"{proposal.name}: {len(proposal.parts)} parts, {query.description}")
+    with cache_in_use(cache):
+        return make_object(query, proposal, request, proposal_s=time.monotonic() - start)
+
+
+def _print(flags: MakeFlags, result: MakeResult) -> int:
+    """Print the result and return the exit code."""
     if flags.json:
         console.emit_json(result.content())
     else:
@@ -190,6 +237,7 @@ def _text(result: MakeResult) -> str:
     """Format the result."""
     lines = [f"{result.out.name}: {result.verdict} ({result.seconds:.1f} s)"]
     lines += [f"  because  {reason}" for reason in result.reasons]
+    lines += [f"  assumed  {text}" for text in result.assumptions]
     for joint in result.joints:
         x, y, z = joint.axis_o
         limits = "continuous"

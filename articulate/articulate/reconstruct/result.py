@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -81,6 +81,16 @@ class MakeResult:
     seconds: float
     recording: bool = False
     """True if there is a recording for rerun."""
+    program: bool = True
+    """True if the object was made by a program; False for a generated object."""
+    category: str = ""
+    """PartNet-Mobility's name of the category of a generated object."""
+    confidence: float | None = None
+    """Probability that a generated object is the intended one, in [0, 1]."""
+    evidence: Mapping[str, str] = field(default_factory=dict)
+    """Origin of each joint of a generated object, by part: text, image, video or category."""
+    assumptions: tuple[str, ...] = ()
+    """Values of a generated object that the query does not give."""
 
     def content(self) -> dict[str, Any]:
         """Return the content of ``made.json`` and of ``--json``."""
@@ -91,18 +101,21 @@ class MakeResult:
             "reasons": list(self.reasons),
             "asset": str(self.out),
             "urdf": str(self.out / URDF_FILE) if self.check_report.is_usable else None,
-            "program": str(self.out / PROGRAM_FOLDER / "program.py"),
+            "program": str(self.out / PROGRAM_FOLDER / "program.py") if self.program else None,
             "check_report": str(self.out / "check_report.html"),
             "trace": str(self.out / TRACE_FILE),
             "recording": str(self.out / RECORDING_FILE) if self.recording else None,
             "check_verdict": self.check_report.verdict,
             "rating": self.rating,
-            "joints": [_joint_content(joint) for joint in self.joints],
+            "joints": [_joint_content(joint, self.evidence) for joint in self.joints],
+            "category": self.category or None,
+            "confidence": self.confidence,
+            "assumptions": list(self.assumptions),
             "seconds": round(self.seconds, 3),
         }
 
 
-def _joint_content(joint: PredictedJoint) -> dict[str, Any]:
+def _joint_content(joint: PredictedJoint, evidence: Mapping[str, str]) -> dict[str, Any]:
     return {
         "part": joint.part,
         "parent": joint.parent,
@@ -112,4 +125,5 @@ def _joint_content(joint: PredictedJoint) -> dict[str, Any]:
         "lower": joint.lower,
         "upper": joint.upper,
         "confidence": round(joint.confidence, 3),
+        "evidence": evidence.get(joint.part),
     }

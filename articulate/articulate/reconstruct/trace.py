@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from articulate.page import Page, Tile
 from articulate.preparation.check_report_file import PAGE_FILE
-from articulate.reconstruct.actors.protocol import ActorAttempt, PredictedJoint, Verdict
+from articulate.reconstruct.actors.protocol import ActorAttempt, PredictedJoint, TraceStep, Verdict
 from articulate.reconstruct.images import frames_row, only_joint, opening_row, view_camera
 from articulate.reconstruct.result import PROGRAM_FOLDER, MakeRecord, MakeResult
 from articulate.render.image import as_png, png
@@ -44,7 +44,7 @@ def write_trace(result: MakeResult, record: MakeRecord, path: Path) -> Path:
     _add_joints(page, record)
     _add_attempts(page, record)
     _add_program(page, record)
-    _add_checks(page, result, record)
+    add_checks(page, result, record.seconds)
     page.footer("articulate make", {})
     return page.save(path)
 
@@ -86,7 +86,12 @@ def _add_joints(page: Page, record: MakeRecord) -> None:
         single = only_joint(record.part_joints, joint.part)
         image = opening_row(record.part_set.meshes, single, camera)
         page.png(image, f"{joint.part} ({joint.kind}): {order}")
-    for step in record.prediction.trace:
+    add_steps(page, record.prediction.trace)
+
+
+def add_steps(page: Page, steps: Sequence[TraceStep]) -> None:
+    """Add the stages of an actor or of a reconstruction."""
+    for step in steps:
         if "\n" in step.text:
             page.text(f"{step.title}.").code(step.text)
         else:
@@ -131,7 +136,8 @@ def _add_program(page: Page, record: MakeRecord) -> None:
     page.links({"program.py": f"{PROGRAM_FOLDER}/program.py"})
 
 
-def _add_checks(page: Page, result: MakeResult, record: MakeRecord) -> None:
+def add_checks(page: Page, result: MakeResult, seconds: Mapping[str, float]) -> None:
+    """Add the check report and the time [s] of each stage."""
     report = result.check_report
     passed = sum(check.outcome == "passed" for check in report.checks)
     applied = sum(check.outcome != "not_applicable" for check in report.checks)
@@ -144,9 +150,7 @@ def _add_checks(page: Page, result: MakeResult, record: MakeRecord) -> None:
         header = ["joint", "type", "range [m or rad]", "free share", "opened by 30 N"]
         page.table(header, rows)
     page.links({"full check report": PAGE_FILE})
-    page.pairs(
-        {f"{name} [s]": round(value, 2) for name, value in record.seconds.items()}, "Time by stage"
-    )
+    page.pairs({f"{name} [s]": round(value, 2) for name, value in seconds.items()}, "Time by stage")
 
 
 def _joints(joints: Sequence[PredictedJoint]) -> str:

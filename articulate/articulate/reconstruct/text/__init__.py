@@ -1,0 +1,1 @@
+"""Objects from English text, offline: grammar, vocabulary and builders."""
