@@ -32,10 +32,13 @@ FRONT_FOVY = 35.0
 
 @dataclass(frozen=True, kw_only=True)
 class MakeFlags:
-    """Make an object from text, or find the joints of known parts, and write a checked URDF.
+    """Make an object from a text, an image or a video, and write a checked URDF.
+
+    Without --parts or --library the object is generated; otherwise the joints of the known parts
+    are found.
 
     Examples: articulate make --text "a cabinet with two drawers above a door" --out asset/
-    and articulate make --video clip.mp4 --parts parts/ --out asset/
+    and articulate make --video drawer.mp4 --out asset/
     """
 
     video: Path | None = None
@@ -78,6 +81,9 @@ class MakeFlags:
     """Direction of the front of the object of --parts."""
     limit: float = 300.0
     """Time limit of the checks [s]."""
+    size: float | None = None
+    """Height of the object [m]; by default usual for the category. For objects from an image or
+    video without known parts."""
     seed: int = 0
     """Random seed."""
     json: bool = False
@@ -95,6 +101,8 @@ class MakeFlags:
             self._check_without_parts()
         if self.parts is not None and self.library is not None:
             raise ConfigError("--parts and --library are given; give one of them")
+        if self.size is not None and not 0.02 <= self.size <= 10.0:
+            raise ConfigError(f"--size is {self.size:g} m; it must be 0.02 to 10")
         if self.iterations is not None and self.iterations < 1:
             raise ConfigError(f"--iterations is {self.iterations}; it must be 1 or more")
         if self.seed < 0:
@@ -108,11 +116,6 @@ class MakeFlags:
 
     def _check_without_parts(self) -> None:
         """Check the flags for an object that is generated."""
-        if self.video is not None or self.image is not None:
-            raise ConfigError(
-                "missing: --parts or --library; joints are found between known parts: "
-                "give a folder with one mesh for each, a URDF or a GLB, or --library cabinet"
-            )
         for flag, given in (
             ("--actor", self.actor != "auto"),
             ("--joint", self.joint not in {"auto", "all"}),
@@ -167,16 +170,14 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _generate(flags: MakeFlags) -> MakeResult:
-    """Make the object that a text describes."""
+    """Make the object of a text, an image or a video without known parts."""
     from articulate.reconstruct.make_object import make_object
-    from articulate.reconstruct.query import text_query
+    from articulate.reconstruct.propose import propose_object
     from articulate.reconstruct.result import MakeRequest
-    from articulate.reconstruct.text.propose import propose
 
-    assert flags.text is not None
     start = time.monotonic()
-    query = text_query(flags.text)
-    proposal = propose(query.text)
+    query = _query(flags)
+    proposal = propose_object(query, height_m=flags.size, seed=flags.seed)
     out = flags.out or Path("made") / proposal.name
     require_space(out, RESULT_BYTES, f"making {proposal.name}")
     cache = cache_folder()

@@ -1,6 +1,6 @@
 """Fit a box and an unknown camera to the mask and the edges of an object in an image.
 
-The box has its front at +x and its bottom on z = 0; its height is 1. Parameters: logarithms of width
+The box has its front at +x, its bottom on z = 0 and height 1. Parameters: logarithms of width
 and depth, azimuth, elevation and roll of the camera, logarithms of distance and focal length, and
 the position of the box's centre in the image.
 """
@@ -23,7 +23,9 @@ from articulate.transforms import Array, pose
 WORK_PX = 160
 """Longest side of the images that are compared [px]."""
 N_SAMPLES = 2048
-N_REFINED = 6
+N_REFINED = 7
+AZIMUTH_BIN_RAD, ELEVATION_BIN_RAD = 0.6, 0.35
+"""Starts in the same range of azimuth and elevation count once."""
 EDGE_WEIGHT = 0.5
 """Weight of the distance of edges beside the overlap of the masks."""
 MAX_EDGE_PX = 6.0
@@ -32,7 +34,8 @@ INNER_WEIGHT = 2.0
 """Weight of edges inside the silhouette, which give the depth."""
 FOCAL = 1.2
 """Expected focal length in units of the longer side of the image."""
-FOCAL_SPREAD, ROLL_SPREAD, ELEVATION_SPREAD = 0.3, 0.04, 0.35
+FOCAL_SPREAD, ROLL_SPREAD = 0.3, 0.04
+ELEVATION, ELEVATION_SPREAD = 0.4, 0.5
 PRIOR_WEIGHT = 0.02
 NAMES = ("width", "depth", "azimuth", "elevation", "roll", "distance", "focal", "u", "v")
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2.0
@@ -104,7 +107,7 @@ def fit_box(
     starts = target.starts(seed)
     costs = np.array([target.cost(start) for start in starts])
     best = None
-    for k in np.argsort(costs)[:N_REFINED]:
+    for k in diverse(starts, costs):
         found = minimize(
             target.cost,
             starts[k],
@@ -120,6 +123,16 @@ def fit_box(
             best = found
     assert best is not None
     return target.result(best.x, float(best.fun))
+
+
+def diverse(starts: Array, costs: Array) -> list[int]:
+    """Return the starts of least cost, at most one of each range of azimuth and elevation."""
+    azimuth = np.floor(starts[:, 2] / AZIMUTH_BIN_RAD).astype(int)
+    elevation = np.floor(starts[:, 3] / ELEVATION_BIN_RAD).astype(int)
+    found: dict[tuple[int, int], int] = {}
+    for k in np.argsort(costs):
+        found.setdefault((int(azimuth[k]), int(elevation[k])), int(k))
+    return list(found.values())[:N_REFINED]
 
 
 class _Target:
@@ -216,7 +229,7 @@ class _Target:
             (p[0] - prior.log_width) / prior.spread,
             (p[1] - prior.log_depth) / prior.spread,
             max(0.0, abs(p[2]) - 1.1) / 0.1,
-            (p[3] - 0.3) / ELEVATION_SPREAD,
+            (p[3] - ELEVATION) / ELEVATION_SPREAD,
             p[4] / ROLL_SPREAD,
             (p[6] - np.log(FOCAL)) / FOCAL_SPREAD,
         )

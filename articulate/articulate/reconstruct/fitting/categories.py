@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.library.procedural.dimensions import Dimensions
-from articulate.library.procedural.front_layout import FrontLayout, FrontPanel
 from articulate.library.procedural.categories import CATEGORIES
+from articulate.library.procedural.dimensions import Dimensions
+from articulate.library.procedural.front_layout import MIN_FRONT_M, FrontLayout, FrontPanel
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.fitting.box_fit import SizePrior
 from articulate.reconstruct.fitting.front_cells import (
     CellKind,
-    classify_cell,
+    classify_cells,
     hinge_side,
     panels_of,
 )
@@ -73,6 +73,8 @@ LIBRARY = {CATEGORIES[name].partnet: name for name in reversed(list(CATEGORIES))
 """Procedural category of each of PartNet-Mobility's; the first of several."""
 LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Dishwasher")
 """Categories whose front is generated from the cells of the image."""
+WORKTOP_M = 0.018
+"""Thickness of the worktop of furniture [m]."""
 BAND = 0.16
 """Height of a control panel, as a share of the front, up to which a cell is fixed."""
 
@@ -104,7 +106,7 @@ def generate(category: str, front: ObjectFront, height_m: float | None = None) -
         "depth_m": float(np.clip(front.fit.depth, 0.25 * usual.depth, 3.0 * usual.depth)) * height,
         "height_m": height,
     }
-    kinds = [classify_cell(cell, front.aspect) for cell in front.cells]
+    kinds = classify_cells(front.cells, front.aspect)
     if category in LAYOUTS:
         layout = _LAYOUTS[category](kinds, front, sizes)
         return Generated(parts=tuple(layout.parts()), assumptions=tuple(assumptions), layout=layout)
@@ -138,24 +140,32 @@ def scaled(
 def _storage(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
     """Return furniture whose cells are drawers and doors."""
     base = round(front.base_share * sizes["height_m"], 3)
+    width = round(max(0.15, sizes["width_m"]), 3)
+    front_m = sizes["height_m"] - base - WORKTOP_M
     return FrontLayout(
-        panels=panels_of(kinds),
-        width_m=round(max(0.15, sizes["width_m"]), 3),
+        panels=tuple(_fixed_if_small(panel, width, front_m) for panel in panels_of(kinds)),
+        width_m=width,
         depth_m=round(max(0.15, sizes["depth_m"]), 3),
         height_m=sizes["height_m"],
         base="legs" if base > 0.06 else "plinth" if base > 0.015 else "none",
         base_m=base if base > 0.015 else 0.0,
-        worktop_m=0.018,
+        worktop_m=WORKTOP_M,
         name="furniture",
     )
+
+
+def _fixed_if_small(panel: FrontPanel, width_m: float, height_m: float) -> FrontPanel:
+    """Return a panel, without its joint if it is too small for one."""
+    sides = ((panel.right - panel.left) * width_m, (panel.top - panel.bottom) * height_m)
+    if min(sides) < 1.05 * MIN_FRONT_M:
+        return dataclasses.replace(panel, kind="panel", hinge="")
+    return panel
 
 
 def _table(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
     """Return a table: what the front covers below its top are drawers."""
     drawers = [dataclasses.replace(kind, p_drawer=1.0) for kind in kinds]
-    return dataclasses.replace(
-        _storage(drawers, front, sizes), name="table", category="Table", worktop_m=0.025
-    )
+    return dataclasses.replace(_storage(drawers, front, sizes), name="table", category="Table")
 
 
 def _fridge(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from articulate.reconstruct.fitting.front_parse import FrontCell
 
 ASPECT = 1.25
 """Width over height at which drawers and doors are equally likely without a handle."""
+STACKED = 1.2
+"""Gain of the logit of a drawer for each similar cell of its stack beyond two."""
 STRIP = 0.11
 """Height of a cell, as a share of the front, below which it is a plinth or a worktop."""
 SIDE_OFF = 0.17
@@ -41,6 +43,24 @@ def classify_cell(cell: FrontCell, front_aspect: float) -> CellKind:
         else:
             logit += 1.5 if off < SIDE_OFF else -1.5
     return CellKind(cell=cell, p_drawer=float(1.0 / (1.0 + np.exp(-logit))), aspect=aspect)
+
+
+def classify_cells(cells: Sequence[FrontCell], front_aspect: float) -> list[CellKind]:
+    """Return the kind of each cell; cells of a stack of three or more are rather drawers."""
+    kinds = []
+    for cell in cells:
+        kind = classify_cell(cell, front_aspect)
+        stack = [c for c in cells if _in_stack(cell, c)]
+        logit = np.log(kind.p_drawer / (1.0 - kind.p_drawer)) + STACKED * max(0, len(stack) - 2)
+        kinds.append(replace(kind, p_drawer=float(1.0 / (1.0 + np.exp(-logit)))))
+    return kinds
+
+
+def _in_stack(cell: FrontCell, other: FrontCell) -> bool:
+    """Return whether two cells have the same sides and similar heights."""
+    ratio = (other.top - other.bottom) / max(cell.top - cell.bottom, 1e-6)
+    same = abs(cell.left - other.left) < 0.04 and abs(cell.right - other.right) < 0.04
+    return same and 0.5 < ratio < 2.0
 
 
 def panels_of(kinds: Sequence[CellKind]) -> tuple[FrontPanel, ...]:

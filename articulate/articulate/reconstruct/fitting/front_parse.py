@@ -23,6 +23,8 @@ FRONT_PX = 256
 """Longest side of the rectified front [px]."""
 MIN_CUT = 0.62
 """Score of a line at which a region is divided, without handles on both sides."""
+MIN_CUT_EMPTY = 0.85
+"""The same where one side has no handle, on a front with handles."""
 HANDLES_APART = 0.5
 """Gain of a line with handles on both sides."""
 CROSSED = 0.4
@@ -177,10 +179,12 @@ class _Parser:
         for level in (True, False) if depth < MAX_DEPTH else ():
             scores = self.scores(region, level)
             k = int(np.argmax(scores))
+            if scores[k] < self.threshold(region, level, k):
+                continue
             if scores[k] > best[0]:
                 best = (float(scores[k]), level, (top if level else left) + k)
         score, level, at = best
-        if score < MIN_CUT:
+        if at < 0:
             self.cells.append(self.cell(region, evidence))
             return
         parts = (
@@ -190,6 +194,17 @@ class _Parser:
         )
         for part in parts:
             self.divide(part, min(evidence, score), depth + 1)
+
+    def threshold(self, region: tuple[int, int, int, int], level: bool, at: int) -> float:
+        """Return the score at which a line divides a region.
+
+        Where the front has handles, a part without one is rarely an openable part.
+        """
+        left, right, top, bottom = region
+        first = (left, right, top, top + at) if level else (left, left + at, top, bottom)
+        second = (left, right, top + at, bottom) if level else (left + at, right, top, bottom)
+        empty = min(len(self.inside(first)), len(self.inside(second))) == 0
+        return MIN_CUT_EMPTY if self.handles and empty else MIN_CUT
 
     def scores(self, region: tuple[int, int, int, int], level: bool) -> Array:
         """Return the score of each row or column of a region as a cut (N,)."""

@@ -37,8 +37,8 @@ class ObjectFront:
     cells: tuple[FrontCell, ...]
     base_share: float
     """Height of legs or of an open space below the front, as a share of the object's height."""
-    width_share: float
-    """Width of the front as a share of the object's width."""
+    visible: float
+    """Share of the front that the object covers in the image."""
 
     @property
     def aspect(self) -> float:
@@ -78,7 +78,7 @@ def front_of(image: Pixels, mask: NDArray[np.bool_], fit: BoxFit) -> ObjectFront
         image=kept,
         cells=parse_front(kept),
         base_share=1.0 - rows.stop / height,
-        width_share=(columns.stop - columns.start) / width,
+        visible=(columns.stop - columns.start) / width * (rows.stop - rows.start) / height,
     )
 
 

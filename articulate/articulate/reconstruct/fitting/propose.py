@@ -30,6 +30,8 @@ CROP_MARGIN = 0.12
 """Margin of the crop around the object, as a share of its larger side."""
 MIN_CATEGORY = 0.55
 """Probability of the category below which the result is doubtful."""
+MIN_VISIBLE = 0.5
+"""Share of the front in the image below which the result is doubtful."""
 MAX_COST = 0.30
 """Cost of the box fit above which the result is doubtful."""
 
@@ -232,6 +234,8 @@ def _doubts(category: str, probability: float, front: ObjectFront) -> list[str]:
             f"a box fits the outline poorly (cost {front.fit.cost:.2f}); take the closed object "
             "from the front, entire in the image"
         )
+    if front.visible < MIN_VISIBLE:
+        doubts.append("the front is not entirely in the image; take it entirely, from the front")
     return doubts
 
 
