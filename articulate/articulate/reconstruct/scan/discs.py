@@ -165,20 +165,24 @@ def _is_dial(front: PartProposal, disc: Disc) -> bool:
 
 
 def wheels(parts: Segmentation) -> list[PartProposal]:
-    """Propose two or more equal wheels at the bottom."""
-    mesh = parts.mesh
-    bottom, height = mesh.bounds[0, 2], mesh.size[2]
-    found: list[tuple[int, Disc]] = []
-    for axis in (1, 0):
-        discs = [
-            disc
-            for disc in find_discs(parts, axis)
-            if disc.box[0, 2] < bottom + WHEEL_BOTTOM * height
-            and disc.size[2] < WHEEL_SIZE * height
-            and disc.size[axis] < 0.8 * disc.size[2]
-        ]
-        if len(discs) > len(found):
-            found = [(axis, disc) for disc in discs]
+    """Propose two or more equal wheels at the bottom, whose axes may differ: casters."""
+    mesh, cells = parts.mesh, parts.shells
+    bottom, height = float(mesh.bounds[0, 2]), float(mesh.size[2])
+    boxes = cells.boxes
+    likely = boxes[:, 0, 2] < bottom + WHEEL_BOTTOM * height
+    likely &= np.ptp(boxes[..., 2], axis=1) < WHEEL_SIZE * height
+    likely &= np.ptp(boxes[..., 2], axis=1) > SIZES[0] * mesh.diagonal
+    found: list[tuple[Array, Disc]] = []
+    for k in sorted(np.flatnonzero(likely), key=lambda k: (-cells.area[k], k)):
+        axis = _wheel_axis(mesh.triangles[cells.members[k]].reshape(-1, 3))
+        if axis is None or any(_inside(boxes[k].mean(axis=0), disc.box) for _, disc in found):
+            continue
+        inside = parts.inside(cells, boxes[k, 0], boxes[k, 1])
+        found.append((axis, Disc(faces=parts.faces_of(cells, inside), box=boxes[k])))
+    if not found:
+        return []
+    tallest = max(float(disc.size[2]) for _, disc in found)
+    found = [(axis, disc) for axis, disc in found if disc.size[2] > 0.5 * tallest]
     if not 2 <= len(found) <= 8:
         return []
     return [
@@ -186,7 +190,7 @@ def wheels(parts: Segmentation) -> list[PartProposal]:
             kind="wheel",
             faces=disc.faces,
             joint="continuous",
-            axis=np.eye(3)[axis],
+            axis=axis,
             pivot=disc.centre,
             upper=0.0,
             confidence=0.7,
@@ -194,3 +198,22 @@ def wheels(parts: Segmentation) -> list[PartProposal]:
         )
         for axis, disc in found
     ]
+
+
+def _wheel_axis(points: Array) -> Array | None:
+    """Return the horizontal axis of an upright disc (3,); None if points form none."""
+    flat = points[:, :2]
+    _, vectors = np.linalg.eigh(np.cov((flat - flat.mean(axis=0)).T))
+    for column in (0, 1):
+        across, along = vectors[:, column], vectors[:, 1 - column]
+        outline = np.stack([flat @ along, points[:, 2]], axis=1)
+        sides = np.ptp(outline, axis=0)
+        thick = float(np.ptp(flat @ across))
+        square = sides.min() > SQUARE * sides.max()
+        if square and thick < 0.8 * sides.max() and _is_round(outline):
+            return np.array([across[0], across[1], 0.0])
+    return None
+
+
+def _inside(point: Array, box: Array) -> bool:
+    return bool((point > box[0]).all() and (point < box[1]).all())

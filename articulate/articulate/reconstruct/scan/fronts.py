@@ -22,6 +22,8 @@ LOWEST = 0.12
 """Panels without a handle that end below this share of the height are plinths, if they are low."""
 OUTSIDE = 1.6
 """Largest area of the shell of a panel, seen from the front, as a share of the panel."""
+ROW = 3
+"""Equal protrusions of a control panel."""
 BAR = 2.0
 """Ratio of the sides of a protrusion from which it is a bar."""
 LEG = 3.0
@@ -141,11 +143,7 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
     def plain(front: Front) -> bool:
         return bool(front.panel.size.min() < NARROW * scale)
 
-    def leg(front: Front) -> bool:
-        wide, high = front.panel.size
-        return bool(wide < NARROW * scale and high > LEG * wide and front.handle is None)
-
-    fronts = [front for front in fronts if not leg(front)]
+    fronts = [f for f in fronts if not _is_leg(parts, f) and not _is_control_panel(f.panel)]
     sure = [f for f in fronts if len(f.tray) or (f.handle is not None and f.panel.board)]
     alike = [
         f
@@ -168,6 +166,25 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
     largest = max(large, key=lambda front: front.panel.area, default=None)
     alike = [f for f in large if largest is not None and _congruent(f.panel, largest.panel)]
     return [_front(parts, grown(parts, f.panel)) for f in alike], False
+
+
+def _is_leg(parts: Segmentation, front: Front) -> bool:
+    """Return whether a panel is a narrow upright, of the frame or down to the floor."""
+    wide, high = front.panel.size
+    size = parts.mesh.size
+    narrow = wide < NARROW * float(np.hypot(size[1], size[2])) and high > LEG * wide
+    floor = front.panel.rect[1] < parts.mesh.bounds[0, 2] + 0.03 * size[2]
+    return bool(narrow and (front.handle is None or (floor and not len(front.tray))))
+
+
+def _is_control_panel(panel: Panel) -> bool:
+    """Return whether a panel has a row of equal knobs."""
+    if len(panel.handles) < ROW:
+        return False
+    sizes = np.array([handle.size for handle in panel.handles])
+    typical = np.median(sizes, axis=0)
+    alike = (np.abs(sizes - typical) < 0.3 * typical).all(axis=1)
+    return bool(alike.sum() >= ROW)
 
 
 def _congruent(one: Panel, other: Panel) -> bool:

@@ -19,6 +19,8 @@ WALL = 0.35
 """Least share of each side of a container that is closed."""
 MARGIN = 0.15
 """Distance of a wall from the outline of the object, as a share of its width or depth."""
+CLOSED_DEPTH, CLOSED_SHARE = 0.3, 0.75
+"""Share of the front view of a container that is within this share of its depth."""
 AJAR = (float(np.radians(7.0)), float(np.radians(83.0)))
 """Angles of a door that is ajar to the front and sides of the object."""
 DOOR_HEIGHT = 0.4
@@ -45,7 +47,7 @@ def closed_lid(parts: Segmentation) -> list[PartProposal]:
     above = np.flatnonzero(boxes[:, 0, 2] > bottom - parts.near)
     faces = parts.faces_of(cells, above)
     rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
-    if not len(rest) or not _is_container(parts, rest, bottom):
+    if not len(rest) or not _is_container(parts, rest, bottom) or not _is_closed(parts, bottom):
         return []
     corners = mesh.triangles[faces].reshape(-1, 3)
     pivot = np.array([corners[:, 0].min(), corners[:, 1].mean(), bottom])
@@ -78,6 +80,15 @@ def _is_container(parts: Segmentation, rest: Ints, top: float) -> bool:
             if area < WALL * height * mesh.size[other]:
                 return False
     return True
+
+
+def _is_closed(parts: Segmentation, top: float) -> bool:
+    """Return whether the front view shows a closed surface below ``top``."""
+    view, (low, high) = parts.view, parts.mesh.bounds
+    rows, columns = view.window(np.array([low[1], low[2], high[1], top]))
+    depth = view.depth[rows, columns]
+    near = depth > high[0] - CLOSED_DEPTH * (high[0] - low[0])
+    return bool(near.size and near.mean() > CLOSED_SHARE)
 
 
 def ajar_door(parts: Segmentation) -> list[PartProposal]:

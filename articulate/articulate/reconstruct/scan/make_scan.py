@@ -101,8 +101,7 @@ def scan_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
 
 def _found_parts(scan: Scan, path: Path, hints: ScanHints, assumed: TraceStep) -> ScanParts:
     """Find the parts on the surface of the mesh."""
-    counts = counts_in(hints.text) if hints.text else None
-    scan, proposals = _best_front(scan, hints, counts)
+    scan, proposals = find_parts(scan, hints)
     if not proposals:
         raise UsageError(
             f"{shorten(path.name)}: no door, drawer or lid was found on the surface; give --masks "
@@ -136,13 +135,12 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints, assumed: TraceStep) -
     )
 
 
-def _best_front(
-    scan: Scan, hints: ScanHints, counts: dict[str, int] | None
-) -> tuple[Scan, list[PartProposal]]:
-    """Return the scan with its front at +x, and its parts.
+def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
+    """Return the scan with its front at +x, and the parts on its surface.
 
     Another side is the front only if the given one shows no part.
     """
+    counts = counts_in(hints.text) if hints.text else None
     for front in TURNS if hints.front == "auto" else TURNS[:1]:
         mesh = turned(scan.mesh, front)
         proposals = propose_parts(mesh, scan.category, counts)

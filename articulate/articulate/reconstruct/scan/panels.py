@@ -106,7 +106,8 @@ def find_panels(mesh: ScanMesh, levels: Sequence[Cells], view: FrontView) -> lis
     found: list[Panel] = []
     for cells in levels:
         found += _of_level(mesh, cells, view)
-    found.sort(key=lambda panel: -panel.score)
+    # Of nearly equal panels the outer one counts: a door rather than its pane.
+    found.sort(key=lambda panel: (-round(panel.score, 1), -panel.area))
     kept: list[Panel] = []
     for panel in found:
         if all(overlap(panel.rect, other.rect) < MAX_OVERLAP for other in kept):

@@ -23,16 +23,16 @@ LEAST_WIDTH = 0.6
 """Least width of the round body, as a share of the object with its handles."""
 LOW = 0.4
 """Shells of the body begin below this share of the height."""
-TALL = 0.35
-"""Shells of this height belong to the body even if they are not centred: staves."""
+FOOT, TALL = 0.15, 0.35
+"""Shells that begin below the first share of the height, and are as high as the second, belong to the body even if they are not centred: staves."""
 CENTRED = 0.12
 """Largest offset of a lid from the axis, as a share of the width of the body."""
 OFF_CENTRE = 0.3
 """Largest offset of a shell of a lid, as a share of the width of the body."""
 LEDGE = 0.03
 """Least area of the lower side of a lid, as a share of the square of the width of the body."""
-LID_AREA = (0.004, 0.5)
-"""Area of a lid, as a share of the object."""
+LEAST_LID = 0.004
+"""Least area of a lid, as a share of the object."""
 BAIL_WIDTH = 0.8
 """Least width of a bail, as a share of the width of the body."""
 BAIL_WIDEST = 1.6
@@ -90,8 +90,9 @@ def find_vessel(parts: Segmentation) -> Vessel | None:
         return None
     off = np.linalg.norm(boxes.mean(axis=1)[:, :2] - box.mean(axis=0)[:2], axis=1)
     bottom = boxes[:, 0, 2] < low + LOW * height
-    tall = np.ptp(boxes[..., 2], axis=1) > TALL * height
-    body = np.flatnonzero(bottom & (tall | (off < CENTRED * width)))
+    stave = boxes[:, 0, 2] < low + FOOT * height
+    stave &= np.ptp(boxes[..., 2], axis=1) > TALL * height
+    body = np.flatnonzero(stave | (bottom & (off < CENTRED * width)))
     if not len(body):
         return None
     top = float(boxes[body, 1, 2].max())
@@ -180,7 +181,7 @@ def _arch(boxes: Array, vessel: Vessel) -> tuple[float, int] | None:
     wide = BAIL_WIDTH * body[axis] < sides[axis] < BAIL_WIDEST * body[axis]
     if not wide or slim > BAIL_SLIM:
         return None
-    if sides[2] < 0.08 * sides[axis] and box[1, 2] < vessel.box[1, 2]:
+    if sides[2] < 0.08 * sides[axis] and box[1, 2] < vessel.box[1, 2] + 0.02 * vessel.height:
         return None
     return slim, axis
 
@@ -188,9 +189,11 @@ def _arch(boxes: Array, vessel: Vessel) -> tuple[float, int] | None:
 def _lid(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
     """Return the centred parts at the top: a group of shells, or the facets above a ledge."""
     mesh = parts.mesh
-    for faces in (_top_shells(parts, vessel), _above_ledge(parts, vessel)):
+    candidates = ((_above_body, 0.35), (_top_shells, 0.35), (_above_ledge, 0.5))
+    for find, most in candidates:
+        faces = find(parts, vessel)
         share = float(mesh.areas[faces].sum() / mesh.areas.sum()) if len(faces) else 0.0
-        if not LID_AREA[0] < share < LID_AREA[1]:
+        if not LEAST_LID < share < most:
             continue
         corners = mesh.triangles[faces].reshape(-1, 3)
         return PartProposal(
@@ -204,6 +207,20 @@ def _lid(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
             evidence=("a centred part above a round body",),
         )
     return None
+
+
+def _above_body(parts: Segmentation, vessel: Vessel) -> Ints:
+    """Return the faces of all centred shells that begin at the top of the body (K,)."""
+    boxes, mesh = parts.shells.boxes, parts.mesh
+    off = np.linalg.norm(boxes.mean(axis=1)[:, :2] - vessel.centre[:2], axis=1)
+    above = boxes[:, 0, 2] > vessel.box[1, 2] - 0.05 * vessel.height
+    above &= off < OFF_CENTRE * vessel.width
+    above[vessel.shells] = False
+    faces = parts.faces_of(parts.shells, np.flatnonzero(above))
+    corners = mesh.triangles[faces].reshape(-1, 3)
+    if not len(faces) or np.ptp(corners[:, 2]) < 0.02 * mesh.size[2]:
+        return np.zeros(0, dtype=np.int64)
+    return faces
 
 
 def _top_shells(parts: Segmentation, vessel: Vessel) -> Ints:

@@ -1,0 +1,272 @@
+"""Parts and joints of objects that are merged into one welded mesh, against the true ones.
+
+python benchmarks/scans.py --data ../shared/data --half development --limit 60
+python benchmarks/scans.py --kitchen /tmp/scans/kitchen_cc_by --half development --make
+
+``--data`` holds ``assets.json`` and its objects, of which those of PartNet-Mobility are used;
+``--kitchen`` is the folder of kitchen-assets-cc-by, in metres. Each object is written as one GLB
+without names, vertices merged at 1e-5 of the diagonal, and read as any scan. ``--make`` also writes
+and checks the asset.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from articulate.benchmark.dataset import open_dataset
+from articulate.benchmark.split import half
+from articulate.benchmark.truth import TrueObject
+from articulate.errors import UsageError
+from articulate.reconstruct.actors.protocol import PredictedJoint
+from articulate.reconstruct.result import MakeRequest
+from articulate.reconstruct.scan.make_scan import find_parts, make_scan
+from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.read_scan import Scan, ScanHints, read_scan
+from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
+from articulate.transforms import Array, Ints
+
+FURNITURE = ("StorageFurniture", "Table", "Oven", "Dishwasher")
+IOU = 0.5
+"""Least overlap of areas of a matched part."""
+AXIS_RAD = float(np.radians(15.0))
+SIDE_SHARE = 0.3
+"""Largest distance of two hinges, as a share of the part's size across the axis."""
+TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+CLASSES = {"revolute": "turn", "continuous": "turn", "prismatic": "slide"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Merged:
+    """An object as one mesh with the true part of each face."""
+
+    mesh: ScanMesh
+    part: Ints
+    """Index of the true joint of each face (F,); -1 for the body."""
+
+
+def merge(truth: TrueObject) -> Merged:
+    """Weld the parts of an object into one mesh."""
+    starts = np.cumsum([0, *(len(part.vertices) for part in truth.parts)])
+    faces = [part.faces + start for part, start in zip(truth.parts, starts, strict=False)]
+    owner = np.full(sum(len(part.faces) for part in truth.parts), -1, dtype=np.int64)
+    at = 0
+    for part in truth.parts:
+        for k, joint in enumerate(truth.joints):
+            if part.name in joint.rigid:
+                owner[at : at + len(part.faces)] = k
+        at += len(part.faces)
+    mesh = weld(
+        ScanMesh(
+            vertices=np.concatenate([part.vertices for part in truth.parts]),
+            faces=np.concatenate(faces),
+            rgb=np.concatenate([part.rgb for part in truth.parts]),
+            group=np.zeros(len(owner), dtype=np.int64),
+        )
+    )
+    assert mesh.source is not None
+    return Merged(mesh=mesh, part=owner[mesh.source])
+
+
+def write(mesh: ScanMesh, path: Path) -> None:
+    """Write a mesh as one GLB with y up, the front at +z, and a colour for each vertex."""
+    rgba = np.c_[mesh.rgb, np.ones(len(mesh.rgb))]
+    colours, of_face = np.unique((255.0 * rgba).round().astype(np.uint8), axis=0, return_inverse=True)
+    key = mesh.faces * len(colours) + of_face.ravel()[:, None]
+    used, corners = np.unique(key, return_inverse=True)
+    out = trimesh.Trimesh(
+        mesh.vertices[used // len(colours)] @ TO_Y_UP.T,
+        corners.reshape(-1, 3),
+        vertex_colors=colours[used % len(colours)],
+        process=False,
+    )
+    out.export(path)
+
+
+def score(merged: Merged, truth: TrueObject, scan: Scan, found: Sequence[PartProposal]) -> dict[str, Any]:
+    """Return F1 at an area IoU of 0.5, and which joints of matched parts are right."""
+    mesh = scan.mesh
+    centres = merged.mesh.triangles.mean(axis=1)
+    near = np.asarray(cKDTree(centres @ TO_Y_UP.T).query(scan.file_centres)[1])
+    part = merged.part[near]
+    scale, rotation, shift = _similarity(centres[near], mesh.triangles.mean(axis=1))
+    n_true, n_found = len(truth.joints), len(found)
+    label = np.full(len(part), -1)
+    for k, proposal in enumerate(found):
+        label[proposal.faces] = k
+    areas = mesh.areas
+    both = (part >= 0) & (label >= 0)
+    common = np.zeros((n_true, n_found))
+    np.add.at(common, (part[both], label[both]), areas[both])
+    of_true = np.bincount(part[part >= 0], areas[part >= 0], n_true)
+    of_found = np.bincount(label[label >= 0], areas[label >= 0], n_found)
+    iou = common / np.maximum(of_true[:, None] + of_found - common, 1e-12)
+    joints, matched = [], 0
+    while iou.size and iou.max() >= IOU:
+        a, b = np.unravel_index(int(iou.argmax()), iou.shape)
+        iou[a], iou[:, b] = -1.0, -1.0
+        matched += 1
+        if truth.joints[a].status != "compound":
+            joint = _moved(truth.joints[a].joint, scale, rotation, shift)
+            joints.append(_is_right(joint, found[b], mesh))
+    seen = int((of_true > 0.0).sum())
+    return {
+        "true": seen,
+        "found": n_found,
+        "matched": matched,
+        "f1": 2.0 * matched / max(seen + n_found, 1),
+        "joints": joints,
+    }
+
+
+def _similarity(source: Array, target: Array) -> tuple[float, Array, Array]:
+    """Return scale, rotation and shift from ``source`` to ``target`` (N, 3)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    u, _, vt = np.linalg.svd(a.T @ b)
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = (u @ sign @ vt).T
+    scale = float(np.sqrt((b**2).sum() / max(float((a**2).sum()), 1e-300)))
+    return scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
+
+
+def _moved(joint: PredictedJoint, scale: float, rotation: Array, shift: Array) -> dict[str, Any]:
+    axis = rotation @ np.asarray(joint.axis_o)
+    return {
+        "kind": joint.kind,
+        "axis": axis / np.linalg.norm(axis),
+        "pivot": scale * rotation @ np.asarray(joint.pivot_o) + shift,
+    }
+
+
+def _is_right(joint: dict[str, Any], found: PartProposal, mesh: ScanMesh) -> bool:
+    """Return whether type, axis (undirected) and hinge side are right."""
+    if CLASSES[joint["kind"]] != CLASSES[found.joint]:
+        return False
+    axis = joint["axis"]
+    if abs(float(axis @ found.axis)) < np.cos(AXIS_RAD):
+        return False
+    if CLASSES[joint["kind"]] == "slide" or "continuous" in {joint["kind"], found.joint}:
+        return True
+    corners = mesh.triangles[found.faces].reshape(-1, 3)
+    size = float(np.linalg.norm(np.ptp(corners - np.outer(corners @ axis, axis), axis=0)))
+    offset = joint["pivot"] - found.pivot
+    return bool(np.linalg.norm(offset - axis * (offset @ axis)) < SIDE_SHARE * size)
+
+
+def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
+    """Yield the objects of the half, ordered by the SHA-256 of their id."""
+    if args.kitchen is not None:
+        dataset = open_dataset(str(args.kitchen))
+        for key in dataset.ids():
+            if half(Path(key).name) == args.half:
+                loaded = dataset.load(key)
+                yield loaded
+        return
+    dataset = open_dataset(str(args.data / "assets.json"))
+    ids = [i for i in dataset.ids() if i.startswith("partnet") and half(i) == args.half]
+    ids.sort(key=lambda i: hashlib.sha256(i.encode()).hexdigest())
+    for key in ids[args.skip : args.skip + args.limit]:
+        yield dataset.load(key)
+
+
+def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """Read, propose and score one object; make its asset with ``--make``."""
+    merged = merge(truth)
+    path = folder / f"{truth.object_id.replace('/', '_')}.glb"
+    write(merged.mesh, path)
+    hints = ScanHints(text=truth.category if args.text else "")
+    start = time.monotonic()
+    scan = read_scan(path, hints)
+    scan, found = find_parts(scan, hints)
+    row = {"id": truth.object_id, "category": truth.category, "faces": len(merged.mesh.faces)}
+    row |= score(merged, truth, scan, found)
+    row["kinds"] = [proposal.kind for proposal in found]
+    row["seconds"] = round(time.monotonic() - start, 2)
+    if args.make:
+        start = time.monotonic()
+        try:
+            request = MakeRequest(out=folder / "asset", cache=folder / "cache")
+            result = make_scan(path, request, hints)
+            row["verdict"], row["reasons"] = result.verdict, list(result.reasons)
+        except UsageError as error:
+            row["verdict"], row["reasons"] = "no parts", [str(error)]
+        row["seconds"] = round(time.monotonic() - start, 2)
+    return row
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return macro F1, right joints, verdicts and time."""
+    joints = [right for row in rows for right in row["joints"]]
+    furniture = [row["f1"] for row in rows if row["category"] in FURNITURE]
+    by_category: dict[str, list[float]] = {}
+    for row in rows:
+        by_category.setdefault(row["category"], []).append(row["f1"])
+    found: dict[str, Any] = {
+        "objects": len(rows),
+        "macro_f1": round(statistics.mean(row["f1"] for row in rows), 3),
+        "macro_f1_furniture": round(statistics.mean(furniture), 3) if furniture else None,
+        "furniture": len(furniture),
+        "joints_right": round(statistics.mean(joints), 3) if joints else None,
+        "joints": len(joints),
+        "median_s": round(statistics.median(row["seconds"] for row in rows), 2),
+        "by_category": {k: [round(statistics.mean(v), 2), len(v)] for k, v in sorted(by_category.items())},
+    }
+    verdicts = [row["verdict"] for row in rows if "verdict" in row]
+    if verdicts:
+        found["verdicts"] = {name: verdicts.count(name) for name in sorted(set(verdicts))}
+        found["exact_and_passed"] = sum(
+            row["matched"] == row["true"] == row["found"]
+            and all(row["joints"])
+            and row["verdict"] in {"passed", "doubtful"}
+            for row in rows
+        )
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--data", type=Path, help="folder with assets.json")
+    parser.add_argument("--kitchen", type=Path, help="folder of kitchen-assets-cc-by")
+    parser.add_argument("--half", choices=("development", "published"), default="development")
+    parser.add_argument("--limit", type=int, default=60, help="number of objects")
+    parser.add_argument("--skip", type=int, default=0, help="objects to leave out at the start")
+    parser.add_argument("--text", action="store_true", help="give the category as text")
+    parser.add_argument("--make", action="store_true", help="write and check the assets")
+    parser.add_argument("--json", action="store_true", help="print all rows as JSON")
+    args = parser.parse_args(argv)
+    if (args.data is None) == (args.kitchen is None):
+        parser.error("give --data or --kitchen")
+    rows = []
+    for truth in objects(args):
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(measure(truth, args, Path(folder)))
+        if not args.json:
+            print(_line(rows[-1]), flush=True)
+    found = summary(rows)
+    print(json.dumps({"summary": found, "rows": rows} if args.json else found, indent=2))
+    return 0
+
+
+def _line(row: dict[str, Any]) -> str:
+    right = f"{sum(row['joints'])}/{len(row['joints'])}"
+    kinds = " ".join(row["kinds"][:8])
+    text = f"{row['id']:22} {row['category'][:14]:14} F1 {row['f1']:.2f} "
+    text += f"{row['matched']} of {row['true']} joints {right:6} {row['seconds']:6.1f} s  {kinds}"
+    return f"{text}  {row['verdict']} {row['reasons']}" if "verdict" in row else text
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
