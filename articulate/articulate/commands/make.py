@@ -116,14 +116,14 @@ class MakeFlags:
 
     def _check_without_parts(self) -> None:
         """Check the flags for an object that is generated."""
-        for flag, given in (
+        for flag, is_set in (
             ("--actor", self.actor != "auto"),
             ("--joint", self.joint not in {"auto", "all"}),
             ("--iterations", self.iterations is not None),
             ("--dry-run", self.dry_run),
             ("--camera-file", self.camera_file is not None),
         ):
-            if given:
+            if is_set:
                 raise ConfigError(
                     f"{flag} needs known parts; give --parts or --library, or omit {flag}"
                 )

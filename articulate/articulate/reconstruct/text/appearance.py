@@ -59,11 +59,11 @@ def is_handle(own: Shape) -> bool:
 
 def without(parts: Sequence[Part], names: Iterable[str]) -> list[Part]:
     """Return the parts without those links and the links on them."""
-    gone = set(names)
+    removed = set(names)
     kept = []
     for part in parts:
-        if part.name in gone or (part.motion is not None and part.motion.parent in gone):
-            gone.add(part.name)
+        if part.name in removed or (part.motion is not None and part.motion.parent in removed):
+            removed.add(part.name)
         else:
             kept.append(part)
     return kept

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Any
 
 from articulate.errors import ConfigError, quote
 from articulate.library.procedural.fridge import Fridge
@@ -11,12 +12,11 @@ from articulate.library.procedural.front_layout import (
     FrontLayout,
     FrontPanel,
     HandleKind,
-    HingeSide,
 )
 from articulate.library.procedural.table_with_drawers import TableWithDrawers
 from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.text.appearance import is_handle, palette_entry, recoloured
-from articulate.reconstruct.text.description import Description, PartGroup
+from articulate.reconstruct.text.description import Description, PartGroup, Position, Relation
 from articulate.reconstruct.text.household import overrides, sampled, size_of_dimensions
 from articulate.reconstruct.text.layout import FrontStyle, arrange, front_panels, grid_of
 from articulate.reconstruct.text.vocabulary import CLASSES, ObjectClass
@@ -48,8 +48,6 @@ class Built:
 
 def class_of(description: Description) -> ObjectClass:
     """Return the class of the noun in the text; a cabinet without a noun."""
-    import re
-
     for one in CLASSES:
         if any(re.fullmatch(noun, description.noun) for noun in one.nouns):
             return one
@@ -73,7 +71,7 @@ def build_furniture(description: Description) -> Built:
         height_m=height,
         handle=_handle(description),
         doors_above=one.size_m[2] > 1.5,
-        door_hinge=cast(HingeSide, description.hinge),
+        door_hinge=description.hinge,
     )
     node = arrange(description, style)
     if (
@@ -88,7 +86,7 @@ def build_furniture(description: Description) -> Built:
     base_m = {"plinth": 0.05, "legs": 0.12, "none": 0.0}[base]
     base_m = min(base_m, 0.15 * height)
     layout = _layout(
-        FrontLayout,
+        description,
         panels=panels,
         width_m=width,
         depth_m=depth,
@@ -112,6 +110,10 @@ def build_table(description: Description) -> Built:
     _check_kinds(description, noun, out)
     groups = [g for g in description.groups if g.kind in KINDS]
     drawers = [g for g in groups if g.kind == "drawer"]
+    for g in groups:
+        if g.position in {"top", "bottom"} or (g.position == "ends" and g.count == 2):
+            g.position = ""
+            g.stack = g.stack or "row"
     if not groups and "drawer" in description.absent:
         raise ConfigError(
             f"{quote(description.text)}: a {noun} without drawers has no moving part; "
@@ -133,18 +135,19 @@ def build_table(description: Description) -> Built:
         out.assumptions.append("3 drawers in a pedestal on the right: the text gives no number")
     elif all(not g.position and g.stack != "row" for g in groups) and not description.relations:
         for g in groups:
-            g.position = "ends" if (g.count or 2) >= 6 and g.count % 2 == 0 else "right"  # type: ignore[operator]
+            count = g.count or 2
+            g.position = "ends" if count >= 6 and count % 2 == 0 else "right"
         out.assumptions.append(f"pedestal on {groups[0].position}: the text gives no side")
-    description = replace(description, groups=_with_gap(groups), relations=description.relations)
+    description = _with_gap(description, groups)
     width, depth, height = _sizes(description, one, "table", out)
     style = FrontStyle(
         width_m=width,
         height_m=height,
         handle=_handle(description),
-        door_hinge=cast(HingeSide, description.hinge),
+        door_hinge=description.hinge,
     )
     layout = _layout(
-        FrontLayout,
+        description,
         panels=front_panels(description, style),
         width_m=width,
         depth_m=depth,
@@ -160,13 +163,17 @@ def build_table(description: Description) -> Built:
     return out
 
 
-def _with_gap(groups: list[PartGroup]) -> list[PartGroup]:
-    """Add the space for legs; ``ends`` and sides stay."""
-    middle = [g for g in groups if g.position in {"", "middle"}]
-    if middle:
-        for g in middle:
-            g.position = "middle"
-    return [*groups, PartGroup(kind="gap", count=1, position="middle")]
+def _with_gap(description: Description, groups: list[PartGroup]) -> Description:
+    """Add the space for legs, and free space below single drawers at the sides."""
+    full, relations = [*groups], _relations_of(description, groups)
+    for k, group in enumerate(groups):
+        if group.kind == "drawer" and group.count == 1 and group.position in {"left", "right"}:
+            full.append(PartGroup(kind="gap", count=1, weight=0.8, position=group.position))
+            relations.append(Relation(first=k, link="above", second=len(full) - 1))
+        if group.position == "":
+            group.position = "middle"
+    full.append(PartGroup(kind="gap", count=1, position="middle"))
+    return replace(description, groups=full, relations=relations)
 
 
 def _simple_table(description: Description, out: Built, low: float | None) -> Built:
@@ -225,9 +232,9 @@ def _two_doors(description: Description, out: Built, freezer: PartGroup | None) 
         values["freezer"] = "above" if freezer.position == "top" else "below"
     else:
         out.assumptions.append("freezer below: the text gives no position")
-    sides = [g.hinge for g in description.groups if g.hinge] or [description.hinge]
-    if sides[0]:
-        values["hinges"] = sides[0]
+    side = next((g.hinge for g in description.groups if g.hinge), description.hinge)
+    if side:
+        values["hinges"] = side
     fridge = sampled(Fridge, values, description)
     out.assumptions += assumed
     parts = fridge.parts()
@@ -241,61 +248,26 @@ def _fridge_front(
     description: Description, out: Built, freezer: PartGroup | None, row: bool
 ) -> Built:
     """Build a refrigerator with a divided front."""
-    doors, drawers = description.count("door"), description.count("drawer")
     groups = [g for g in description.groups if g.kind in {"door", "drawer", "flap"}]
-    relations = list(description.relations)
-    if doors is None:
-        door = next((g for g in groups if g.kind == "door"), None)
-        count = 2 if row or door is not None else 1
-        if door is None:
-            groups.insert(0, PartGroup(kind="door", count=count, stack="row"))
-            relations = []
-        else:
-            door.count = count
-        doors = count
-    if row:
-        for g in groups:
-            if g.kind == "door" and g.stack == "" and (g.count or 0) > 1:
-                g.stack = "row"
-    if freezer is not None and not drawers:
-        position = freezer.position or "bottom"
-        if row or doors == 1:
-            if doors == 1 and not any(g.kind == "drawer" for g in groups):
-                out.assumptions.append("the freezer is behind the single door")
-            else:
-                groups.append(PartGroup(kind="drawer", count=1, position=position))
-                out.assumptions.append("the freezer is a drawer: the doors are beside each other")
-        elif doors >= 3:
-            _freezer_door(groups, position)
-        relations = [
-            r
-            for r in relations
-            if description.groups[r.first].kind != "freezer"
-            and description.groups[r.second].kind != "freezer"
-        ]
-    elif doors == 3 and not drawers:
-        _freezer_door(groups, "bottom")
-        out.assumptions.append("two doors above one: the text gives no arrangement")
-    _place_drawers(groups, relations)
+    if not any(g.kind == "door" for g in groups):
+        groups.insert(0, PartGroup(kind="door", count=2 if row else 1))
     for g in groups:
+        if g.kind == "door" and g.count is None:
+            g.count = 2
+        if g.kind == "door" and row and (g.count or 1) > 1:
+            g.stack = g.stack or "row"
+    doors = sum(g.count or 1 for g in groups if g.kind == "door")
+    if not any(g.kind == "drawer" for g in groups):
+        _place_freezer(groups, freezer, doors, row, out)
+    relations = _relations_of(description, groups)
+    for g in groups:
+        if g.kind == "drawer" and not g.position and not relations:
+            g.position = "bottom"
         if g.kind == "door" and (g.count or 1) >= 4 and not (g.rows or g.columns or g.stack):
             g.columns = 2
-    kept = [g for g in groups]
-    index = {id(g): k for k, g in enumerate(kept)}
-    relations = [
-        replace(
-            r,
-            first=index[id(description.groups[r.first])],
-            second=index[id(description.groups[r.second])],
-        )
-        for r in relations
-        if id(description.groups[r.first]) in index and id(description.groups[r.second]) in index
-    ]
-    full = replace(description, groups=kept, relations=relations)
-    wide = max((g.count or 1) for g in kept if g.kind in {"door", "flap", "drawer"}) > 1
-    small = doors == 1 and not wide
-    usual = (0.6, 0.62, 1.7) if small else (0.9, 0.7, 1.78)
-    one = replace(CLASSES[0], size_m=usual)
+    full = replace(description, groups=groups, relations=relations)
+    single = all(g.count == 1 for g in groups if g.kind in {"door", "flap"}) and doors == 1
+    one = replace(CLASSES[0], size_m=(0.6, 0.62, 1.7) if single else (0.9, 0.7, 1.78))
     width, depth, height = _sizes(full, one, "fridge", out)
     style = FrontStyle(
         width_m=width,
@@ -303,10 +275,10 @@ def _fridge_front(
         handle=_handle(description),
         doors_above=True,
         middle_is_vertical=True,
-        door_hinge=cast(HingeSide, description.hinge),
+        door_hinge=description.hinge,
     )
     layout = _layout(
-        FrontLayout,
+        description,
         panels=front_panels(full, style),
         width_m=width,
         depth_m=depth,
@@ -324,20 +296,75 @@ def _fridge_front(
     return out
 
 
+def _place_freezer(
+    groups: list[PartGroup], freezer: PartGroup | None, doors: int, row: bool, out: Built
+) -> None:
+    """Give the freezer a drawer, one of the doors, or space behind the only door."""
+    position = "bottom" if freezer is None else freezer.position or "bottom"
+    if doors == 3 and not row:
+        _freezer_door(groups, position)
+        if freezer is None:
+            out.assumptions.append("two doors above one: the text gives no arrangement")
+    elif freezer is None:
+        return
+    elif doors == 1:
+        out.assumptions.append("the freezer is behind the single door")
+    elif row:
+        groups.append(PartGroup(kind="drawer", count=1, position=position))
+        out.assumptions.append("the freezer is a drawer: the doors are beside each other")
+    elif doors >= 3:
+        _freezer_door(groups, position)
+
+
+def _relations_of(description: Description, groups: list[PartGroup]) -> list[Relation]:
+    """Return the relations between those groups, with their indices."""
+    index = {id(group): k for k, group in enumerate(groups)}
+    found = []
+    for relation in description.relations:
+        ends = [id(description.groups[k]) for k in (relation.first, relation.second)]
+        if all(end in index for end in ends):
+            found.append(replace(relation, first=index[ends[0]], second=index[ends[1]]))
+    return found
+
+
 def _freezer_door(groups: list[PartGroup], position: str) -> None:
     """Take one of the doors for the freezer, above or below the others."""
     door = next(g for g in groups if g.kind == "door")
     door.count = (door.count or 3) - 1
-    groups.append(
-        PartGroup(kind="door", count=1, position="top" if position == "top" else "bottom")
+    place: Position = "top" if position == "top" else "bottom"
+    groups.append(PartGroup(kind="door", count=1, position=place))
+
+
+def build_double_oven(description: Description) -> Built:
+    """Build two ovens above each other with doors that are hinged at the bottom."""
+    out = Built(name="oven", category="Oven", parts=[])
+    doors = PartGroup(kind="flap", count=2, stack="column", hinge=description.hinge)
+    full = replace(description, groups=[doors], relations=[])
+    for g in description.groups:
+        if g.kind not in {"door", "flap"}:
+            out.doubts.append(f"not made: {g.kind} of a double oven")
+    if any(g.hinge for g in description.groups):
+        doors.hinge = next(g.hinge for g in description.groups if g.hinge)
+    one = replace(CLASSES[0], size_m=(0.6, 0.58, 1.2))
+    width, depth, height = _sizes(full, one, "furniture", out)
+    style = FrontStyle(width_m=width, height_m=height, handle=description.handles or "bar")
+    layout = _layout(
+        description,
+        panels=front_panels(full, style),
+        width_m=width,
+        depth_m=depth,
+        height_m=height,
+        base="plinth",
+        worktop_m=0.06,
+        board_m=0.04,
+        handle_m=0.45,
+        finish="steel",
+        front_finish="dark_glass",
+        name="oven",
+        category="Oven",
     )
-
-
-def _place_drawers(groups: list[PartGroup], relations: list[object]) -> None:
-    """Put drawers without a position below the doors."""
-    for g in groups:
-        if g.kind == "drawer" and not g.position and not relations:
-            g.position = "bottom"
+    out.parts = _coloured(layout.parts(), description, "steel", "appliance")
+    return out
 
 
 # -- shared ----------------------------------------------------------------------------------
@@ -347,9 +374,9 @@ def _with_usual_parts(description: Description, one: ObjectClass, out: Built) ->
     moving = [g for g in groups if g.kind in {"drawer", "door", "flap"}]
     for g in groups:
         if g.count is None and not (g.rows or g.columns):
-            usual = one.parts.get(g.kind, 2)
-            g.count = max(2, usual) if g.kind != "open" else 2
-            out.assumptions.append(f"{g.count} {g.kind}s: the text gives no number")
+            g.count = max(2, one.parts.get(g.kind, 2)) if g.kind != "open" else 2
+            what = "open compartments" if g.kind == "open" else f"{g.kind}s"
+            out.assumptions.append(f"{g.count} {what}: the text gives no number")
     if moving:
         return description
     usual = {k: n for k, n in one.parts.items() if k not in description.absent}
@@ -381,19 +408,19 @@ def _check_kinds(
 
 
 def _handle(description: Description) -> HandleKind:
-    return cast(HandleKind, description.handles or "bar")
+    return description.handles or "bar"
 
 
 def _sizes(
     description: Description, one: ObjectClass, kind: str, out: Built
 ) -> tuple[float, float, float]:
     """Return width, depth and height: those of the text, or usual ones with room for the parts."""
-    given = size_of_dimensions(description, two=("width", "depth" if kind == "table" else "height"))
+    sizes = size_of_dimensions(description, two=("width", "depth" if kind == "table" else "height"))
     values = []
     for k, dimension in enumerate(DIMENSIONS):
         low, high = RANGES_M[kind][k]
-        if dimension in given:
-            value = given[dimension]
+        if dimension in sizes:
+            value = sizes[dimension]
             if not low <= value <= high:
                 raise ConfigError(
                     f"{quote(description.text)}: a {dimension} of {value:g} m is not possible for "
@@ -410,7 +437,7 @@ def _sizes(
     if "height" not in given and kind != "table":
         values[2] = max(values[2], round(min(MIN_SHARE_M * rows + 0.1, RANGES_M[kind][2][1]), 3))
     for k, dimension in enumerate(DIMENSIONS):
-        if dimension not in given:
+        if dimension not in sizes:
             noun = description.noun or "cabinet"
             out.assumptions.append(f"{dimension} {values[k]:g} m: usual for a {noun}")
     return values[0], values[1], values[2]
@@ -434,10 +461,29 @@ def _grid_extent(description: Description, values: list[float]) -> tuple[float, 
     return sum(rows), max(columns, default=1.0)
 
 
-def _layout(
-    kind: type[FrontLayout], *, panels: tuple[FrontPanel, ...], **values: object
-) -> FrontLayout:
-    return kind(panels=panels, **values)  # type: ignore[arg-type]
+def _layout(description: Description, panels: tuple[FrontPanel, ...], **values: Any) -> FrontLayout:
+    """Return the layout.
+
+    Raises:
+        ConfigError: The fronts are too small; the message gives a size at which they fit.
+    """
+    try:
+        return FrontLayout(panels=panels, **values)
+    except ConfigError as error:
+        for step in range(1, 40):
+            factor = 1.0 + 0.1 * step
+            larger = {key: round(factor * values[key], 2) for key in ("width_m", "height_m")}
+            try:
+                FrontLayout(panels=panels, **(values | larger))
+            except ConfigError:
+                continue
+            width, height = larger.values()
+            reason = str(error).partition(": ")[2].partition(";")[0]
+            raise ConfigError(
+                f"{quote(description.text)}: {reason}; possible is {width:g} m wide and "
+                f"{height:g} m high, or fewer parts"
+            ) from None
+        raise
 
 
 def _without_handles(parts: list[Part]) -> list[Part]:

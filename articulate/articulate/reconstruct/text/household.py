@@ -89,11 +89,23 @@ class Household:
 def size_of_dimensions(
     description: Description, *, two: tuple[str, str] = ("width", "depth"), any_: str = "width"
 ) -> dict[str, float]:
-    """Return the sizes of a text with names for all of them [m]."""
+    """Return the sizes of a text with names for all of them [m].
+
+    Three lengths without names are width, depth and height.
+    """
     sizes = dict(description.sizes_m)
-    if "first" in sizes:
-        sizes[two[0]] = sizes.pop("first")
-        sizes[two[1]] = sizes.pop("second")
+    numbers = [sizes.pop(name) for name in ("first", "second", "third") if name in sizes]
+    if numbers:
+        names: tuple[str, ...] = two if len(numbers) == 2 else ("width", "depth", "height")
+        if description.category == "suitcase":
+            names = ("height", "width", "depth") if len(numbers) == 3 else ("height", "width")
+            numbers.sort(reverse=True)
+        if description.category == "door":
+            names = ("height", "width", "depth")[: len(numbers)]
+            numbers.sort(reverse=True)
+        if description.category == "sliding_window" and len(numbers) == 3:
+            names = ("width", "height", "depth")
+        sizes |= dict(zip(names, numbers, strict=True))
     if "any" in sizes:
         sizes.setdefault(any_, sizes.pop("any"))
     return sizes
@@ -222,7 +234,14 @@ def overrides(description: Description, name: str) -> tuple[Values, list[str]]:
         _round(sizes, values, usual)
     else:
         SIZES.get(name, _plain)(sizes, values, usual)
-    if sizes and name in {"door", "sliding_window"} and set(sizes) == {"depth"}:
+    fields = {one.name for one in dataclasses.fields(dimensions)}
+    for key in [key for key in values if key not in fields]:
+        sizes[key.removesuffix("_m")] = values.pop(key)
+    if set(sizes) == {"depth"} and name in {"door", "sliding_window"}:
+        assumed.append("depth: that of the frame")
+        sizes.clear()
+    if set(sizes) == {"height"} and name == "laptop":
+        assumed.append("thickness: the usual one")
         sizes.clear()
     if sizes:
         names = ", ".join(sizes)
@@ -270,7 +289,7 @@ def sampled(kind: type[D], values: Values, description: Description) -> D:
         low, high = one.metadata["accepted"]
         value = values[one.name]
         if not low <= value <= high:
-            what = one.name.removesuffix("_m").replace("_", " ")
+            what = one.name.removesuffix("_m").replace("_", " ").replace("count", "lever count")
             unit = " m" if one.name.endswith("_m") else ""
             best = min(max(value, low), high)
             raise ConfigError(
@@ -317,31 +336,38 @@ def _variants(description: Description, wanted: dict[str, int | None], values: V
     if name in {"oven", "microwave"} and wanted.get("knob"):
         values["knobs"] = wanted["knob"]
     if name == "switch":
-        if wanted.get("dial") and not wanted.get("lever"):
-            values["kind"] = "dial"
-        elif "dimmer" in description.noun or description.noun in {"rotary switch", "thermostat"}:
-            values["kind"] = "lever" if wanted.get("lever") else "dial"
-        if values.get("kind") != "dial":
-            values["count"] = wanted.get("lever") or 1
-            if "lever" in wanted and wanted["lever"] is None:
-                values["count"] = 2
-    if name == "faucet" and (wanted.get("handle") or ("handle" in wanted and not wanted["handle"])):
+        _switch_variants(description, wanted, values)
+    if name == "faucet" and "handle" in wanted and wanted["handle"] != 0:
         values["handles"] = "two"
     if name == "bottle" and "flip" in options:
         values["cap"] = "flip"
     if name == "box_with_lid" and "deep" in options:
         values["lid"] = "deep"
-    if name in HINGE_FIELD:
-        side = _side(description)
-        if side in {"left", "right"}:
-            values["hinges"] = side
-        elif side:
+    if name == "box_with_lid" and "depth_m" in values:
+        values["lip_length_m"] = round(min(0.12, max(0.04, 0.5 * values["depth_m"])), 3)
+    side = _side(description)
+    if side and name in HINGE_FIELD:
+        if side in {"top", "bottom"}:
             raise ConfigError(
                 f"{quote(description.text)}: a {description.noun} is hinged left or right, not "
                 f"at the {side}"
             )
-    if name == "box_with_lid" and "depth_m" in values:
-        values["lip_length_m"] = round(min(0.12, max(0.04, 0.5 * values["depth_m"])), 3)
+        values["hinges"] = side
+
+
+def _switch_variants(
+    description: Description, wanted: dict[str, int | None], values: Values
+) -> None:
+    """Select levers and their number, or a dial."""
+    dial = description.noun.startswith("dimmer") or description.noun in {
+        "rotary switch",
+        "thermostat",
+    }
+    if not wanted.get("lever") and (dial or wanted.get("dial")):
+        values["kind"] = "dial"
+        return
+    levers = wanted.get("lever", 1)
+    values["count"] = 2 if levers is None else levers
 
 
 def _side(description: Description) -> str:
@@ -378,8 +404,6 @@ def build_household(description: Description) -> Household:
     elif side and name not in HINGE_FIELD:
         out.doubts.append(f"the hinge of a {description.noun} cannot be set to the {side}")
     _part_materials(description, out)
-    if name in {"oven"} and "times_2" in description.options:
-        out.doubts.append("a double oven is made with one door")
     return out
 
 

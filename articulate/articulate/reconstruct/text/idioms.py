@@ -6,6 +6,7 @@ Symbols start with ``@``: ``@rel_above``, ``@pos_left``, ``@hinge_top``, ``@row`
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from articulate.reconstruct.text.vocabulary import CLASSES, ObjectClass, word_set
@@ -69,7 +70,8 @@ def _grid_turned(match: re.Match[str]) -> str:
 
 ROWS = r"(?:horizontal )?(?:rows?|tiers?|levels?)"
 COLUMNS = r"(?:vertical )?(?:columns?|stacks?|towers?|banks?)"
-IDIOMS: tuple[tuple[str, object], ...] = (
+Symbol = str | Callable[[re.Match[str]], str]
+IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (r"\bno (?:more|less|wider|higher|taller|deeper) than\b", " "),
     (r"\bhandle ?less\b", " @no handles "),
     (r"\b(?:instead of|rather than|in place of) (?:a |the )?(?:bars?|knobs?|handles?)\b", " "),
@@ -77,6 +79,23 @@ IDIOMS: tuple[tuple[str, object], ...] = (
         r"\b(?:do(?:es)? not (?:have|include|contain|come with)|ha(?:s|ve) no|with no|without|"
         r"no|none|neither|nor|lacking|lacks|free of|minus|zero|0)(?: any| an?)?\b",
         " @no ",
+    ),
+    (
+        r"\b(?:of |with |in )?(?:the |an? )?(?:same|equal|identical|similar) "
+        r"(?:height|width|size|depth|dimension)s?\b|\b(?:the )?same size\b",
+        " ",
+    ),
+    (r"\btop load(?:ing|er|ed)?\b", " @unknown_top_loading "),
+    (r"\bfront load(?:ing|er|ed)?\b", " "),
+    (
+        r"\b(?:(?:in|on|at) )?(?:the |its |whose )?(upper|lower|top|bottom|left|right)"
+        r"(?:[ -]hand)? (half|part|section|side|portion|column|row|end)\s*(?:has|have|with|"
+        r"contains?|holds?|containing|of|is|:|,|(?=\d))",
+        lambda m: f" ; @pos_{SIDES[m[1]]} " + ("@row " if m[2] == "row" else ""),
+    ),
+    (
+        r"\b2 pedestals?,? (?:of|with|each with) (\d+) drawers?(?: each)?",
+        lambda m: f" {2 * int(m[1])} drawers @pos_ends @opt_pedestal ",
     ),
     # grids
     (rf"\b(\d+) {ROWS} (?:and|by|x|with|times) (\d+) {COLUMNS}\b", _grid),
@@ -90,8 +109,8 @@ IDIOMS: tuple[tuple[str, object], ...] = (
     (rf"\b(\d+) {COLUMNS}\b", lambda m: f" @columns_{m[1]} "),
     # arrangement inside a group
     (
-        r"\b(?:stacked |placed |arranged |set )?(?:1|one|an?) (?:directly )?(?:above|over|on top of|"
-        r"atop|below|under|beneath|underneath) (?:the other|another|the next)\b",
+        r"\b(?:stacked |placed |arranged |set )?(?:1|one|an?) (?:directly )?(?:above|over|"
+        r"on top of|atop|below|under|beneath|underneath) (?:the other|another|the next)\b",
         " @column ",
     ),
     (rf"\b(?:stacked )?(?:on top of|above|below|under|over|beneath) {OTHER}\b", " @column "),
@@ -123,6 +142,11 @@ IDIOMS: tuple[tuple[str, object], ...] = (
     (r"\b(?:top hung|up ?wards? opening)\b", " @hinge_top "),
     (r"\b(?:bottom hung|down ?wards? opening)\b", " @hinge_bottom "),
     (r"\b(?:open(?:s|ing)?|swing(?:s|ing)?) (?:outwards?|to the front|forwards?)\b", " "),
+    (
+        rf"\b(?:the|its)\s+{SIDE}(?:most)? (?:1|one)\b",
+        lambda m: f" @member_{SIDES[m[1]]} ",
+    ),
+    (r"\b(?:the|its)\s+(?:middle|central|cent(?:er|re)) (?:1|one)\b", " @member_middle "),
     # relations and positions
     (rf"\b{AT}{THE}left(?:[ -]hand)?(?: side)? of\b", " @rel_left "),
     (rf"\b{AT}{THE}right(?:[ -]hand)?(?: side)? of\b", " @rel_right "),
@@ -189,7 +213,7 @@ _PATTERNS: list[tuple[str, re.Pattern[str], ObjectClass]] = sorted(
 def replace_idioms(text: str) -> str:
     """Replace phrases by symbols; the text is in lower case, without hyphens between words."""
     for pattern, symbol in IDIOMS:
-        text = re.sub(pattern, symbol, text)  # type: ignore[call-overload]
+        text = re.sub(pattern, symbol, text)
     return text
 
 
@@ -200,6 +224,11 @@ class _Match:
     noun: str
     plural: bool
     object_class: ObjectClass
+
+
+def _is_weak(match: _Match) -> bool:
+    """Return whether a noun often names a part."""
+    return match.noun in WEAK or match.object_class.name in {"door", "sliding_window"}
 
 
 def replace_nouns(text: str) -> tuple[str, list[Noun]]:
@@ -217,7 +246,7 @@ def replace_nouns(text: str) -> tuple[str, list[Noun]]:
                 )
                 matches.append(found)
     matches.sort(key=lambda match: match.start)
-    strong = [m for m in matches if m.noun not in WEAK]
+    strong = [m for m in matches if not _is_weak(m)]
     chosen = strong or matches[:1]
     if not chosen:
         return text, []
@@ -237,6 +266,8 @@ def replace_nouns(text: str) -> tuple[str, list[Noun]]:
             out += " @object "
         elif match.object_class.partnet == head.object_class.partnet:
             out += " @again "
+        elif re.match(r"\s+(?:doors?|drawers?|handles?|knobs?|lids?)\b", text[match.end :]):
+            out += " "  # "a cupboard door" of a desk
         else:
             nouns.append(
                 Noun(object_class=match.object_class, text=match.noun, plural=match.plural)

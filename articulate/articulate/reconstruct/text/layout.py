@@ -12,7 +12,7 @@ from articulate.library.procedural.front_layout import (
     HingeSide,
     PanelKind,
 )
-from articulate.reconstruct.text.description import Description, PartGroup, Position
+from articulate.reconstruct.text.description import Description, PartGroup, Position, Side
 
 Direction = Literal["", "row", "column"]
 HEIGHTS = {"drawer": 1.0, "door": 3.0, "flap": 1.6, "open": 1.3, "panel": 1.0, "gap": 4.0}
@@ -105,29 +105,24 @@ def _merge(nodes: dict[int, Node], first: PartGroup, second: PartGroup, link: st
 def _split_ends(node: Node) -> tuple[Node, Node]:
     """Split a region into its left and right half."""
     group = node.group
-    if group is None:
-        if node.direction == "row" and len(node.children) == 2:
-            return node.children[0], node.children[1]
-        return node, Node(group=PartGroup(kind="panel", count=1))
-    count = group.count or 2
-    left, right = count - count // 2, count // 2
-    halves = (left, right or left)
-    return cast(
-        "tuple[Node, Node]",
-        tuple(
-            Node(
-                group=replace(
-                    group,
-                    count=n,
-                    position="",
-                    columns=None,
-                    rows=None,
-                    hinge=group.hinge or (side if group.kind == "door" else ""),
-                )
-            )
-            for n, side in zip(halves, ("left", "right"), strict=True)
-        ),
+    if group is not None:
+        count = group.count or 2
+        left, right = count - count // 2, count // 2
+        return _half(group, left, "left"), _half(group, right or left, "right")
+    if node.direction == "row" and len(node.children) == 2:
+        return node.children[0], node.children[1]
+    pairs = [_split_ends(child) for child in node.children]
+    return (
+        Node(direction=node.direction, children=[pair[0] for pair in pairs]),
+        Node(direction=node.direction, children=[pair[1] for pair in pairs]),
     )
+
+
+def _half(group: PartGroup, count: int, side: Side) -> Node:
+    """Return a region with ``count`` parts of a group at one side of the front."""
+    hinge = group.hinge or (side if group.kind == "door" else "")
+    half = replace(group, count=count, position="", columns=None, rows=None, hinge=hinge)
+    return Node(group=half)
 
 
 def _solve(nodes: Sequence[Node], style: FrontStyle) -> Node:
@@ -213,9 +208,11 @@ def _stacked(nodes: list[Node]) -> Node:
 
 def _default(nodes: list[Node], style: FrontStyle) -> Node:
     """Arrange regions for which the text gives no relation: above each other."""
-    order = {"open": 1, "drawer": 0, "flap": 1, "panel": 3, "door": 2}
+    if all(g.kind == "door" for node in nodes for g in node.leaves()):
+        return Node(direction="row", children=nodes)
+    order = {"drawer": 0, "open": 1, "flap": 1, "door": 2}
     if style.doors_above:
-        order |= {"door": -1}
+        order |= {"open": 0, "door": 1, "drawer": 2}
 
     def rank(node: Node) -> int:
         return min(order.get(group.kind, 2) for group in node.leaves())
@@ -332,11 +329,23 @@ def _group_panels(group: PartGroup, area: Area, style: FrontStyle, beside: int) 
                 right=min(1.0, left + (column + 1) * wide),
                 bottom=max(0.0, top - (row + 1) * high),
                 top=top - row * high,
-                hinge=hinges[column % len(hinges)],
+                hinge=_member_hinge(group, k, count, in_row) or hinges[column % len(hinges)],
                 handle="none" if kind in {"open", "panel", "gap"} else style.handle,
             )
         )
     return out
+
+
+def _member_hinge(group: PartGroup, k: int, count: int, columns: int) -> HingeSide:
+    """Return the hinged edge of one part if the text gives it for that part."""
+    names = {0: ("left",) if columns > 1 else ("top",), count - 1: ("right", "bottom")}
+    if count % 2 and k == count // 2:
+        names[k] = ("middle",)
+    for name in names.get(k, ()):
+        side = group.member_hinges.get(name, "")
+        if side in {"left", "right"}:
+            return side
+    return ""
 
 
 def _kind_and_hinges(
@@ -355,6 +364,6 @@ def _kind_and_hinges(
     if columns == 1:
         at_left = area[0] < 1e-6 and area[1] < 1.0 - 1e-6
         return "door", ["left" if at_left else "right"]
-    hinges: list[HingeSide] = [cast("HingeSide", ("left", "right")[k % 2]) for k in range(columns)]
+    hinges: list[HingeSide] = ["right" if k % 2 else "left" for k in range(columns)]
     hinges[-1] = "right"
     return "door", hinges

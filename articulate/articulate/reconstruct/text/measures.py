@@ -135,6 +135,7 @@ def with_digits(text: str) -> str:
 def find_measures(text: str) -> Measured:
     """Find lengths; the text is in lower case with numbers as digits."""
     text = re.sub(r"(?<=[\d\"'])\s*[×*]\s*(?=\d)", " x ", text)
+    text = re.sub(r"\b(\d)\s?m\s?(\d\d)\b", r"\1.\2 m", text)
     text = re.sub(r"(mm|cm|\dm|in|ft|[\d\"'])\s?x\s?(?=\d)", r"\1 x ", text)
     text = re.sub(r"\b([wdhl])(?=\d)", r"\1 ", text)
     text = re.sub(r"(\d)([wdhl])\b", r"\1 \2", text)
@@ -191,7 +192,7 @@ def _products(text: str, keep: Callable[[list[Measure]], str]) -> str:
         labels = [g[0] or g[3] or "" for g in groups]
         names = [LABELS.get(label, "") for label in labels]
         if not any(names):
-            names = ["width", "depth", "height"] if len(groups) == 3 else ["first", "second"]
+            names = ["first", "second", "third"][: len(groups)]
         rest = [d for d in ("width", "depth", "height") if d not in names]
         names = [name or rest.pop(0) for name in names]
         return keep(

@@ -15,9 +15,16 @@ from articulate.library.procedural.urdf import Part
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.proposal import ObjectProposal, Source
 from articulate.reconstruct.text.description import Description
-from articulate.reconstruct.text.furniture import Built, build_fridge, build_furniture, build_table
+from articulate.reconstruct.text.furniture import (
+    Built,
+    build_double_oven,
+    build_fridge,
+    build_furniture,
+    build_table,
+)
 from articulate.reconstruct.text.household import SYNONYMS, Household, build_household, kind_of
-from articulate.reconstruct.text.parse import normalise, parse
+from articulate.reconstruct.text.parse import parse
+from articulate.reconstruct.text.reader import normalise
 from articulate.reconstruct.text.vocabulary import (
     CLASSES,
     COLOURS,
@@ -40,6 +47,7 @@ FOREIGN = word_set(
 )
 """Frequent words of other languages."""
 EXAMPLES = "a cabinet, a fridge, an oven, a desk, a door, a box, a trash can, a laptop"
+MOVING = frozenset({"drawer", "door", "flap"})
 CONFIDENT, ASSUMED, DOUBTFUL = 0.97, 0.9, 0.5
 """Confidence with the structure in the text, with usual parts, and with doubts."""
 
@@ -61,6 +69,10 @@ def propose(text: str) -> ObjectProposal:
         built = build_table(description)
     elif description.category == "fridge":
         built = build_fridge(description)
+    elif description.category == "oven" and (
+        "times_2" in description.options or description.count("door") == 2
+    ):
+        built = build_double_oven(description)
     else:
         built = build_household(description)
     unknown = list(dict.fromkeys(description.unknown))
@@ -148,11 +160,13 @@ def _check_object(description: Description) -> None:
     Raises:
         ConfigError: It does not.
     """
+    kinds = {group.kind for group in description.groups}
+    if description.category == "furniture" and "lid" in kinds and not kinds & MOVING:
+        description.category = "box_with_lid"
     if description.category:
         return
     unknown = [word for word in description.unknown if word.isalpha()]
-    kinds = {group.kind for group in description.groups}
-    if not unknown and kinds & {"drawer", "door", "flap"}:
+    if not unknown and kinds & MOVING:
         description.category, description.noun = "furniture", "cabinet"
         description.doubts.append("the text names no object; a cabinet is assumed")
         return

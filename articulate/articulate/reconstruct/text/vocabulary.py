@@ -86,8 +86,8 @@ CLASSES: tuple[ObjectClass, ...] = (
         "legs",
     ),
     _furniture(
-        "chest of drawers|chest|dresser|drawer (?:unit|chest|cabinet|tower)|bureau|tallboy|highboy|"
-        "lowboy|chiffonier|commode|apothecary (?:chest|cabinet)",
+        "chest of drawers|chest|dresser|drawer (?:unit|chest|cabinet|tower|base)|bureau|"
+        "tallboy|highboy|lowboy|chiffonier|commode|apothecary (?:chest|cabinet)",
         (0.9, 0.45, 0.9),
         {"drawer": 4},
         "legs",
@@ -144,7 +144,7 @@ CLASSES: tuple[ObjectClass, ...] = (
         "door",
         "Door",
         "door|room door|interior door|exterior door|front door|entrance door|house door|"
-        "hinged door|bedroom door|bathroom door|office door|door (?:leaf|with frame|and frame)",
+        "bedroom door|bathroom door|office door|door (?:leaf|with frame|and frame)",
     ),
     _object("sliding_window", "Window", "window|sash window|sliding window|slider window"),
     _object(
@@ -431,7 +431,7 @@ NO_EFFECT = word_set(
     kids children school hallway laundry utility studio workshop classroom laboratory lab
     garden hospital apartment house freestanding standing free built-in built integrated
     inbuilt upright mounted wall floor electric electrical gas induction automatic manual
-    digital conventional combi convection front loading loader loaded american european style
+    digital conventional combi convection front loading loader american european style
     slimline loading-door fully shiny matt matte glossy gloss polished brushed painted
     lacquered varnished stained natural dark light pale bright deep-coloured coloured colored
     colour color clean empty heavy lightweight thick thin round cylindrical rectangular square
