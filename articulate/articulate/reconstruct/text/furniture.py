@@ -432,9 +432,9 @@ def _sizes(
             value = min(max(one.size_m[k] * factor, low), high)
         values.append(round(value, 4))
     rows, columns = _grid_extent(description, values)
-    if "width" not in given and kind != "table":
+    if "width" not in sizes and kind != "table":
         values[0] = max(values[0], round(min(COLUMN_M * columns, RANGES_M[kind][0][1]), 3))
-    if "height" not in given and kind != "table":
+    if "height" not in sizes and kind != "table":
         values[2] = max(values[2], round(min(MIN_SHARE_M * rows + 0.1, RANGES_M[kind][2][1]), 3))
     for k, dimension in enumerate(DIMENSIONS):
         if dimension not in sizes:
