@@ -28,6 +28,16 @@ RANGES_M = {
 }
 """Smallest and largest width, depth and height [m]."""
 DIMENSIONS = ("width", "depth", "height")
+TABLE_SIZES_M = {
+    "coffee table": (1.0, 0.6, 0.45),
+    "side table": (0.5, 0.45, 0.55),
+    "end table": (0.5, 0.45, 0.55),
+    "console table": (1.2, 0.38, 0.8),
+    "hall table": (1.0, 0.35, 0.8),
+    "dining table": (1.6, 0.9, 0.75),
+    "kitchen table": (1.4, 0.8, 0.75),
+}
+"""Usual width, depth and height of tables [m]."""
 KINDS = frozenset({"drawer", "door", "flap", "open", "panel"})
 MIN_SHARE_M = 0.09
 """Height of a drawer below which an object without a given height is made higher [m]."""
@@ -126,10 +136,10 @@ def build_table(description: Description) -> Built:
         and "pedestal" not in description.options
         and sum(g.count or 2 for g in drawers) <= 5
     )
-    low = {"coffee table": 0.45, "side table": 0.55, "end table": 0.55}.get(noun)
+    usual = TABLE_SIZES_M.get(noun)
     if simple:
-        return _simple_table(description, out, low)
-    one = replace(CLASSES[0], size_m=(1.4, 0.65, low or 0.75))
+        return _simple_table(description, out, usual)
+    one = replace(CLASSES[0], size_m=usual or (1.4, 0.65, 0.75))
     if not groups:
         groups = [PartGroup(kind="drawer", count=3, position="right")]
         out.assumptions.append("3 drawers in a pedestal on the right: the text gives no number")
@@ -176,7 +186,9 @@ def _with_gap(description: Description, groups: list[PartGroup]) -> Description:
     return replace(description, groups=full, relations=relations)
 
 
-def _simple_table(description: Description, out: Built, low: float | None) -> Built:
+def _simple_table(
+    description: Description, out: Built, usual: tuple[float, float, float] | None
+) -> Built:
     values, assumed = overrides(description, "table_with_drawers")
     count = description.count("drawer")
     if count is not None:
@@ -184,8 +196,8 @@ def _simple_table(description: Description, out: Built, low: float | None) -> Bu
     elif description.of_kind("drawer"):
         values["drawers"] = 2
         out.assumptions.append("2 drawers: the text gives no number")
-    if low is not None and "height_m" not in values:
-        values["height_m"] = low
+    for name, value in zip(DIMENSIONS, usual or (), strict=False):
+        values.setdefault(f"{name}_m", value)
     if description.handles in {"bar", "knob"}:
         values["handle"] = description.handles
     table = sampled(TableWithDrawers, values, description)
@@ -204,6 +216,8 @@ def build_fridge(description: Description) -> Built:
     groups = [g for g in description.groups if g.kind in {"door", "drawer", "freezer", "flap"}]
     doors, drawers = description.count("door"), description.count("drawer")
     freezer = next((g for g in groups if g.kind == "freezer"), None)
+    if freezer is not None and "door" in freezer.words and doors is not None:
+        doors += 1
     freezer_drawer = next((g for g in groups if g.kind == "drawer"), None)
     row = any(g.stack == "row" for g in groups if g.kind == "door") or description.stack == "row"
     plain = (
@@ -301,7 +315,8 @@ def _place_freezer(
 ) -> None:
     """Give the freezer a drawer, one of the doors, or space behind the only door."""
     position = "bottom" if freezer is None else freezer.position or "bottom"
-    if doors == 3 and not row:
+    placed = len([g for g in groups if g.kind == "door"]) > 1
+    if doors == 3 and not row and not placed:
         _freezer_door(groups, position)
         if freezer is None:
             out.assumptions.append("two doors above one: the text gives no arrangement")
@@ -312,7 +327,7 @@ def _place_freezer(
     elif row:
         groups.append(PartGroup(kind="drawer", count=1, position=position))
         out.assumptions.append("the freezer is a drawer: the doors are beside each other")
-    elif doors >= 3:
+    elif doors >= 3 and not placed:
         _freezer_door(groups, position)
 
 

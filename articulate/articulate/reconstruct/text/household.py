@@ -339,6 +339,9 @@ def _variants(description: Description, wanted: dict[str, int | None], values: V
         _switch_variants(description, wanted, values)
     if name == "faucet" and "handle" in wanted and wanted["handle"] != 0:
         values["handles"] = "two"
+    panels = next((o for o in options if o.startswith("panels_")), "")
+    if panels:
+        values["panels"] = int(panels.partition("_")[2])
     if name == "bottle" and "flip" in options:
         values["cap"] = "flip"
     if name == "box_with_lid" and "deep" in options:
@@ -404,6 +407,8 @@ def build_household(description: Description) -> Household:
     elif side and name not in HINGE_FIELD:
         out.doubts.append(f"the hinge of a {description.noun} cannot be set to the {side}")
     _part_materials(description, out)
+    if name != "switch" and any(option.startswith("times_") for option in description.options):
+        out.doubts.append(f"a {description.noun} is made once, not several times")
     return out
 
 

@@ -85,6 +85,7 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
         r"(?:height|width|size|depth|dimension)s?\b|\b(?:the )?same size\b",
         " ",
     ),
+    (r"(?<!\S)-\s?(\d+)", lambda m: f" @unknown_-{m[1]} "),
     (r"\btop load(?:ing|er|ed)?\b", " @unknown_top_loading "),
     (r"\bfront load(?:ing|er|ed)?\b", " "),
     (
@@ -200,14 +201,9 @@ class Noun:
     plural: bool
 
 
-_PATTERNS: list[tuple[str, re.Pattern[str], ObjectClass]] = sorted(
-    (
-        (noun, re.compile(rf"(?<![\w@])({noun})(e?s)?(?![\w])"), one)
-        for one in CLASSES
-        for noun in one.nouns
-    ),
-    key=lambda item: -len(item[0]),
-)
+_PATTERNS = [
+    (re.compile(rf"(?<![\w@])({noun})(e?s)?(?![\w])"), one) for one in CLASSES for noun in one.nouns
+]
 
 
 def replace_idioms(text: str) -> str:
@@ -238,13 +234,12 @@ def replace_nouns(text: str) -> tuple[str, list[Noun]]:
         The text, and the nouns: the object first, then those of other classes.
     """
     matches: list[_Match] = []
-    for _, pattern, one in _PATTERNS:
-        for m in pattern.finditer(text):
-            if all(m.end() <= other.start or m.start() >= other.end for other in matches):
-                found = _Match(
-                    start=m.start(), end=m.end(), noun=m[1], plural=bool(m[2]), object_class=one
-                )
-                matches.append(found)
+    found = [(m, one) for pattern, one in _PATTERNS for m in pattern.finditer(text)]
+    for m, one in sorted(found, key=lambda item: (-len(item[0][0]), item[0].start())):
+        if all(m.end() <= other.start or m.start() >= other.end for other in matches):
+            matches.append(
+                _Match(start=m.start(), end=m.end(), noun=m[1], plural=bool(m[2]), object_class=one)
+            )
     matches.sort(key=lambda match: match.start)
     strong = [m for m in matches if not _is_weak(m)]
     chosen = strong or matches[:1]

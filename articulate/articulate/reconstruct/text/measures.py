@@ -110,7 +110,7 @@ def with_digits(text: str) -> str:
     for sign, value in (("½", ".5"), ("¼", ".25"), ("¾", ".75")):
         text = re.sub(rf"(\d){sign}", rf"\g<1>{value}", text).replace(sign, f"0{value}")
     text = re.sub(
-        r"\b(\d+)\s+(\d)/(\d)\b", lambda m: f"{int(m[1]) + int(m[2]) / int(m[3] or 1):g}", text
+        r"\b(\d+)\s+(\d)/([2-9])\b", lambda m: f"{int(m[1]) + int(m[2]) / int(m[3]):g}", text
     )
     text = re.sub(r"(?<![\d/.])(\d)/([2-9])(?![\d/])", lambda m: f"{int(m[1]) / int(m[2]):g}", text)
     tens, teens = "|".join(TENS), "|".join(TEENS)
@@ -125,7 +125,11 @@ def with_digits(text: str) -> str:
     text = re.sub(rf"\b(?:a |1 )?quarter (?:of )?(?:a |an )(?={UNIT})", "0.25 ", text)
     text = re.sub(r"\b(?:a|1) ((?:met(?:er|re)|foot|yard)\b)(?= and (?:a|1) half)", r"1 \1", text)
     text = re.sub(r"\b(\d+) (met(?:er|re)s?|foot|feet) and (?:a|1) half\b", r"\1.5 \2", text)
-    text = re.sub(r"\ban? (met(?:er|re)|foot|yard)\b", r"1 \1", text)
+    text = re.sub(
+        r"\ban? (met(?:er|re)|foot|yard)\b(?= (?:wide|broad|deep|high|tall|long|in|x|by|and)\b)",
+        r"1 \1",
+        text,
+    )
     text = re.sub(r"\b(\d) met(?:er|re)s? (\d\d)\b(?! ?[a-z]*m\b)", r"\1.\2 metre", text)
     text = re.sub(r"\bhalf (?:a )?dozen\b", "6", text)
     text = re.sub(r"\b(?:a )?dozen\b", "12", text)

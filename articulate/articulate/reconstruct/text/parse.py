@@ -29,6 +29,7 @@ from articulate.reconstruct.text.reader import (
 from articulate.reconstruct.text.vocabulary import (
     COLOURS,
     FILLER,
+    FIXED_COUNTS,
     FIXED_FEATURES,
     MATERIALS,
     NO_EFFECT,
@@ -66,6 +67,7 @@ ROUND_CLASSES = frozenset({"trash_can", "bucket", "bottle", "kettle", "kitchen_p
 COMPOUND = {
     "freezer": frozenset({"drawer", "door", "handle", "knob"}),
     "door": frozenset({"handle", "knob"}),
+    "lever": frozenset({"handle"}),
     "drawer": frozenset({"handle", "knob"}),
     "cover": frozenset({"seat", "handle"}),
 }
@@ -289,7 +291,8 @@ class _Parser(ArrangementReader):
     def _object(self) -> None:
         noun, pending = self.nouns[0], self.pending
         number = pending.number
-        if noun.plural and (number or 2) > 1:
+        switches = noun.object_class.name == "switch" and number is not None
+        if noun.plural and (number or 2) > 1 and not switches:
             raise ConfigError(
                 f"{quote(self.out.text)}: describes several objects; describe one, for "
                 f'example "a {noun.text}"'
@@ -317,7 +320,10 @@ class _Parser(ArrangementReader):
     def _part(self, kind: str, words: list[str]) -> None:
         pending, out = self.pending, self.out
         length, next_kind = self.part_at(self.at + 1)
-        if length and kind in COMPOUND and next_kind in COMPOUND[kind]:
+        if kind == "freezer" and next_kind == "door":
+            self.at += length  # the freezer has a door
+            pending.words.append("door")
+        elif length and kind in COMPOUND and next_kind in COMPOUND[kind]:
             pending.words.append(kind)  # "freezer drawer", "door handle"
             return
         if kind in {"handle", "knob"} and self._are_handles(kind):
@@ -325,8 +331,7 @@ class _Parser(ArrangementReader):
             return
         features = FIXED_FEATURES.get(out.category, frozenset())
         if kind in features or (kind == "open" and out.category == "oven"):
-            out.ignored.append(" ".join(words))
-            self.pending = Pending()
+            self._fixed_feature(kind, " ".join(words))
             return
         if pending.absent:
             out.absent.add(kind)
@@ -341,6 +346,20 @@ class _Parser(ArrangementReader):
         self.next_position = ""
         self._relate(len(out.groups) - 1)
         self.current = len(out.groups) - 1
+        self.pending = Pending()
+
+    def _fixed_feature(self, kind: str, words: str) -> None:
+        """Compare a part that does not move with what objects of the class have."""
+        pending, out = self.pending, self.out
+        usual = FIXED_COUNTS.get((out.category, kind))
+        if pending.absent:
+            out.doubts.append(f"{words} cannot be left out of a {out.noun}")
+        elif out.category == "door" and kind == "panel" and pending.number is not None:
+            out.options.add(f"panels_{pending.number}")
+        elif usual is not None and pending.number not in {None, usual}:
+            out.doubts.append(f"a {out.noun} is made with {usual} {words}, not {pending.number}")
+        else:
+            out.ignored.append(words)
         self.pending = Pending()
 
     def _new_group(self, kind: str, *, plural: bool) -> PartGroup:

@@ -19,12 +19,21 @@ _PART_PATTERNS = sorted(
     ((kind, re.compile(rf"(?:{pattern})$")) for kind, pattern in PARTS.items()),
     key=lambda item: -len(item[1].pattern),
 )
-_TOKEN = re.compile(r"@[a-z_]+[0-9_]*|\d+(?:\.\d+)?|[a-z][a-z']*|[,;:.]|[^\s()\[\]\"'`?!/-]")
+_TOKEN = re.compile(
+    r"@unknown_-\d+|@[a-z_]+[0-9_]*|\d+(?:\.\d+)?|[a-z][a-z']*|[,;:.]|[^\s()\[\]\"'`?!/-]"
+)
 
 
 def normalise(text: str) -> str:
     """Return a text in lower case, with plain quotation marks and without hyphens."""
-    text = text.lower().replace("’", "'").replace("‘", "'").replace("′", "'")
+    text = (
+        text.lower()
+        .replace("@", " ")
+        .replace("#", " ")
+        .replace("’", "'")
+        .replace("‘", "'")
+        .replace("′", "'")
+    )
     text = text.replace("“", '"').replace("”", '"').replace("″", '"').replace("''", '"')
     text = re.sub(r"n't\b", " not", text)
     text = re.sub(r"'(?:s|re|ve|ll|d|m)\b", " ", text)
@@ -113,10 +122,10 @@ class Reader:
             return False
         if kind == "cap" and words == "tops":
             return category == "bottle"
-        if kind in {"freezer"}:
+        if kind == "freezer":
             return category == "fridge"
-        if kind == "pedal" or kind == "panel":
-            return True
+        if kind in {"screen", "tank", "drum", "rack", "plate"}:
+            return kind in FIXED_FEATURES.get(category, frozenset())
         return True
 
     def next_kind(self, at: int) -> str:

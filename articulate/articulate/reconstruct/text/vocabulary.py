@@ -61,7 +61,7 @@ CLASSES: tuple[ObjectClass, ...] = (
     _furniture(
         "cabinet|cabinet unit|cupboard|storage (?:unit|cabinet|cupboard)|storage furniture|"
         "furniture unit|unit|vanity(?: unit)?|base (?:unit|cabinet)|kitchen (?:unit|island)|hutch|"
-        "linen press|bar cabinet|bathroom unit|shoe cabinet|display case|vitrine|larder|pantry",
+        "linen press|bar cabinet|bathroom unit|shoe cabinet|(?:display|china|glass) (?:case|cabinet|cupboard)|vitrine|larder|pantry",
         (0.8, 0.45, 0.8),
         {"door": 2},
     ),
@@ -124,7 +124,7 @@ CLASSES: tuple[ObjectClass, ...] = (
     _object(
         "fridge",
         "Refrigerator",
-        "fridge|refrigerator|fridge freezer|refrigerator freezer|freezer|ice ?box|minibar",
+        "fridge|refrigerator|fridge freezer|refrigerator freezer|freezer|minibar",
     ),
     _object("microwave", "Microwave", "microwave oven|microwave"),
     _object(
@@ -136,8 +136,7 @@ CLASSES: tuple[ObjectClass, ...] = (
     _object(
         "washing_machine",
         "WashingMachine",
-        "washing machine|washer|clothes washer|laundry (?:machine|washer)|washer dryer|"
-        "tumble dryer|clothes dryer|dryer",
+        "washing machine|washer|clothes washer|laundry (?:machine|washer)|washer dryer",
     ),
     _object("toilet", "Toilet", "toilet|wc|w c|water closet|lavatory|loo|toilet bowl"),
     _object(
@@ -197,13 +196,14 @@ CLASSES: tuple[ObjectClass, ...] = (
         "box_with_lid",
         "Box",
         "box|storage (?:box|chest|trunk)|trunk|lidded box|treasure chest|blanket (?:box|chest)|"
-        "toy (?:box|chest)|jewell?ery box|hinged box|wooden box|crate|coffer|casket",
+        "toy (?:box|chest)|jewel(?:le)?ry box|hinged box|wooden box|crate|coffer|casket",
     ),
 )
 """Objects, general nouns included; longer nouns take precedence."""
 
 NEAREST = {
     "toaster": "microwave",
+    "dryer": "washing machine",
     "grill": "oven",
     "fireplace": "oven",
     "lamp": "light switch",
@@ -256,7 +256,7 @@ PARTS: dict[str, str] = {
     "open": "(?:open |empty |adjustable |internal )?(?:shelf|shelves|shelving|compartments?|"
     "cubb(?:y|ies)|cubby holes?|niches?|pigeonholes?)|open (?:sections?|bays?|spaces?|cells?)",
     "panel": "fixed panels?|fixed fronts?|blind panels?|false (?:fronts?|drawers?)|panels?",
-    "freezer": "freezers?(?: compartments?| sections?)?",
+    "freezer": "freezers?(?: compartments?| sections?)?|ice ?box(?:es)?",
     "lid": "lids?|hinged tops?",
     "cover": "covers?",
     "seat": "seats?|toilet seats?",
@@ -286,6 +286,17 @@ PARTS: dict[str, str] = {
 }
 """Kinds of parts."""
 
+FIXED_COUNTS = {
+    ("oven", "plate"): 4,
+    ("dishwasher", "rack"): 2,
+    ("suitcase", "wheel"): 4,
+    ("office_chair", "wheel"): 5,
+    ("office_chair", "leg"): 5,
+    ("office_chair", "arm"): 2,
+    ("kitchen_pot", "handle"): 2,
+    ("table_with_drawers", "leg"): 4,
+}
+"""Number of parts that do not move, by class and kind."""
 FIXED_FEATURES: dict[str, frozenset[str]] = {
     "furniture": frozenset({"leg", "base", "top", "neck", "panel", "frame"}),
     "table_with_drawers": frozenset({"leg", "top", "frame", "base"}),
@@ -402,7 +413,7 @@ SIZE_WORDS: dict[str, tuple[str, float]] = {
 
 FILLER = word_set(
     """
-    a an the this that these those of in on at to for from by as is are was be been being has
+    unit units a an the this that these those of in on at to for from by as is are was be been being has
     have having had with and or but it its they them their there here which who whose where
     what when i we you my our your me us need want would like please make create generate
     build give get show design find let one's some any please s do does did can could should
