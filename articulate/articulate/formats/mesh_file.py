@@ -33,6 +33,10 @@ MAX_GROUPS = 500
 """An OBJ with more objects, groups and materials is read without them."""
 MAX_GROUP_LINES = 50_000
 """An OBJ with more lines that begin a group is read without groups at once."""
+MAX_COMBINATIONS = 2_000
+"""As above, for different combinations of object, group and material."""
+MAX_MATERIALS = 4_000
+"""Most materials of an OBJ; reading takes quadratic time in their number."""
 MAX_COMPARED = 50_000_000
 """Most triangles compared to find groups that repeat each other."""
 READ_BYTES = 1_500_000_000
@@ -88,7 +92,7 @@ def load_scene(path: Path) -> trimesh.Scene:
     """
     suffix = path.suffix.lower()
     with memory_limit(READ_BYTES):
-        return _scene(_content(path, suffix), suffix, MeshFiles(path))
+        return _scene(path, _content(path, suffix), suffix, MeshFiles(path))
 
 
 def read_msh(content: bytes) -> trimesh.Trimesh:
@@ -121,7 +125,9 @@ def _groups(path: Path, repairs: Repairs) -> list[Group]:
     unit = read_unit(content, name, repairs) if suffix == ".dae" else 1.0
     files = MeshFiles(path)
     meshes = [
-        group for group in _placed(_scene(content, suffix, files), name) if len(group[1].faces)
+        group
+        for group in _placed(_scene(path, content, suffix, files), name)
+        if len(group[1].faces)
     ]
     for key, reason in files.problems.items():
         repairs.note(f"mesh {name}: {quote(key)} {reason}; its plain colour is used")
@@ -173,7 +179,7 @@ def _content(path: Path, suffix: str) -> bytes:
     return content
 
 
-def _scene(content: bytes, suffix: str, files: MeshFiles) -> trimesh.Scene:
+def _scene(path: Path, content: bytes, suffix: str, files: MeshFiles) -> trimesh.Scene:
     def load(**options: bool) -> trimesh.Scene:
         stream = io.BytesIO(content)
         return trimesh.load_scene(stream, file_type=suffix[1:], resolver=files, **options)
@@ -182,10 +188,30 @@ def _scene(content: bytes, suffix: str, files: MeshFiles) -> trimesh.Scene:
         return trimesh.Scene(read_msh(content))
     if suffix != ".obj":
         return load()
-    if len(re.findall(rb"^(?:o|g|usemtl)[ \t]", content, re.MULTILINE)) > MAX_GROUP_LINES:
+    if _has_many_groups(content, path.name):
         return load()
     scene = load(split_objects=True, split_groups=True, group_material=True)
     return scene if len(scene.geometry) <= MAX_GROUPS else load()
+
+
+def _has_many_groups(content: bytes, name: str) -> bool:
+    """Return whether an OBJ has too many groups to be read separately.
+
+    Raises:
+        AssetError: It has too many materials to be read at all.
+    """
+    lines = re.findall(rb"^(o|g|usemtl)[ \t]+(.*)", content, re.MULTILINE)
+    materials = len({material for key, material in lines if key == b"usemtl"})
+    if materials > MAX_MATERIALS:
+        raise AssetError(
+            f"mesh {name}: {materials} materials; at most {MAX_MATERIALS} are accepted"
+        )
+    current: dict[bytes, bytes] = {}
+    combinations = set()
+    for key, group in lines[: MAX_GROUP_LINES + 1]:
+        current[key] = group
+        combinations.add(tuple(current.values()))
+    return len(lines) > MAX_GROUP_LINES or len(combinations) > MAX_COMBINATIONS
 
 
 def _placed(scene: trimesh.Scene, file: str) -> list[tuple[str, trimesh.Trimesh]]:

@@ -19,7 +19,7 @@ from lxml import etree
 
 from articulate.errors import AssetError, quote
 from articulate.formats.repairs import Repairs
-from articulate.formats.source_object import free_name
+from articulate.formats.source_object import MAX_GEOMETRIES, MAX_JOINTS, MAX_LINKS, free_name
 from articulate.formats.xml_input import Element, read_markup, tag_of
 from articulate.untrusted import open_regular
 
@@ -306,6 +306,16 @@ class _Reduced:
         if self.elements > MAX_COPIES:
             raise AssetError(f"{where(element)}: more than {MAX_COPIES} elements with <replicate>")
 
+    def reject_many(self, tag: str, element: Element) -> None:
+        """Raise AssetError where ``element`` is a body, joint or geom too many."""
+        for kind, count, most, name in (
+            ("body", len(self.used["body"]) - 1, MAX_LINKS, "bodies"),  # without the world
+            ("joint", len(self.used.get("joint", ())), MAX_JOINTS, "joints"),
+            ("geom", len(self.geoms), MAX_GEOMETRIES, "geoms"),
+        ):
+            if tag == kind and count >= most:
+                raise AssetError(f"{where(element)}: more than {most} {name}")
+
     def is_read(self, element: Element, tag: str, parent: str) -> bool:
         """Return whether the element is copied; note what is left out.
 
@@ -363,6 +373,7 @@ class _Reduced:
     def name(self, element: Element, made: Element, tag: str) -> None:
         """Give geoms, bodies and joints unique names, and keep their lines."""
         own = element.get("name") or ""
+        self.reject_many(tag, element)
         if tag == "geom":
             label = f"{own} {element.get('mesh') or ''}".strip()
             self.geoms.append((label, f"{where(element)} (geom {len(self.geoms)})"))

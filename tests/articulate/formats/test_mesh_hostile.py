@@ -15,7 +15,7 @@ import trimesh
 
 from articulate.errors import AssetError
 from articulate.formats import mesh_file
-from articulate.formats.mesh_file import MAX_FACES, read_mesh
+from articulate.formats.mesh_file import MAX_FACES, load_scene, read_mesh
 from articulate.formats.repairs import Repairs
 
 MOST_CPU_S = 20.0
@@ -200,3 +200,14 @@ def test_a_link_to_a_mesh_is_read(tmp_path: Path) -> None:
     (tmp_path / "a.obj").symlink_to(tmp_path / "box.obj")
     ((_, mesh, _),) = read_mesh(tmp_path / "a.obj", Repairs())
     assert mesh.volume == pytest.approx(1.0)
+
+
+def test_materials_without_bound_are_rejected_and_many_groups_are_read_as_one(tmp_path):
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    faces = "f 1 2 3\nf 1 2 4\n"
+    path = tmp_path / "a.obj"
+    path.write_text(corners + "".join(f"usemtl m{k}\n{faces}" for k in range(5000)))
+    with pytest.raises(AssetError, match="5000 materials; at most 4000 are accepted"):
+        read_mesh(path, Repairs())
+    path.write_text(corners + "".join(f"g g{k}\n{faces}" for k in range(2001)))
+    assert len(load_scene(path).geometry) == 1

@@ -253,5 +253,5 @@ def test_files_without_harm_are_read_by_muJoCo(tmp_path: Path) -> None:
 @pytest.mark.parametrize("count", [401, 15_000])
 def test_too_many_bodies_or_joints_are_rejected(tmp_path: Path, count: int) -> None:
     bodies = f'<body><joint type="slide"/>{BALL}</body>' * count
-    with pytest.raises(AssetError, match=r"at most 400 are accepted|more than 20000 elements"):
+    with pytest.raises(AssetError, match="more than 400 bodies"):
         read(tmp_path, model(bodies))
