@@ -28,8 +28,9 @@ from scipy.spatial import cKDTree
 
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.split import half
-from articulate.benchmark.truth import TrueObject
+from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
 from articulate.errors import UsageError
+from articulate.formats.read_urdf import read_urdf
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.result import MakeRequest
 from articulate.reconstruct.scan.make_scan import find_parts, make_scan
@@ -83,7 +84,9 @@ def merge(truth: TrueObject) -> Merged:
 def write(mesh: ScanMesh, path: Path) -> None:
     """Write a mesh as one GLB with y up, the front at +z, and a colour for each vertex."""
     rgba = np.c_[mesh.rgb, np.ones(len(mesh.rgb))]
-    colours, of_face = np.unique((255.0 * rgba).round().astype(np.uint8), axis=0, return_inverse=True)
+    colours, of_face = np.unique(
+        (255.0 * rgba).round().astype(np.uint8), axis=0, return_inverse=True
+    )
     key = mesh.faces * len(colours) + of_face.ravel()[:, None]
     used, corners = np.unique(key, return_inverse=True)
     out = trimesh.Trimesh(
@@ -95,7 +98,9 @@ def write(mesh: ScanMesh, path: Path) -> None:
     out.export(path)
 
 
-def score(merged: Merged, truth: TrueObject, scan: Scan, found: Sequence[PartProposal]) -> dict[str, Any]:
+def score(
+    merged: Merged, truth: TrueObject, scan: Scan, found: Sequence[PartProposal]
+) -> dict[str, Any]:
     """Return F1 at an area IoU of 0.5, and which joints of matched parts are right."""
     mesh = scan.mesh
     centres = merged.mesh.triangles.mean(axis=1)
@@ -168,17 +173,28 @@ def _is_right(joint: dict[str, Any], found: PartProposal, mesh: ScanMesh) -> boo
 def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
     """Yield the objects of the half, ordered by the SHA-256 of their id."""
     if args.kitchen is not None:
-        dataset = open_dataset(str(args.kitchen))
-        for key in dataset.ids():
-            if half(Path(key).name) == args.half:
-                loaded = dataset.load(key)
-                yield loaded
+        for path in sorted(args.kitchen.rglob("*.urdf")):
+            if half(path.stem) == args.half:
+                yield _kitchen_object(path)
         return
     dataset = open_dataset(str(args.data / "assets.json"))
     ids = [i for i in dataset.ids() if i.startswith("partnet") and half(i) == args.half]
     ids.sort(key=lambda i: hashlib.sha256(i.encode()).hexdigest())
     for key in ids[args.skip : args.skip + args.limit]:
         yield dataset.load(key)
+
+
+def _kitchen_object(path: Path) -> TrueObject:
+    """Read a URDF in metres with its own joints as the truth."""
+    source = read_urdf(path)
+    return true_object(
+        source,
+        joints_in_urdf(source),
+        object_id=path.stem,
+        category=path.stem,
+        labels={},
+        in_metres=False,
+    )
 
 
 def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[str, Any]:
@@ -221,7 +237,9 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "joints_right": round(statistics.mean(joints), 3) if joints else None,
         "joints": len(joints),
         "median_s": round(statistics.median(row["seconds"] for row in rows), 2),
-        "by_category": {k: [round(statistics.mean(v), 2), len(v)] for k, v in sorted(by_category.items())},
+        "by_category": {
+            k: [round(statistics.mean(v), 2), len(v)] for k, v in sorted(by_category.items())
+        },
     }
     verdicts = [row["verdict"] for row in rows if "verdict" in row]
     if verdicts:

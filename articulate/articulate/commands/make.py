@@ -1,4 +1,4 @@
-"""``articulate make``: an object from a video, image or text, with or without known parts."""
+"""``articulate make``: an object from a video, image, text or mesh, with or without its parts."""
 
 from __future__ import annotations
 
@@ -52,6 +52,12 @@ class MakeFlags:
     parts: Path | None = None
     """Folder with one mesh for each part, a URDF (its joints are ignored), or a GLB whose meshes
     are the parts."""
+    scan: Path | None = None
+    """Mesh of an entire object, e.g. a GLB from a scanner or generator, whose parts are found;
+    --text helps to find them."""
+    masks: Path | None = None
+    """File with the part of each triangle of --scan: .npz with labels (0 for the body) and names,
+    or .json."""
     library: str | None = None
     """Use the parts of a procedural category, e.g. cabinet:3, or of the folder of a
     PartNet-Mobility object."""
@@ -76,14 +82,14 @@ class MakeFlags:
     camera_fovy: float = FRONT_FOVY
     """Vertical field of view [deg]."""
     up: Literal["auto", "z", "y"] = "auto"
-    """Upward axis of the files of --parts; auto: y for a single GLB, else z."""
+    """Upward axis of the files of --parts or --scan; auto: y for a single GLB, else z."""
     front: Literal["x", "-x", "y", "-y"] = "x"
-    """Direction of the front of the object of --parts."""
+    """Direction of the front of the object of --parts or --scan."""
     limit: float = 300.0
     """Time limit of the checks [s]."""
     size: float | None = None
     """Height of the object [m]; by default usual for the category. For objects from an image or
-    video without known parts."""
+    video without known parts, and of --scan."""
     seed: int = 0
     """Random seed."""
     json: bool = False
@@ -91,13 +97,17 @@ class MakeFlags:
 
     def __post_init__(self) -> None:
         """Check the values of the flags."""
-        if self.video is None and self.image is None and self.text is None:
+        if self.scan is not None:
+            self._check_scan()
+        elif self.masks is not None:
+            raise ConfigError("--masks needs --scan; give the mesh that it belongs to")
+        elif self.video is None and self.image is None and self.text is None:
             raise ConfigError(
                 "missing: --video, --image or --text; give one that describes the motion"
             )
         if self.video is not None and self.image is not None:
             raise ConfigError("--video and --image are given; give one of them")
-        if self.parts is None and self.library is None:
+        if self.parts is None and self.library is None and self.scan is None:
             self._check_without_parts()
         if self.parts is not None and self.library is not None:
             raise ConfigError("--parts and --library are given; give one of them")
@@ -113,6 +123,21 @@ class MakeFlags:
             raise ConfigError(
                 f"--limit is {self.limit:g} s; it must be at most {MOST_LIMIT_S:.0f} s"
             )
+
+    def _check_scan(self) -> None:
+        """Check the flags for an object from one mesh."""
+        for flag, is_set in (
+            ("--video", self.video is not None),
+            ("--image", self.image is not None),
+            ("--parts", self.parts is not None),
+            ("--library", self.library is not None),
+            ("--actor", self.actor != "auto"),
+            ("--iterations", self.iterations is not None),
+            ("--dry-run", self.dry_run),
+            ("--camera-file", self.camera_file is not None),
+        ):
+            if is_set:
+                raise ConfigError(f"--scan and {flag} are given; omit one of them")
 
     def _check_without_parts(self) -> None:
         """Check the flags for an object that is generated."""
@@ -135,6 +160,8 @@ FLAGS = MakeFlags
 def main(argv: Sequence[str]) -> int:
     """Make, write and print; 3 if the result is doubtful or did not pass."""
     flags = parse(MakeFlags, argv, prog="articulate make")
+    if flags.scan is not None:
+        return _print(flags, _scan(flags, flags.scan))
     if flags.parts is None and flags.library is None:
         return _print(flags, _generate(flags))
     # These read meshes and videos, which --help does without.
@@ -185,6 +212,30 @@ def _generate(flags: MakeFlags) -> MakeResult:
     console.show_progress(f"{proposal.name}: {len(proposal.parts)} parts, {query.description}")
     with cache_in_use(cache):
         return make_object(query, proposal, request, proposal_s=time.monotonic() - start)
+
+
+def _scan(flags: MakeFlags, path: Path) -> MakeResult:
+    """Make the object of one mesh."""
+    from articulate.reconstruct.query import text_query
+    from articulate.reconstruct.result import MakeRequest
+    from articulate.reconstruct.scan.make_scan import make_scan
+    from articulate.reconstruct.scan.read_scan import ScanHints
+
+    out = flags.out or Path("made") / path.stem
+    require_space(out, RESULT_BYTES, f"making {path.stem}")
+    cache = cache_folder()
+    request = MakeRequest(
+        out=out, cache=cache, joint=flags.joint, limit_s=flags.limit, seed=flags.seed
+    )
+    hints = ScanHints(
+        up=flags.up,
+        front="auto" if flags.front == "x" else flags.front,
+        text="" if flags.text is None else text_query(flags.text).text,
+        height_m=flags.size,
+        masks=flags.masks,
+    )
+    with cache_in_use(cache):
+        return make_scan(path, request, hints)
 
 
 def _print(flags: MakeFlags, result: MakeResult) -> int:

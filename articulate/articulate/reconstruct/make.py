@@ -55,7 +55,7 @@ from articulate.reconstruct.result import (
     MakeResult,
     Verdict,
 )
-from articulate.reconstruct.text_counts import count_mismatch
+from articulate.reconstruct.text.counts import count_mismatch
 from articulate.reconstruct.trace import write_trace
 from articulate.render.camera import Camera
 from articulate.render.scene import NO_PART, PartScene
@@ -98,6 +98,8 @@ class PredictionSource:
     """Start of the reconstruction, by ``time.monotonic`` [s]."""
     doubts: tuple[str, ...] = ()
     """Reasons why the object may not be the intended one."""
+    assumptions: tuple[str, ...] = ()
+    """Values that the query does not give, and where they come from."""
 
 
 def make_predicted(
@@ -320,6 +322,7 @@ def _result(
         check_report=check_report,
         rating=record.prediction.rating,
         seconds=time.monotonic() - source.start,
+        assumptions=source.assumptions,
     )
 
 

@@ -104,7 +104,9 @@ def knobs(
     found = []
     for disc in find_discs(parts, 0):
         y, z = disc.centre[1:]
-        rows, columns = view.window(np.array([disc.box[0, 1], disc.box[0, 2], disc.box[1, 1], disc.box[1, 2]]))
+        rows, columns = view.window(
+            np.array([disc.box[0, 1], disc.box[0, 2], disc.box[1, 1], disc.box[1, 2]])
+        )
         seen = view.face[rows, columns]
         own = np.zeros(len(mesh.faces), dtype=bool)
         own[disc.faces] = True

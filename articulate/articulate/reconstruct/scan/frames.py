@@ -1,7 +1,8 @@
-"""Frames: extend a pane to the door that surrounds it."""
+"""Frames: extend a pane to the door around it, and join the boards of a framed door."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,8 @@ LINE = 0.7
 """Least share of the side of a pane along which its frame ends at one line."""
 WIDEST = 0.5
 """Widest frame, as a share of the side of the pane."""
+FRAME_STEP = 0.03
+"""Largest distance of the surfaces of a pane and its frame, as a share of the diagonal."""
 STEP = 0.003
 """Least step in depth that ends a frame, as a share of the diagonal of the object."""
 
@@ -67,3 +70,72 @@ def _margin(side: int | None) -> float:
     return 0.0 if side is None else side + 2.0
 
 
+def joined_frames(parts: Segmentation, panels: Sequence[Panel]) -> list[Panel]:
+    """Return the panels, with a pane and the two stiles and two rails around it as one panel."""
+    left = list(panels)
+    found: list[Panel] = []
+    for pane in sorted(panels, key=lambda panel: -panel.area):
+        if not any(pane is other for other in left):
+            continue
+        boards = _frame(parts, pane, [other for other in left if other is not pane])
+        if boards is None:
+            continue
+        together = [pane, *boards]
+        left = [panel for panel in left if not any(panel is other for other in together)]
+        found.append(_union(parts, together))
+    return [*found, *left]
+
+
+def _frame(parts: Segmentation, pane: Panel, others: Sequence[Panel]) -> list[Panel] | None:
+    """Return the boards on all four sides of a pane; None unless two of them span the door."""
+    near = 3.0 * parts.near
+    boards = [_beside(pane, others, axis, high, near) for axis in (0, 1) for high in (False, True)]
+    left, right, bottom, top = boards
+    if left is None or right is None or bottom is None or top is None:
+        return None
+    found = [left, right, bottom, top]
+    if any(abs(board.front - pane.front) > FRAME_STEP * parts.mesh.diagonal for board in found):
+        return None
+    rects = np.stack([panel.rect for panel in [pane, *found]])
+    union = np.concatenate([rects[:, :2].min(axis=0), rects[:, 2:].max(axis=0)])
+    stiles = all(_spans(board.rect, union, 1, near) for board in (left, right))
+    rails = all(_spans(board.rect, union, 0, near) for board in (bottom, top))
+    tiled = float((rects[:, 2:] - rects[:, :2]).prod(axis=1).sum())
+    full = float(np.prod(union[2:] - union[:2]))
+    return found if (stiles or rails) and tiled > 0.9 * full else None
+
+
+def _beside(
+    pane: Panel, others: Sequence[Panel], axis: int, high: bool, near: float
+) -> Panel | None:
+    """Return the board that touches a side of a pane along its entire length."""
+    edge, opposite = (axis + 2, axis) if high else (axis, axis + 2)
+    across = 1 - axis
+    for other in others:
+        touches = abs(other.rect[opposite] - pane.rect[edge]) < near
+        covers = other.rect[across] < pane.rect[across] + near
+        covers &= other.rect[across + 2] > pane.rect[across + 2] - near
+        if touches and covers:
+            return other
+    return None
+
+
+def _spans(rect: Array, union: Array, axis: int, near: float) -> bool:
+    return bool(rect[axis] < union[axis] + near and rect[axis + 2] > union[axis + 2] - near)
+
+
+def _union(parts: Segmentation, panels: Sequence[Panel]) -> Panel:
+    rects = np.stack([panel.rect for panel in panels])
+    rect = np.concatenate([rects[:, :2].min(axis=0), rects[:, 2:].max(axis=0)])
+    front = max(panel.front for panel in panels)
+    rows, columns = parts.view.window(rect)
+    return Panel(
+        rect=rect,
+        front=front,
+        back=min(panel.back for panel in panels),
+        own=np.unique(np.concatenate([panel.own for panel in panels])),
+        fill=1.0,
+        thin=True,
+        score=1.0,
+        handles=handles_of(parts.mesh, parts.view, rect, parts.view.depth[rows, columns], front),
+    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from articulate.reconstruct.scan.frames import grown
+from articulate.reconstruct.scan.frames import grown, joined_frames
 from articulate.reconstruct.scan.panels import Handle, Panel, find_panels
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
@@ -22,6 +22,8 @@ LOWEST = 0.12
 """Panels without a handle that end below this share of the height are plinths, if they are low."""
 OUTSIDE = 1.6
 """Largest area of the shell of a panel, seen from the front, as a share of the panel."""
+STRIP, LOPSIDED = 2.5, 0.1
+"""The handles of a panel that is this much wider than high are centred within this share."""
 ROW = 3
 """Equal protrusions of a control panel."""
 BAR = 2.0
@@ -56,7 +58,8 @@ class Front:
 def find_fronts(parts: Segmentation) -> tuple[list[Front], bool]:
     """Return the fronts that move, and whether handles or trays show that they do."""
     levels = (parts.shells, parts.coloured, parts.facets)
-    fronts = [_front(parts, panel) for panel in find_panels(parts.mesh, levels, parts.view)]
+    panels = joined_frames(parts, find_panels(parts.mesh, levels, parts.view))
+    fronts = [_front(parts, panel) for panel in panels]
     return _moving(parts, fronts)
 
 
@@ -163,9 +166,10 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
         and (f.panel.rect[3] - bottom > LOWEST * size[2] or f.panel.size[1] > 0.3 * size[2])
         and f.panel.area > 0.06 * size[1] * size[2]
     ]
-    largest = max(large, key=lambda front: front.panel.area, default=None)
-    alike = [f for f in large if largest is not None and _congruent(f.panel, largest.panel)]
-    return [_front(parts, grown(parts, f.panel)) for f in alike], False
+    panels = [grown(parts, front.panel) for front in large]
+    largest = max(panels, key=lambda panel: panel.area, default=None)
+    alike = [panel for panel in panels if largest is not None and _congruent(panel, largest)]
+    return [_front(parts, panel) for panel in alike], False
 
 
 def _is_leg(parts: Segmentation, front: Front) -> bool:
@@ -178,7 +182,13 @@ def _is_leg(parts: Segmentation, front: Front) -> bool:
 
 
 def _is_control_panel(panel: Panel) -> bool:
-    """Return whether a panel has a row of equal knobs."""
+    """Return whether a panel has a row of equal knobs, or knobs on one half of a strip."""
+    if panel.handles and panel.size[0] > STRIP * panel.size[1]:
+        low = min(handle.rect[0] for handle in panel.handles)
+        high = max(handle.rect[2] for handle in panel.handles)
+        middle = 0.5 * float(low + high)
+        if abs(middle - panel.centre[0]) > LOPSIDED * panel.size[0]:
+            return True
     if len(panel.handles) < ROW:
         return False
     sizes = np.array([handle.size for handle in panel.handles])

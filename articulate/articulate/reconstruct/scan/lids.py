@@ -21,6 +21,10 @@ MARGIN = 0.15
 """Distance of a wall from the outline of the object, as a share of its width or depth."""
 CLOSED_DEPTH, CLOSED_SHARE = 0.3, 0.75
 """Share of the front view of a container that is within this share of its depth."""
+FLAP_AREA, MOST_FLAPS = 0.03, 4
+"""Least area of an open flap, as a share of the object, and the largest number of them."""
+UPRIGHT = 0.25
+"""Least height of an open flap, as a share of its longest side."""
 AJAR = (float(np.radians(7.0)), float(np.radians(83.0)))
 """Angles of a door that is ajar to the front and sides of the object."""
 DOOR_HEIGHT = 0.4
@@ -66,18 +70,18 @@ def closed_lid(parts: Segmentation) -> list[PartProposal]:
     ]
 
 
-def _is_container(parts: Segmentation, rest: Ints, top: float) -> bool:
-    """Return whether faces close all four sides below ``top``."""
+def _is_container(parts: Segmentation, rest: Ints, top: float, box: Array | None = None) -> bool:
+    """Return whether faces close all four sides of a box, by default the object, below ``top``."""
     mesh = parts.mesh
-    low, high = mesh.bounds
+    low, high = mesh.bounds if box is None else box
     height = top - float(low[2])
     centres = mesh.triangles.mean(axis=1)[rest]
     for axis, other in ((0, 1), (1, 0)):
         outward = np.abs(mesh.normals[rest, axis])
-        margin = MARGIN * mesh.size[axis]
+        margin = MARGIN * (high - low)[axis]
         for near in (centres[:, axis] < low[axis] + margin, centres[:, axis] > high[axis] - margin):
             area = (mesh.areas[rest] * outward)[near].sum()
-            if area < WALL * height * mesh.size[other]:
+            if area < WALL * height * (high - low)[other]:
                 return False
     return True
 
@@ -89,6 +93,45 @@ def _is_closed(parts: Segmentation, top: float) -> bool:
     depth = view.depth[rows, columns]
     near = depth > high[0] - CLOSED_DEPTH * (high[0] - low[0])
     return bool(near.size and near.mean() > CLOSED_SHARE)
+
+
+def open_flaps(parts: Segmentation) -> list[PartProposal]:
+    """Propose the plates above the rim of a container as open flaps."""
+    mesh, cells = parts.mesh, parts.shells
+    boxes, share = cells.boxes, cells.area / max(float(cells.area.sum()), 1e-12)
+    body = int(np.argmax(cells.area))
+    rim = float(boxes[body, 1, 2])
+    if boxes[body, 0, 2] > mesh.bounds[0, 2] + 0.1 * mesh.size[2]:
+        return []
+    likely = (boxes[:, 0, 2] > rim - 0.02 * mesh.size[2]) & (share > FLAP_AREA)
+    found = []
+    for k in np.flatnonzero(likely):
+        points = mesh.triangles[cells.members[k]].reshape(-1, 3)
+        _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+        sides = np.ptp(points @ axes.T, axis=0)
+        if sides.min() > SLIM * sides.max() or np.ptp(points[:, 2]) < UPRIGHT * sides.max():
+            continue
+        foot = points[points[:, 2] <= points[:, 2].min() + 0.1 * np.ptp(points[:, 2])]
+        axis = int(np.argmax(np.ptp(foot[:, :2], axis=0)))
+        middle = foot.mean(axis=0)
+        outward = middle - boxes[body].mean(axis=0)
+        sign = 1.0 if np.cross(np.eye(3)[axis], [0.0, 0.0, 1.0]) @ outward > 0.0 else -1.0
+        found.append(
+            PartProposal(
+                kind="flap",
+                faces=cells.members[k],
+                joint="revolute",
+                axis=sign * np.eye(3)[axis],
+                pivot=middle,
+                lower=-QUARTER_RAD,
+                upper=QUARTER_RAD / 2.0,
+                confidence=0.6,
+                evidence=("a plate above the rim of a container",),
+            )
+        )
+    rest = cells.members[body]
+    closed = 0 < len(found) <= MOST_FLAPS and _is_container(parts, rest, rim, cells.boxes[body])
+    return found if closed else []
 
 
 def ajar_door(parts: Segmentation) -> list[PartProposal]:
@@ -125,7 +168,9 @@ def _ajar(
     z = mesh.triangles[..., 2]
     inside &= ((z > low - parts.near) & (z < high + parts.near)).all(axis=1)
     cells = parts.facets
-    share = np.bincount(cells.label, mesh.areas * inside, cells.count) / np.maximum(cells.area, 1e-300)
+    share = np.bincount(cells.label, mesh.areas * inside, cells.count) / np.maximum(
+        cells.area, 1e-300
+    )
     faces = np.flatnonzero(share[cells.label] > 0.95)
     rest = np.setdiff1d(np.arange(len(mesh.faces)), faces)
     if not len(faces) or not len(rest):

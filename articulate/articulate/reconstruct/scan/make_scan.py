@@ -22,8 +22,9 @@ from articulate.reconstruct.make import PredictionSource, make_predicted
 from articulate.reconstruct.part_set import PartSet
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest, MakeResult
+from articulate.reconstruct.scan.cavity import build_parts
 from articulate.reconstruct.scan.masks import read_masks
-from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.part_proposal import PartProposal, scaled
 from articulate.reconstruct.scan.propose import propose_parts
 from articulate.reconstruct.scan.read_scan import (
     TURNS,
@@ -31,10 +32,12 @@ from articulate.reconstruct.scan.read_scan import (
     ScanHints,
     groups_by_name,
     read_scan,
+    scale_of,
     turned,
 )
 from articulate.reconstruct.scan.scan_parts import BODY, distinct_names, parents_of, part_set_of
-from articulate.reconstruct.text_counts import counts_in
+from articulate.reconstruct.scan.sweep import tested
+from articulate.reconstruct.text.counts import counts_in
 from articulate.render.camera import front_camera
 from articulate.transforms import Ints
 
@@ -52,6 +55,7 @@ class ScanParts:
     part_set: PartSet
     joints: tuple[PredictedJoint, ...]
     doubts: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
     trace: tuple[TraceStep, ...] = ()
 
 
@@ -61,7 +65,7 @@ def make_scan(path: Path, request: MakeRequest, hints: ScanHints) -> MakeResult:
     Args:
         path: Mesh file of one object.
         request: Settings; ``actor`` is not used.
-        hints: What is known besides the mesh.
+        hints: Facts that the mesh does not contain.
 
     Raises:
         UsageError: The mesh cannot be read, or no part is found that can move.
@@ -77,6 +81,7 @@ def make_scan(path: Path, request: MakeRequest, hints: ScanHints) -> MakeResult:
         actor=ACTOR,
         start=start,
         doubts=found.doubts,
+        assumptions=found.assumptions,
     )
     return make_predicted(prediction, found.part_set, request, source)
 
@@ -87,19 +92,17 @@ def scan_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
     Raises:
         UsageError: No part is found that can move.
     """
-    assumed = TraceStep(title="assumptions", text="; ".join(scan.assumptions))
     if hints.masks is not None:
-        masks = read_masks(hints.masks, scan, path)
-        return _named_parts(scan, masks, "masks", path, (assumed,))
+        return _named_parts(scan, read_masks(hints.masks, scan, path), "masks", path)
     named = [(name, faces) for name, faces in groups_by_name(scan.mesh) if len(faces)]
     if len(named) >= MIN_NAMED:
-        found = _named_parts(scan, named, "names of the file", path, (assumed,))
+        found = _named_parts(scan, named, "names of the file", path)
         if found.joints:
             return found
-    return _found_parts(scan, path, hints, assumed)
+    return _found_parts(scan, path, hints)
 
 
-def _found_parts(scan: Scan, path: Path, hints: ScanHints, assumed: TraceStep) -> ScanParts:
+def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
     """Find the parts on the surface of the mesh."""
     scan, proposals = find_parts(scan, hints)
     if not proposals:
@@ -107,17 +110,14 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints, assumed: TraceStep) -
             f"{shorten(path.name)}: no door, drawer or lid was found on the surface; give --masks "
             "with the part of each triangle, or a mesh whose parts are named"
         )
+    proposals = tested(scan.mesh, proposals)
     names = distinct_names([proposal.kind for proposal in proposals])
     parents = parents_of(proposals, names)
     joints = tuple(
         proposal.predicted(name, parents[name])
         for name, proposal in zip(names, proposals, strict=True)
     )
-    moving = np.zeros(len(scan.mesh.faces), dtype=bool)
-    for proposal in proposals:
-        moving[proposal.faces] = True
-    meshes = [scan.mesh.part(BODY, np.flatnonzero(~moving))]
-    meshes += [scan.mesh.part(n, p.faces) for n, p in zip(names, proposals, strict=True)]
+    built = build_parts(scan.mesh, proposals, names, BODY)
     text = "; ".join(
         f"{name}: {proposal.joint}, {', '.join(proposal.evidence) or 'by its shape'}"
         for name, proposal in zip(names, proposals, strict=True)
@@ -128,24 +128,43 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints, assumed: TraceStep) -
         if proposal.confidence < LEAST_CONFIDENCE
     ]
     return ScanParts(
-        part_set=part_set_of(scan.name, meshes, path.name, scan.category),
+        part_set=part_set_of(scan.name, [built.body, *built.parts], path.name, scan.category),
         joints=joints,
         doubts=tuple(doubts),
-        trace=(assumed, TraceStep(title="parts on the surface", text=text)),
+        assumptions=(*scan.assumptions, *built.notes),
+        trace=(TraceStep(title="parts on the surface", text=text),),
     )
 
 
 def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     """Return the scan with its front at +x, and the parts on its surface.
 
-    Another side is the front only if the given one shows no part.
+    Another side is the front only if the given one shows no part. An object whose parts imply its
+    category gets the size that is usual for it.
     """
     counts = counts_in(hints.text) if hints.text else None
     for front in TURNS if hints.front == "auto" else TURNS[:1]:
         mesh = turned(scan.mesh, front)
-        proposals = propose_parts(mesh, scan.category, counts)
-        if proposals:
-            return replace(scan, mesh=mesh), proposals
+        found = propose_parts(mesh, counts)
+        if not found.parts:
+            continue
+        category, notes = scan.category, scan.assumptions
+        scale = 1.0
+        if category == "unknown" and found.category != "unknown":
+            category = found.category
+            scale, reason = scale_of(
+                mesh, category, None if hints.height_m is None else mesh.size[2]
+            )
+            notes = (
+                *notes,
+                f"the parts are those of a {category}",
+                *((reason,) if scale != 1.0 else ()),
+            )
+        if front != TURNS[0]:
+            notes = (*notes, f"the front faces {front}; --front changes this")
+        proposals = [scaled(proposal, scale) for proposal in found.parts]
+        mesh = mesh.transformed(np.eye(3), scale, np.zeros(3))
+        return replace(scan, mesh=mesh, category=category, assumptions=notes), proposals
     return scan, []
 
 
@@ -154,9 +173,8 @@ def _named_parts(
     named: Sequence[tuple[str, Ints]],
     origin: str,
     path: Path,
-    trace: tuple[TraceStep, ...],
 ) -> ScanParts:
-    """Return parts whose names tell how they move."""
+    """Return parts whose names imply their joints."""
     names = distinct_names([name for name, _ in named])
     names = [name.removesuffix("_1") if names.count(name) == 1 else name for name in names]
     rest = np.ones(len(scan.mesh.faces), dtype=bool)
@@ -181,5 +199,6 @@ def _named_parts(
     return ScanParts(
         part_set=part_set,
         joints=prediction.joints if moving else (),
-        trace=(*trace, step, *prediction.trace),
+        assumptions=scan.assumptions,
+        trace=(step, *prediction.trace),
     )

@@ -63,5 +63,18 @@ class PartProposal:
         return replace(self, confidence=float(np.clip(confidence, 0.0, 1.0)))
 
 
+def scaled(proposal: PartProposal, factor: float) -> PartProposal:
+    """Return the proposal for a mesh that is scaled about the origin."""
+    slides = proposal.joint == "prismatic"
+    return replace(
+        proposal,
+        pivot=factor * proposal.pivot,
+        lower=factor * proposal.lower if slides else proposal.lower,
+        upper=factor * proposal.upper if slides else proposal.upper,
+        panel=None if proposal.panel is None else factor * proposal.panel,
+        front=factor * proposal.front,
+    )
+
+
 def _three(values: Array) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])

@@ -2,45 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from articulate.reconstruct.scan.discs import knobs, wheels
 from articulate.reconstruct.scan.fronts import find_fronts, front_parts
-from articulate.reconstruct.scan.lids import ajar_door, closed_lid
+from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
 from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.reconstruct.scan.slabs import slab_parts
 from articulate.reconstruct.scan.vessels import vessel_parts
 
+TALL = 1.2
+"""Containers with a lid that are higher than this multiple of their width are bins."""
+UNSURE = 0.45
+"""Largest confidence of fronts without handles and trays."""
 
-def propose_parts(
-    mesh: ScanMesh, category: str = "unknown", counts: Mapping[str, int] | None = None
-) -> list[PartProposal]:
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundParts:
+    """Proposed parts of one object."""
+
+    parts: tuple[PartProposal, ...] = ()
+    category: str = "unknown"
+    """Category that the parts imply, ``unknown`` if several have such parts."""
+
+
+def propose_parts(mesh: ScanMesh, counts: Mapping[str, int] | None = None) -> FoundParts:
     """Return the proposed moving parts of an object, whose faces do not overlap.
 
     Args:
         mesh: The object; its front is +x.
-        category: Category of the object, if known.
-        counts: Number of parts by kind, where known.
+        counts: Number of parts by kind, where known; other numbers lower the confidence.
     """
     parts = Segmentation(mesh)
-    del category, counts
+    found = _by_rules(parts)
+    if counts:
+        found = replace(found, parts=tuple(_rated(found.parts, counts)))
+    return found
+
+
+def _by_rules(parts: Segmentation) -> FoundParts:
     slabs = slab_parts(parts)
     if slabs:
-        return slabs
+        category = "Laptop" if slabs[0].kind == "screen" else "Box"
+        return FoundParts(parts=tuple(slabs), category=category)
     vessel = vessel_parts(parts)
     if vessel:
-        return vessel
+        slender = parts.mesh.size[2] > parts.mesh.size[:2].max() * TALL
+        category = "Bottle" if slender else "KitchenPot"
+        category = "Bucket" if vessel[0].kind == "handle" else category
+        return FoundParts(parts=tuple(vessel), category=category)
     ajar = ajar_door(parts)
     if ajar:
-        return with_details(parts, ajar)
+        return FoundParts(parts=tuple(with_details(parts, ajar)))
     fronts, sure = find_fronts(parts)
-    lid = [] if sure else closed_lid(parts)
-    return with_details(parts, lid or front_parts(parts, fronts))
+    if not sure:
+        flaps = open_flaps(parts)
+        if flaps:
+            return FoundParts(parts=tuple(with_details(parts, flaps)), category="Box")
+        lid = closed_lid(parts)
+        if lid:
+            tall = parts.mesh.size[2] > TALL * parts.mesh.size[:2].max()
+            category = "TrashCan" if tall else "Box"
+            return FoundParts(parts=tuple(with_details(parts, lid)), category=category)
+    found = front_parts(parts, fronts)
+    if not sure:
+        found = [proposal.with_confidence(min(proposal.confidence, UNSURE)) for proposal in found]
+    return FoundParts(parts=tuple(with_details(parts, found)))
+
+
+def _rated(found: Sequence[PartProposal], counts: Mapping[str, int]) -> list[PartProposal]:
+    """Return the proposals, with lower confidence where the text gives another number."""
+    kinds = ["door" if p.kind == "flap" else p.kind for p in found]
+    rated = []
+    for kind, proposal in zip(kinds, found, strict=True):
+        known = counts.get(kind)
+        right = known is not None and kinds.count(kind) == known
+        change = 0.0 if known is None else (0.1 if right else -0.25)
+        rated.append(proposal.with_confidence(proposal.confidence + change))
+    return rated
 
 
 def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartProposal]:
@@ -49,9 +93,6 @@ def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartPro
     for proposal in found:
         taken[proposal.faces] = True
     details = [*knobs(parts, taken, found), *wheels(parts)]
-    for detail in details:
-        found = [
-            replace(p, faces=np.setdiff1d(p.faces, detail.faces)) if p not in details else p
-            for p in found
-        ]
-    return [p for p in [*found, *details] if len(p.faces)]
+    own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
+    left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
+    return [p for p in [*left, *details] if len(p.faces)]

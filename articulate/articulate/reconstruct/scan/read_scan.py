@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 
 from articulate.conversion.metric_size import LEAST_M, LONGEST_SIDE_M, MOST_M, OTHER_M
-from articulate.errors import AssetError, ConfigError, shorten
+from articulate.errors import AssetError, shorten
 from articulate.formats.load_meshes import GREY
 from articulate.formats.mesh_file import FORMATS, load_scene
 from articulate.reconstruct.part_set import FROM_Y_UP, QUARTERS, Front, Up
@@ -33,6 +33,8 @@ APART = 0.25
 """Gap between two objects, as a share of the diagonal of the larger one."""
 LARGE = 0.3
 """Diagonal of a second object, as a share of that of the first one."""
+LIKELY = 1.6
+"""Largest ratio of the size in the file to that usual for the category, and its inverse."""
 MAX_CLUSTERS = 300
 """Most connected surfaces whose gaps are measured; smaller ones are ignored."""
 TURNS: tuple[Front, ...] = ("x", "y", "-y", "-x")
@@ -48,8 +50,8 @@ class ScanHints:
     """Direction of the front after ``up`` is applied; ``auto``: where most front panels are."""
     text: str = ""
     """Description, such as "a cabinet with two doors"."""
-    size_m: float | None = None
-    """Longest side [m]; None: as in the file, or typical of the category."""
+    height_m: float | None = None
+    """Height [m]; None: as in the file, or usual for the category."""
     masks: Path | None = None
     """File with a part for each face; None: the parts are found."""
     moving: Ints | None = None
@@ -96,7 +98,7 @@ def read_scan(path: Path, hints: ScanHints) -> Scan:
     if hints.front != "auto":
         mesh = turned(mesh, hints.front)
     category = category_in(hints.text)
-    scale, reason = _scale(float(mesh.size.max()), category, hints.size_m)
+    scale, reason = scale_of(mesh, category, hints.height_m)
     if reason:
         assumptions.append(reason)
     mesh = standing(mesh.transformed(np.eye(3), scale, np.zeros(3)))
@@ -250,22 +252,21 @@ def _gap(one: Array, other: Array) -> float:
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(other[0] - one[1], one[0] - other[1]))))
 
 
-def _scale(longest: float, category: str, size_m: float | None) -> tuple[float, str]:
+def scale_of(mesh: ScanMesh, category: str, height_m: float | None) -> tuple[float, str]:
     """Return the factor to metres, and the assumption behind it."""
-    if size_m is not None:
-        if not LEAST_M <= size_m <= MOST_M:
-            raise ConfigError(f"--size is {size_m:g} m; it must lie in [{LEAST_M:g}, {MOST_M:g}]")
-        return size_m / longest, ""
+    longest = float(mesh.size.max())
+    if height_m is not None:
+        return height_m / float(mesh.size[2]), ""
     typical = LONGEST_SIDE_M.get(category)
-    if typical is not None and not typical / 1.6 <= longest <= 1.6 * typical:
+    if typical is not None and not typical / LIKELY <= longest <= LIKELY * typical:
         return typical / longest, (
-            f"the longest side is {typical:g} m, as usual for {category}; --size sets it"
+            f"the longest side is {typical:g} m, as usual for {category}; --size sets the height"
         )
     if LEAST_M * 10.0 <= longest <= MOST_M / 2.0:
-        return 1.0, f"the file is in metres, so the longest side is {longest:.2f} m; --size sets it"
+        return 1.0, f"the file is in metres: its longest side is {longest:.2f} m; --size changes it"
     return OTHER_M / longest, (
-        f"the unit of the file is unknown ({longest:.3g} long); the longest side is set to "
-        f"{OTHER_M:g} m; --size sets it"
+        f"the unit of the file is unknown ({longest:.3g} long): its longest side is set to "
+        f"{OTHER_M:g} m; --size changes it"
     )
 
 

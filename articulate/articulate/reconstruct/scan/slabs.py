@@ -13,7 +13,7 @@ from articulate.transforms import Array, Ints
 
 SPLITS = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
 """Heights above which all faces may be one slab, as shares of the height."""
-THIN = 0.1
+THIN = 0.16
 """Largest thickness of a slab, as a share of its longer side."""
 LEAST_WIDTH = 0.85
 """Least width of a slab, as a share of the width of the object."""
@@ -98,6 +98,8 @@ def _slab(parts: Segmentation, upper: Ints) -> Slab | None:
     if len(rest) < 1:
         return None
     other = mesh.triangles[rest].reshape(-1, 3)
+    if np.ptp(other[:, 0]) < 1.5 * (high - low):
+        return None
     tall = float(np.ptp(other[:, 2])) / max(float(np.ptp(other[:, 0])), 1e-12)
     return Slab(faces=faces, normal=normal, foot=at, reach=reach, base_height=tall)
 

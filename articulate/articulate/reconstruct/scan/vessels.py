@@ -11,8 +11,10 @@ from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation, touching
 from articulate.transforms import Array, Ints
 
-ROUND = (0.88, 1.07)
-"""Distances of the outline of a vessel from its axis, relative to an ellipse; 0.92 for an octagon."""
+ROUND = (0.88, 1.15)
+"""Distances of the outline of a vessel from its axis, relative to an ellipse."""
+SLENDER, BOTTLE = 1.5, (0.8, 1.25)
+"""Limits of the outline of bodies that are this much higher than wide."""
 OVAL = 0.55
 """Least ratio of the two horizontal sides of a vessel."""
 BAND = (0.15, 0.6)
@@ -24,19 +26,23 @@ LEAST_WIDTH = 0.6
 LOW = 0.4
 """Shells of the body begin below this share of the height."""
 FOOT, TALL = 0.15, 0.35
-"""Shells that begin below the first share of the height, and are as high as the second, belong to the body even if they are not centred: staves."""
+"""Staves begin below the first share of the height, and are as high as the second."""
 CENTRED = 0.12
 """Largest offset of a lid from the axis, as a share of the width of the body."""
 OFF_CENTRE = 0.3
 """Largest offset of a shell of a lid, as a share of the width of the body."""
 LEDGE = 0.03
 """Least area of the lower side of a lid, as a share of the square of the width of the body."""
+SHALLOW = 0.08
+"""A cap that is lower than this share of the body continues to the ring below it."""
 LEAST_LID = 0.004
 """Least area of a lid, as a share of the object."""
 BAIL_WIDTH = 0.8
 """Least width of a bail, as a share of the width of the body."""
 BAIL_WIDEST = 1.6
 """Largest width of a bail, as a share of the width of the body."""
+GRIP = 0.05
+"""Distance of the grip of a bail from its box, as a share of the width of the body."""
 BAIL_SLIM = 0.8
 """Largest ratio of the horizontal sides of a bail; a rim has 1."""
 BAIL_AREA = 0.3
@@ -49,6 +55,8 @@ class Vessel:
 
     shells: Ints
     """Shells of its body."""
+    slender: bool
+    """True if the object is much higher than wide: a bottle, not a bucket or pot."""
     box: Array
     """Bounding box of the body (2, 3) [m]."""
 
@@ -81,7 +89,8 @@ def find_vessel(parts: Segmentation) -> Vessel | None:
     if not band.any():
         return None
     points = corners.reshape(-1, 3, 3)[band].reshape(-1, 3)
-    if not _is_round(points[:, :2]):
+    slender = height > SLENDER * float(mesh.size[:2].max())
+    if not _is_round(points[:, :2], BOTTLE if slender else ROUND):
         return None
     box = np.stack([points.min(axis=0), points.max(axis=0)])
     boxes = cells.boxes
@@ -97,10 +106,10 @@ def find_vessel(parts: Segmentation) -> Vessel | None:
         return None
     top = float(boxes[body, 1, 2].max())
     box[:, 2] = low, top
-    return Vessel(shells=body, box=box)
+    return Vessel(shells=body, box=box, slender=slender)
 
 
-def _is_round(points: Array) -> bool:
+def _is_round(points: Array, limits: tuple[float, float]) -> bool:
     """Return whether the outline of points (N, 2) is nearly an ellipse along the axes."""
     hull = cv2.convexHull(points.astype(np.float32)).reshape(-1, 2)
     sides = np.ptp(hull, axis=0)
@@ -109,7 +118,7 @@ def _is_round(points: Array) -> bool:
     unit = (hull - 0.5 * (hull.min(axis=0) + hull.max(axis=0))) / (0.5 * sides)
     middles = 0.5 * (unit + np.roll(unit, 1, axis=0))
     radii = np.linalg.norm(np.concatenate([unit, middles]), axis=1)
-    return bool(radii.min() > ROUND[0] and radii.max() < ROUND[1])
+    return bool(radii.min() > limits[0] and radii.max() < limits[1])
 
 
 def vessel_parts(parts: Segmentation) -> list[PartProposal]:
@@ -117,7 +126,7 @@ def vessel_parts(parts: Segmentation) -> list[PartProposal]:
     vessel = find_vessel(parts)
     if vessel is None:
         return []
-    bail = _bail(parts, vessel)
+    bail = None if vessel.slender else _bail(parts, vessel)
     if bail is not None:
         return [bail]
     lid = _lid(parts, vessel)
@@ -133,7 +142,11 @@ def _bail(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
     ring = (off < CENTRED * vessel.width) & (
         sides[:, :2].min(axis=1) > BAIL_SLIM * sides[:, :2].max(axis=1)
     )
-    likely = (area < BAIL_AREA * area.sum()) & ~ring & (boxes[:, 0, 2] > vessel.box[0, 2] + 0.1 * vessel.height)
+    likely = (
+        (area < BAIL_AREA * area.sum())
+        & ~ring
+        & (boxes[:, 0, 2] > vessel.box[0, 2] + 0.1 * vessel.height)
+    )
     likely[vessel.shells] = False
     which = np.flatnonzero(likely)
     singles = [np.array([k]) for k in which]
@@ -149,7 +162,7 @@ def _bail(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
         return None
     _, group, axis = best
     box = np.stack([boxes[group, 0].min(axis=0), boxes[group, 1].max(axis=0)])
-    inside = parts.inside(cells, box[0] - parts.near, box[1] + parts.near)
+    inside = parts.inside(cells, box[0] - GRIP * vessel.width, box[1] + GRIP * vessel.width)
     inside = inside[likely[inside]]
     faces = parts.faces_of(cells, np.union1d(group, inside))
     points = mesh.triangles[parts.faces_of(cells, group)].reshape(-1, 3)
@@ -189,8 +202,8 @@ def _arch(boxes: Array, vessel: Vessel) -> tuple[float, int] | None:
 def _lid(parts: Segmentation, vessel: Vessel) -> PartProposal | None:
     """Return the centred parts at the top: a group of shells, or the facets above a ledge."""
     mesh = parts.mesh
-    candidates = ((_above_body, 0.35), (_top_shells, 0.35), (_above_ledge, 0.5))
-    for find, most in candidates:
+    order = [(_above_body, 0.35), (_top_shells, 0.35), (_above_ledge, 0.5)]
+    for find, most in [*order[:2][:: -1 if vessel.slender else 1], order[2]]:
         faces = find(parts, vessel)
         share = float(mesh.areas[faces].sum() / mesh.areas.sum()) if len(faces) else 0.0
         if not LEAST_LID < share < most:
@@ -241,6 +254,10 @@ def _top_shells(parts: Segmentation, vessel: Vessel) -> Ints:
         overlap = boxes[:, 1, 2] - np.maximum(boxes[:, 0, 2], bottom)
         tall = np.ptp(boxes[..., 2], axis=1)
         more = likely & (overlap > np.maximum(0.25 * tall, -1e-9)) & (boxes[:, 1, 2] > bottom)
+        if top - bottom < SHALLOW * height:  # the ring of a cap below its top
+            wide = np.ptp(boxes[..., :2], axis=1).max(axis=1)
+            same = np.abs(wide - wide[group].max()) < 0.25 * wide[group].max()
+            more |= likely & same & (np.abs(boxes[:, 1, 2] - bottom) < 0.01 * height)
         if not (more & ~group).any():
             return parts.faces_of(parts.shells, np.flatnonzero(group))
         group |= more
