@@ -166,12 +166,37 @@ def test_only_the_joint_that_is_requested_moves(tmp_path):
     assert content["joints"] == [everything[1]]
 
 
+def test_an_object_is_generated_from_text(tmp_path, capsys):
+    text = "a box with a lid, 40 x 30 x 20 cm, with a sticker"
+    assert main(["--text", text, "--out", "asset", "--json"]) == 3
+    content = json.loads(capsys.readouterr().out)
+    written = json.loads((tmp_path / "asset" / "made.json").read_text())
+    assert content == written
+    assert content["verdict"] == "doubtful"
+    assert content["reasons"] == ["not understood: sticker"]
+    assert content["check_verdict"] == "passed"
+    assert content["category"] == "Box"
+    assert content["program"] is None
+    (joint,) = content["joints"]
+    assert (joint["part"], joint["type"], joint["evidence"]) == ("lid", "revolute", "text")
+    asset = load_asset(tmp_path / "asset")
+    assert asset.category == "Box"
+    np.testing.assert_allclose(np.abs(asset.joints[0].axis_o), np.abs(joint["axis"]), atol=1e-6)
+    page = (tmp_path / "asset" / "trace.html").read_text()
+    assert "Content of the text" in page
+    assert "sticker" in page
+
+
 @pytest.mark.usefixtures("stuck")
 @pytest.mark.parametrize(
     "argv",
     [
         [],
-        ["--text", "a box"],
+        ["--video", "no.mp4"],
+        ["--text", "hello"],
+        ["--text", "a box", "--actor", "vlm"],
+        ["--text", "a box", "--joint", "lid"],
+        ["--text", "a box", "--dry-run"],
         ["--text", "", "--library", "cabinet"],
         ["--text", "a box", "--library", "cabnet"],
         ["--text", "a box", "--library", "cabinet", "--parts", "parts"],
@@ -209,7 +234,7 @@ def test_names_that_mean_nothing_are_rejected(tmp_path, error_line):
 
 
 def test_the_command_is_found_by_its_name_and_ends_with_2(capsys):
-    assert commands.main(["make", "--text", "a box"]) == 2
+    assert commands.main(["make", "--image", "a.png"]) == 2
     reports = capsys.readouterr()
     assert reports.out == ""
     assert reports.err.startswith("missing: --parts or --library")

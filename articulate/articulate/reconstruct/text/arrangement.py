@@ -43,7 +43,8 @@ class ArrangementReader(Reader):
         self.out.relations.append(Relation(first=a, link=link, second=b))
 
     def _relation(self, name: str) -> None:
-        following = self.following
+        following, before = self.following, self.before
+        opens = before in SEPARATORS  # "a door and below it a drawer"
         self._number_as_subset()
         if self.current is None:
             if self.next_kind(self.at + 1) and name in {"above", "below"}:
@@ -51,7 +52,9 @@ class ArrangementReader(Reader):
             return
         if following in PRONOUNS:  # "a door and below it a drawer", "a drawer below it"
             self.at += 1
-            if self.next_kind(self.at + 1):
+            comma = self.following == ","
+            if self.next_kind(self.at + (2 if comma else 1)) and (not comma or opens):
+                self.at += comma
                 reversed_name = {"above": "below", "below": "above", "left": "right"}
                 self.relation = (
                     reversed_name.get(name, "left" if name == "right" else name),
@@ -61,17 +64,12 @@ class ArrangementReader(Reader):
                 self._adverb(name)
             return
         if self.next_kind(self.at + 1):
-            before = self.before
-            if (
-                before in {"and", ",", ";", "with"}
-                and name in {"above", "below"}
-                and (self.tokens[self.at + 1] not in DEFINITE)
-            ):
+            if opens and name in {"above", "below"} and (self.tokens[self.at + 1] not in DEFINITE):
                 # "one drawer and below two doors"
                 self.relation = ("below" if name == "above" else "above", self.current)
             else:
                 self.relation = (name, self.current)
-        elif following in {",", ":"} and self.next_kind(self.at + 2):
+        elif opens and following in {",", ":"} and self.next_kind(self.at + 2):
             self.at += 1  # "one drawer and, underneath, a door"
             self.relation = ("below" if name == "above" else "above", self.current)
         else:

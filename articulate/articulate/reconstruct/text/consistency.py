@@ -109,6 +109,12 @@ def _merge_repeats(out: Description) -> None:
                 before.hinge = before.hinge or group.hinge
                 repeated.append(k)
                 break
+            undefined = before.count is None and group.count is not None
+            if undefined and not (before.position or group.position) and k == len(out.groups) - 1:
+                before.count = group.count
+                before.stack = before.stack or group.stack
+                repeated.append(k)
+                break
             if before.is_adjective and group.count is None:
                 repeated.append(k)
                 break

@@ -83,6 +83,9 @@ def build_furniture(description: Description) -> Built:
         doors_above=one.size_m[2] > 1.5,
         door_hinge=description.hinge,
     )
+    for g in description.groups:
+        if g.position == "ends" and (g.count or 2) % 2:
+            out.doubts.append(f"{g.count} {g.kind}s are divided between two sides")
     node = arrange(description, style)
     if (
         len(node.leaves()) > 1
@@ -220,6 +223,7 @@ def build_fridge(description: Description) -> Built:
         doors += 1
     freezer_drawer = next((g for g in groups if g.kind == "drawer"), None)
     row = any(g.stack == "row" for g in groups if g.kind == "door") or description.stack == "row"
+    row = row or any(g.position in {"left", "right", "ends"} for g in groups)
     plain = (
         not row
         and not drawers
@@ -324,6 +328,8 @@ def _place_freezer(
         return
     elif doors == 1:
         out.assumptions.append("the freezer is behind the single door")
+    elif row and freezer.position in {"left", "right"}:
+        out.assumptions.append(f"the freezer is behind the {freezer.position} door")
     elif row:
         groups.append(PartGroup(kind="drawer", count=1, position=position))
         out.assumptions.append("the freezer is a drawer: the doors are beside each other")

@@ -89,12 +89,6 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (r"\btop load(?:ing|er|ed)?\b", " @unknown_top_loading "),
     (r"\bfront load(?:ing|er|ed)?\b", " "),
     (
-        r"\b(?:(?:in|on|at) )?(?:the |its |whose )?(upper|lower|top|bottom|left|right)"
-        r"(?:[ -]hand)? (half|part|section|side|portion|column|row|end)\s*(?:has|have|with|"
-        r"contains?|holds?|containing|of|is|:|,|(?=\d))",
-        lambda m: f" ; @pos_{SIDES[m[1]]} " + ("@row " if m[2] == "row" else ""),
-    ),
-    (
         r"\b2 pedestals?,? (?:of|with|each with) (\d+) drawers?(?: each)?",
         lambda m: f" {2 * int(m[1])} drawers @pos_ends @opt_pedestal ",
     ),
@@ -122,6 +116,7 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
         " @row ",
     ),
     # hinges
+    (r"\b(?:fold|drop|fall|flip|pull) ?(?:down )?front\b", " flap "),
     (
         rf"\b(?:hing(?:ed|es?)|pivot(?:s|ed)?|hung)\s+(?:(?:is|are|being|located|placed|set)\s+)?"
         rf"{AT}{THE}{SIDE}(?:\s+(?:side|edge|end))?\b",
@@ -148,6 +143,12 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
         lambda m: f" @member_{SIDES[m[1]]} ",
     ),
     (r"\b(?:the|its)\s+(?:middle|central|cent(?:er|re)) (?:1|one)\b", " @member_middle "),
+    (
+        r"\b(?:(?:in|on|at) )?(?:the |its |whose )?(upper|lower|top|bottom|left|right)"
+        r"(?:[ -]hand)? (half|part|section|side|portion|column|row|end)\s*(?:has|have|with|"
+        r"contains?|holds?|containing|of|is|:|,|(?=\d))",
+        lambda m: f" ; @pos_{SIDES[m[1]]} " + ("@row " if m[2] == "row" else ""),
+    ),
     # relations and positions
     (rf"\b{AT}{THE}left(?:[ -]hand)?(?: side)? of\b", " @rel_left "),
     (rf"\b{AT}{THE}right(?:[ -]hand)?(?: side)? of\b", " @rel_right "),

@@ -78,8 +78,6 @@ WITHOUT_EFFECT = frozenset(
         "hinge",
         "hinges",
         "swivel",
-        "tilts",
-        "tilting",
         "rotary",
         "open",
         "opens",
@@ -87,6 +85,11 @@ WITHOUT_EFFECT = frozenset(
     }
 )
 """Words for the motion that a part has anyway."""
+MOTION_WORDS = {
+    "sliding_window": frozenset({"slides", "sliding", "sideways"}),
+    "office_chair": frozenset({"tilts", "tilting", "tilt", "reclining", "reclines"}),
+}
+"""Words for the motion that the parts of a class have anyway."""
 
 
 def parse(text: str) -> Description:
@@ -243,13 +246,15 @@ class _Parser(ArrangementReader):
             out.handle_material = pending.material
             self.pending = Pending()
         elif word in ROUND_WORDS and out.category not in ROUND_CLASSES:
-            out.unknown.append(word)
+            if self.next_kind(self.at + 1) not in {"knob", "handle", "dial"}:
+                out.unknown.append(word)
         elif word in {"top", "left", "right", "bottom", "middle"}:
             self._position(ADJECTIVE_POSITIONS[word])
         elif word in NO_EFFECT:
             self._no_effect(word)
         elif word not in FILLER | WITHOUT_EFFECT and not (
-            word in {"slides", "sliding", "sideways"} and out.category == "sliding_window"
+            word in MOTION_WORDS.get(out.category, ())
+            or (word in {"tilting", "tilt"} and self.next_kind(self.at + 1) == "flap")
         ):
             out.unknown.append(word)
 
@@ -336,6 +341,9 @@ class _Parser(ArrangementReader):
         if pending.absent:
             out.absent.add(kind)
             self.pending = Pending()
+            return
+        if kind == "open" and self.following == ":" and self.next_kind(self.at + 2):
+            self.pending = Pending()  # "three compartments: a door, two drawers …"
             return
         plural = words[-1].endswith("s") or words[-1] in PLURALS
         existing = [k for k, group in enumerate(out.groups) if group.kind == kind]

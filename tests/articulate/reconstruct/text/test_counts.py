@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from articulate.reconstruct.text_counts import count_mismatch, counts_in
+from articulate.reconstruct.text.counts import count_mismatch, counts_in
 
 
 @pytest.mark.parametrize(
@@ -15,6 +15,7 @@ from articulate.reconstruct.text_counts import count_mismatch, counts_in
         ("an oven door", {"door": 1}),
         ("drawers", {}),
         ("two cabinets with doors", {}),
+        ("a pair of doors and twenty-one drawers", {"door": 2, "drawer": 21}),
     ],
 )
 def test_numbers_are_read_where_they_stand_before_a_part(text, counts):
@@ -44,4 +45,4 @@ def test_only_parts_of_that_name_are_counted():
 def test_a_word_that_names_the_object_itself_is_no_count_of_its_parts(text, labels, wrong):
     found = count_mismatch(text, labels)
     assert len(found) == len(wrong)
-    assert all(re.search(pattern, said) for pattern, said in zip(wrong, found, strict=True))
+    assert all(re.search(pattern, line) for pattern, line in zip(wrong, found, strict=True))

@@ -6,13 +6,10 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
-NUMBERS = {
-    word: n
-    for n, words in enumerate(
-        ("no", "a an one single", "two", "three", "four", "five", "six", "seven", "eight", "nine")
-    )
-    for word in words.split()
-} | {"ten": 10, "twelve": 12}
+from articulate.reconstruct.text.measures import with_digits
+
+NUMBERS = {"no": 0, "a": 1, "an": 1, "single": 1, "double": 2, "twin": 2}
+"""Words before a part that are numbers, apart from numerals."""
 PARTS = frozenset(
     [
         "button",
@@ -46,7 +43,7 @@ SEPARATOR = r"\b(?:with|that|which|whose|having|has|of)\b|[,;:.]"
 
 def counts_in(text: str) -> dict[str, int]:
     """Return the number of each part that a text gives."""
-    words = re.findall(r"[a-z]+|\d+", text.lower())
+    words = re.findall(r"[a-z]+|\d+", with_digits(text.lower()))
     found: dict[str, int] = {}
     for k, word in enumerate(words):
         part = singular(word)

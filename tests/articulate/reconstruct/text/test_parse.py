@@ -1,0 +1,117 @@
+import pytest
+
+from articulate.reconstruct.text.measures import find_measures, with_digits
+from articulate.reconstruct.text.parse import parse
+from articulate.reconstruct.text.propose import propose
+
+
+def sizes(text):
+    measured = find_measures(with_digits(text.lower()))
+    return {
+        m.dimension: round(m.value * (m.unit_m or 1.0), 4)
+        for group in measured.measures
+        for m in group
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("60x40x80 cm", {"first": 0.6, "second": 0.4, "third": 0.8}),
+        ("60cm(W) x 40cm(D) x 80cm(H)", {"width": 0.6, "depth": 0.4, "height": 0.8}),
+        ("80 x 40 x 180 cm (w x d x h)", {"width": 0.8, "depth": 0.4, "height": 1.8}),
+        ("W 60 D 40 H 80", {"width": 60.0, "depth": 40.0, "height": 80.0}),
+        ("half a metre wide", {"width": 0.5}),
+        ("one and a half metres tall", {"height": 1.5}),
+        ("5'6\" tall", {"height": 1.6764}),
+        ("5 ft 6 in tall, 18 in deep", {"height": 1.6764, "depth": 0.4572}),
+        ("18 1/2 inches wide", {"width": 0.4699}),
+        ("1,200 mm wide and 0,5 m deep", {"width": 1.2, "depth": 0.5}),
+        ("radius of 15 cm", {"diameter": 0.3}),
+        ("a 24 inch dishwasher", {"any": 0.6096}),
+        ("a 3 by 3 grid", {}),
+        ("one tall door and 3 deep drawers", {}),
+    ],
+)
+def test_lengths_are_read_in_any_notation(text, expected):
+    assert sizes(text) == pytest.approx(expected)
+
+
+def groups(text):
+    return [(g.kind, g.count, g.position) for g in parse(text).groups]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a cabinet with two drawers above a door", [("drawer", 2, ""), ("door", 1, "")]),
+        ("a cabinet: doors: 2; drawers: 3", [("door", 2, ""), ("drawer", 3, "")]),
+        ("a twin-door cabinet", [("door", 2, "")]),
+        (
+            "six drawers, two on the left and four on the right, in a cabinet",
+            [("drawer", 2, "left"), ("drawer", 4, "right")],
+        ),
+        (
+            "sideboard; left: 3 drawers; right: door",
+            [("drawer", 3, "left"), ("door", 1, "right")],
+        ),
+        ("a desk with three drawers on each side", [("drawer", 6, "ends")]),
+        ("a two-drawer cabinet with two drawers", [("drawer", 2, "")]),
+        ("a chest with three columns of drawers, three each", [("drawer", 9, "")]),
+    ],
+)
+def test_groups_of_parts_are_read(text, expected):
+    assert groups(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "link"),
+    [
+        ("a cabinet with a drawer above a door", (0, "above", 1)),
+        ("a cabinet with a drawer and, underneath, a door", (0, "above", 1)),
+        ("a cabinet with a door and above it a drawer", (1, "above", 0)),
+        ("a cabinet with a drawer below a door", (1, "above", 0)),
+        ("a cabinet with a door to the right of two drawers", (1, "left", 0)),
+        ("a cabinet with two doors flanked by four drawers", (0, "between", 1)),
+    ],
+)
+def test_relations_are_read(text, link):
+    (relation,) = parse(text).relations
+    assert (relation.first, relation.link, relation.second) == link
+
+
+def test_words_that_are_not_understood_make_the_object_doubtful():
+    proposal = propose("a cabinet with two drawers and a wine rack")
+    assert proposal.doubts == ("not understood: wine, rack",)
+    assert proposal.confidence < 0.9
+    assert not propose("please make a modern cabinet with two drawers").doubts
+
+
+def test_joints_have_their_evidence():
+    proposal = propose("a washing machine with a drawer")
+    assert proposal.evidence == {"door": "category", "drawer": "text", "dial": "category"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "hello",
+        "an airplane",
+        "a cabinet with two drawers and no drawers",
+        "a cabinet with doors only and two drawers",
+        "a chest of ten drawers in 2 rows of 3",
+        "a cabinet 1 mm wide",
+        "a cabinet 60 cm wide and 80 cm wide",
+        "a wardrobe 20 cm wide with four doors",
+        "a kettle with two lids",
+        "a box without a lid",
+        "a washing machine hinged at the bottom",
+        "a table and a chair",
+        "two cabinets",
+        "ein Schrank mit zwei Türen",
+        "un armario con dos puertas",
+        "冷蔵庫",
+    ],
+)
+def test_impossible_texts_are_rejected_in_one_line(text, error_line):
+    error_line(f"articulate make --text {text!r}", lambda: propose(text))
