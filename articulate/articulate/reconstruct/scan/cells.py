@@ -79,7 +79,7 @@ class Cells:
     @cached_property
     def area(self) -> Array:
         """Area of each cell (C,) [m2]."""
-        return np.bincount(self.label, self.mesh.areas, self.count)
+        return np.asarray(np.bincount(self.label, self.mesh.areas, self.count), dtype=np.float64)
 
     @cached_property
     def boxes(self) -> Array:

@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.transforms import Array, Ints
 
 ROUND_FILL = (0.735, 0.84)
 """Area of the outline of a disc over that of its square: 0.785, and 0.83 for an octagon."""
+PORTHOLE, CLOSED = (0.18, 0.5), 0.85
+"""Diameters of a round door, as shares of the diagonal; least share of the front that is closed."""
 SQUARE = 0.88
 """Least ratio of the two sides of the outline."""
 SIZES = (0.012, 0.3)
@@ -53,7 +55,7 @@ class Disc:
         return np.asarray(self.box[1] - self.box[0])
 
 
-def find_discs(parts: Segmentation, axis: int) -> list[Disc]:
+def find_discs(parts: Segmentation, axis: int, sizes: tuple[float, float] = SIZES) -> list[Disc]:
     """Return the round clusters about the axis x, y or z, largest first, each with its interior."""
     across = [k for k in range(3) if k != axis]
     boxes, diagonal = parts.shells.boxes, parts.mesh.diagonal
@@ -61,7 +63,7 @@ def find_discs(parts: Segmentation, axis: int) -> list[Disc]:
     wide, high = sides[:, across[0]], sides[:, across[1]]
     larger = np.maximum(wide, high)
     likely = np.minimum(wide, high) > SQUARE * larger
-    likely &= (larger > SIZES[0] * diagonal) & (larger < SIZES[1] * diagonal)
+    likely &= (larger > sizes[0] * diagonal) & (larger < sizes[1] * diagonal)
     likely &= sides[:, axis] < THICKEST * larger
     found: list[Disc] = []
     for k in sorted(np.flatnonzero(likely), key=lambda k: (-larger[k], k)):
@@ -137,6 +139,33 @@ def knobs(
             )
         )
     return found
+
+
+def round_door(parts: Segmentation) -> list[PartProposal]:
+    """Propose a large disc in the middle of a closed front as a door, hinged at the left."""
+    mesh, view = parts.mesh, parts.view
+    if float((view.face >= 0).mean()) < CLOSED:
+        return []
+    middle, width = mesh.bounds[:, 1].mean(), float(mesh.size[1])
+    for disc in find_discs(parts, 0, PORTHOLE):
+        seen = np.isin(view.face, disc.faces).sum() * view.pixel**2
+        own = float(np.prod(disc.size[1:]))
+        offset = abs(float(disc.centre[1] - middle))
+        if offset > 0.15 * width or seen < 0.4 * own or disc.size[1] < 0.4 * width:
+            continue
+        return [
+            PartProposal(
+                kind="door",
+                faces=disc.faces,
+                joint="revolute",
+                axis=np.array([0.0, 0.0, -1.0]),
+                pivot=np.array([disc.centre[0], disc.box[0, 1], disc.centre[2]]),
+                upper=QUARTER_RAD,
+                confidence=0.55,
+                evidence=("a large disc in the front",),
+            )
+        ]
+    return []
 
 
 def _height(parts: Segmentation, disc: Disc) -> float:

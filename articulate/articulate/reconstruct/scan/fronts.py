@@ -168,8 +168,8 @@ def _moving(parts: Segmentation, fronts: Sequence[Front]) -> tuple[list[Front], 
     ]
     panels = [grown(parts, front.panel) for front in large]
     largest = max(panels, key=lambda panel: panel.area, default=None)
-    alike = [panel for panel in panels if largest is not None and _congruent(panel, largest)]
-    return [_front(parts, panel) for panel in alike], False
+    same = [panel for panel in panels if largest is not None and _congruent(panel, largest)]
+    return [_front(parts, panel) for panel in same], False
 
 
 def _is_leg(parts: Segmentation, front: Front) -> bool:

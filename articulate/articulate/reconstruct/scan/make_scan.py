@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from articulate.conversion.metric_size import LONGEST_SIDE_M
 from articulate.errors import UsageError, shorten
 from articulate.preparation.store import check_out
 from articulate.reconstruct.actors.protocol import (
@@ -44,6 +45,8 @@ from articulate.transforms import Ints
 ACTOR = "scan"
 LEAST_CONFIDENCE = 0.5
 """Parts with a lower confidence make the result doubtful."""
+TOY_M = 0.25
+"""An object of unknown category with doors or drawers is not smaller [m]."""
 MIN_NAMED = 2
 """Fewest named meshes of a file whose names are used."""
 
@@ -159,6 +162,13 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
                 *notes,
                 f"the parts are those of a {category}",
                 *((reason,) if scale != 1.0 else ()),
+            )
+        elif category == "unknown" and float(mesh.size.max()) < TOY_M and hints.height_m is None:
+            typical = LONGEST_SIDE_M["StorageFurniture"]
+            scale = typical / float(mesh.size.max())
+            notes = (
+                *notes,
+                f"it is too small for furniture: its longest side is set to {typical:g} m",
             )
         if front != TURNS[0]:
             notes = (*notes, f"the front faces {front}; --front changes this")

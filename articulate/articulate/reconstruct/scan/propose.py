@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from articulate.reconstruct.scan.discs import knobs, wheels
+from articulate.reconstruct.scan.discs import knobs, round_door, wheels
 from articulate.reconstruct.scan.fronts import find_fronts, front_parts
 from articulate.reconstruct.scan.lids import ajar_door, closed_lid, open_flaps
 from articulate.reconstruct.scan.part_proposal import PartProposal
@@ -60,6 +60,9 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     if ajar:
         return FoundParts(parts=tuple(with_details(parts, ajar)))
     fronts, sure = find_fronts(parts)
+    porthole = [] if any(len(front.tray) for front in fronts) else round_door(parts)
+    if porthole:
+        return FoundParts(parts=tuple(with_details(parts, porthole)))
     if not sure:
         flaps = open_flaps(parts)
         if flaps:

@@ -69,7 +69,7 @@ class Segmentation:
 def touching(parts: Segmentation, which: Ints) -> list[Ints]:
     """Group shells whose boxes touch."""
     boxes = parts.shells.boxes[which]
-    apart = (boxes[:, None, 0] > boxes[None, :, 1] + parts.near).any(axis=-1)
+    apart = np.asarray((boxes[:, None, 0] > boxes[None, :, 1] + parts.near).any(axis=-1))
     near = ~(apart | apart.T)
     left = set(range(len(which)))
     groups = []

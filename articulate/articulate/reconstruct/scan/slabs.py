@@ -108,8 +108,9 @@ def _quantiles(values: Array, weights: Array) -> tuple[float, float]:
     order = np.argsort(values, kind="stable")
     share = np.cumsum(weights[order])
     share /= share[-1]
-    low = values[order[np.searchsorted(share, UPPER_SHARE / 2.0)]]
-    high = values[order[min(np.searchsorted(share, 1.0 - UPPER_SHARE / 2.0), len(order) - 1)]]
+    first = int(np.searchsorted(share, UPPER_SHARE / 2.0))
+    last = min(int(np.searchsorted(share, 1.0 - UPPER_SHARE / 2.0)), len(order) - 1)
+    low, high = values[order[first]], values[order[last]]
     return float(low), float(high)
 
 
