@@ -234,10 +234,10 @@ def test_names_that_mean_nothing_are_rejected(tmp_path, error_line):
 
 
 def test_the_command_is_found_by_its_name_and_ends_with_2(capsys):
-    assert commands.main(["make", "--image", "a.png"]) == 2
+    assert commands.main(["make", "--text", "hello"]) == 2
     reports = capsys.readouterr()
     assert reports.out == ""
-    assert reports.err.startswith("missing: --parts or --library")
+    assert reports.err.startswith("'hello': names no object")
     assert reports.err.count("\n") == 1
 
 
