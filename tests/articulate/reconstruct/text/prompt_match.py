@@ -63,41 +63,41 @@ def differences(expected: Mapping[str, Any], proposal: ObjectProposal) -> list[s
         low, high = wanted if isinstance(wanted, list) else (wanted, wanted)
         if not low <= counts[kind] <= high:
             out.append(f"{counts[kind]} {kind}, not {wanted}")
-    boxes = {
-        part.name: spans([part], at)
-        for part in moving
-        if any(not is_handle(shape) for shape in part.shapes)
-    }
     out += _sizes(expected, proposal, parts, at)
-    by: dict[str, list[np.ndarray]] = {}
-    for part in moving:
-        if part.name in boxes:
-            by.setdefault(kind_of(part), []).append(boxes[part.name])
-    for first, second in expected.get("above", ()):
-        lowest = min(b[0, 2] for b in by.get(first, [np.zeros((2, 3))]))
-        highest = max(b[1, 2] for b in by.get(second, [np.full((2, 3), 9.0)]))
-        if lowest < highest - 0.005:
-            out.append(f"{first} is not above {second}")
-    for first, second in expected.get("left_of", ()):  # left is +y
-        lowest = min(b[0, 1] for b in by.get(first, [np.zeros((2, 3)) - 9]))
-        highest = max(b[1, 1] for b in by.get(second, [np.full((2, 3), 9.0)]))
-        if lowest < highest - 0.005:
-            out.append(f"{first} is not left of {second}")
-    for first, second in expected.get("between", ()):
-        ys = [float(b[:, 1].mean()) for b in by.get(second, [])]
-        inner = [float(b[:, 1].mean()) for b in by.get(first, [])]
-        if not ys or not inner or not min(ys) < min(inner) <= max(inner) < max(ys):
-            out.append(f"{first} is not between {second}")
-    for kind, grid in expected.get("grid", {}).items():
-        rows = len({round(float(b[:, 2].mean()), 2) for b in by.get(kind, [])})
-        columns = len({round(float(b[:, 1].mean()), 2) for b in by.get(kind, [])})
-        if [rows, columns] != grid:
-            out.append(f"{kind}s in {rows} x {columns}, not {grid}")
+    out += _arrangement(expected, moving, at)
     for kind, sides in expected.get("hinges", {}).items():
         found = [hinge_side(p, at) for p in moving if kind_of(p) == kind]
         if sorted(found) != sorted(sides):
             out.append(f"{kind} hinged {found}, not {sides}")
     return out + _appearance(expected, moving, parts)
+
+
+def _arrangement(
+    expected: Mapping[str, Any], moving: list[Part], at: Mapping[str, np.ndarray]
+) -> list[str]:
+    """Compare the positions of parts; left is +y."""
+    by: dict[str, list[np.ndarray]] = {}
+    for part in moving:
+        if any(not is_handle(shape) for shape in part.shapes):
+            by.setdefault(kind_of(part), []).append(spans([part], at))
+    out = []
+    for key, axis in (("above", 2), ("left_of", 1)):
+        for first, second in expected.get(key, ()):
+            lowest = min((box[0, axis] for box in by.get(first, [])), default=-np.inf)
+            highest = max((box[1, axis] for box in by.get(second, [])), default=np.inf)
+            if lowest < highest - 0.005:
+                out.append(f"{first} is not {key.replace('_', ' ')} {second}")
+    for first, second in expected.get("between", ()):
+        outer = [float(box[:, 1].mean()) for box in by.get(second, [])]
+        inner = [float(box[:, 1].mean()) for box in by.get(first, [])]
+        if not outer or not inner or not min(outer) < min(inner) <= max(inner) < max(outer):
+            out.append(f"{first} is not between {second}")
+    for kind, grid in expected.get("grid", {}).items():
+        middles = np.array([box.mean(axis=0) for box in by.get(kind, [])]).round(2)
+        found = [len(set(middles[:, axis])) for axis in (2, 1)] if len(middles) else [0, 0]
+        if found != grid:
+            out.append(f"{kind}s in {found}, not {grid}")
+    return out
 
 
 def _sizes(

@@ -1,17 +1,17 @@
-"""Objects of ``prompts.json``: text, and the category, parts, sizes and arrangement it describes."""
+"""Texts of ``prompts.json`` with the category, parts, sizes and arrangement that they describe."""
 
 import json
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from tests.articulate.reconstruct.text.prompt_match import differences, kind_of
 
 from articulate.errors import UsageError
 from articulate.reconstruct.make_object import make_object
 from articulate.reconstruct.query import text_query
 from articulate.reconstruct.result import MakeRequest
 from articulate.reconstruct.text.propose import propose
-from tests.articulate.reconstruct.text.prompt_match import differences, kind_of
 
 PROMPTS = json.loads(Path(__file__).with_name("prompts.json").read_text())
 SHARE = 0.95
@@ -72,5 +72,5 @@ def test_assets_of_the_texts_pass_their_checks(name, tmp_path):
         good = result.check_report.is_usable and not differences(row, proposal)
         passed += good
         if not good:
-            wrong.append((row["text"], result.reasons))
+            wrong.append((row["text"], str(result.reasons)))
     assert passed / len(PROMPTS[name]) >= SHARE, wrong
