@@ -25,7 +25,8 @@ KINDS = {
     "cold": "handle",
 }
 AXES = {"depth": 0, "width": 1, "height": 2}
-TOLERANCE = 0.02
+TOLERANCE, SLACK_M = 0.02, 0.005
+"""Largest relative and absolute difference of a size; rims and gaps are included."""
 
 
 def kind_of(part: Part) -> str:
@@ -113,18 +114,15 @@ def _sizes(
         measured = [part for part in parts if part.name == "pot"]
     if proposal.category == "Laptop":
         measured = [part for part in parts if part.name == "base"]
+    if proposal.category in {"Suitcase", "TrashCan"}:
+        measured = [part for part in parts if part.name not in {"pull", "pedal"}]
     extent = np.ptp(spans(measured, at), axis=0)
-    if proposal.category == "KitchenPot":  # loops on both sides
+    if proposal.category == "KitchenPot":  # without the loops on both sides
         extent[1] = extent[0]
     out = []
     for name, wanted in expected.get("size_m", {}).items():
-        # rims, lips and the lintel of a pot, box or door are outside of the nominal size
-        slack = 0.035 if proposal.category in {"Box", "TrashCan", "Suitcase", "Bucket"} else 0.012
         value = float(extent[AXES[name]])
-        if proposal.category in {"TrashCan", "Bucket"} and name != "height":
-            wall = [p for p in parts if p.motion is None]
-            value = float(np.ptp(spans(wall, at), axis=0)[1])
-        if abs(value - wanted) > TOLERANCE * wanted + (slack if slack > 0.02 else 0.005):
+        if abs(value - wanted) > TOLERANCE * wanted + SLACK_M:
             out.append(f"{name} {value:.3f}, not {wanted}")
     return out
 
