@@ -36,7 +36,15 @@ from articulate.statistics import wilson
 
 KINDS = {"drawer": "drawer", "door": "door", "lid": "lid", "flap": "door", "sash": "door"}
 """Openable part by a word of its name."""
-PROCEDURAL = ("cabinet", "chest_of_drawers", "fridge", "microwave", "oven", "dishwasher", "table_with_drawers")
+PROCEDURAL = (
+    "cabinet",
+    "chest_of_drawers",
+    "fridge",
+    "microwave",
+    "oven",
+    "dishwasher",
+    "table_with_drawers",
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
+from articulate.reconstruct.fitting.box_cost import (
+    N_PARAMETERS,
+    SIGNS,
+    box_cost,
+    overlap,
+    project,
+    rotation,
+)
 from articulate.render.camera import Camera
 from articulate.render.raster import Pixels
 from articulate.transforms import Array, pose
@@ -26,31 +34,18 @@ N_SAMPLES = 2048
 N_REFINED = 7
 AZIMUTH_BIN_RAD, ELEVATION_BIN_RAD = 0.6, 0.35
 """Starts in the same range of azimuth and elevation count once."""
-EDGE_WEIGHT = 0.5
+EDGE_WEIGHT = 1.5
 """Weight of the distance of edges beside the overlap of the masks."""
-MAX_EDGE_PX = 6.0
+MAX_EDGE_PX = 10.0
 """Distance at which a missing edge costs no more [px]."""
 INNER_WEIGHT = 2.0
 """Weight of edges inside the silhouette, which give the depth."""
 FOCAL = 1.2
 """Expected focal length in units of the longer side of the image."""
-FOCAL_SPREAD, ROLL_SPREAD = 0.3, 0.04
+FOCAL_SPREAD, ROLL_SPREAD, AZIMUTH_SPREAD = 0.3, 0.04, 1.2
 ELEVATION, ELEVATION_SPREAD = 0.4, 0.5
 PRIOR_WEIGHT = 0.02
 NAMES = ("width", "depth", "azimuth", "elevation", "roll", "distance", "focal", "u", "v")
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2.0
-EDGES = tuple(
-    (a, b)
-    for a in range(8)
-    for b in range(a + 1, 8)
-    if np.abs(CORNERS[a] - CORNERS[b]).sum() == 1.0
-)
-"""Pairs of corners."""
-FACES = tuple(
-    (axis, sign, np.flatnonzero(CORNERS[:, axis] == sign / 2.0))
-    for axis in range(3)
-    for sign in (-1.0, 1.0)
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,13 +84,13 @@ class BoxFit:
 
 def box_corners(width: float, depth: float) -> Array:
     """Return the corners (8, 3) of a box of height 1 on z = 0, its front at +x."""
-    return CORNERS * [depth, width, 1.0] + [0.0, 0.0, 0.5]
+    return 0.5 * SIGNS * [depth, width, 1.0] + [0.0, 0.0, 0.5]
 
 
 def fit_box(
     image: Pixels, mask: NDArray[np.bool_], prior: SizePrior | None = None, seed: int = 0
-) -> BoxFit:
-    """Fit a box to the object.
+) -> list[BoxFit]:
+    """Fit a box to the object and return the local optima, the one of least cost first.
 
     Args:
         image: Colours (H, W, 3).
@@ -106,23 +101,17 @@ def fit_box(
     target = _Target(image, mask, prior or SizePrior())
     starts = target.starts(seed)
     costs = np.array([target.cost(start) for start in starts])
-    best = None
+    found = []
     for k in diverse(starts, costs):
-        found = minimize(
-            target.cost,
-            starts[k],
-            method="Nelder-Mead",
-            options={
-                "maxfev": 400,
-                "xatol": 1e-3,
-                "fatol": 1e-4,
-                "initial_simplex": target.simplex(starts[k]),
-            },
-        )
-        if best is None or found.fun < best.fun:
-            best = found
-    assert best is not None
-    return target.result(best.x, float(best.fun))
+        options = {
+            "maxfev": 400,
+            "xatol": 1e-3,
+            "fatol": 1e-4,
+            "initial_simplex": target.simplex(starts[k]),
+        }
+        best = minimize(target.cost, starts[k], method="Nelder-Mead", options=options)
+        found.append(target.result(best.x, float(best.fun)))
+    return sorted(found, key=lambda fit: fit.cost)
 
 
 def diverse(starts: Array, costs: Array) -> list[int]:
@@ -140,32 +129,41 @@ class _Target:
 
     def __init__(self, image: Pixels, mask: NDArray[np.bool_], prior: SizePrior) -> None:
         self.size_px = (image.shape[1], image.shape[0])
-        self.factor = WORK_PX / max(image.shape[:2])
-        width, height = (max(8, round(self.factor * side)) for side in self.size_px)
+        factor = WORK_PX / max(image.shape[:2])
+        width, height = (max(8, round(factor * side)) for side in self.size_px)
         resized = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-        small = np.asarray(resized, dtype=np.uint8)
         share = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-        self.mask = (share > 0.5).astype(np.uint8)
-        self.shape = (height, width)
-        self.prior = prior
-        self.distance_px = edge_distance(small)
-        rows, columns = np.nonzero(self.mask)
+        inside = np.asarray(share > 0.5)
+        self.sums = np.zeros((height, width + 1), dtype=np.int64)
+        self.sums[:, 1:] = np.cumsum(inside, axis=1)
+        self.side_px = float(max(height, width))
+        self.distance = edge_distance(np.asarray(resized, dtype=np.uint8)) / MAX_EDGE_PX
+        self.size_prior = prior
+        self.prior = np.full((N_PARAMETERS, 2), [0.0, np.inf])
+        self.prior[0] = prior.log_width, prior.spread
+        self.prior[1] = prior.log_depth, prior.spread
+        self.prior[2] = 0.0, AZIMUTH_SPREAD
+        self.prior[3] = ELEVATION, ELEVATION_SPREAD
+        self.prior[4] = 0.0, ROLL_SPREAD
+        self.prior[6] = np.log(FOCAL), FOCAL_SPREAD
+        self.weights = np.array([EDGE_WEIGHT, INNER_WEIGHT, PRIOR_WEIGHT])
+        self.uv = np.empty((8, 2))
+        rows, columns = np.nonzero(inside)
         self.box = np.array(
             [columns.min(), rows.min(), columns.max(), rows.max()], dtype=np.float64
         )
 
     def starts(self, seed: int) -> Array:
         """Return starting parameters (N, 9): the box spans the extent of the mask."""
-        unit = qmc.Sobol(7, seed=seed).random(N_SAMPLES)
-        prior = self.prior
-        out = np.zeros((N_SAMPLES, len(NAMES)))
+        unit = qmc.Sobol(5, seed=seed).random(N_SAMPLES)
+        prior = self.size_prior
+        out = np.zeros((N_SAMPLES, N_PARAMETERS))
         out[:, 0] = prior.log_width + 2.0 * prior.spread * (unit[:, 0] - 0.5)
         out[:, 1] = prior.log_depth + 2.0 * prior.spread * (unit[:, 1] - 0.5)
         out[:, 2] = np.radians(65.0) * (2.0 * unit[:, 2] - 1.0)
-        out[:, 3] = np.radians(-5.0 + 60.0 * unit[:, 3])
+        out[:, 3] = np.radians(-5.0 + 65.0 * unit[:, 3])
         out[:, 6] = np.log(FOCAL) + FOCAL_SPREAD * 2.0 * (unit[:, 4] - 0.5)
-        middle = 0.5 * (self.box[:2] + self.box[2:])
-        out[:, 7:] = middle / max(self.shape)
+        out[:, 7:] = 0.5 * (self.box[:2] + self.box[2:]) / self.side_px
         for row in out:
             row[5] = self._distance(row)
         return out
@@ -181,68 +179,28 @@ class _Target:
         wanted = float(np.linalg.norm(self.box[2:] - self.box[:2]))
         for _ in range(3):
             parameters[5] = log_distance
-            uv = self.project(parameters)
-            span = float(np.linalg.norm(uv.max(axis=0) - uv.min(axis=0)))
-            log_distance += float(np.log(max(span, 1.0) / wanted))
+            if not project(parameters, self.side_px, self.uv):
+                log_distance += 0.5
+                continue
+            extent = self.uv.max(axis=0) - self.uv.min(axis=0)
+            log_distance += float(np.log(max(float(np.linalg.norm(extent)), 1.0) / wanted))
         return log_distance
-
-    def project(self, parameters: Array) -> Array:
-        """Return the corners in the image at the working resolution (8, 2) [px]."""
-        return _project(parameters, max(self.shape))
 
     def cost(self, parameters: Array) -> float:
         """Return the cost of parameters (9,)."""
-        uv = self.project(parameters)
-        if not np.isfinite(uv).all() or np.abs(uv).max() > 4.0 * max(self.shape):
-            return 10.0
-        overlap = self._overlap(uv)
-        return (1.0 - overlap) + EDGE_WEIGHT * self._edges(parameters, uv) + self._prior(parameters)
-
-    def _overlap(self, uv: Array) -> float:
-        rendered = np.zeros(self.shape, dtype=np.uint8)
-        hull = cv2.convexHull(np.round(uv * 16.0).astype(np.int32))
-        cv2.fillConvexPoly(rendered, hull, 1, lineType=cv2.LINE_8, shift=4)
-        both = float(cv2.countNonZero(rendered & self.mask))
-        return both / max(float(cv2.countNonZero(rendered | self.mask)), 1.0)
-
-    def _edges(self, parameters: Array, uv: Array) -> float:
-        """Return the mean distance of the visible edges to edges of the image, in [0, 1]."""
-        visible = visible_edges(parameters, uv)
-        total, weight = 0.0, 0.0
-        height, width = self.shape
-        for a, b, inner in visible:
-            count = max(2, int(np.linalg.norm(uv[b] - uv[a]) / 2.0))
-            steps = np.linspace(0.08, 0.92, count)[:, None]
-            points = np.rint(uv[a] + steps * (uv[b] - uv[a])).astype(int)
-            inside = (points >= 0).all(axis=1) & (points[:, 0] < width) & (points[:, 1] < height)
-            points = points[inside]
-            if len(points) == 0:
-                continue
-            w = INNER_WEIGHT if inner else 1.0
-            total += w * float(self.distance_px[points[:, 1], points[:, 0]].sum()) / MAX_EDGE_PX
-            weight += w * len(points)
-        return total / max(weight, 1.0)
-
-    def _prior(self, p: Array) -> float:
-        prior = self.prior
-        terms = (
-            (p[0] - prior.log_width) / prior.spread,
-            (p[1] - prior.log_depth) / prior.spread,
-            max(0.0, abs(p[2]) - 1.1) / 0.1,
-            (p[3] - ELEVATION) / ELEVATION_SPREAD,
-            p[4] / ROLL_SPREAD,
-            (p[6] - np.log(FOCAL)) / FOCAL_SPREAD,
+        return float(
+            box_cost(parameters, self.sums, self.distance, self.prior, self.weights, self.uv)
         )
-        return PRIOR_WEIGHT * float(np.sum(np.square(terms)))
 
     def result(self, parameters: Array, cost: float) -> BoxFit:
         """Return the fit at the resolution of the image."""
         width, depth = float(np.exp(parameters[0])), float(np.exp(parameters[1]))
+        project(parameters, self.side_px, self.uv)
         return BoxFit(
             width=width,
             depth=depth,
             camera=camera_of(parameters, self.size_px),
-            overlap=self._overlap(self.project(parameters)),
+            overlap=float(overlap(self.uv, self.sums)),
             cost=cost,
             parameters=dict(zip(NAMES, map(float, parameters), strict=True)),
         )
@@ -276,44 +234,10 @@ def edge_distance(image: Pixels) -> Array:
     return np.minimum(far, MAX_EDGE_PX)
 
 
-def _rotation(azimuth: float, elevation: float, roll: float) -> Array:
-    """Return the rotation (3, 3) from box axes to camera axes (x right, y down, z forward)."""
-    ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
-    ahead = -np.array([ce * ca, ce * sa, se])
-    right = np.array([-sa, ca, 0.0])
-    down = np.cross(ahead, right)
-    cr, sr = np.cos(roll), np.sin(roll)
-    return np.stack([cr * right + sr * down, -sr * right + cr * down, ahead])
-
-
-def _project(p: Array, side_px: float) -> Array:
-    points = box_corners(float(np.exp(p[0])), float(np.exp(p[1]))) - [0.0, 0.0, 0.5]
-    points_c = points @ _rotation(p[2], p[3], p[4]).T
-    depth = points_c[:, 2] + np.exp(p[5])
-    if depth.min() <= 0.05:
-        return np.full((8, 2), np.nan)
-    focal = np.exp(p[6])
-    return np.asarray((focal * points_c[:, :2] / depth[:, None] + p[7:]) * side_px)
-
-
-def visible_edges(p: Array, uv: Array) -> list[tuple[int, int, bool]]:
-    """Return visible edges as pairs of corners, and whether they are inside the silhouette."""
-    rot = _rotation(p[2], p[3], p[4])
-    eye = -np.exp(p[5]) * rot[2]
-    half = np.array([np.exp(p[1]), np.exp(p[0]), 1.0]) / 2.0
-    faces = [set(corners) for axis, sign, corners in FACES if sign * eye[axis] > half[axis]]
-    out = []
-    for a, b in EDGES:
-        count = sum(a in face and b in face for face in faces)
-        if count:
-            out.append((a, b, count == 2))
-    return out
-
-
 def camera_of(p: Array, size_px: tuple[int, int]) -> Camera:
     """Return the camera in the frame of the box (z = 0 at its bottom) for images of this size."""
     side = float(max(size_px))
-    rot = _rotation(p[2], p[3], p[4])
+    rot = rotation(p[2], p[3], p[4])
     eye = -np.exp(p[5]) * rot[2] + [0.0, 0.0, 0.5]
     return Camera(
         width_px=size_px[0],

@@ -15,7 +15,7 @@ ASPECT = 1.25
 STACKED = 1.2
 """Gain of the logit of a drawer for each similar cell of its stack beyond two."""
 STRIP = 0.11
-"""Height of a cell, as a share of the front, below which it is a plinth or a worktop."""
+"""Side of a cell, as a share of the front, below which it is a plinth, a worktop or a stile."""
 SIDE_OFF = 0.17
 """Distance of a handle from the middle of a door that gives the hinge, as a share of the width."""
 
@@ -78,10 +78,14 @@ def panels_of(kinds: Sequence[CellKind]) -> tuple[FrontPanel, ...]:
 
 
 def is_strip(kind: CellKind) -> bool:
-    """Return whether a cell is a plinth or a board at the lower or upper edge of the front."""
+    """Return whether a cell is a plinth, a board or a stile: thin and without a handle."""
     cell = kind.cell
-    at_edge = cell.bottom < 0.01 or cell.top > 0.99
-    return at_edge and cell.top - cell.bottom < STRIP and kind.cell.handle is None
+    if cell.handle is not None:
+        return False
+    level = cell.bottom < 0.01 or cell.top > 0.99
+    upright = cell.left < 0.01 or cell.right > 0.99
+    thin = cell.top - cell.bottom < STRIP, cell.right - cell.left < STRIP
+    return (level and thin[0]) or (upright and thin[1]) or kind.aspect > 9.0 or kind.aspect < 0.1
 
 
 def hinge_side(kinds: Sequence[CellKind], k: int) -> HingeSide:

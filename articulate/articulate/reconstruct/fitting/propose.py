@@ -13,7 +13,7 @@ from articulate.errors import UsageError
 from articulate.library.procedural.front_layout import FrontLayout, FrontPanel, HingeSide
 from articulate.library.procedural.materials import PALETTE, Material
 from articulate.reconstruct.actors.protocol import TraceStep
-from articulate.reconstruct.fitting.box_fit import EDGES
+from articulate.reconstruct.fitting.box_cost import EDGES
 from articulate.reconstruct.fitting.categories import USUAL, Generated, generate
 from articulate.reconstruct.fitting.object_front import ObjectFront, find_front
 from articulate.reconstruct.proposal import ObjectProposal, Source
@@ -137,7 +137,8 @@ def object_mask(image: Pixels, motion: MotionHint | None) -> NDArray[np.bool_]:
     return mask
 
 
-def _crop(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
+def crop_around(image: Pixels, mask: NDArray[np.bool_]) -> Pixels:
+    """Return the region of an image (H, W, 3) around the object, with a margin."""
     rows, columns = np.nonzero(mask)
     left, right = np.percentile(columns, [1, 99])
     top, bottom = np.percentile(rows, [1, 99])
@@ -158,7 +159,7 @@ def _probabilities(
     motion: MotionHint | None,
 ) -> dict[str, float]:
     """Combine image, text and motion."""
-    found = category_probabilities([image, _crop(image, mask)])
+    found = category_probabilities(image, crop_around(image, mask))
     if hints:
         found = multiply(found, {name: hints.get(name, 1e-4) for name in {*found, *hints}})
     if motion is not None:

@@ -1,11 +1,13 @@
-"""Category of an object from ImageNet probabilities.
+"""Category of an object from the probabilities and features of an ImageNet network.
 
 A category of PartNet-Mobility is the sum of the ImageNet classes (ILSVRC 2012) that show it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -59,33 +61,63 @@ CLASSES: Mapping[str, tuple[int, ...]] = {
 """ImageNet classes of each category."""
 FLOOR = 1e-4
 """Least probability of a category before normalization."""
-TEMPERATURE = 1.0
-"""Exponent of the probabilities; smaller values make them less certain."""
+WEIGHTS_FILE = Path(__file__).with_name("category_weights.npz")
+"""Linear classifier of features, trained on renders of the procedural library by
+``benchmarks/category_classifier.py``."""
+RENDERED_SHARE = 0.35
+"""Weight of the linear classifier; the rest is that of the ImageNet classes."""
 
 
-def category_probabilities(crops: Sequence[Pixels]) -> dict[str, float]:
-    """Return the probability of each category from crops (H, W, 3) of one object.
+def category_probabilities(image: Pixels, crop: Pixels) -> dict[str, float]:
+    """Return the probability of each category of one object.
+
+    The logarithms of the scores from ImageNet classes and of the linear classifier are averaged.
+
+    Args:
+        image: Entire image (H, W, 3).
+        crop: Region around the object (h, w, 3).
 
     Raises:
         UsageError: The package with the weights is not installed.
     """
-    found, _ = classify(list(crops))
-    return category_scores(found.mean(axis=0))
+    found, features = classify([image, crop])
+    named, rendered = category_scores(found.mean(axis=0)), rendered_scores(features[1])
+    logs = {
+        name: (1.0 - RENDERED_SHARE) * np.log(named.get(name, FLOOR))
+        + RENDERED_SHARE * np.log(rendered.get(name, FLOOR) + FLOOR)
+        for name in {*named, *rendered}
+    }
+    return _normalized({name: float(np.exp(value)) for name, value in logs.items()})
 
 
 def category_scores(imagenet: Array) -> dict[str, float]:
     """Return normalized category scores from ImageNet probabilities (1000,)."""
-    raw = {name: float(imagenet[list(ids)].sum()) + FLOOR for name, ids in CLASSES.items()}
-    sharp = {name: value**TEMPERATURE for name, value in raw.items()}
-    total = float(np.sum(list(sharp.values())))
-    return {name: value / total for name, value in sharp.items()}
+    return _normalized({n: float(imagenet[list(ids)].sum()) + FLOOR for n, ids in CLASSES.items()})
+
+
+def rendered_scores(features: Array) -> dict[str, float]:
+    """Return the probabilities of the procedural categories from features (1280,)."""
+    names, weight, bias = _weights()
+    scores = weight @ (features / np.linalg.norm(features)) + bias
+    values = np.exp(scores - scores.max())
+    return dict(zip(names, map(float, values / values.sum()), strict=True))
+
+
+@lru_cache(maxsize=1)
+def _weights() -> tuple[tuple[str, ...], Array, Array]:
+    with np.load(WEIGHTS_FILE, allow_pickle=False) as file:
+        names = tuple(str(name) for name in file["names"])
+        return names, file["weight"].astype(np.float64), file["bias"].astype(np.float64)
+
+
+def _normalized(scores: Mapping[str, float]) -> dict[str, float]:
+    total = sum(scores.values())
+    return {name: scores[name] / total for name in sorted(scores)}
 
 
 def multiply(*factors: Mapping[str, float]) -> dict[str, float]:
     """Multiply probabilities of categories and normalize; missing ones count as the least."""
     names = sorted(set().union(*factors))
-    product = {
-        name: float(np.prod([f.get(name, min(f.values())) for f in factors])) for name in names
-    }
-    total = sum(product.values())
-    return {name: value / total for name, value in product.items()}
+    return _normalized(
+        {name: float(np.prod([f.get(name, min(f.values())) for f in factors])) for name in names}
+    )
