@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import struct
 from collections.abc import Mapping
 from typing import Any
@@ -16,6 +17,8 @@ MAX_VALUES = 60_000_000
 MAX_NODES = 20_000
 """Most nodes, meshes, primitives, accessors, buffers or images."""
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+COMPRESSIONS = {"KHR_draco_mesh_compression": "DracoPy", "EXT_meshopt_compression": ""}
+"""Extensions that compress meshes, and the package that reads each."""
 GLB_MAGIC = b"glTF"
 
 
@@ -32,6 +35,7 @@ def check_gltf(content: bytes, name: str) -> None:
         AssetError: It has no JSON header, or a count is missing or too large.
     """
     header = _header(content, name)
+    _check_compression(header, name)
     for key in ("nodes", "meshes", "accessors", "bufferViews", "buffers", "images"):
         _check("count", len(_list(header, key, name)), MAX_NODES, key, name)
     _check_trees(_list(header, "nodes", name), name)
@@ -67,6 +71,20 @@ def _header(content: bytes, name: str) -> dict[str, Any]:
     except UnicodeDecodeError:
         raise AssetError(f"mesh {name}: cannot be read (its header is not UTF-8)") from None
     return parse_json_object(plain.rstrip("\0 \n\r\t"), f"mesh {name}", error=AssetError)
+
+
+def _check_compression(header: Mapping[str, Any], name: str) -> None:
+    """Reject compressed meshes, whose vertices would all be read as zero."""
+    used = header.get("extensionsRequired", [])
+    for extension, package in COMPRESSIONS.items():
+        if not isinstance(used, list) or extension not in used:
+            continue
+        if not package:
+            raise AssetError(f"mesh {name}: is compressed ({extension}); export it without")
+        if importlib.util.find_spec(package) is None:
+            raise AssetError(
+                f"mesh {name}: is compressed ({extension}); install {package}, or export it without"
+            )
 
 
 def _list(owner: Mapping[str, Any], key: str, name: str) -> list[dict[str, Any]]:

@@ -29,6 +29,8 @@ LEAST_HEIGHT = 0.006
 """Least height of a knob over the surface, as a share of the diagonal."""
 DIAL = 0.14
 """A round protrusion on a door that is wider than this share of it is a dial, not a handle."""
+SMALL_DIAL = 0.05
+"""The same for the single door of an object, beside another protrusion: a safe."""
 WHEEL_BOTTOM = 0.04
 """Largest height of the lowest point of a wheel, as a share of the height of the object."""
 WHEEL_SIZE = 0.35
@@ -121,7 +123,7 @@ def knobs(
                 carrier = k
         if carrier is None and taken[disc.faces].mean() > 0.5:
             continue
-        if carrier is not None and not _is_dial(fronts[carrier], disc):
+        if carrier is not None and not _is_dial(fronts, carrier, disc):
             continue
         if _height(parts, disc) < LEAST_HEIGHT * mesh.diagonal:
             continue
@@ -186,13 +188,15 @@ def _contains(rect: Array, y: float, z: float) -> bool:
     return bool(rect[0] < y < rect[2] and rect[1] < z < rect[3])
 
 
-def _is_dial(front: PartProposal, disc: Disc) -> bool:
-    """Return whether a disc on a door is a dial: large, and away from the corners."""
+def _is_dial(fronts: Sequence[PartProposal], carrier: int, disc: Disc) -> bool:
+    """Return whether a disc on a door is a dial: large, or beside the handle of a single door."""
+    front = fronts[carrier]
     if front.kind == "drawer" or front.panel is None:
         return False
     sides = front.panel[2:] - front.panel[:2]
     share = float(disc.size[1:].max() / sides.min())
-    return DIAL < share < 0.6
+    least = SMALL_DIAL if len(fronts) == 1 and front.protrusions > 1 else DIAL
+    return least < share < 0.6
 
 
 def wheels(parts: Segmentation) -> list[PartProposal]:

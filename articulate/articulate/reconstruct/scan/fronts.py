@@ -208,6 +208,9 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
     low = np.array([panel.back, y0, z0])
     high = np.array([panel.front + reach, y1, z1])
     attached = parts.faces_of(parts.facets, parts.inside(parts.facets, low, high))
+    # Surfaces at the back that face the panel are edges of the body.
+    behind = parts.mesh.triangles[attached].max(axis=1)[:, 0] < panel.back + parts.near
+    attached = attached[~(behind & (parts.mesh.normals[attached, 0] > 0.9))]
     faces = np.unique(np.concatenate([panel.own, attached, front.tray]))
     base = PartProposal(
         kind="door",
@@ -219,6 +222,7 @@ def _proposal(parts: Segmentation, front: Front, others: Sequence[Front]) -> Par
         confidence=0.7,
         panel=panel.rect,
         front=panel.front,
+        protrusions=len(panel.handles),
     )
     if len(front.tray):
         return _drawer(parts, base, front, "a tray behind the front")

@@ -20,13 +20,13 @@ from articulate.reconstruct.actors.protocol import (
 )
 from articulate.reconstruct.actors.semantic.actor import SemanticActor
 from articulate.reconstruct.make import PredictionSource, make_predicted
-from articulate.reconstruct.part_set import PartSet
+from articulate.reconstruct.part_set import Front, PartSet
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import MakeRequest, MakeResult
 from articulate.reconstruct.scan.cavity import build_parts
 from articulate.reconstruct.scan.masks import read_masks
 from articulate.reconstruct.scan.part_proposal import PartProposal, scaled
-from articulate.reconstruct.scan.propose import propose_parts
+from articulate.reconstruct.scan.propose import FoundParts, propose_parts
 from articulate.reconstruct.scan.read_scan import (
     TURNS,
     Scan,
@@ -36,8 +36,9 @@ from articulate.reconstruct.scan.read_scan import (
     scale_of,
     turned,
 )
+from articulate.reconstruct.scan.scan_mesh import ScanMesh
 from articulate.reconstruct.scan.scan_parts import BODY, distinct_names, parents_of, part_set_of
-from articulate.reconstruct.scan.sweep import tested
+from articulate.reconstruct.scan.sweep import with_free_joints
 from articulate.reconstruct.text.counts import counts_in
 from articulate.render.camera import front_camera
 from articulate.transforms import Ints
@@ -45,6 +46,9 @@ from articulate.transforms import Ints
 ACTOR = "scan"
 LEAST_CONFIDENCE = 0.5
 """Parts with a lower confidence make the result doubtful."""
+CERTAIN, BETTER = 0.6, 0.1
+"""A front whose surest part has the first confidence is taken; others must be better by the
+second."""
 TOY_M = 0.25
 """An object of unknown category with doors or drawers is not smaller [m]."""
 MIN_NAMED = 2
@@ -113,7 +117,7 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
             f"{shorten(path.name)}: no door, drawer or lid was found on the surface; give --masks "
             "with the part of each triangle, or a mesh whose parts are named"
         )
-    proposals = tested(scan.mesh, proposals)
+    proposals = with_free_joints(scan.mesh, proposals)
     names = distinct_names([proposal.kind for proposal in proposals])
     parents = parents_of(proposals, names)
     joints = tuple(
@@ -146,36 +150,44 @@ def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     category gets the size that is usual for it.
     """
     counts = counts_in(hints.text) if hints.text else None
+    best: tuple[float, Front, FoundParts] | None = None
     for front in TURNS if hints.front == "auto" else TURNS[:1]:
-        mesh = turned(scan.mesh, front)
-        found = propose_parts(mesh, counts)
-        if not found.parts:
-            continue
-        category, notes = scan.category, scan.assumptions
-        scale = 1.0
-        if category == "unknown" and found.category != "unknown":
-            category = found.category
-            scale, reason = scale_of(
-                mesh, category, None if hints.height_m is None else mesh.size[2]
-            )
-            notes = (
-                *notes,
-                f"the parts are those of a {category}",
-                *((reason,) if scale != 1.0 else ()),
-            )
-        elif category == "unknown" and float(mesh.size.max()) < TOY_M and hints.height_m is None:
-            typical = LONGEST_SIDE_M["StorageFurniture"]
-            scale = typical / float(mesh.size.max())
-            notes = (
-                *notes,
-                f"it is too small for furniture: its longest side is set to {typical:g} m",
-            )
-        if front != TURNS[0]:
-            notes = (*notes, f"the front faces {front}; --front changes this")
-        proposals = [scaled(proposal, scale) for proposal in found.parts]
-        mesh = mesh.transformed(np.eye(3), scale, np.zeros(3))
-        return replace(scan, mesh=mesh, category=category, assumptions=notes), proposals
-    return scan, []
+        found = propose_parts(turned(scan.mesh, front), counts)
+        certain = max((proposal.confidence for proposal in found.parts), default=0.0)
+        if found.parts and (best is None or certain > best[0] + BETTER):
+            best = (certain, front, found)
+        if certain >= CERTAIN:
+            break
+    if best is None:
+        return scan, []
+    _, front, found = best
+    mesh = turned(scan.mesh, front)
+    scale, category, notes = _size_by_parts(scan, mesh, found, hints)
+    if front != TURNS[0]:
+        notes = (*notes, f"the front faces {front}; --front changes this")
+    proposals = [scaled(proposal, scale) for proposal in found.parts]
+    mesh = mesh.transformed(np.eye(3), scale, np.zeros(3))
+    return replace(scan, mesh=mesh, category=category, assumptions=notes), proposals
+
+
+def _size_by_parts(
+    scan: Scan, mesh: ScanMesh, found: FoundParts, hints: ScanHints
+) -> tuple[float, str, tuple[str, ...]]:
+    """Return the factor to the usual size, the category that the parts imply, and assumptions."""
+    notes = scan.assumptions
+    if scan.category != "unknown":
+        return 1.0, scan.category, notes
+    if found.category != "unknown":
+        height_m = None if hints.height_m is None else float(mesh.size[2])
+        scale, reason = scale_of(mesh, found.category, height_m)
+        notes = (*notes, f"the parts are those of a {found.category}")
+        return scale, found.category, (*notes, reason) if scale != 1.0 else notes
+    longest = float(mesh.size.max())
+    if longest < TOY_M and hints.height_m is None:
+        usual = LONGEST_SIDE_M["StorageFurniture"]
+        notes = (*notes, f"it is too small for furniture: its longest side is set to {usual:g} m")
+        return usual / longest, "unknown", notes
+    return 1.0, "unknown", notes
 
 
 def _named_parts(
@@ -185,8 +197,11 @@ def _named_parts(
     path: Path,
 ) -> ScanParts:
     """Return parts whose names imply their joints."""
-    names = distinct_names([name for name, _ in named])
-    names = [name.removesuffix("_1") if names.count(name) == 1 else name for name in names]
+    given = [name for name, _ in named]
+    names = [
+        name.removesuffix("_1") if given.count(own) == 1 else name
+        for name, own in zip(distinct_names(given), given, strict=True)
+    ]
     rest = np.ones(len(scan.mesh.faces), dtype=bool)
     meshes = []
     for name, (_, faces) in zip(names, named, strict=True):

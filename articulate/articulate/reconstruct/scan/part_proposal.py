@@ -35,6 +35,8 @@ class PartProposal:
     """Observations that support it."""
     panel: Array | None = None
     """``(y0, z0, y1, z1)`` of a front panel (4,) [m]; None for other parts."""
+    protrusions: int = 0
+    """Number of handles and knobs on a front panel."""
     front: float = 0.0
     """Coordinate x of the front panel's surface [m]."""
     hollow: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +15,12 @@ import trimesh
 from articulate.conversion.metric_size import LEAST_M, LONGEST_SIDE_M, MOST_M, OTHER_M
 from articulate.errors import AssetError, shorten
 from articulate.formats.load_meshes import GREY
-from articulate.formats.mesh_file import FORMATS, load_scene
+from articulate.formats.mesh_file import FORMATS, MAX_BYTES, READ_BYTES
 from articulate.reconstruct.part_set import FROM_Y_UP, QUARTERS, Front, Up
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.reconstruct.vertex_colours import groups_of
 from articulate.transforms import Array, Ints
+from articulate.untrusted import memory_limit, read_bounded
 
 SCENES = (".glb", ".gltf")
 LEAST_FACES = 12
@@ -150,7 +152,8 @@ def _read(path: Path) -> ScanMesh:
     if not exists:
         raise AssetError(f"{shorten(path)}: no such file; give a mesh, e.g. a .glb")
     groups = groups_of(path)
-    _check_finite(path)
+    if path.suffix.lower() != ".msh":
+        _check_finite(path)
     names = tuple(dict.fromkeys(name for name, _, _ in groups))
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh, _ in groups)])
     return ScanMesh(
@@ -175,7 +178,11 @@ def _colours(mesh: trimesh.Trimesh, rgba: tuple[float, ...] | None) -> Array:
 def _check_finite(path: Path) -> None:
     """Reject a file with corners that are not numbers."""
     bad = total = 0
-    for geometry in load_scene(path).geometry.values():
+    with memory_limit(READ_BYTES):
+        content = io.BytesIO(read_bounded(path, MAX_BYTES, error=AssetError))
+        options = {"process": False, "skip_materials": True}
+        scene = trimesh.load_scene(content, file_type=path.suffix.lower()[1:], **options)
+    for geometry in scene.geometry.values():
         vertices = np.asarray(geometry.vertices, dtype=np.float64)
         bad += int((~np.isfinite(vertices).all(axis=-1)).sum())
         total += len(vertices)

@@ -67,7 +67,7 @@ def _samples(mesh: ScanMesh, faces: Ints, count: int) -> tuple[Array, Array]:
     return np.asarray(points, dtype=np.float64), mesh.normals[faces[np.asarray(index)]]
 
 
-def tested(mesh: ScanMesh, proposals: Sequence[PartProposal]) -> list[PartProposal]:
+def with_free_joints(mesh: ScanMesh, proposals: Sequence[PartProposal]) -> list[PartProposal]:
     """Return the proposals with their freest hinges, and confidences lowered where they collide."""
     everything = np.arange(len(mesh.faces))
     found = []

@@ -80,7 +80,10 @@ def _tray(parts: Segmentation, group: Ints) -> Tray | None:
     ceiling = area[level & (centres[:, 2] > middle)].sum()
     if min(left, right) < WALL * depth * height or bottom < BOTTOM * depth * width:
         return None
-    return None if ceiling > CEILING * bottom else Tray(faces=faces, box=box)
+    if ceiling > CEILING * bottom:
+        return None
+    within = parts.inside(parts.shells, box[0], box[1])
+    return Tray(faces=np.union1d(faces, parts.faces_of(parts.shells, within)), box=box)
 
 
 def _is_body(parts: Segmentation, box: Array) -> bool:

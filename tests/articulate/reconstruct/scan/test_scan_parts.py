@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from tests.articulate.reconstruct.scan.scan_objects import (
+    box,
+    bucket,
+    chest_of_drawers,
+    double_doors,
+    laptop,
+    merged,
+    overlap,
+    write,
+)
+
+from articulate.reconstruct.result import MakeRequest
+from articulate.reconstruct.scan.cavity import build_parts
+from articulate.reconstruct.scan.cells import components, edges_of, facets
+from articulate.reconstruct.scan.make_scan import make_scan, scan_parts
+from articulate.reconstruct.scan.part_proposal import PartProposal
+from articulate.reconstruct.scan.propose import propose_parts
+from articulate.reconstruct.scan.read_scan import ScanHints, read_scan
+from articulate.reconstruct.scan.sweep import with_free_joints
+
+
+def found_in(objects):
+    mesh, label = merged(*objects)
+    found = propose_parts(mesh)
+    overlaps = [
+        max(overlap(mesh, part.faces, label, k) for part in found.parts)
+        for k in range(label.max() + 1)
+    ]
+    return mesh, found, overlaps
+
+
+def test_edges_of_a_box_join_its_faces_and_creases_separate_them():
+    mesh, _ = merged([], [[box((0, 0, 0), (1, 2, 3))]])
+    edges = edges_of(mesh)
+    assert len(edges.pairs) == 18
+    assert edges.consistent.all()
+    assert not edges.concave[edges.fold_rad > 1.0].any()
+    assert components(mesh, edges).count == 1
+    cells = facets(mesh, edges)
+    assert cells.count == 6
+    np.testing.assert_allclose(np.sort(cells.area), [2, 2, 3, 3, 6, 6])
+
+
+def test_doors_are_hinged_away_from_their_handles():
+    _, found, overlaps = found_in(double_doors())
+    assert [part.kind for part in found.parts] == ["door", "door"]
+    assert min(overlaps) > 0.95
+    for part in found.parts:
+        assert abs(part.pivot[1]) > 0.35
+        assert part.axis[2] * part.pivot[1] > 0  # opens to the front
+
+
+def test_a_front_with_a_tray_is_a_drawer():
+    _, found, overlaps = found_in(chest_of_drawers())
+    assert [part.kind for part in found.parts] == ["drawer"] * 3
+    assert min(overlaps) > 0.99
+    for part in found.parts:
+        np.testing.assert_allclose(part.axis, (1, 0, 0))
+        assert 0.2 < part.upper < 0.45
+
+
+@pytest.mark.parametrize(
+    ("objects", "kind", "category"), [(laptop, "screen", "Laptop"), (bucket, "handle", "Bucket")]
+)
+def test_parts_of_other_objects(objects, kind, category):
+    _, found, overlaps = found_in(objects())
+    assert [part.kind for part in found.parts] == [kind]
+    assert found.category == category
+    assert overlaps[0] > 0.95
+    assert abs(found.parts[0].axis[1]) > 0.99
+
+
+def test_other_numbers_in_the_text_lower_the_confidence():
+    mesh, _ = merged(*double_doors())
+    right, wrong = (propose_parts(mesh, {"door": n}).parts[0].confidence for n in (2, 3))
+    assert right > wrong + 0.2
+
+
+def test_the_front_is_found_on_another_side(tmp_path):
+    mesh, _ = merged(*double_doors())
+    turned = mesh.transformed(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), 1.0, np.zeros(3))
+    path = write(turned, tmp_path / "cabinet.glb")
+    found = scan_parts(read_scan(path, ScanHints()), path, ScanHints())
+    assert {joint.part for joint in found.joints} == {"door_1", "door_2"}
+    assert any("front faces" in text for text in found.assumptions)
+
+
+def test_a_hinge_that_collides_is_moved_or_loses_confidence():
+    mesh, label = merged(*double_doors())
+    door = PartProposal(
+        kind="door",
+        faces=np.flatnonzero(label == 0),
+        joint="prismatic",
+        axis=np.array([-1.0, 0, 0]),  # into the carcass, against the back
+        pivot=np.zeros(3),
+        upper=0.5,
+        confidence=0.8,
+    )
+    assert with_free_joints(mesh, [door])[0].confidence < 0.4
+
+
+def test_a_solid_front_gets_a_cavity_and_a_drawer_its_tray():
+    solid = [box((0, -0.4, 0), (0.5, 0.4, 0.4))]
+    mesh, label = merged(solid, [[box((0.5, -0.38, 0.02), (0.52, 0.38, 0.38))]])
+    drawer = PartProposal(
+        kind="drawer",
+        faces=np.flatnonzero(label == 0),
+        joint="prismatic",
+        axis=np.array([1.0, 0, 0]),
+        pivot=np.zeros(3),
+        upper=0.3,
+        confidence=0.8,
+        panel=np.array([-0.38, 0.02, 0.38, 0.38]),
+        front=0.52,
+        hollow=True,
+    )
+    built = build_parts(mesh, [drawer], ["drawer_1"], "body")
+    assert len(built.notes) == 2
+    assert np.ptp(built.parts[0].vertices[:, 0]) > 0.3
+    face = built.body.vertices[built.body.faces]
+    middle = face.mean(axis=1)
+    closing = (
+        (middle[:, 0] > 0.49) & (np.abs(middle[:, 1]) < 0.3) & (np.abs(middle[:, 2] - 0.2) < 0.1)
+    )
+    assert not closing.any()
+
+
+def test_names_of_the_file_come_first(tmp_path):
+    fixed, doors = double_doors()
+    scene = trimesh.Scene()
+    turn = np.eye(4)
+    turn[:3, :3] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    for name, pieces in {"corpus": fixed, "doorLeft": doors[0], "doorRight": doors[1]}.items():
+        mesh = trimesh.util.concatenate(pieces)
+        scene.add_geometry(mesh.apply_transform(turn), node_name=name, geom_name=name)
+    path = tmp_path / "cabinet.glb"
+    scene.export(path)
+    found = scan_parts(read_scan(path, ScanHints()), path, ScanHints())
+    moving = {joint.part for joint in found.joints if joint.kind == "revolute"}
+    assert moving == {"doorLeft", "doorRight"}
+
+
+@pytest.mark.slow
+def test_a_cabinet_is_made_and_passes(tmp_path):
+    mesh, _ = merged(*double_doors())
+    path = write(mesh, tmp_path / "cabinet.glb")
+    request = MakeRequest(out=tmp_path / "asset", cache=tmp_path / "cache")
+    result = make_scan(path, request, ScanHints(text="a cabinet with two doors"))
+    assert result.verdict == "passed"
+    assert [joint.kind for joint in result.joints] == ["revolute", "revolute"]
