@@ -48,7 +48,7 @@ class ArrangementReader(Reader):
         self._number_as_subset()
         if self.current is None:
             if self.next_kind(self.at + 1) and name in {"above", "below"}:
-                self.next_position = "top" if name == "above" else "bottom"
+                self.next_position = "bottom" if name == "above" else "top"
             return
         if following in PRONOUNS:  # "a door and below it a drawer", "a drawer below it"
             self.at += 1
@@ -100,6 +100,8 @@ class ArrangementReader(Reader):
         if subset:
             out.groups[-1].position = position
             return
+        if before in {"@again", "@object"} and not self.next_kind(self.at + 1) and out.groups:
+            return  # "freezer on the left, fridge on the right"
         starts = before in SEPARATORS or before in {":", ""} or before.startswith("@object")
         if self.next_kind(self.at + 1) and (starts or self.current is None):
             self.next_position = position
@@ -119,6 +121,11 @@ class ArrangementReader(Reader):
         if group.position and group.position != position and self.next_kind(self.at + 1):
             self.next_position = position
             return
+        opposite = {group.position, position} == {"left", "right"}
+        if opposite and group.count != 1:  # "doors on the left and on the right"
+            position = "ends"
+        elif group.position and group.position != position:
+            out.doubts.append(f"{group.kind}s have two positions")
         group.position = position
         if each and group.count is not None:
             group.count *= 2

@@ -399,7 +399,7 @@ def _with_usual_parts(description: Description, one: ObjectClass, out: Built) ->
             what = "open compartments" if g.kind == "open" else f"{g.kind}s"
             out.assumptions.append(f"{g.count} {what}: the text gives no number")
     if moving:
-        return description
+        return _with_rest(description, groups, one, out)
     usual = {k: n for k, n in one.parts.items() if k not in description.absent}
     if groups:
         usual = {k: n for k, n in usual.items() if k not in {"open"}}
@@ -419,6 +419,21 @@ def _with_usual_parts(description: Description, one: ObjectClass, out: Built) ->
     return replace(description, groups=[*description.groups, *added])
 
 
+def _with_rest(
+    description: Description, groups: list[PartGroup], one: ObjectClass, out: Built
+) -> Description:
+    """Leave the rest of the front open where all parts are at one edge."""
+    places = {g.position for g in groups}
+    if len(places) > 1 or not places <= {"top", "bottom", "left", "right"}:
+        return description
+    if description.relations:
+        return description
+    count = max(1, one.parts.get("open", 1) - 1)
+    out.assumptions.append(f"{count} open compartments: all parts are at the {places.pop()}")
+    rest = PartGroup(kind="open", count=count)
+    return replace(description, groups=[*description.groups, rest])
+
+
 def _check_kinds(
     description: Description, noun: str, out: Built, also: frozenset[str] = frozenset()
 ) -> None:
@@ -436,7 +451,12 @@ def _sizes(
     description: Description, one: ObjectClass, kind: str, out: Built
 ) -> tuple[float, float, float]:
     """Return width, depth and height: those of the text, or usual ones with room for the parts."""
-    sizes = size_of_dimensions(description, two=("width", "depth" if kind == "table" else "height"))
+    tall = one.size_m[2] > 1.5 and kind == "furniture"
+    sizes = size_of_dimensions(
+        description,
+        two=("width", "depth" if kind == "table" else "height"),
+        any_="height" if tall else "width",
+    )
     values = []
     for k, dimension in enumerate(DIMENSIONS):
         low, high = RANGES_M[kind][k]

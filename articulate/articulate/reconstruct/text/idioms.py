@@ -57,7 +57,8 @@ def _hinge(match: re.Match[str]) -> str:
 def _position(match: re.Match[str]) -> str:
     word = match[1]
     side = {"center": "middle", "centre": "middle", "base": "bottom", "foot": "bottom"}
-    return f" @pos_{side.get(word, SIDES.get(word, word))} "
+    row = " @row " if match[2] == "row" else " "
+    return f" @pos_{side.get(word, SIDES.get(word, word))}{row}"
 
 
 def _grid(match: re.Match[str]) -> str:
@@ -93,6 +94,16 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
         lambda m: f" {2 * int(m[1])} drawers @pos_ends @opt_pedestal ",
     ),
     # grids
+    (
+        r"\b(\d+) (rows?|columns?)(?: of \w+)?,? (?:(?:and|with|each with|having|containing) )?"
+        r"(\d+) (\w+) (?:per|in each|in every|on each|for each) (?:row|column)\b",
+        r" \1 \2 of \3 \4 ",
+    ),
+    (
+        r"\b(left|right|upper|lower|top|bottom|central|middle) (?:column|stack|bank|row|group) of "
+        r"(?=\d)",
+        r" \1 ",
+    ),
     (rf"\b(\d+) {ROWS} (?:and|by|x|with|times) (\d+) {COLUMNS}\b", _grid),
     (rf"\b(\d+) {COLUMNS} (?:and|by|x|with|times) (\d+) {ROWS}\b", _grid_turned),
     (rf"\b(\d+) {ROWS} (?:of|with|containing|having|each of) (\d+)\b", _grid),
@@ -146,7 +157,7 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (
         r"\b(?:(?:in|on|at) )?(?:the |its |whose )?(upper|lower|top|bottom|left|right)"
         r"(?:[ -]hand)? (half|part|section|side|portion|column|row|end)\s*(?:has|have|with|"
-        r"contains?|holds?|containing|of|is|:|,|(?=\d))",
+        r"contains?|holds?|containing|is|:|(?=\d))",
         lambda m: f" ; @pos_{SIDES[m[1]]} " + ("@row " if m[2] == "row" else ""),
     ),
     # relations and positions
@@ -173,7 +184,7 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (
         rf"\b(?:on|at|to|in|along|near)\s+{THE}(?:very |far |extreme )?"
         r"(left|right|top|bottom|middle|center|centre|base|foot|upper|lower)(?:[ -]hand)?"
-        r"(?: (?:side|half|part|section|end|edge|third|column|row|portion|area))?(?! of)\b",
+        r"(?: (side|half|part|section|end|edge|third|column|row|portion|area))?(?! of)\b",
         _position,
     ),
     # variants

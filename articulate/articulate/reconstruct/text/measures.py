@@ -171,6 +171,13 @@ def _products(text: str, keep: Callable[[list[Measure]], str]) -> str:
     """Find two or three lengths with ``x`` or ``by`` between them."""
     one = rf"(?:(w|d|h|l)\s)?{QUANTITY}(?:\s*\(?(w|d|h|l|wide|deep|high|tall|long)\b\)?)?"
     glue = r"\s*(?:x|by)\s*"
+    # "w x d x h: 80 x 40 x 180 cm": letters before the numbers move to them.
+    text = re.sub(
+        rf"\b([wdhl])\s?x\s?([wdhl])\s?x\s?([wdhl])\s*[:=]?\s*({NUMBER}){glue}({NUMBER}){glue}"
+        rf"({NUMBER})",
+        r"\1 \4 x \2 \5 x \3 \6",
+        text,
+    )
     # "80 x 40 x 180 cm (w x d x h)": letters after the numbers move before them.
     text = re.sub(
         rf"({NUMBER}){glue}({NUMBER}){glue}({NUMBER})\s*({UNIT})?\s*\(?\s*"

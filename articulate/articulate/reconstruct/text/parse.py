@@ -142,6 +142,8 @@ class _Parser(ArrangementReader):
         self._finish_phrase()
         if self.relation is not None and self.current is not None:
             self._adverb(self.relation[0])
+        if self.member:
+            out.unknown.append(f"the {self.member} one")
         set_sizes(out, self.sizes)
         check_counts(out)
         return out
@@ -347,7 +349,9 @@ class _Parser(ArrangementReader):
             return
         plural = words[-1].endswith("s") or words[-1] in PLURALS
         existing = [k for k, group in enumerate(out.groups) if group.kind == kind]
-        if pending.definite and existing and pending.number is None:
+        uncounted = pending.number is None and pending.multiple is None
+        placed = pending.position or self.next_position
+        if existing and uncounted and (pending.definite or (plural and not placed)):
             self._refer(existing, plural=plural)
             return
         out.groups.append(self._new_group(kind, plural=plural))
@@ -355,6 +359,9 @@ class _Parser(ArrangementReader):
         self._relate(len(out.groups) - 1)
         self.current = len(out.groups) - 1
         self.pending = Pending()
+        if kind == "freezer" and self.member:  # "the upper one for the freezer"
+            out.groups[-1].position = cast(Position, self.member)
+            self.member = ""
 
     def _fixed_feature(self, kind: str, words: str) -> None:
         """Compare a part that does not move with what objects of the class have."""
@@ -398,6 +405,14 @@ class _Parser(ArrangementReader):
         """Apply the words before a part that was named earlier, as in ``the doors are white``."""
         pending, out = self.pending, self.out
         index = existing[-1]
+        if pending.position and not plural:  # "the left door"
+            self.member = pending.position
+            if pending.hinge:
+                out.groups[index].member_hinges[self.member] = pending.hinge
+                self.member = ""
+            self.current = index
+            self.pending = Pending()
+            return
         for k in existing if plural else [index]:
             group = out.groups[k]
             group.hinge = pending.hinge or group.hinge

@@ -35,6 +35,7 @@ def normalise(text: str) -> str:
         .replace("′", "'")
     )
     text = text.replace("“", '"').replace("”", '"').replace("″", '"').replace("''", '"')
+    text = text.replace("&", " and ")
     text = re.sub(r"n't\b", " not", text)
     text = re.sub(r"'(?:s|re|ve|ll|d|m)\b", " ", text)
     text = re.sub(r"(?<=[a-z])[-–—](?=[a-z\d])|(?<=\d)[-–—](?=[a-z])", " ", text)
@@ -124,6 +125,8 @@ class Reader:
             return category == "bottle"
         if kind == "freezer":
             return category == "fridge"
+        if words.startswith("switch"):
+            return category == "switch"
         if kind in {"screen", "tank", "drum", "rack", "plate"}:
             return kind in FIXED_FEATURES.get(category, frozenset())
         return True
@@ -138,7 +141,10 @@ class Reader:
             if (
                 word in SEPARATORS
                 or word == ":"
-                or (word.startswith("@") and not word.startswith(("@mult", "@hinge", "@grid")))
+                or (
+                    word.startswith("@")
+                    and not word.startswith(("@mult", "@hinge", "@grid", "@row", "@column"))
+                )
             ):
                 return ""
         return ""

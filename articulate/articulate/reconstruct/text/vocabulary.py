@@ -94,7 +94,10 @@ CLASSES: tuple[ObjectClass, ...] = (
         "legs",
     ),
     _furniture(
-        "filing cabinet|file cabinet|lateral file", (0.45, 0.6, 1.1), {"drawer": 4}, "plinth"
+        "filing cabinet|(?:vertical |lateral )?file cabinet|(?:lateral|vertical) file",
+        (0.45, 0.6, 1.1),
+        {"drawer": 4},
+        "plinth",
     ),
     _furniture(
         "pedestal|drawer pedestal|office pedestal|under desk cabinet",
@@ -255,7 +258,8 @@ PARTS: dict[str, str] = {
     "handle": "handles?|grips?|pulls?|door handles?|drawer (?:handles?|pulls?)|handlebars?|bails?",
     "knob": "knobs?|door knobs?|drawer knobs?|control knobs?",
     "dial": "dials?|rotary (?:dials?|knobs?|controls?)|combination (?:dials?|locks?)",
-    "lever": "levers?|toggles?|toggle levers?|flush(?:ing)? (?:levers?|handles?)|gangs?|rockers?",
+    "lever": "levers?|toggles?|toggle levers?|flush(?:ing)? (?:levers?|handles?)|gangs?|rockers?|"
+    "switch(?:es)?",
     "wheel": "wheels?|castors?|casters?|hand ?wheels?",
     "pedal": "pedals?|foot pedals?",
     "spout": "spouts?|outlets?",
@@ -441,7 +445,8 @@ NO_EFFECT = word_set(
     straight upholstered cordless portable hot cold water drinking tea cooking writing work
     computer book books clothes shoes shoe tools cutlery detergent powder baking tray pizza
     storage combination flush front-loading side-hung hinged interior inner outer internal
-    external decorative soft close self closing lockable
+    external decorative veneer veneered laminate frost
+    soft close self closing lockable
     """
 )
 """Words that are understood and do not change the object."""
