@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.reconstruct.scan.frames import grown, joined_frames
-from articulate.reconstruct.scan.panels import Handle, Panel, find_panels
+from articulate.reconstruct.scan.panels import THIN, Handle, Panel, find_panels
 from articulate.reconstruct.scan.part_proposal import QUARTER_RAD, PartProposal
 from articulate.reconstruct.scan.segmentation import Segmentation
 from articulate.reconstruct.scan.trays import Tray, is_attached, trays_behind
@@ -20,6 +20,9 @@ NARROW = 0.09
 """Narrower panels without a handle, as a share of the diagonal of the front, are frames or legs."""
 LOWEST = 0.12
 """Panels without a handle that end below this share of the height are plinths, if they are low."""
+BACKING, BEHIND = 1.3, 0.04
+"""Largest outline of a board behind a panel, as a multiple of it, and its largest distance, as a
+share of the diagonal."""
 OUTSIDE = 1.6
 """Largest area of the shell of a panel, seen from the front, as a share of the panel."""
 STRIP, LOPSIDED = 2.5, 0.1
@@ -84,6 +87,7 @@ def front_parts(parts: Segmentation, moving: Sequence[Front]) -> list[PartPropos
 
 
 def _front(parts: Segmentation, panel: Panel) -> Front:
+    panel = _with_backing(parts, panel)
     panel = replace(panel, board=_is_board(parts, panel))
     trays = trays_behind(parts, panel)
     attached = [tray for tray in trays if is_attached(parts, panel, tray)]
@@ -94,6 +98,35 @@ def _front(parts: Segmentation, panel: Panel) -> Front:
         handle=_main_handle(panel),
         depth=max([float(panel.back - tray.box[0, 0]) for tray in attached], default=0.0),
         inner=tuple(tray for tray in trays if not is_attached(parts, panel, tray)),
+    )
+
+
+def _with_backing(parts: Segmentation, panel: Panel) -> Panel:
+    """Return the panel with the boards right behind it that have nearly the same outline."""
+    boxes, mesh = parts.shells.boxes, parts.mesh
+    low = np.maximum(boxes[:, 0, 1:], panel.rect[:2])
+    high = np.minimum(boxes[:, 1, 1:], panel.rect[2:])
+    common = np.clip(high - low, 0.0, None).prod(axis=1)
+    sides = boxes[:, 1] - boxes[:, 0]
+    same = (common > 0.8 * panel.area) & (sides[:, 1:].prod(axis=1) < BACKING * panel.area)
+    same &= (sides[:, 0] < THIN * mesh.size[0]) & (boxes[:, 1, 0] < panel.front + parts.near)
+    same &= boxes[:, 1, 0] > panel.front - BEHIND * mesh.diagonal
+    same[np.unique(parts.shells.label[panel.own])] = False
+    which = np.flatnonzero(same)
+    if not len(which) or not panel.thin:
+        return panel
+    spans = boxes[which]
+    rect = np.concatenate(
+        [
+            np.minimum(panel.rect[:2], spans[:, 0, 1:].min(axis=0)),
+            np.maximum(panel.rect[2:], spans[:, 1, 1:].max(axis=0)),
+        ]
+    )
+    return replace(
+        panel,
+        rect=rect,
+        back=min(panel.back, float(spans[:, 0, 0].min())),
+        own=np.union1d(panel.own, parts.faces_of(parts.shells, which)),
     )
 
 

@@ -18,6 +18,8 @@ from articulate.reconstruct.scan.vessels import vessel_parts
 
 TALL = 1.2
 """Containers with a lid that are higher than this multiple of their width are bins."""
+MOST_MOVING = 0.95
+"""Largest area of all moving parts, as a share of the object."""
 UNSURE = 0.45
 """Largest confidence of fronts without handles and trays."""
 
@@ -40,6 +42,11 @@ def propose_parts(mesh: ScanMesh, counts: Mapping[str, int] | None = None) -> Fo
     """
     parts = Segmentation(mesh)
     found = _by_rules(parts)
+    moving = np.zeros(len(mesh.faces), dtype=bool)
+    for proposal in found.parts:
+        moving[proposal.faces] = True
+    if mesh.areas[moving].sum() > MOST_MOVING * mesh.areas.sum():
+        return FoundParts()  # nothing is left that it could move on
     if counts:
         found = replace(found, parts=tuple(_rated(found.parts, counts)))
     return found

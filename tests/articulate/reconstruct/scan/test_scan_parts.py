@@ -153,3 +153,13 @@ def test_a_cabinet_is_made_and_passes(tmp_path):
     result = make_scan(path, request, ScanHints(text="a cabinet with two doors"))
     assert result.verdict == "passed"
     assert [joint.kind for joint in result.joints] == ["revolute", "revolute"]
+
+
+def test_a_part_that_takes_the_entire_mesh_is_no_part():
+    mesh, _ = merged([box((0, -0.4, 0), (0.5, 0.4, 0.4))], [])
+    for front in range(4):
+        turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+        rotation = np.linalg.matrix_power(turn, front)
+        found = propose_parts(mesh.transformed(rotation, 1.0, np.zeros(3)))
+        moving = sum(mesh.areas[part.faces].sum() for part in found.parts)
+        assert moving < 0.95 * mesh.areas.sum()
