@@ -50,6 +50,13 @@ class ArrangementReader(Reader):
             if self.next_kind(self.at + 1) and name in {"above", "below"}:
                 self.next_position = "bottom" if name == "above" else "top"
             return
+        if following == "each" and not self.next_kind(self.at + 2) and self.current:
+            group, other = self.out.groups[self.current], self.out.groups[self.current - 1]
+            if group.count is not None and other.count is not None:
+                group.count *= other.count  # "two flaps and a drawer beneath each"
+                group.stack = other.stack or "row"
+            self._adverb(name)
+            return
         if following in PRONOUNS:  # "a door and below it a drawer", "a drawer below it"
             self.at += 1
             comma = self.following == ","

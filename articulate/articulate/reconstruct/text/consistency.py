@@ -39,6 +39,11 @@ def set_sizes(out: Description, sizes: Sequence[tuple[str, float, float | None]]
                 f"{length:g} m; give one"
             )
         out.sizes_m[dimension] = length
+    if "length" in out.sizes_m:  # the longer horizontal side
+        longer = out.sizes_m.pop("length")
+        if "width" in out.sizes_m and "depth" not in out.sizes_m:
+            out.sizes_m["depth"] = out.sizes_m.pop("width")
+        out.sizes_m.setdefault("width", longer)
 
 
 def check_counts(out: Description) -> None:

@@ -71,6 +71,8 @@ ROUND = frozenset({"trash_can", "bucket", "bottle", "kettle", "kitchen_pot"})
 FURNITURE_SURFACE = frozenset({"door", "box_with_lid", "table_with_drawers", "office_chair"})
 APPLIANCES = frozenset({"oven", "microwave", "dishwasher", "washing_machine", "safe", "fridge"})
 TWO_SIZES = {"sliding_window": ("width", "height"), "door": ("width", "height")}
+MOST_FRIDGE_WIDTH_M = 1.1
+"""A longer side of a refrigerator without a name is its height [m]."""
 HINGE_FIELD = frozenset({"washing_machine", "door", "safe", "suitcase", "fridge"})
 HINGED_BY_EDGE = frozenset({"oven", "microwave", "dishwasher"})
 
@@ -106,6 +108,8 @@ def size_of_dimensions(
         if description.category == "sliding_window" and len(numbers) == 3:
             names = ("width", "height", "depth")
         sizes |= dict(zip(names, numbers, strict=True))
+    if description.category == "fridge" and sizes.get("any", 0.0) > MOST_FRIDGE_WIDTH_M:
+        any_ = "height"
     if "any" in sizes:
         sizes.setdefault(any_, sizes.pop("any"))
     return sizes

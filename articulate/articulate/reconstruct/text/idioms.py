@@ -13,7 +13,7 @@ from articulate.reconstruct.text.vocabulary import CLASSES, ObjectClass, word_se
 
 WEAK = word_set(
     """
-    door, window, freezer, hob, unit, range, mixer, tap, bin, box, switch, pedestal, pan, pot,
+    drawer pedestal, office pedestal, door, window, freezer, hob, unit, range, mixer, tap, bin, box, switch, pedestal, pan, pot,
     safe, console, toilet bowl, door leaf, door with frame, door and frame, wall plate, trunk,
     vault
     """
@@ -193,7 +193,7 @@ IDIOMS: tuple[tuple[str, Symbol], ...] = (
     (r"\b(?:deep|rimmed) lids?\b|\blid (?:is|that is) deep\b", " lid @opt_deep "),
     (r"\bflat lids?\b|\blid is flat\b", " lid @opt_flat "),
     (r"\bhot and cold (?:water )?(?:handles?|taps?|knobs?|levers?)\b", " 2 handles "),
-    (r"\bpedestals?\b", " pedestal @opt_pedestal "),
+    (r"\b(?:drawer |office )?pedestals?\b", " pedestal @opt_pedestal "),
     (r"\bfrench doors?\b", " 2 doors @row "),
     (r"\b(?:double|twin|dual)\b", " @mult_2 "),
     (r"\btriple\b", " @mult_3 "),

@@ -349,7 +349,8 @@ class _Parser(ArrangementReader):
             return
         plural = words[-1].endswith("s") or words[-1] in PLURALS
         existing = [k for k, group in enumerate(out.groups) if group.kind == kind]
-        uncounted = pending.number is None and pending.multiple is None
+        numbers = (pending.number, pending.multiple, pending.grid, pending.rows, pending.columns)
+        uncounted = all(number is None for number in numbers)
         placed = pending.position or self.next_position
         if existing and uncounted and (pending.definite or (plural and not placed)):
             self._refer(existing, plural=plural)

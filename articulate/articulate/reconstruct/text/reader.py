@@ -127,7 +127,7 @@ class Reader:
             return category == "fridge"
         if words.startswith("switch"):
             return category == "switch"
-        if kind in {"screen", "tank", "drum", "rack", "plate"}:
+        if kind in {"screen", "tank", "drum", "rack", "plate", "top"}:
             return kind in FIXED_FEATURES.get(category, frozenset())
         return True
 

@@ -445,7 +445,7 @@ NO_EFFECT = word_set(
     straight upholstered cordless portable hot cold water drinking tea cooking writing work
     computer book books clothes shoes shoe tools cutlery detergent powder baking tray pizza
     storage combination flush front-loading side-hung hinged interior inner outer internal
-    external decorative veneer veneered laminate frost
+    external decorative countertop veneer veneered laminate frost
     soft close self closing lockable
     """
 )
