@@ -40,6 +40,8 @@ def write_trace(result: MakeResult, record: MakeRecord, path: Path) -> Path:
     )
     for reason in result.reasons:
         page.text(f"Reason: {reason}.")
+    for text in result.assumptions:
+        page.text(f"Assumed: {text}.")
     _add_input(page, record)
     _add_joints(page, record)
     _add_attempts(page, record)

@@ -103,7 +103,7 @@ def _cut(body: PartMesh, proposal: PartProposal, depth: float, wall: float) -> P
     near &= (corners.max(axis=1)[:, 1:] > low[1:]).all(axis=1)
     kept = [_part_of(body, np.flatnonzero(~near))]
     piece = _part_of(body, np.flatnonzero(near))
-    # What lies outside the opening is kept: cut along its four sides, one after the other.
+    # The rest around the opening is kept: cut along its four sides, one after the other.
     planes = [
         (np.array([0.0, low[1], 0.0]), np.array([0.0, -1.0, 0.0])),
         (np.array([0.0, high[1], 0.0]), np.array([0.0, 1.0, 0.0])),

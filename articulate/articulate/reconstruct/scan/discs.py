@@ -101,7 +101,7 @@ def _is_concentric(centre: Array, disc: Disc, across: Sequence[int]) -> bool:
 
 
 def knobs(
-    parts: Segmentation, taken: NDArray[np.bool_], fronts: Sequence[PartProposal]
+    parts: Segmentation, covered: NDArray[np.bool_], fronts: Sequence[PartProposal]
 ) -> list[PartProposal]:
     """Propose knobs that are visible from the front: beside the doors, and dials on doors."""
     view, mesh = parts.view, parts.mesh
@@ -121,7 +121,7 @@ def knobs(
         for k, front in enumerate(fronts):
             if front.panel is not None and _contains(front.panel, y, z):
                 carrier = k
-        if carrier is None and taken[disc.faces].mean() > 0.5:
+        if carrier is None and covered[disc.faces].mean() > 0.5:
             continue
         if carrier is not None and not _is_dial(fronts, carrier, disc):
             continue

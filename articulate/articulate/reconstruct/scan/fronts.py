@@ -45,7 +45,7 @@ ADJACENT = 0.12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Front:
-    """A panel and what lies behind it."""
+    """A panel with the trays behind it."""
 
     panel: Panel
     tray: Ints
@@ -75,13 +75,13 @@ def front_parts(parts: Segmentation, moving: Sequence[Front]) -> list[PartPropos
     """
     mesh = parts.mesh
     found: list[PartProposal] = []
-    taken = np.zeros(len(mesh.faces), dtype=bool)
+    covered = np.zeros(len(mesh.faces), dtype=bool)
     for front in moving:
         others = [other for other in moving if other is not front]
         for proposal in (_proposal(parts, front, others), *_inner_drawers(front)):
-            faces = proposal.faces[~taken[proposal.faces]]
+            faces = proposal.faces[~covered[proposal.faces]]
             if len(faces):
-                taken[faces] = True
+                covered[faces] = True
                 found.append(replace(proposal, faces=faces))
     return found
 

@@ -146,7 +146,7 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
 def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     """Return the scan with its front at +x, and the parts on its surface.
 
-    Another side is the front only if the given one shows no part. An object whose parts imply its
+    Another side is the front only if the first one shows no sure part. An object whose parts imply its
     category gets the size that is usual for it.
     """
     counts = counts_in(hints.text) if hints.text else None
@@ -197,10 +197,10 @@ def _named_parts(
     path: Path,
 ) -> ScanParts:
     """Return parts whose names imply their joints."""
-    given = [name for name, _ in named]
+    labels = [name for name, _ in named]
     names = [
-        name.removesuffix("_1") if given.count(own) == 1 else name
-        for name, own in zip(distinct_names(given), given, strict=True)
+        name.removesuffix("_1") if labels.count(own) == 1 else name
+        for name, own in zip(distinct_names(labels), labels, strict=True)
     ]
     rest = np.ones(len(scan.mesh.faces), dtype=bool)
     meshes = []

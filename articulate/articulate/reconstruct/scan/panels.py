@@ -202,7 +202,7 @@ def handles_of(
 
 
 def _is_edge(around: Array, rect: Array, near: float) -> bool:
-    """Return whether a rectangle lies along an edge of another one and spans it."""
+    """Return whether a rectangle is along an edge of another one and spans it."""
     share = (around[2:] - around[:2]) / (rect[2:] - rect[:2])
     touches = np.asarray((np.abs(around - rect) < near).reshape(2, 2).any(axis=0))  # y, z
     return bool((touches[1] and share[0] > EDGE_SHARE) or (touches[0] and share[1] > EDGE_SHARE))

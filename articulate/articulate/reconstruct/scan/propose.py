@@ -98,11 +98,11 @@ def _rated(found: Sequence[PartProposal], counts: Mapping[str, int]) -> list[Par
 
 
 def with_details(parts: Segmentation, found: list[PartProposal]) -> list[PartProposal]:
-    """Add knobs and wheels to proposals; their faces are taken from what carries them."""
-    taken = np.zeros(len(parts.mesh.faces), dtype=bool)
+    """Add knobs and wheels to proposals; their faces are covered from what carries them."""
+    covered = np.zeros(len(parts.mesh.faces), dtype=bool)
     for proposal in found:
-        taken[proposal.faces] = True
-    details = [*knobs(parts, taken, found), *wheels(parts)]
+        covered[proposal.faces] = True
+    details = [*knobs(parts, covered, found), *wheels(parts)]
     own = np.concatenate([np.zeros(0, dtype=np.int64), *(detail.faces for detail in details)])
     left = [replace(p, faces=np.setdiff1d(p.faces, own)) for p in found]
     return [p for p in [*left, *details] if len(p.faces)]

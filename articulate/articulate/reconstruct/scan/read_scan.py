@@ -44,7 +44,7 @@ TURNS: tuple[Front, ...] = ("x", "y", "-y", "-x")
 
 @dataclass(frozen=True, kw_only=True)
 class ScanHints:
-    """What is known about a mesh besides its file."""
+    """Facts about a mesh that its file does not contain."""
 
     up: Up = "auto"
     """Upward axis of the file; ``auto``: y for a GLB or glTF file, z for all others."""
