@@ -120,7 +120,7 @@ def score(
     iou = common / np.maximum(of_true[:, None] + of_found - common, 1e-12)
     joints, matched = [], 0
     while iou.size and iou.max() >= IOU:
-        a, b = np.unravel_index(int(iou.argmax()), iou.shape)
+        a, b = divmod(int(iou.argmax()), iou.shape[1])
         iou[a], iou[:, b] = -1.0, -1.0
         matched += 1
         if truth.joints[a].status != "compound":

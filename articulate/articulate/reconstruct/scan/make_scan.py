@@ -146,8 +146,8 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
 def find_parts(scan: Scan, hints: ScanHints) -> tuple[Scan, list[PartProposal]]:
     """Return the scan with its front at +x, and the parts on its surface.
 
-    Another side is the front only if the first one shows no sure part. An object whose parts imply its
-    category gets the size that is usual for it.
+    Another side is the front only if the first one shows no sure part. An object whose parts imply
+    its category gets the size that is usual for it.
     """
     counts = counts_in(hints.text) if hints.text else None
     best: tuple[float, Front, FoundParts] | None = None
