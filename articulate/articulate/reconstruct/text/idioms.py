@@ -13,7 +13,8 @@ from articulate.reconstruct.text.vocabulary import CLASSES, ObjectClass, word_se
 
 WEAK = word_set(
     """
-    drawer pedestal, office pedestal, door, window, freezer, hob, unit, range, mixer, tap, bin, box, switch, pedestal, pan, pot,
+    drawer pedestal, office pedestal, pedestal, door, window, freezer, hob, unit, range, mixer,
+    tap, bin, box, switch, pan, pot,
     safe, console, toilet bowl, door leaf, door with frame, door and frame, wall plate, trunk,
     vault
     """

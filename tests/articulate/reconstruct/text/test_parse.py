@@ -1,4 +1,5 @@
 import pytest
+from tests.articulate.reconstruct.text.prompt_match import differences
 
 from articulate.reconstruct.text.measures import find_measures, with_digits
 from articulate.reconstruct.text.parse import parse
@@ -78,6 +79,59 @@ def test_groups_of_parts_are_read(text, expected):
 def test_relations_are_read(text, link):
     (relation,) = parse(text).relations
     assert (relation.first, relation.link, relation.second) == link
+
+
+S, FRIDGE = "StorageFurniture", "Refrigerator"
+ARRANGED = [
+    (
+        "cabinet with two drawers in the top row and three drawers in the bottom row",
+        {"category": S, "parts": {"drawer": 5}, "grid": {"drawer": [2, 5]}},
+    ),
+    (
+        "a dresser that has three rows of drawers, with two drawers per row",
+        {"category": S, "parts": {"drawer": 6}, "grid": {"drawer": [3, 2]}},
+    ),
+    (
+        "two-door, two-drawer base cabinet with drawers over doors",
+        {"category": S, "parts": {"drawer": 2, "door": 2}, "above": [["drawer", "door"]]},
+    ),
+    (
+        "a cabinet with three drawers in the middle and doors on the left and on the right",
+        {"category": S, "parts": {"drawer": 3, "door": 2}, "between": [["drawer", "door"]]},
+    ),
+    (
+        "a cabinet with three doors; the middle one is hinged on the left",
+        {"category": S, "parts": {"door": 3}, "hinges": {"door": ["left", "left", "right"]}},
+    ),
+    (
+        "a cabinet with two flaps side by side and one drawer beneath each",
+        {"category": S, "parts": {"door": 2, "drawer": 2}, "above": [["door", "drawer"]]},
+    ),
+    (
+        "a refrigerator with two doors, the upper one for the freezer",
+        {"category": FRIDGE, "parts": {"door": 2}, "grid": {"door": [2, 1]}},
+    ),
+    (
+        "a fridge with four doors and a drawer in the middle",
+        {"category": FRIDGE, "parts": {"door": 4, "drawer": 1}, "grid": {"door": [2, 2]}},
+    ),
+    (
+        "a desk with two pedestals of three drawers each",
+        {"category": "Table", "parts": {"drawer": 6}, "grid": {"drawer": [3, 2]}},
+    ),
+    (
+        "a wooden chest 50 cm long, 30 cm wide and 20 cm high with a lid",
+        {"category": "Box", "parts": {"lid": 1}, "size_m": {"width": 0.5, "depth": 0.3}},
+    ),
+    ("a double oven", {"category": "Oven", "parts": {"door": 2}, "grid": {"door": [2, 1]}}),
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), ARRANGED, ids=[text for text, _ in ARRANGED])
+def test_objects_are_arranged_as_in_their_text(text, expected):
+    proposal = propose(text)
+    assert not differences(expected, proposal)
+    assert not proposal.doubts
 
 
 def test_words_that_are_not_understood_make_the_object_doubtful():
