@@ -26,9 +26,9 @@ class BoxWithLid(Dimensions):
 
     category: ClassVar[str] = "Box"
 
-    width_m: float = between(0.30, 0.50, accepted=(0.15, 1.0))
+    width_m: float = between(0.30, 0.50, accepted=(0.15, 0.9))
     """Width along y without lips [m]."""
-    depth_m: float = between(0.25, 0.38, accepted=(0.15, 0.55))
+    depth_m: float = between(0.25, 0.38, accepted=(0.15, 0.5))
     """Depth along x [m]."""
     height_m: float = between(0.20, 0.34, accepted=(0.1, 0.8))
     """Height of the closed box [m]."""

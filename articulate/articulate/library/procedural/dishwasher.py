@@ -30,11 +30,11 @@ class Dishwasher(Dimensions):
 
     category: ClassVar[str] = "Dishwasher"
 
-    width_m: float = between(0.45, 0.60, accepted=(0.4, 0.62))
+    width_m: float = between(0.45, 0.60, accepted=(0.4, 0.61))
     """Width along y [m]."""
     depth_m: float = between(0.55, 0.62, accepted=(0.45, 0.7))
     """Depth along x without the handle [m]."""
-    height_m: float = between(0.81, 0.87, accepted=(0.7, 0.9))
+    height_m: float = between(0.81, 0.87, accepted=(0.7, 0.88))
     """Height [m]."""
     door_m: float = between(0.040, 0.055)
     """Thickness of the door [m]."""

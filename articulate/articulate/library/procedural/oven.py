@@ -37,11 +37,11 @@ class Oven(Dimensions):
 
     category: ClassVar[str] = "Oven"
 
-    width_m: float = between(0.55, 0.70, accepted=(0.45, 0.95))
+    width_m: float = between(0.55, 0.70, accepted=(0.45, 0.9))
     """Width along y [m]."""
     depth_m: float = between(0.55, 0.65, accepted=(0.5, 0.75))
     """Depth along x without handles [m]."""
-    height_m: float = between(0.84, 0.92, accepted=(0.7, 0.95))
+    height_m: float = between(0.84, 0.92, accepted=(0.7, 0.92))
     """Height [m]."""
     door_m: float = between(0.030, 0.045)
     """Thickness of the door [m]."""
