@@ -25,9 +25,10 @@ from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.rendered_photo import render_photo
 from articulate.benchmark.split import half
 from articulate.errors import ArticulateError
+from articulate.library.procedural.categories import CATEGORIES
 from articulate.reconstruct.fitting.categories import USUAL
 from articulate.reconstruct.fitting.propose import propose
-from articulate.reconstruct.part_set import library_part_set
+from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import image_query
 from articulate.render.parts import joint_bounds
@@ -93,16 +94,21 @@ def procedural(chosen: str, count: int) -> Iterator[Item]:
     """Yield renders of generated objects; seeds from 1000 are published."""
     first = 1000 if chosen == "published" else 1
     for k in range(count):
-        name = PROCEDURAL[k % len(PROCEDURAL)]
-        parts = library_part_set(f"{name}:{first + k}")
-        low, high = joint_bounds(parts.meshes)
+        name, seed = PROCEDURAL[k % len(PROCEDURAL)], first + k
+        category = CATEGORIES[name]
+        parts = category.parts(seed)
+        meshes = [
+            mesh.with_vertices(mesh.vertices * [-1.0, -1.0, 1.0])  # front at +x
+            for mesh in part_meshes(parts, category.palette)
+        ]
+        low, high = joint_bounds(meshes)
         depth, width, height = high - low
-        photo = render_photo(parts.meshes, 9000 + first + k)
+        photo = render_photo(meshes, 9000 + seed)
         yield Item(
-            name=parts.name,
-            category=parts.category,
+            name=f"{name}:{seed}",
+            category=category.partnet,
             image=photo.image,
-            parts=openable([mesh.name for mesh in parts.meshes]),
+            parts=openable([part.name for part in parts[1:]]),
             proportions=(float(width / height), float(depth / height)),
         )
 

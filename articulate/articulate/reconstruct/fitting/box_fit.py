@@ -31,7 +31,9 @@ from articulate.transforms import Array, pose
 WORK_PX = 160
 """Longest side of the images that are compared [px]."""
 N_SAMPLES = 2048
-N_REFINED = 7
+N_REFINED = 10
+N_REPEATED = 4
+"""Optima that are refined again from a new simplex."""
 AZIMUTH_BIN_RAD, ELEVATION_BIN_RAD = 0.6, 0.35
 """Starts in the same range of azimuth and elevation count once."""
 EDGE_WEIGHT = 1.5
@@ -101,17 +103,11 @@ def fit_box(
     target = _Target(image, mask, prior or SizePrior())
     starts = target.starts(seed)
     costs = np.array([target.cost(start) for start in starts])
-    found = []
-    for k in diverse(starts, costs):
-        options = {
-            "maxfev": 400,
-            "xatol": 1e-3,
-            "fatol": 1e-4,
-            "initial_simplex": target.simplex(starts[k]),
-        }
-        best = minimize(target.cost, starts[k], method="Nelder-Mead", options=options)
-        found.append(target.result(best.x, float(best.fun)))
-    return sorted(found, key=lambda fit: fit.cost)
+    found = [target.refine(starts[k]) for k in diverse(starts, costs)]
+    found.sort(key=lambda one: one[1])
+    again = [target.refine(parameters) for parameters, _ in found[:N_REPEATED]]
+    fits = [target.result(*one) for one in (*again, *found[N_REPEATED:])]
+    return sorted(fits, key=lambda fit: fit.cost)
 
 
 def diverse(starts: Array, costs: Array) -> list[int]:
@@ -191,6 +187,17 @@ class _Target:
         return float(
             box_cost(parameters, self.sums, self.distance, self.prior, self.weights, self.uv)
         )
+
+    def refine(self, start: Array) -> tuple[Array, float]:
+        """Return the parameters (9,) and the cost of a local optimum near a start."""
+        options = {
+            "maxfev": 500,
+            "xatol": 1e-3,
+            "fatol": 1e-4,
+            "initial_simplex": self.simplex(start),
+        }
+        best = minimize(self.cost, start, method="Nelder-Mead", options=options)
+        return best.x, float(best.fun)
 
     def result(self, parameters: Array, cost: float) -> BoxFit:
         """Return the fit at the resolution of the image."""

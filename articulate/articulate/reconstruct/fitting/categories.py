@@ -18,6 +18,7 @@ from articulate.reconstruct.fitting.front_cells import (
     classify_cells,
     hinge_side,
     panels_of,
+    structure_confidence,
 )
 from articulate.reconstruct.fitting.object_front import ObjectFront
 
@@ -73,6 +74,8 @@ LIBRARY = {CATEGORIES[name].partnet: name for name in reversed(list(CATEGORIES))
 """Procedural category of each of PartNet-Mobility's; the first of several."""
 LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Dishwasher")
 """Categories whose front is generated from the cells of the image."""
+FIXED_STRUCTURE = 0.85
+"""Certainty of parts that the category alone determines."""
 WORKTOP_M = 0.018
 """Thickness of the worktop of furniture [m]."""
 BAND = 0.16
@@ -86,6 +89,8 @@ class Generated:
     parts: tuple[Part, ...]
     assumptions: tuple[str, ...]
     layout: FrontLayout | None = None
+    structure: float = 1.0
+    """Certainty of the number and kinds of parts, in [0, 1]."""
 
 
 def generate(category: str, front: ObjectFront, height_m: float | None = None) -> Generated:
@@ -109,14 +114,22 @@ def generate(category: str, front: ObjectFront, height_m: float | None = None) -
     kinds = classify_cells(front.cells, front.aspect)
     if category in LAYOUTS:
         layout = _LAYOUTS[category](kinds, front, sizes)
-        return Generated(parts=tuple(layout.parts()), assumptions=tuple(assumptions), layout=layout)
+        free = category in {"StorageFurniture", "Table", "Refrigerator"}
+        return Generated(
+            parts=tuple(layout.parts()),
+            assumptions=tuple(assumptions),
+            layout=layout,
+            structure=structure_confidence(kinds) if free else FIXED_STRUCTURE,
+        )
     name = LIBRARY[category]
     dimensions = CATEGORIES[name].dimensions
     assert dimensions is not None
     found, clipped = scaled(dimensions, sizes)
     assumptions += [f"{field}: within the range of the category" for field in clipped]
     assumptions.append("parts and other dimensions: those of the category")
-    return Generated(parts=tuple(found.parts()), assumptions=tuple(assumptions))
+    return Generated(
+        parts=tuple(found.parts()), assumptions=tuple(assumptions), structure=FIXED_STRUCTURE
+    )
 
 
 def scaled(

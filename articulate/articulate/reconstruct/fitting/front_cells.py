@@ -12,6 +12,8 @@ from articulate.reconstruct.fitting.front_parse import FrontCell
 
 ASPECT = 1.25
 """Width over height at which drawers and doors are equally likely without a handle."""
+WITHOUT_HANDLE, NO_HANDLES = 0.5, 0.75
+"""Certainty of a part without a handle, beside parts with one and on a front without any."""
 STACKED = 1.2
 """Gain of the logit of a drawer for each similar cell of its stack beyond two."""
 STRIP = 0.11
@@ -75,6 +77,19 @@ def panels_of(kinds: Sequence[CellKind]) -> tuple[FrontPanel, ...]:
         else:
             out.append(_panel(cell, "door", hinge_side(kinds, k), _handle_kind(kind)))
     return tuple(out)
+
+
+def structure_confidence(kinds: Sequence[CellKind]) -> float:
+    """Return how sure the division of a front is, in [0, 1]: its least certain openable part."""
+    openable = [kind for kind in kinds if not is_strip(kind)]
+    handles = any(kind.cell.handle for kind in openable)
+    shares = []
+    for kind in openable:
+        share = max(kind.p_drawer, 1.0 - kind.p_drawer) * min(1.0, kind.cell.evidence + 0.1)
+        if kind.cell.handle is None:
+            share *= WITHOUT_HANDLE if handles else NO_HANDLES
+        shares.append(share)
+    return min(shares, default=0.0)
 
 
 def is_strip(kind: CellKind) -> bool:

@@ -38,6 +38,9 @@ MARGIN_PX = 5
 MAX_DEPTH = 8
 PIECES = 5
 """Pieces of a line; the second weakest counts, since a handle may cover one."""
+END_SHARE, END_CONTRAST = 0.07, 0.4
+"""Ends of a line, as a share of it, and their least contrast relative to the line: a gap reaches
+the border of the region."""
 Z_FULL = 7.0
 """Mean contrast of a piece over its spread between lines that gives the full score."""
 
@@ -316,4 +319,7 @@ def ridge_scores(ridges: Array) -> Array:
     centre = np.median(means, axis=1, keepdims=True)
     spread = 1.4826 * np.median(np.abs(means - centre), axis=1, keepdims=True) + 0.25
     z = np.sort((means - centre) / spread, axis=0)
-    return np.asarray(np.clip(z[1] / Z_FULL, 0.0, 1.0) * np.clip(z[0] / 2.0, 0.0, 1.0))
+    end = max(3, round(END_SHARE * ridges.shape[1]))
+    ends = np.minimum(ridges[:, :end].mean(axis=1), ridges[:, -end:].mean(axis=1))
+    crossing = np.clip(ends / (END_CONTRAST * np.median(means, axis=0) + 1e-6), 0.0, 1.0)
+    return np.asarray(np.clip(z[1] / Z_FULL, 0.0, 1.0) * np.clip(z[0] / 2.0, 0.0, 1.0) * crossing)

@@ -30,6 +30,8 @@ CROP_MARGIN = 0.12
 """Margin of the crop around the object, as a share of its larger side."""
 MIN_CATEGORY = 0.55
 """Probability of the category below which the result is doubtful."""
+MIN_STRUCTURE = 0.6
+"""Certainty of the parts below which the result is doubtful."""
 MIN_VISIBLE = 0.5
 """Share of the front in the image below which the result is doubtful."""
 MAX_COST = 0.30
@@ -97,12 +99,17 @@ def propose(
                 "library has no such part there"
             )
     doubts += _doubts(category, probabilities[category], front)
+    if generated.structure < MIN_STRUCTURE:
+        doubts.append(
+            f"number and kinds of the parts are uncertain ({generated.structure:.0%}); name them "
+            'with --text, e.g. "a cabinet with two drawers above a door"'
+        )
     return ObjectProposal(
         name=_name(category, generated),
         category=category,
         parts=generated.parts,
         palette=_palette(front),
-        confidence=probabilities[category],
+        confidence=probabilities[category] * generated.structure,
         evidence=evidence,
         assumptions=generated.assumptions,
         doubts=tuple(doubts),

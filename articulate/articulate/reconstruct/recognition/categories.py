@@ -59,6 +59,20 @@ CLASSES: Mapping[str, tuple[int, ...]] = {
     "Window": (904, 905, 580),
 }
 """ImageNet classes of each category."""
+FREQUENCY: Mapping[str, float] = {
+    "StorageFurniture": 3.0,
+    "Refrigerator": 3.0,
+    "Oven": 3.0,
+    "Table": 2.0,
+    "Microwave": 2.0,
+    "Dishwasher": 2.0,
+    "WashingMachine": 2.0,
+    "Door": 1.5,
+    "Chair": 0.6,
+    "Window": 0.4,
+    "Switch": 0.2,
+}
+"""Assumed relative frequency of categories among inputs; 1 for the others."""
 FLOOR = 1e-4
 """Least probability of a category before normalization."""
 WEIGHTS_FILE = Path(__file__).with_name("category_weights.npz")
@@ -87,7 +101,9 @@ def category_probabilities(image: Pixels, crop: Pixels) -> dict[str, float]:
         + RENDERED_SHARE * np.log(rendered.get(name, FLOOR) + FLOOR)
         for name in {*named, *rendered}
     }
-    return _normalized({name: float(np.exp(value)) for name, value in logs.items()})
+    return _normalized(
+        {name: FREQUENCY.get(name, 1.0) * float(np.exp(value)) for name, value in logs.items()}
+    )
 
 
 def category_scores(imagenet: Array) -> dict[str, float]:
