@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import sys
 import tarfile
 import tempfile
 from collections.abc import Callable
@@ -44,6 +45,32 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--rewrite-error-lines", action="store_true", help="write tests/error_lines.txt"
     )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def placements_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Folder of the placements that were found, for all workers."""
+    base = tmp_path_factory.getbasetemp()
+    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    os.environ["ARTICULATE_TEST_PLACEMENTS"] = str((base.parent if is_worker else base) / "places")
+
+
+@pytest.fixture(autouse=True)
+def placement_from_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Objects of equal content get their placement from one search."""
+    if "articulate_envs.joint_selection" in sys.modules:
+        from tests.placements import find_placement
+
+        monkeypatch.setattr("articulate_envs.joint_selection.find_placement", find_placement)
+
+
+@pytest.fixture
+def short_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search of a placement ends after its first stage, for objects that have none."""
+    from articulate_envs import placement_search
+
+    monkeypatch.setattr(placement_search, "SEARCH_STAGES", placement_search.SEARCH_STAGES[:1])
+    monkeypatch.setattr(placement_search, "MAX_TRIES", 1)
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from tests.placements import find_placement
 
 from articulate.assets.asset import Asset
 from articulate.config import to_yaml
@@ -18,7 +19,6 @@ from articulate.task.observation import ACTION, OBSERVATION
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import make_task
 from articulate_envs.config import InitialStatesConfig
-from articulate_envs.placement_search import find_placement
 from articulate_train.config import (
     ActionScalingConfig,
     CheckpointSelectionConfig,
@@ -72,7 +72,7 @@ def make_run(
         task=task,
         joint=joint,
         seeds=seeds,
-        randomization=RandomizationConfig(),
+        randomization=replace(RandomizationConfig(), scales=3),
     )
     _write_run(folder, asset, config, episode_s=episode_s)
     for seed in seeds:

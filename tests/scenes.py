@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from tests.assets import make_box, make_cabinet, make_cupboard
+from tests.placements import find_placement
 
 from articulate.assets.asset import Asset
 from articulate.robot.arm import PANDA, Arm
@@ -16,7 +17,6 @@ from articulate.task.task import make_task
 from articulate.transforms import Ints
 from articulate_envs.engine import Start
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.placement_search import find_placement
 from articulate_envs.scene import Scene, build_scene
 
 DRAWS = dataclasses.replace(RandomizationConfig(), scales=3)
@@ -52,7 +52,7 @@ def drawer_scene(folder: Path) -> Scene:
 
 def door_scene(folder: Path) -> Scene:
     """The door of a cupboard, in episodes of one second."""
-    return make_scene(make_cupboard(folder), "door_hinge")
+    return make_scene(make_cupboard(folder, degrees=75.0), "door_hinge")  # found in seconds
 
 
 def lid_scene(folder: Path, verb: str) -> Scene:

@@ -113,7 +113,9 @@ def objects_here(objects, tmp_path):
         "--resume --out cabinet",
     ],
 )
-def test_train_rejects(rejected, flags):
+def test_train_rejects(rejected, flags, request):
+    if flags.startswith("--asset far"):
+        request.getfixturevalue("short_search")
     rejected(f"train {flags}")
 
 

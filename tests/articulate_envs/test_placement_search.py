@@ -67,6 +67,7 @@ def test_same_object_is_placed_alike(drawer):
     assert again == drawer.place
 
 
+@pytest.mark.usefixtures("short_search")
 def test_share_of_drawn_poses_that_are_reached_is_told(drawer):
     far = dataclasses.replace(RandomizationConfig(), scales=3, position_m=1.0)
     shares = [

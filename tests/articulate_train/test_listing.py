@@ -70,6 +70,7 @@ def test_missing_object_is_one_line(capsys, tmp_path):
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+@pytest.mark.usefixtures("short_search")
 def test_joint_that_the_arm_cannot_reach_has_a_reason_instead_of_a_feasibility(tmp_path):
     far = make_cabinet(tmp_path / "far", drawers=1, travel_m=2.0)
     row = joint_rows(far, CONFIG)[0]

@@ -82,6 +82,7 @@ def test_no_joint_for_the_task_is_answered_with_what_there_is(cabinet, error_lin
     error_line("choose_joint(cupboard, --joint lid)", lambda: choose_joint(named, cupboard))
 
 
+@pytest.mark.usefixtures("short_search")
 def test_no_joint_that_can_be_reached_is_answered_with_the_reason_once(tmp_path, error_line):
     far = make_cabinet(tmp_path / "far", travel_m=2.0)
     line = error_line("choose_joint(drawers of 2 m)", lambda: choose_joint(config_of(far), far))
@@ -93,6 +94,7 @@ def test_no_handle_at_all_is_an_error(cabinet, error_line):
     error_line("choose_joint(no handles)", lambda: choose_joint(config_of(bare), bare))
 
 
+@pytest.mark.usefixtures("short_search")
 def test_sampled_poses_out_of_reach_are_rejected(cabinet, error_line):
     wide = dataclasses.replace(
         config_of(cabinet), randomization=dataclasses.replace(RANGES, position_m=0.4)
