@@ -125,13 +125,13 @@ def collected(run: Path, deploy: Path | None) -> dict[str, Any]:
     return found
 
 
-def compared(told: dict[str, Any]) -> dict[str, Any]:
+def compared(report: dict[str, Any]) -> dict[str, Any]:
     """Return the output of ``deploy --json`` without its single episodes."""
     robots = {
         name: {key: value for key, value in robot.items() if key != "each"}
-        for name, robot in told["robots"].items()
+        for name, robot in report["robots"].items()
     }
-    return told | {"robots": robots}
+    return report | {"robots": robots}
 
 
 def main() -> int:

@@ -360,7 +360,7 @@ def alternating(blocks: dict[str, Block], rounds: int) -> dict[str, list[float]]
 
 def training(ours: OurSide, args: argparse.Namespace) -> dict[str, Any]:
     """Measure complete training against the engine: same episodes, actions of the last rollout."""
-    sides = {"imitation": ours, "ppo": ours.unshown()}
+    sides = {"imitation": ours, "ppo": ours.without_imitation()}
     learner = sides["ppo"].learner
     config = ours.learner.config
 

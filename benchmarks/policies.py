@@ -47,19 +47,19 @@ def share(value: float, asked: float) -> str:
 
 def failures(reasons: Mapping[str, int]) -> str:
     """Reasons of failure, the commonest first."""
-    told = sorted(((n, r) for r, n in reasons.items() if r != "success"), reverse=True)
+    counts = sorted(((n, r) for r, n in reasons.items() if r != "success"), reverse=True)
     total = sum(reasons.values())
-    text = ", ".join(f"{r.replace('_', ' ')} {n}" for n, r in told) or "none"
+    text = ", ".join(f"{r.replace('_', ' ')} {n}" for n, r in counts) or "none"
     return f"{text} of {total:,}"
 
 
 def learnt_text(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Median over seeds of the ticks and minutes until 90 % of training episodes succeed."""
-    told = list(rows)
-    steps = [row["steps"] for row in told if row["steps"] is not None]
-    if len(steps) < len(told):
-        return f"{len(steps)} of {len(told)} seeds"
-    seconds = statistics.median(row["seconds"] for row in told)
+    """Median over seeds of the steps and minutes until 90 % of training episodes succeed."""
+    seeds = list(rows)
+    steps = [row["steps"] for row in seeds if row["steps"] is not None]
+    if len(steps) < len(seeds):
+        return f"{len(steps)} of {len(seeds)} seeds"
+    seconds = statistics.median(row["seconds"] for row in seeds)
     return f"{statistics.median(steps) / 1e6:.2f}M, {seconds / 60:.1f} min"
 
 

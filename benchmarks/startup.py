@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/startup.py [--json] [--times 7]
 
 Each is run in a process of its own, some times over; the shortest counts, for a busy machine only
-ever adds. Processor time is told beside it.
+ever adds. Processor time is printed beside it.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python benchmarks/training.py --json
 
 Both sides train PPO from Stable-Baselines3 on the embedded cabinet: same drawer, same place,
-same network, rollout, batch and epochs, one torch thread, no guide that shows anything first.
+same network, rollout, batch and epochs, one torch thread, no imitation phase.
 Ours runs its native threads; robosuite runs in ``SubprocVecEnv`` (forkserver) with each of
 ``--workers`` processes in turn, and the best of them goes on. Then blocks alternate, ours,
 robosuite, ours, robosuite, so that what else the machine does hits both. A block is a whole number
@@ -149,8 +149,8 @@ class OurSide:
         self.learner.envs.finished.clear()
         return self.steps
 
-    def unshown(self) -> OurSide:
-        """Another training of the same that no guide shows anything: PPO from the first tick on."""
+    def without_imitation(self) -> OurSide:
+        """Return another training of the same scene: PPO from the first control step on."""
         of, scene = self.learner.config, self.learner.episodes.engine.scene
         return OurSide(scene, replace(of, imitation=replace(of.imitation, until=0.0)), self.threads)
 
@@ -258,9 +258,9 @@ def compare(args: argparse.Namespace) -> dict[str, Any]:
     torch.set_num_threads(1)
     load_before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
-        shown, fixture, settings = prepare(Path(folder), args.preset, args.threads)
-        ours = shown.unshown()  # robosuite's side has no guide either
-        shown.close()
+        imitating, fixture, settings = prepare(Path(folder), args.preset, args.threads)
+        ours = imitating.without_imitation()  # as on the side of robosuite
+        imitating.close()
         workers, search = best_workers(fixture, settings, args.workers)
         theirs = RobosuiteSide(fixture, settings, workers)
         blocks: dict[str, list[Block]] = {"ours": [], "robosuite": []}

@@ -80,7 +80,7 @@ def judged(run: Path, asset: Path, joint: str, flags: argparse.Namespace) -> dic
     return report
 
 
-def told(
+def kept_report(
     summary: Path, object_id: str, task: str, joint: str, flags: argparse.Namespace
 ) -> dict[str, Any]:
     """Return the evaluation of a run on the true object, as ``summary`` keeps it.
@@ -127,7 +127,7 @@ def way(task: str, object_id: str, flags: argparse.Namespace) -> dict[str, Any]:
     trained(result / URDF_FILE, folder / "run_made", flags, "--task", task)
     truth = flags.truth.get(object_id, folder / "run_true")
     if truth.suffix == ".json":
-        on_true = told(truth, object_id, task, joint, flags)
+        on_true = kept_report(truth, object_id, task, joint, flags)
     else:
         trained(asset, truth, flags, "--task", task, "--joint", joint)
         on_true = judged(truth, asset, joint, flags)

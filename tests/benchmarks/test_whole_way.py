@@ -70,7 +70,7 @@ SUMMARY = {
 def test_a_summary_may_stand_for_the_truth(calls, flags, tmp_path):
     file = tmp_path / "open_door.json"
     file.write_text(json.dumps(SUMMARY))
-    report = whole_way.told(file, "partnet_1", "open_door", "joint_0", flags)
+    report = whole_way.kept_report(file, "partnet_1", "open_door", "joint_0", flags)
     assert report["success_rate"] == 0.9
     assert calls == []
 
@@ -89,4 +89,4 @@ def test_a_summary_of_something_else_does_not(flags, tmp_path, other):
     file = tmp_path / "open_door.json"
     file.write_text(json.dumps(SUMMARY | other))
     with pytest.raises(UsageError, match="is of"):
-        whole_way.told(file, "partnet_1", "open_door", "joint_0", flags)
+        whole_way.kept_report(file, "partnet_1", "open_door", "joint_0", flags)

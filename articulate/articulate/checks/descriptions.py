@@ -31,8 +31,8 @@ CHECKS: dict[str, Meaning] = {
         means="At 100 random joint states every link is where yourdfpy and PyBullet put it when "
         "they read object.urdf, to 1e-6 m and rad. Every link and handle is also where asset.json "
         "puts it, at five positions of each joint with the others at 0.",
-        matters="A planner that reads the URDF and a simulator that reads the MJCF would see two "
-        "different objects, and a gripper that follows asset.json would miss the handle.",
+        matters="Otherwise a planner that reads the URDF and a simulator that reads the MJCF have "
+        "two different objects. A gripper that follows asset.json would miss the handle.",
         remedy="The link that is named is the first in the tree that deviates. Compare origin and "
         "axis of its joint, and mimic factors, in object.xml, object.urdf and asset.json.",
     ),
@@ -45,9 +45,8 @@ CHECKS: dict[str, Meaning] = {
         "itself is ambiguous (two roots, names used twice), make it unambiguous.",
     ),
     "visual_fidelity": Meaning(
-        means="At least 99 % of points on the visual surface of each link in the input are on its "
-        "surface in the asset, and vice versa, to 0.1 % of its diagonal. The same holds for each "
-        "of its meshes.",
+        means="The visual surfaces of each link in input and asset agree: at least 99 % of points "
+        "on either are on the other, to 0.1 % of the diagonal. The same holds for each mesh.",
         matters="A mesh that was lost, mirrored or scaled twice makes another object.",
         remedy="Compare the link on the page with the input; after a fresh conversion please "
         "report it.",
@@ -62,9 +61,9 @@ CHECKS: dict[str, Meaning] = {
         "Apply a change in one of the three files to the others, too.",
     ),
     "inertia": Meaning(
-        means="Every link has a mass above 0, and a positive definite inertia whose largest "
-        "moment is at most the sum of the others and which fits into the bounding box. The centre "
-        "of mass is inside that box. All agree with object.urdf and asset.json.",
+        means="Every link has a mass above 0 and a positive definite inertia. Its largest moment "
+        "is at most the sum of the others. The inertia fits into the bounding box, and the centre "
+        "of mass is inside. All values agree with object.urdf and asset.json.",
         matters="An inertia that no body can have creates energy; a misplaced centre of mass "
         "makes doors swing by themselves.",
         remedy="Omit <inertial>: it is computed from the collision shapes and the density of "
@@ -87,8 +86,8 @@ CHECKS: dict[str, Meaning] = {
         "covers less than 5 % of the visible surface is trimmed automatically.",
     ),
     "authored_overlap": Meaning(
-        means="Where collision shapes overlap on the travel of a joint, the authored surfaces "
-        "cross as well, or two joints each require the other one to be open first. It is listed "
+        means="Collision shapes overlap on the travel of a joint because the authored surfaces "
+        "cross as well, or because two joints each require the other one to be open first. It is listed "
         "only where it fails.",
         matters="No collision shape can correct an object whose parts run through each other.",
         remedy="Edges that hardly matter for the visible surface are trimmed, and a travel of "
@@ -113,7 +112,7 @@ CHECKS: dict[str, Meaning] = {
         means="Where a link is hollow, at least 85 % of the cavity is outside the collision "
         "shapes. Hollow means that more than 5 % of its convex hull is outside the material "
         "(winding number below 0.5) and visible from outside. Links thinner than 10 mm do not "
-        "count, nor those where a ball of 10 mm fits into less than 1 % of the hull.",
+        "count. Links where a ball of 10 mm fits into less than 1 % of the hull do not either.",
         matters="A drawer that collides as a solid block cannot be filled, and a cabinet that "
         "does so cannot be opened.",
         remedy="Raise --max-geoms, or add <collision> elements: boxes for the walls.",
@@ -125,17 +124,17 @@ CHECKS: dict[str, Meaning] = {
         remedy="Name the handle's visual element `handle` if another part was detected as handle.",
     ),
     "collision_coverage": Meaning(
-        means="At least 95 % of points on each link's visual surface are within 3 mm, or 1 % of "
-        "its diagonal, of its collision shapes, and vice versa. Where shapes touch "
+        means="Visual surface and collision shapes of each link agree: at least 95 % of points on "
+        "either are within 3 mm, or 1 % of the diagonal, of the other. Where shapes touch "
         "each other inside the material there is no surface to compare.",
         matters="A gripper would reach through parts without a collision shape, and stop in the "
         "air at shapes without a visible part.",
         remedy="Raise --max-geoms, or remove the <collision> elements that do not fit.",
     ),
     "settling": Meaning(
-        means="Without external forces but gravity the object comes to rest, and stays there for "
-        "2 s at its time step and at half of it: no joint drifts by more than 1 % of its range. A "
-        "lid that falls shut passes and is reported.",
+        means="Under gravity only the object comes to rest and stays there for 2 s, at its time "
+        "step and at half of it. No joint drifts by more than 1 % of its range. A lid that falls shut "
+        "passes and is reported.",
         matters="An object that opens by itself, or trembles, cannot be a task.",
         remedy="Look for contacts between parts at rest; give the joint dry friction.",
     ),
@@ -147,8 +146,8 @@ CHECKS: dict[str, Meaning] = {
         remedy="Correct overlaps at rest, and failures of the check inertia.",
     ),
     "opening": Meaning(
-        means="At most 30 N at the handle, or the torque they make, open at least 90 % of the "
-        "range (hinges up to 90 degrees) within 3 s, with contacts as they are.",
+        means="A force of at most 30 N at the handle, or its torque, opens at least 90 % of the "
+        "range within 3 s. For hinges the range ends at 90 degrees. Contacts are active.",
         matters="A person, or an arm of a few kilograms, can apply this force.",
         remedy="Look at contacts on the travel, at friction and damping of the joint, and at the "
         "mass of the part.",
