@@ -87,8 +87,8 @@ CHECKS: dict[str, Meaning] = {
     ),
     "authored_overlap": Meaning(
         means="Collision shapes overlap on the travel of a joint because the authored surfaces "
-        "cross as well, or because two joints each require the other one to be open first. It is listed "
-        "only where it fails.",
+        "cross as well, or because two joints each require the other one to be open first. It "
+        "is listed only where it fails.",
         matters="No collision shape can correct an object whose parts run through each other.",
         remedy="Edges that hardly matter for the visible surface are trimmed, and a travel of "
         "which half or 75 degrees remain is shortened, automatically. Otherwise correct "
@@ -133,8 +133,8 @@ CHECKS: dict[str, Meaning] = {
     ),
     "settling": Meaning(
         means="Under gravity only the object comes to rest and stays there for 2 s, at its time "
-        "step and at half of it. No joint drifts by more than 1 % of its range. A lid that falls shut "
-        "passes and is reported.",
+        "step and at half of it. No joint drifts by more than 1 % of its range. A lid that falls "
+        "shut passes and is reported.",
         matters="An object that opens by itself, or trembles, cannot be a task.",
         remedy="Look for contacts between parts at rest; give the joint dry friction.",
     ),
