@@ -1,12 +1,14 @@
 """Parts and joints of objects that are merged into one welded mesh, against the true ones.
 
 python benchmarks/scans.py --data ../shared/data --half development --limit 60
-python benchmarks/scans.py --kitchen /tmp/scans/kitchen_cc_by --half development --make
+python benchmarks/scans.py --kitchen kitchen_cc_by/assets --half development --make
+python benchmarks/scans.py --shells 10 --half development
 
 ``--data`` holds ``assets.json`` and its objects, of which those of PartNet-Mobility are used;
-``--kitchen`` is the folder of kitchen-assets-cc-by, in metres. Each object is written as one GLB
-without names, vertices merged at 1e-5 of the diagonal, and read as any scan. ``--make`` also writes
-and checks the asset.
+``--kitchen`` is the folder of kitchen-assets-cc-by; ``--shells`` fuses depth images of procedural
+objects to closed surfaces, seeds from 0 for development and from 1000 to publish. Each object is
+written as one GLB without names, vertices merged at 1e-5 of the diagonal, and read as any scan.
+``--make`` also writes and checks the asset.
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ from articulate.reconstruct.scan.part_proposal import PartProposal
 from articulate.reconstruct.scan.read_scan import Scan, ScanHints, read_scan
 from articulate.reconstruct.scan.scan_mesh import ScanMesh, weld
 from articulate.transforms import Array, Ints
+from scan_shells import fused_shell, nearest_part
 
 FURNITURE = ("StorageFurniture", "Table", "Oven", "Dishwasher")
 IOU = 0.5
@@ -46,6 +49,12 @@ AXIS_RAD = float(np.radians(15.0))
 SIDE_SHARE = 0.3
 """Largest distance of two hinges, as a share of the part's size across the axis."""
 TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+SHELLS = (
+    *("cabinet", "chest_of_drawers", "table_with_drawers", "fridge", "microwave", "oven"),
+    *("laptop", "trash_can", "bottle", "kitchen_pot"),
+)
+"""Categories of the closed shells."""
+FIRST_PUBLISHED_SEED = 1000
 CLASSES = {"revolute": "turn", "continuous": "turn", "prismatic": "slide"}
 
 
@@ -172,6 +181,13 @@ def _is_right(joint: dict[str, Any], found: PartProposal, mesh: ScanMesh) -> boo
 
 def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
     """Yield the objects of the half, ordered by the SHA-256 of their id."""
+    if args.shells:
+        dataset = open_dataset("procedural")
+        first = 0 if args.half == "development" else FIRST_PUBLISHED_SEED
+        for k in range(args.shells):
+            category = SHELLS[k % len(SHELLS)]
+            yield dataset.load(f"{category}-{first + k // len(SHELLS):04d}")
+        return
     if args.kitchen is not None:
         for path in sorted(args.kitchen.rglob("*.urdf")):
             if half(path.stem) == args.half:
@@ -200,6 +216,9 @@ def _kitchen_object(path: Path) -> TrueObject:
 def measure(truth: TrueObject, args: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """Read, propose and score one object; make its asset with ``--make``."""
     merged = merge(truth)
+    if args.shells:
+        shell = fused_shell(merged.mesh)
+        merged = Merged(mesh=shell, part=nearest_part(shell, merged.mesh, merged.part))
     path = folder / f"{truth.object_id.replace('/', '_')}.glb"
     write(merged.mesh, path)
     hints = ScanHints(text=truth.category if args.text else "")
@@ -258,6 +277,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--data", type=Path, help="folder with assets.json")
     parser.add_argument("--kitchen", type=Path, help="folder of kitchen-assets-cc-by")
+    parser.add_argument("--shells", type=int, default=0, help="number of closed shells")
     parser.add_argument("--half", choices=("development", "published"), default="development")
     parser.add_argument("--limit", type=int, default=60, help="number of objects")
     parser.add_argument("--skip", type=int, default=0, help="objects to leave out at the start")
@@ -265,8 +285,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--make", action="store_true", help="write and check the assets")
     parser.add_argument("--json", action="store_true", help="print all rows as JSON")
     args = parser.parse_args(argv)
-    if (args.data is None) == (args.kitchen is None):
-        parser.error("give --data or --kitchen")
+    if sum((args.data is not None, args.kitchen is not None, args.shells > 0)) != 1:
+        parser.error("give one of --data, --kitchen and --shells")
     rows = []
     for truth in objects(args):
         with tempfile.TemporaryDirectory() as folder:

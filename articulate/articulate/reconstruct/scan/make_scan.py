@@ -26,7 +26,7 @@ from articulate.reconstruct.result import MakeRequest, MakeResult
 from articulate.reconstruct.scan.cavity import build_parts
 from articulate.reconstruct.scan.masks import read_masks
 from articulate.reconstruct.scan.part_proposal import PartProposal, scaled
-from articulate.reconstruct.scan.propose import FoundParts, propose_parts
+from articulate.reconstruct.scan.propose import FoundParts, calibrated, propose_parts, rated
 from articulate.reconstruct.scan.read_scan import (
     TURNS,
     Scan,
@@ -44,7 +44,7 @@ from articulate.render.camera import front_camera
 from articulate.transforms import Ints
 
 ACTOR = "scan"
-LEAST_CONFIDENCE = 0.5
+LEAST_CONFIDENCE = 0.65
 """Parts with a lower confidence make the result doubtful."""
 CERTAIN, BETTER = 0.6, 0.1
 """A front whose surest part has the first confidence is taken; others must be better by the
@@ -117,7 +117,9 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
             f"{shorten(path.name)}: no door, drawer or lid was found on the surface; give --masks "
             "with the part of each triangle, or a mesh whose parts are named"
         )
-    proposals = with_free_joints(scan.mesh, proposals)
+    proposals = with_free_joints(scan.mesh, calibrated(proposals))
+    if hints.text:
+        proposals = rated(proposals, counts_in(hints.text))
     names = distinct_names([proposal.kind for proposal in proposals])
     parents = parents_of(proposals, names)
     joints = tuple(
@@ -134,6 +136,8 @@ def _found_parts(scan: Scan, path: Path, hints: ScanHints) -> ScanParts:
         for name, proposal in zip(names, proposals, strict=True)
         if proposal.confidence < LEAST_CONFIDENCE
     ]
+    if scan.smooth and not any(proposal.kind == "screen" for proposal in proposals):
+        doubts.append("the mesh is one smooth surface, on which few parts have a border")
     return ScanParts(
         part_set=part_set_of(scan.name, [built.body, *built.parts], path.name, scan.category),
         joints=joints,

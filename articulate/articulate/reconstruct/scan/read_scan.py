@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -29,6 +29,10 @@ MANY_FACES = 200_000
 """Meshes with more triangles are simplified."""
 COARSE_SHARE = 1.0 / 600.0
 """Side of the cells to which the vertices of a large mesh are merged, a share of the diagonal."""
+DENSE_FACES, DENSE_SIDE = 30_000, 0.02
+"""Meshes of scanners have more triangles, all smaller than this share of the diagonal."""
+SMOOTHINGS = 12
+"""Steps of the filter against noise."""
 FLAT_SHARE = 1e-3
 """Smallest side of an object, as a share of its largest."""
 APART = 0.25
@@ -70,6 +74,8 @@ class Scan:
     file_centres: Array
     """Centre of each face in the frame and unit of the file (F, 3)."""
     category: str = "unknown"
+    smooth: bool = False
+    """True for a dense surface as of a scanner, whose noise was removed."""
     assumptions: tuple[str, ...] = ()
 
 
@@ -91,6 +97,10 @@ def read_scan(path: Path, hints: ScanHints) -> Scan:
     if len(mesh.faces) < LEAST_FACES:
         raise AssetError(_too_few(path, len(mesh.faces)))
     _check_single(path, mesh)
+    smooth = _is_dense(mesh)
+    if smooth:
+        mesh = _smoothed(mesh)
+        assumptions.append("the noise of the surface was smoothed")
     file_centres = mesh.triangles.mean(axis=1)
     y_up = hints.up == "y" or (hints.up == "auto" and path.suffix.lower() in SCENES)
     rotation = FROM_Y_UP if y_up else np.eye(3)
@@ -109,8 +119,24 @@ def read_scan(path: Path, hints: ScanHints) -> Scan:
         mesh=mesh,
         file_centres=file_centres,
         category=category,
+        smooth=smooth,
         assumptions=tuple(assumptions),
     )
+
+
+def _is_dense(mesh: ScanMesh) -> bool:
+    """Return whether a mesh consists of many small triangles only, as those of scanners do."""
+    if len(mesh.faces) < DENSE_FACES:
+        return False
+    side = np.sqrt(np.quantile(mesh.areas, 0.99))
+    return bool(side < DENSE_SIDE * mesh.diagonal)
+
+
+def _smoothed(mesh: ScanMesh) -> ScanMesh:
+    """Return the mesh with its noise removed, by Taubin's filter, which keeps the volume."""
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    trimesh.smoothing.filter_taubin(surface, iterations=SMOOTHINGS)
+    return replace(mesh, vertices=np.asarray(surface.vertices, dtype=np.float64))
 
 
 def turned(mesh: ScanMesh, front: Front) -> ScanMesh:

@@ -31,7 +31,7 @@ CENTRED = 0.12
 """Largest offset of a lid from the axis, as a share of the width of the body."""
 OFF_CENTRE = 0.3
 """Largest offset of a shell of a lid, as a share of the width of the body."""
-LEDGE = 0.03
+LEDGE = 0.015
 """Least area of the lower side of a lid, as a share of the square of the width of the body."""
 SHALLOW = 0.08
 """A cap that is lower than this share of the body continues to the ring below it."""
@@ -275,6 +275,9 @@ def _above_ledge(parts: Segmentation, vessel: Vessel) -> Ints:
     if area.max() < LEDGE * vessel.width**2:
         return np.zeros(0, dtype=np.int64)
     ledge = float(middle[down & (bins == int(np.argmax(area)))].min())
-    boxes = parts.facets.boxes
-    above = boxes[:, 0, 2] > ledge - parts.near
-    return parts.faces_of(parts.facets, np.flatnonzero(above))
+    above = np.flatnonzero(parts.facets.boxes[:, 0, 2] > ledge - parts.near)
+    faces = parts.faces_of(parts.facets, above)
+    level = np.flatnonzero(middle > ledge - 0.5 * parts.near)
+    if mesh.areas[faces].sum() < 0.5 * mesh.areas[level].sum():  # smooth: no creases at the ledge
+        return level
+    return faces
