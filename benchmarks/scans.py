@@ -28,11 +28,12 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from articulate.benchmark.dataset import open_dataset
+from articulate.benchmark.dataset import Dataset, LibraryDataset, open_dataset
 from articulate.benchmark.split import half
 from articulate.benchmark.truth import TrueObject, joints_in_urdf, true_object
 from articulate.errors import UsageError
 from articulate.formats.read_urdf import read_urdf
+from articulate.library import ProceduralLibrary
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.result import MakeRequest
 from articulate.reconstruct.scan.make_scan import find_parts, make_scan
@@ -182,7 +183,7 @@ def _is_right(joint: dict[str, Any], found: PartProposal, mesh: ScanMesh) -> boo
 def objects(args: argparse.Namespace) -> Iterator[TrueObject]:
     """Yield the objects of the half, ordered by the SHA-256 of their id."""
     if args.shells:
-        dataset = open_dataset("procedural")
+        dataset: Dataset = LibraryDataset("procedural", ProceduralLibrary(2 * FIRST_PUBLISHED_SEED))
         first = 0 if args.half == "development" else FIRST_PUBLISHED_SEED
         for k in range(args.shells):
             category = SHELLS[k % len(SHELLS)]
