@@ -20,7 +20,7 @@ from articulate_train.watch import watch_run
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A run in episodes of a second, with sizes in plenty, and its bundle; not to be changed."""
+    """A run in episodes of a second and its bundle; not to be changed."""
     folder = tmp_path_factory.mktemp("watched")
     make_run(folder / "run", make_cabinet(folder / "cabinet"), seeds=(0, 3), episode_s=1.0)
     assert main(["export", str(folder / "run"), "--out", str(folder / "b.zip"), "--seed", "0"]) == 0

@@ -168,6 +168,7 @@ MJCF_CHANGES: dict[str, Change] = {
     "nested replicate": _body('<replicate count="99" offset="1 0 0">' * 8 + '<geom size="1"/>' + "</replicate>" * 8),
     "composite": _only('<composite type="grid" count="10000 10000 1" spacing="1"><geom size="1"/></composite>'),
     "flexible grid": _only('<flexcomp name="f" type="grid" count="10000 10000 10" spacing="1 1 1"/>'),
+    "90,000 bodies": _body("<body/>" * 90_000),
     "100,000 bodies": _body("<body/>" * 100_000),
     "100,000 joints": _mjcf("<joint", '<joint type="slide"/>' * 100_000 + "<joint"),
     "100,000 geoms": _body('<geom size="1"/>' * 100_000),
@@ -230,6 +231,7 @@ MESH_CHANGES: dict[str, dict[str, Change]] = {
         "1e308": text("v 1e308 0 0\nv -1e308 1e308 0\nv 0 1 1e308\nf 1 2 3\n"),
         "no faces": text(CUBE * 1000),
         "a million points": text("v 0 0 0\n" * 3_000_000),
+        "100,000 materials": text(CUBE + "".join(f"usemtl {k}\nf 1 2 3\n" for k in range(100_000))),
         "long material": text(f"mtllib {X}\nusemtl {X}\n" + CUBE + "f 1 2 3\n" + "f a b c\n"),
         "many faces": text(CUBE + "f 1 2 3\nf 2 3 4\n" * 2_000_000),
     },
@@ -517,6 +519,7 @@ BUNDLE_FILES: dict[str, dict[str, Change]] = {
         "entities": _sealed(text(ENTITIES + "<mujoco model='&e11;'/>")),
     },
     "object/object.urdf": {
+        **{f"{k} in an origin": _sealed(edited(('<origin xyz="0.0 ', f'<origin xyz="{v} '))) for k, v in NUMBERS.items() if k != "1e308"},
         "100,000 links": _sealed(edited(("</robot>", '<link name="l"/>' * 100_000 + "</robot>"))),
         "attributes": _sealed(edited(("<robot ", "<robot " + " ".join(f'a{k}="1"' for k in range(100_000)) + " "))),
         "mesh outside": _sealed(edited(("</robot>", '<link name="l"><visual><geometry><mesh filename="/etc/passwd"/></geometry></visual></link></robot>'))),
