@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
 from articulate.render.scene import NO_PART, Light, PartScene
-from articulate.transforms import Array
 
 AZIMUTH_DEG, ELEVATION_DEG = (-60.0, 60.0), (0.0, 50.0)
 FOCAL_MM = (24.0, 70.0)
@@ -30,7 +30,7 @@ class RenderedPhoto:
     """Colours (H, W, 3), 0 to 255."""
     camera: Camera
     """Camera in the frame of the parts."""
-    mask: Array
+    mask: NDArray[np.bool_]
     """Object pixels that nothing occludes (H, W), boolean."""
 
 
@@ -132,7 +132,9 @@ def _degraded(image: Pixels, rng: np.random.Generator) -> Pixels:
     return np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), dtype=np.uint8)
 
 
-def _with_arm(image: Pixels, mask: Array, rng: np.random.Generator) -> tuple[Pixels, Array]:
+def _with_arm(
+    image: Pixels, mask: NDArray[np.bool_], rng: np.random.Generator
+) -> tuple[Pixels, NDArray[np.bool_]]:
     """Add a thick line from the border to a point on the object."""
     height, width = mask.shape
     rows, columns = np.nonzero(mask)

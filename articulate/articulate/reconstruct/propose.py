@@ -69,8 +69,8 @@ def _from_video(query: Query) -> tuple[Pixels, MotionHint]:
     doubts = []
     if seen.doubtful:
         doubts.append(
-            f"the motion is {seen.kind} with a confidence of {seen.confidence:.2f}; film it from "
-            "another side, with the camera at rest"
+            f"the motion is {seen.kind} with a confidence of {seen.confidence:.2f}; record it "
+            "from another side, with the camera at rest"
         )
     left, right, top, bottom = (scale * value for value in seen.box_px)
     return image, MotionHint(

@@ -197,6 +197,8 @@ def test_an_object_is_generated_from_text(tmp_path, capsys):
         ["--text", "a box", "--actor", "vlm"],
         ["--text", "a box", "--joint", "lid"],
         ["--text", "a box", "--dry-run"],
+        ["--text", "a box", "--size", "50"],
+        ["--image", "no.png"],
         ["--text", "", "--library", "cabinet"],
         ["--text", "a box", "--library", "cabnet"],
         ["--text", "a box", "--library", "cabinet", "--parts", "parts"],

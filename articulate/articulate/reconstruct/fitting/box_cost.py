@@ -159,4 +159,4 @@ def box_cost(
     cost = 1.0 - overlap(uv, sums) + weights[0] * edge_cost(p, uv, distance_px, weights[1])
     for k in range(len(p)):
         cost += weights[2] * ((p[k] - prior[k, 0]) / prior[k, 1]) ** 2
-    return cost
+    return float(cost)

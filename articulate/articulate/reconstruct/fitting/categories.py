@@ -75,7 +75,7 @@ LIBRARY = {CATEGORIES[name].partnet: name for name in reversed(list(CATEGORIES))
 LAYOUTS = ("StorageFurniture", "Table", "Refrigerator", "Microwave", "Oven", "Dishwasher")
 """Categories whose front is generated from the cells of the image."""
 FIXED_STRUCTURE = 0.85
-"""Certainty of parts that the category alone determines."""
+"""Certainty of parts that the category determines."""
 WORKTOP_M = 0.018
 """Thickness of the worktop of furniture [m]."""
 BAND = 0.16

