@@ -56,13 +56,14 @@ def main(argv: Sequence[str]) -> int:
     clip = read_video(
         flags.clip, VideoReadOptions(longest_side_px=flags.side, most_frames=flags.frames)
     )
-    console.show_progress(f"{flags.clip}: following points over {len(clip.frames)} frames")
+    console.show_progress(f"{flags.clip}: tracking points over {len(clip.frames)} frames")
     seen = observe_joint(clip, str(flags.clip))
     console.emit_json(seen.as_json()) if flags.json else console.emit(_text(seen))
     if seen.doubtful:
         console.show_progress(
-            f"{flags.clip}: doubtful: the measurement is near the border between "
-            "prismatic and revolute; a video from another side may distinguish them"
+            f"{flags.clip}: doubtful: the joint type has a probability of "
+            f"{seen.confidence:.2f}; a video from another side, with a still camera and a full "
+            "stroke, may distinguish revolute from prismatic"
         )
         return MISSED
     return 0
@@ -72,10 +73,11 @@ def _text(seen: Observation) -> str:
     x, y, z = seen.axis_c
     what = "slides along" if seen.kind == "prismatic" else "turns about"
     first, last = seen.path_px[0], seen.path_px[-1]
+    side = f", hinged at the {seen.side}" if seen.side else ""
     return (
-        f"{seen.kind}: a part {what} ({x:.2f}, {y:.2f}, {z:.2f}) (x right, y down, z ahead), "
-        f"clear by {seen.confidence:.2f}\n"
-        f"a point of it goes from ({first[0]:.0f}, {first[1]:.0f}) to ({last[0]:.0f}, "
+        f"{seen.kind} with probability {seen.confidence:.2f}: a part {what} ({x:.2f}, {y:.2f}, "
+        f"{z:.2f}) (x right, y down, z ahead){side}\n"
+        f"a point of it moves from ({first[0]:.0f}, {first[1]:.0f}) to ({last[0]:.0f}, "
         f"{last[1]:.0f}) px; the moving region spans columns {seen.box_px[0]:.0f} to "
         f"{seen.box_px[1]:.0f}, rows {seen.box_px[2]:.0f} to {seen.box_px[3]:.0f}"
     )

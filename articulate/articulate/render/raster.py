@@ -164,12 +164,15 @@ def _texel(
     point: Array, corners: Array, uv: Array, texture: Pixels, size: Ints, albedo: Array
 ) -> None:
     """Multiply ``albedo`` (3,) by the texture at ``point`` (3,) of a triangle (3, 3)."""
-    a, b, p = np.empty(3), np.empty(3), np.empty(3)
-    for k in range(3):
-        a[k], b[k] = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k]
-        p[k] = point[k] - corners[0, k]
-    aa, ab, bb = _dot(a, a), _dot(a, b), _dot(b, b)
-    pa, pb = _dot(p, a), _dot(p, b)
+    x, y, z = corners[0, 0], corners[0, 1], corners[0, 2]
+    ax, ay, az = corners[1, 0] - x, corners[1, 1] - y, corners[1, 2] - z
+    bx, by, bz = corners[2, 0] - x, corners[2, 1] - y, corners[2, 2] - z
+    px, py, pz = point[0] - x, point[1] - y, point[2] - z
+    aa = ax * ax + ay * ay + az * az  # scalars: this runs for every sample
+    ab = ax * bx + ay * by + az * bz
+    bb = bx * bx + by * by + bz * bz
+    pa = px * ax + py * ay + pz * az
+    pb = px * bx + py * by + pz * bz
     det = aa * bb - ab * ab
     if det <= 0.0:
         return

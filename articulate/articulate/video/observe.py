@@ -1,11 +1,8 @@
-"""Estimate joint type and axis of the operated part from a video without geometry.
+"""Estimate the operated joint from a video without geometry: type, axis, side and direction.
 
-Points are tracked and the camera's motion is removed; the rest gives three
-cues. The main direction of the motion is that of a slide, or is perpendicular to the axis of a
-hinge. Points that move away from one spot, or towards it, belong to a part that slides along the
-line of sight. And a part that rotates about an axis in the image plane first approaches the camera
-and then recedes, or the reverse, so that the expansion of its image across its motion changes over
-time; that of a sliding part does not.
+Dense point tracks are freed from the camera's motion and grouped by common motion. A hinge and a
+slide are fitted to each group. Classifiers learned from rendered videos choose the group that is
+the operated part, not an arm or a person, and give the probability that it rotates.
 """
 
 from __future__ import annotations
@@ -18,55 +15,61 @@ import numpy as np
 
 from articulate.errors import UsageError
 from articulate.render.joint_video import Video
-from articulate.transforms import Array, normalised
-from articulate.video.moving_region import MovingPoints, moving_points
+from articulate.video.candidate_parts import CandidatePart, Motion, candidate_parts, video_motion
+from articulate.video.joint_classifier import joint_classifier
+from articulate.video.motion_features import features, opening_features
+from articulate.video.motion_groups import travel
 from articulate.video.read_video import check_motion
-from articulate.video.tracks import Tracking, follow_points
+from articulate.video.surface_tracks import follow_surface
 
-FOCAL_RATIO = 1.1
-"""Focal length in units of the larger side of the image: a phone's, held upright."""
-FRAME_GAPS = (2, 4, 8, 12)
-"""Frames between which motion is measured; the first gap with enough motion is used."""
-MIN_STEP_MOTION = 0.03
-"""Median motion that is enough, as a share of the larger side."""
-MIN_POINT_MOTION = 0.008
-"""Points that move less between two frames are ignored, as a share of the larger side."""
-MIN_POINTS = 10
-"""Fewer points in two frames are ignored."""
-MAX_DEPTH_RATIO = 0.65
-"""Motion that shift and scaling leave unexplained, as a share of what a shift leaves, below which a
-part slides along the line of sight."""
-MIN_EXPANSION = 0.48
-"""Spread over time of the expansion rate, per motion of one larger side, above which a part
-rotates. This and ``MAX_DEPTH_RATIO`` were chosen by inspection on 17 recorded videos
-(``benchmarks/filmed_clips.py`` evaluates them)."""
-MAX_RATE = 4.0
-"""Largest such rate; larger ones are clipped."""
-MIN_CONFIDENCE = 0.1
-"""Confidence below which the kind is doubtful: a measured cue is within a tenth of the border."""
+LONGEST_PX = 480
+"""Longest side of the frames in which points are tracked [px]."""
+MOST_FRAMES = 72
+"""Frames in which points are tracked."""
+LEAST_FRAMES = 6
+"""Shorter videos show no motion."""
+DARK = 14.0
+"""Mean brightness of the brightest tenth of the pixels below which nothing can be tracked."""
+SHAKE_SHARE = 0.12
+"""Median motion of the camera between frames that cannot be removed, as a share of the side."""
+CERTAIN = 0.65
+"""Probability above which the sense of the motion is reported."""
+
+Kind = Literal["revolute", "prismatic"]
+Side = Literal["left", "right", "top", "bottom", ""]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
     """Joint type and axis estimated from a video."""
 
-    kind: Literal["revolute", "prismatic"]
+    kind: Kind
     axis_c: tuple[float, float, float]
-    """Unit vector of the axis, or of sliding along the motion, in the camera frame (x right, y
-    down, z forward)."""
+    """Unit vector of the axis, or of sliding along the first motion, in the camera frame (x right,
+    y down, z forward)."""
     path_px: tuple[tuple[float, float], ...]
     """Path of the point that moved farthest, in pixels of the first frame."""
     box_px: tuple[float, float, float, float]
     """Left, right, top, bottom of the moving region, in pixels of the first frame."""
     confidence: float
-    """Distance of the cues from the border between the kinds, in [0, 1]."""
+    """Calibrated probability of the joint type, in [0.5, 1]."""
     figures: Mapping[str, float]
     """The measured cues."""
-
-    @property
-    def doubtful(self) -> bool:
-        """The other kind is nearly as likely."""
-        return self.confidence < MIN_CONFIDENCE
+    doubtful: bool
+    """The joint type is not reliable."""
+    p_revolute: float
+    """Calibrated probability that the part rotates."""
+    side: Side
+    """Edge of the moving region at which the hinge is seen; empty for a sliding part."""
+    direction_px: tuple[float, float]
+    """Unit vector of the first motion of the part in the image (x right, y down)."""
+    opening: bool | None
+    """The first motion opens the part; None if that cannot be distinguished."""
+    travel: float
+    """Estimated travel: angle [rad], or distance in units of the part's distance from the
+    camera."""
+    moving_parts: int
+    """Number of parts that seem to be operated."""
 
     def as_json(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -77,202 +80,157 @@ class Observation:
             "box_px": list(self.box_px),
             "confidence": self.confidence,
             "doubtful": self.doubtful,
+            "p_revolute": self.p_revolute,
+            "side": self.side,
+            "direction_px": list(self.direction_px),
+            "opening": self.opening,
+            "travel": self.travel,
+            "moving_parts": self.moving_parts,
             "figures": dict(self.figures),
         }
 
 
-@dataclass(frozen=True, eq=False)
-class FlowStep:
-    """Motion of points between two frames."""
-
-    at: Array
-    """Midpoint of the motion of each point, relative to the image centre (N, 2) [px]."""
-    by: Array
-    """Motion of each point (N, 2) [px]."""
-
-
-def observe_joint(clip: Video, source: str) -> Observation:
+def observe_joint(video: Video, source: str) -> Observation:
     """Estimate how the operated part moves.
 
     Args:
-        clip: The video.
+        video: The video; frames of about ``LONGEST_PX`` and at most ``MOST_FRAMES`` suffice.
         source: Its name, for messages.
 
     Raises:
-        UsageError: Nothing moves, or too few moving points can be tracked.
+        UsageError: Nothing moves; the video is too dark, short or shaky; or too few moving points
+            can be tracked.
     """
-    check_motion(clip.frames, source)
-    height, width = clip.frames.shape[1:3]
-    tracks = follow_points(clip.frames, Tracking(most_points=900, spacing_px=5, every=3))
-    moving = moving_points(tracks, (width, height))
-    side = float(max(width, height))
-    steps = steps_of(moving, np.array([width, height]) / 2.0, side)
-    if not steps:
+    frames = video.frames
+    _check_frames(video, source)
+    check_motion(frames, source)
+    height, width = frames.shape[1:3]
+    motion = video_motion(follow_surface(frames), (width, height))
+    _check_camera(motion, source)
+    candidates = candidate_parts(motion)
+    if not candidates:
         raise UsageError(
             f"{source}: too few moving points can be tracked; give a video with more light, "
             "a larger part or a slower motion"
         )
-    return _observed(steps, moving, side)
-
-
-def steps_of(moving: MovingPoints, middle: Array, side: float) -> list[FlowStep]:
-    """Return the motion between frames that are far enough apart, one for each frame that has one.
-
-    Args:
-        moving: Moving points.
-        middle: Image centre (2,) [px].
-        side: Larger side of the image [px].
-    """
-    found = []
-    for t in range(len(moving.uv) - FRAME_GAPS[0]):
-        best = None
-        for step in FRAME_GAPS:
-            if t + step >= len(moving.uv):
-                break
-            both = moving.visible[t] & moving.visible[t + step]
-            here, there = moving.uv[t][both], moving.uv[t + step][both]
-            far = np.linalg.norm(there - here, axis=1)
-            if (far > MIN_POINT_MOTION * side).sum() < MIN_POINTS:
-                continue
-            chosen = far > MIN_POINT_MOTION * side
-            best = FlowStep(
-                0.5 * (here[chosen] + there[chosen]) - middle, there[chosen] - here[chosen]
-            )
-            if np.median(far[chosen]) > MIN_STEP_MOTION * side:
-                break
-        if best is not None:
-            found.append(best)
-    return found
-
-
-def _observed(steps: list[FlowStep], moving: MovingPoints, side: float) -> Observation:
-    along = main_direction(steps)
-    axis: Array
-    across = np.array([-along[1], along[0]])
-    shift, grown = _residual_motion(steps, side)
-    expanding = _expansion(steps, along, across, side)
-    moving_away = grown / max(shift, 1e-12)
-    figures = {"moving_away": moving_away, "expanding": expanding, "steps": float(len(steps))}
-    path, box = _path_and_box(moving)
-    if moving_away < MAX_DEPTH_RATIO or expanding < MIN_EXPANSION:
-        kind: Literal["revolute", "prismatic"] = "prismatic"
-        axis = _slide_direction(steps, side, depth=moving_away < MAX_DEPTH_RATIO, along=along)
-    else:
-        kind, axis = "revolute", np.array([across[0], across[1], 0.0])
-    # It rotates if both cues are beyond their borders, otherwise it slides.
-    beyond = min(
-        (moving_away - MAX_DEPTH_RATIO) / MAX_DEPTH_RATIO,
-        (expanding - MIN_EXPANSION) / MIN_EXPANSION,
+    found = [features(motion, candidates, k) for k in range(len(candidates))]
+    model = joint_classifier()
+    p_revolute, role, odds = model.decide(found)
+    kind: Kind = "revolute" if p_revolute > 0.5 else "prismatic"
+    # The part whose points support the decision most: its hinge or slide is reported.
+    agrees = np.where((odds > 0.0) == (kind == "revolute"), 1.0, 0.2)
+    k = int(np.argmax(role * agrees))
+    confidence = max(p_revolute, 1.0 - p_revolute)
+    figures = {**found[k], "role": float(role[k]), "log_odds": float(odds[k])}
+    return _observation(
+        motion,
+        candidates[k],
+        kind,
+        confidence=confidence,
+        doubtful=confidence < model.doubtful_below,
+        p_revolute=p_revolute,
+        figures=figures,
     )
+
+
+def _check_frames(video: Video, source: str) -> None:
+    frames = video.frames
+    if len(frames) < LEAST_FRAMES:
+        raise UsageError(
+            f"{source}: has {len(frames)} frames, too short to observe a motion; "
+            f"give {LEAST_FRAMES} frames or more"
+        )
+    picks = frames[:: max(1, len(frames) // 8), ::4, ::4].mean(axis=-1)
+    bright = float(np.percentile(picks, 95))
+    if bright < DARK:
+        raise UsageError(
+            f"{source}: too dark to track points (brightest pixels {bright:.0f} of 255); "
+            "give a video with more light"
+        )
+
+
+def _check_camera(motion: Motion, source: str) -> None:
+    centre = np.array([0.5 * motion.size_px[0], 0.5 * motion.size_px[1], 1.0])
+    path = motion.camera @ centre
+    steps = np.linalg.norm(np.diff(path[:, :2] / path[:, 2:], axis=0), axis=1)
+    shake = float(np.median(steps)) / motion.side
+    if shake > SHAKE_SHARE:
+        raise UsageError(
+            f"{source}: too shaky (the camera moves by {100 * shake:.0f} % of the image between "
+            "frames); give a video of a camera at rest"
+        )
+
+
+def _observation(
+    motion: Motion,
+    part: CandidatePart,
+    kind: Kind,
+    *,
+    confidence: float,
+    doubtful: bool,
+    p_revolute: float,
+    figures: Mapping[str, float],
+) -> Observation:
+    fit = part.hinge if kind == "revolute" else part.slide
+    axis = fit.axis
+    positions = fit.positions - fit.positions[0]
+    peak = int(np.argmax(np.abs(positions)))
+    if kind == "prismatic" and positions[peak] < 0.0:
+        axis = -axis
+    path, box, direction = _path_and_box(motion, part)
     return Observation(
         kind=kind,
         axis_c=(float(axis[0]), float(axis[1]), float(axis[2])),
         path_px=path,
         box_px=box,
-        confidence=float(min(1.0, abs(beyond))),
+        confidence=confidence,
         figures=figures,
+        doubtful=doubtful,
+        p_revolute=p_revolute,
+        side=_hinge_side(part) if kind == "revolute" else "",
+        direction_px=direction,
+        opening=_opening(part, kind),
+        travel=float(np.ptp(positions)),
+        moving_parts=1,
     )
 
 
-def main_direction(steps: list[FlowStep]) -> Array:
-    """Return the unit vector (2,) along which most of the motion goes, up to sign."""
-    tensor = np.zeros((2, 2))
-    for step in steps:
-        length = np.linalg.norm(step.by, axis=1)
-        tensor += (step.by.T / length) @ step.by
-    _, vectors = np.linalg.eigh(tensor)
-    return np.asarray(vectors[:, 1])
+def _hinge_side(part: CandidatePart) -> Side:
+    """Return the side of the part at which the fitted hinge is seen."""
+    hinge = part.hinge
+    seen = part.tracks.xy[part.tracks.seen]
+    centre = np.median(seen, axis=0)
+    line = hinge.axis[:2] / max(float(np.linalg.norm(hinge.axis[:2])), 1e-9)
+    if abs(hinge.axis[2]) > 0.9:
+        line = np.zeros(2)
+    off = hinge.pivot[:2] - centre
+    off = off - line * float(off @ line)
+    if abs(off[0]) >= abs(off[1]):
+        return "left" if off[0] < 0.0 else "right"
+    return "top" if off[1] < 0.0 else "bottom"
 
 
-def robust_lines(rows: Array, values: Array, soft: float) -> Array:
-    """Fit coefficients (P,) of ``rows`` (N, P) to ``values`` (N,), least absolute errors.
-
-    Iteratively reweighted least squares; errors below ``soft`` (in the unit of the values, here
-    [px]) are squared.
-    """
-    weight: Array = np.ones(len(values))
-    solution: Array = np.zeros(rows.shape[1])
-    for _ in range(8):
-        scaled = rows * weight[:, None]
-        left = scaled.T @ rows + 1e-9 * np.eye(rows.shape[1])
-        solution = np.asarray(np.linalg.solve(left, scaled.T @ values), dtype=np.float64)
-        weight = np.asarray(1.0 / np.maximum(np.abs(values - rows @ solution), soft))
-    return solution
-
-
-def _flow_rows(step: FlowStep) -> Array:
-    """Return rows (2 N, 3) of a motion by shift and scaling."""
-    rows = np.zeros((len(step.at), 2, 3))
-    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
-    rows[:, :, 2] = step.at
-    return rows.reshape(-1, 3)
-
-
-def _residual_motion(steps: list[FlowStep], side: float) -> tuple[float, float]:
-    """Return the motion that a shift, and a shift with scaling, leave unexplained [px]."""
-    shift, grown = 0.0, 0.0
-    for step in steps:
-        rows, values = _flow_rows(step), step.by.reshape(-1)
-        for columns in (2, 3):
-            fit = rows[:, :columns] @ robust_lines(rows[:, :columns], values, 1.0)
-            off = np.linalg.norm((values - fit).reshape(-1, 2), axis=1)
-            total = float(np.minimum(off, 0.05 * side).sum())
-            if columns == 2:
-                shift += total
-            else:
-                grown += total
-    return shift, grown
-
-
-def _expansion(steps: list[FlowStep], along: Array, across: Array, side: float) -> float:
-    """Return the spread over time of the expansion rate of the part across its motion."""
-    rates, weights = [], []
-    for step in steps:
-        travel = step.by @ along
-        middle = float(np.median(travel))
-        same = np.sign(travel) == np.sign(middle)
-        if same.sum() < MIN_POINTS - 2 or abs(middle) < 1e-9:
-            continue
-        at, by = step.at[same], step.by[same]
-        x, y = at @ along, at @ across
-        rows = np.stack([np.ones(len(at)), y - y.mean(), x - x.mean()], axis=1)
-        rate = robust_lines(rows, by @ across, 0.002 * side)[1]
-        rates.append(float(np.clip(side * rate / abs(middle), -MAX_RATE, MAX_RATE)))
-        weights.append(len(at) * abs(middle))
-    if not rates:
-        return 0.0
-    mean = np.average(rates, weights=weights)
-    return float(np.sqrt(np.average((np.array(rates) - mean) ** 2, weights=weights)))
-
-
-def _slide_direction(steps: list[FlowStep], side: float, *, depth: bool, along: Array) -> Array:
-    """Return the direction of a slide (3,) in the camera frame, along the motion."""
-    total = np.zeros(3)
-    for step in steps:
-        total += len(step.at) * robust_lines(_flow_rows(step), step.by.reshape(-1), 1.0)
-    if depth:  # an approaching part grows: the direction is shift over focal length
-        return np.asarray(
-            normalised(
-                [total[0] / (FOCAL_RATIO * side), total[1] / (FOCAL_RATIO * side), -total[2]]
-            )
-        )
-    travel = sum(float((step.by @ along).sum()) for step in steps)
-    return np.array([along[0], along[1], 0.0]) * (1.0 if travel >= 0.0 else -1.0)
+def _opening(part: CandidatePart, kind: Kind) -> bool | None:
+    """Return whether the first motion opens the part; None if that is uncertain."""
+    p = joint_classifier().p_opening(kind, opening_features(part))
+    return None if max(p, 1.0 - p) < CERTAIN else p > 0.5
 
 
 def _path_and_box(
-    moving: MovingPoints,
-) -> tuple[tuple[tuple[float, float], ...], tuple[float, float, float, float]]:
-    """Return the longest path of a point, and the box around all points."""
-    best, best_far = 0, -1.0
-    for n in range(moving.uv.shape[1]):
-        travel = moving.uv[moving.visible[:, n], n]
-        far = float(np.linalg.norm(travel[-1] - travel[0]))
-        if far > best_far:
-            best, best_far = n, far
-    travel = moving.uv[moving.visible[:, best], best]
-    seen = moving.uv[moving.visible]
+    motion: Motion, part: CandidatePart
+) -> tuple[tuple[tuple[float, float], ...], tuple[float, float, float, float], tuple[float, float]]:
+    """Return the longest path of a point, the box around all points, and the first direction."""
+    uv, visible = motion.uv[:, part.names], motion.visible[:, part.names]
+    best = int(np.argmax(travel(uv, visible)))
+    path = uv[visible[:, best], best]
+    seen = uv[visible]
     left, top = np.percentile(seen, 2, axis=0)
     right, bottom = np.percentile(seen, 98, axis=0)
-    path = tuple((float(u), float(v)) for u, v in travel)
-    return path, (float(left), float(right), float(top), float(bottom))
+    far = int(np.argmax(np.linalg.norm(path - path[0], axis=1)))
+    step = path[far] - path[0]
+    step = step / max(float(np.linalg.norm(step)), 1e-9)
+    return (
+        tuple((float(u), float(v)) for u, v in path),
+        (float(left), float(right), float(top), float(bottom)),
+        (float(step[0]), float(step[1])),
+    )
