@@ -15,6 +15,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from articulate.benchmark.operated_joint import (
+    Conditions,
+    OperatedJoint,
+    palm_path,
+    sample_joint,
+    sample_positions,
+    sample_shoulder,
+)
 from articulate.benchmark.surroundings import (
     Arm,
     sample_arm,
@@ -23,7 +31,6 @@ from articulate.benchmark.surroundings import (
     textured,
 )
 from articulate.benchmark.truth import TrueObject
-from articulate.errors import AssetError
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.joint_video import Video
 from articulate.render.parts import PartMesh, joint_bounds
@@ -37,30 +44,14 @@ SENSOR_MM = 36.0
 """Width of the sensor that equivalent focal lengths refer to [mm]."""
 SUPERSAMPLING = 1.4
 """Scale at which frames are rendered before they are reduced."""
+EXPOSURE = (0.0, 0.2, 0.4)
+"""Times at which a blurred frame is rendered, as a share of the frame time."""
 TRIES = 14
 """Cameras that are sampled until the motion is well visible."""
 MIN_PATH = 0.09
 """Least motion of a visible point of the part, as a share of the longest side."""
 MIN_AREA = 0.02
 """Least visible area of the moving part, as a share of the image."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Conditions:
-    """Shares of the videos with a property."""
-
-    arm: float = 0.6
-    """An arm operates the part."""
-    person: float = 0.2
-    """A person walks in the image."""
-    tripod: float = 0.3
-    """The camera does not move."""
-    other_joint: float = 0.25
-    """The object's joint is replaced: a box slides along any axis or turns about any edge."""
-    blur: float = 0.3
-    """Frames are averages over the exposure time."""
-    jpeg: float = 0.5
-    """Frames are compressed one by one, before the video is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,26 +97,6 @@ class RenderedVideo:
     """Background, moving part, static part or operator at half resolution (T, H/2, W/2)."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Joint:
-    """The joint to move, in the object's frame."""
-
-    kind: Literal["revolute", "prismatic"]
-    axis: Array
-    pivot: Array
-    lower: float
-    upper: float
-    moves: tuple[str, ...]
-    own: bool
-
-    def motion(self, position: float) -> Array:
-        """Return the transform (4, 4) of the moving parts."""
-        if self.kind == "prismatic":
-            return pose(position * self.axis)
-        turn = axis_angle_to_matrix(self.axis, position)
-        return pose(self.pivot - turn @ self.pivot, turn)
-
-
 def render_operated(
     true: TrueObject,
     seed: int,
@@ -149,129 +120,21 @@ def render_operated(
     """
     rng = np.random.default_rng([seed, *true.object_id.encode()])
     how = conditions or Conditions()
-    joint = _sample_joint(rng, true, kind, how)
+    joint = sample_joint(rng, true, kind, how)
     n_frames = int(rng.integers(40, 73))
-    positions = _sample_positions(rng, joint, n_frames)
+    positions = sample_positions(rng, joint, n_frames)
     cameras = _sample_cameras(rng, true, joint, positions, how)
     if cameras is None:
         return None
     return _rendered(rng, true, joint, positions, cameras, how)
 
 
-def _sample_joint(
-    rng: np.random.Generator, true: TrueObject, kind: str | None, how: Conditions
-) -> _Joint:
-    if rng.random() < how.other_joint:
-        return _other_joint(rng, true, kind)
-    found = []
-    for known in true.joints:
-        slides = known.joint.kind == "prismatic"
-        if kind is not None and slides != (kind == "prismatic"):
-            continue
-        found.append(known)
-    if not found:
-        raise AssetError(f"{true.object_id}: has no {kind or 'scored'} joint")
-    sizes = np.array([np.ptp(true.box_of(k.moves), axis=0).max() for k in found])
-    known = found[int(rng.choice(len(found), p=sizes / sizes.sum()))]
-    spec = known.joint
-    lower, upper = (
-        (float(spec.lower), float(spec.upper))
-        if spec.lower is not None and spec.upper is not None
-        else (0.0, float(rng.uniform(0.8, 2.5)))
-    )
-    if abs(lower) > abs(upper):
-        lower, upper = upper, lower
-    return _Joint(
-        kind="prismatic" if spec.kind == "prismatic" else "revolute",
-        axis=normalised(spec.axis_o),
-        pivot=np.asarray(spec.pivot_o, dtype=np.float64),
-        lower=lower,
-        upper=upper,
-        moves=known.moves,
-        own=True,
-    )
-
-
-def _other_joint(rng: np.random.Generator, true: TrueObject, kind: str | None) -> _Joint:
-    """Return a joint that the object does not have, so that its look does not give the type."""
-    movable = [known.moves for known in true.joints]
-    if not movable:
-        raise AssetError(f"{true.object_id}: has no scored joint")
-    moves = movable[int(rng.integers(len(movable)))]
-    low, high = true.box_of(moves)
-    size, centre = high - low, 0.5 * (low + high)
-    slides = kind == "prismatic" if kind is not None else rng.random() < 0.5
-    if slides:
-        axis = np.eye(3)[int(rng.integers(3))] * rng.choice([-1.0, 1.0])
-        reach = float(rng.uniform(0.3, 1.1)) * float(np.sort(size)[1:].mean())
-        return _Joint(
-            kind="prismatic",
-            axis=axis,
-            pivot=centre,
-            lower=0.0,
-            upper=reach,
-            moves=moves,
-            own=False,
-        )
-    along = int(rng.choice(3, p=[0.2, 0.4, 0.4]))
-    pivot = centre.copy()
-    for k in range(3):
-        if k != along:
-            pivot[k] = rng.choice([low[k], high[k]])
-    turn = rng.choice([-1.0, 1.0]) * float(rng.uniform(0.6, 2.0))
-    return _Joint(
-        kind="revolute",
-        axis=np.eye(3)[along],
-        pivot=pivot,
-        lower=0.0,
-        upper=turn,
-        moves=moves,
-        own=False,
-    )
-
-
-def _sample_positions(rng: np.random.Generator, joint: _Joint, n_frames: int) -> Array:
-    """Return joint positions (T,): strokes at uneven speed, with pauses before, between, after."""
-    span = joint.upper - joint.lower
-    if joint.kind == "revolute":
-        span = math.copysign(min(abs(span), 2.6), span)
-    near = 0.0 if rng.random() < 0.75 else float(rng.uniform(0.0, 0.35))
-    far = float(rng.uniform(max(0.4, near + 0.35), 1.0))
-    plan = rng.choice(["open", "close", "both", "reverse"], p=[0.5, 0.27, 0.18, 0.05])
-    stops = {
-        "open": [near, far],
-        "close": [far, near],
-        "both": [near, far, near + 0.4 * float(rng.random()) * (far - near)],
-        "reverse": [far, near, near + float(rng.uniform(0.6, 1.0)) * (far - near)],
-    }[str(plan)]
-    if rng.random() < 0.3:  # a pause in the first stroke
-        middle = stops[0] + float(rng.uniform(0.3, 0.7)) * (stops[1] - stops[0])
-        stops = [stops[0], middle, *stops[1:]]
-    rests = rng.uniform(0.0, 0.12, size=len(stops) - 2)
-    before = float(rng.choice([0.0, rng.uniform(0.05, 0.3)], p=[0.35, 0.65]))
-    after = float(rng.choice([0.0, rng.uniform(0.05, 0.3)], p=[0.35, 0.65]))
-    strokes = rng.uniform(0.6, 1.4, size=len(stops) - 1)
-    strokes *= (1.0 - before - after - rests.sum()) / strokes.sum()
-    times, values, t = [0.0, before], [stops[0], stops[0]], before
-    for k, stroke in enumerate(strokes):
-        u = np.linspace(0.0, 1.0, 12)[1:]
-        ease = u + float(rng.uniform(-0.1, 0.16)) * np.sin(2 * np.pi * u) / 1.1
-        ease = ease + 0.02 * float(rng.standard_normal()) * np.sin(4 * np.pi * u)
-        values += list(stops[k] + ease * (stops[k + 1] - stops[k]))
-        times += list(t + stroke * u)
-        t += float(stroke)
-        if k < len(rests):
-            t += float(rests[k])
-            times.append(t)
-            values.append(stops[k + 1])
-    times.append(1.001)
-    values.append(stops[-1])
-    shares = np.interp(np.linspace(0.0, 1.0, n_frames), times, values)
-    return np.asarray(joint.lower + span * shares)
-
-
 def _sample_cameras(
-    rng: np.random.Generator, true: TrueObject, joint: _Joint, positions: Array, how: Conditions
+    rng: np.random.Generator,
+    true: TrueObject,
+    joint: OperatedJoint,
+    positions: Array,
+    how: Conditions,
 ) -> list[Camera] | None:
     """Return one camera for each frame, or None if none shows the motion."""
     scene = PartScene(true.parts)
@@ -322,7 +185,7 @@ def _sample_cameras(
 def _shows(
     scene: PartScene,
     camera: Camera,
-    joint: _Joint,
+    joint: OperatedJoint,
     positions: Array,
     moving: list[int],
     distance: float,
@@ -385,147 +248,132 @@ def _moving_camera(
     return cameras
 
 
-def _palm_path(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Stage:
+    """All parts of the scene: the object's, then the room's, then the operator's."""
+
+    parts: list[PartMesh]
+    moving: list[int]
+    """Indices of the moving parts."""
+    n_object: int
+    """Number of the object's parts."""
+    n_static: int
+    """Number of parts before the operator's."""
+    paths: list[Array]
+    """Poses (T, 4, 4) of each part after the object's."""
+    joint: OperatedJoint
+    positions: Array
+    arm: bool
+
+    def poses(self, t: float) -> Array:
+        """Return the poses of all parts (P, 4, 4) at a time in frames."""
+        k = min(int(t), len(self.positions) - 2)
+        s = t - k
+        q = float(self.positions[k] + s * (self.positions[k + 1] - self.positions[k]))
+        found = np.broadcast_to(np.eye(4), (len(self.parts), 4, 4)).copy()
+        found[self.moving] = self.joint.motion(q)
+        for j, path in enumerate(self.paths):
+            found[self.n_object + j] = path[k] if s < 0.5 else path[k + 1]
+        return found
+
+
+def _sample_stage(
     rng: np.random.Generator,
     true: TrueObject,
-    joint: _Joint,
+    joint: OperatedJoint,
     positions: Array,
     camera: Camera,
-    shoulder: Array,
-) -> tuple[Array, float]:
-    """Return the positions of the palm (T, 3) and its radius [m]."""
-    points = np.concatenate([p.vertices for p in true.parts if p.name in joint.moves])
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if joint.kind == "revolute":
-        arm = np.linalg.norm(np.cross(points - joint.pivot, joint.axis), axis=1)
-    else:
-        arm = (points - points.mean(axis=0)) @ joint.axis
-        off = points - points.mean(axis=0)
-        arm = arm - 0.3 * np.linalg.norm(off - np.outer(off @ joint.axis, joint.axis), axis=1)
-    arm = arm - 0.15 * np.linalg.norm(points - camera.eye_w, axis=1)
-    arm = arm + 0.1 * size * rng.standard_normal(len(points))
-    grasp = points[int(np.argmax(arm))]
-    radius = float(np.clip(size * rng.uniform(0.05, 0.2), 0.04, 0.22))
-    n = len(positions)
-    held = np.stack([apply(joint.motion(float(q)), grasp) for q in positions])
-    towards = normalised(shoulder - held)
-    held = held + 0.7 * radius * towards
-    slip = float(rng.choice([0.0, 0.3], p=[0.7, 0.3])) * size
-    held = held + slip * np.linspace(0, 1, n)[:, None] * normalised(rng.standard_normal(3)) * 0.5
-    changes = np.nonzero(np.abs(np.diff(positions)) > 1e-6)[0]
-    begin, end = int(changes[0]), int(changes[-1]) + 1
-    there = np.ones(n)
-    lead = int(rng.integers(4, 14))
-    if begin > 2:
-        there[:begin] = np.clip(1.0 - (begin - np.arange(begin)) / lead, 0.0, 1.0)
-    if end < n - 3 and rng.random() < 0.8:
-        stay = min(n - 1, end + int(rng.integers(0, 5)))
-        there[stay:] = np.clip(1.0 - np.arange(n - stay) / lead, 0.0, 1.0)
-    smooth = there * there * (3.0 - 2.0 * there)
-    away = shoulder + 0.25 * (held[0] - shoulder)
-    return np.asarray(away + smooth[:, None] * (held - away)), radius
-
-
-def _sample_shoulder(rng: np.random.Generator, camera: Camera, at: Array) -> Array:
-    """Return a point beyond a border of the image (3,), between the camera and ``at``."""
-    border = rng.choice(["left", "right", "bottom", "top"], p=[0.35, 0.35, 0.25, 0.05])
-    width, height = camera.width_px, camera.height_px
-    beyond = float(rng.uniform(0.1, 0.5))
-    across = float(rng.uniform(0.2, 1.0))
-    uv = {
-        "left": (-beyond * width, across * height),
-        "right": ((1 + beyond) * width, across * height),
-        "bottom": (across * width, (1 + beyond) * height),
-        "top": (across * width, -beyond * height),
-    }[str(border)]
-    depth = float(apply(camera.T_cw, at)[2]) * float(rng.uniform(0.5, 0.95))
-    return np.asarray(camera.unproject(np.array(uv), np.array(depth)))
-
-
-def _rendered(
-    rng: np.random.Generator,
-    true: TrueObject,
-    joint: _Joint,
-    positions: Array,
-    cameras: list[Camera],
     how: Conditions,
-) -> RenderedVideo:
+) -> _Stage:
     low, high = joint_bounds(true.parts)
     strength = float(np.exp(rng.uniform(np.log(0.04), np.log(0.4))))
     recolour = bool(rng.random() < 0.3)
     tile = float(rng.uniform(0.4, 1.5))
-    parts: list[PartMesh] = [
-        textured(part, rng, strength, tile, recolour=recolour) for part in true.parts
-    ]
+    parts = [textured(part, rng, strength, tile, recolour=recolour) for part in true.parts]
     n, n_object = len(positions), len(parts)
     moving = [k for k, part in enumerate(parts) if part.name in joint.moves]
-    extra: list[Array] = []  # poses (T, 4, 4) of the parts after the object's
+    paths: list[Array] = []
     for part in sample_room(rng, low, high):
         parts.append(part)
-        extra.append(np.broadcast_to(np.eye(4), (n, 4, 4)))
+        paths.append(np.broadcast_to(np.eye(4), (n, 4, 4)))
     n_static = len(parts)
     has_arm = bool(rng.random() < how.arm)
     if has_arm:
-        centre = true.box_of(joint.moves).mean(axis=0)
-        shoulder = _sample_shoulder(rng, cameras[0], centre)
-        palm, radius = _palm_path(rng, true, joint, positions, cameras[0], shoulder)
-        arm: Arm = sample_arm(
-            rng, float(np.linalg.norm(palm - shoulder, axis=1).max()) * 1.05, radius
-        )
+        shoulder = sample_shoulder(rng, camera, true.box_of(joint.moves).mean(axis=0))
+        palm, radius = palm_path(rng, true, joint, positions, camera, shoulder)
+        reach = float(np.linalg.norm(palm - shoulder, axis=1).max()) * 1.05
+        arm: Arm = sample_arm(rng, reach, radius)
         bend = rng.standard_normal(3) + np.array([0.0, 0.0, -1.0])
         sway = 0.06 * rng.standard_normal(3)
         poses = np.stack(
             [arm.poses(palm[t], shoulder + sway * np.sin(4.0 * t / n), bend) for t in range(n)]
         )
         parts += list(arm.parts)
-        extra += [poses[:, k] for k in range(3)]
+        paths += [poses[:, k] for k in range(3)]
     if rng.random() < how.person:
         size = float(np.linalg.norm(high - low))
         parts.append(sample_person(rng, size * float(rng.uniform(0.6, 1.3))))
         begin = np.array([rng.uniform(-0.2, 0.8), rng.choice([-1, 1]) * rng.uniform(0.5, 1.2), 0.0])
         walk = np.array([rng.normal(0, 0.2), rng.normal(0, 0.5), 0.0])
-        extra.append(pose(size * (begin + np.linspace(0, 1, n)[:, None] * walk)))
+        paths.append(pose(size * (begin + np.linspace(0, 1, n)[:, None] * walk)))
+    return _Stage(
+        parts=parts,
+        moving=moving,
+        n_object=n_object,
+        n_static=n_static,
+        paths=paths,
+        joint=joint,
+        positions=positions,
+        arm=has_arm,
+    )
+
+
+def _rendered(
+    rng: np.random.Generator,
+    true: TrueObject,
+    joint: OperatedJoint,
+    positions: Array,
+    cameras: list[Camera],
+    how: Conditions,
+) -> RenderedVideo:
+    stage = _sample_stage(rng, true, joint, positions, cameras[0], how)
+    direction = rng.standard_normal(3) - np.array([0.5, 0, 1.2])
     light = Light(
-        direction_w=tuple((rng.standard_normal(3) - np.array([0.5, 0, 1.2])).tolist()),
+        direction_w=(float(direction[0]), float(direction[1]), float(direction[2])),
         ambient=float(rng.uniform(0.25, 0.55)),
         directional=float(rng.uniform(0.2, 0.6)),
         head=float(rng.uniform(0.05, 0.35)),
     )
-    scene = PartScene(parts, light)
-
-    def poses_at(t: float) -> Array:
-        k, s = min(int(t), n - 2), t - min(int(t), n - 2)
-        q = float(positions[k] + s * (positions[k + 1] - positions[k]))
-        found = np.broadcast_to(np.eye(4), (len(parts), 4, 4)).copy()
-        found[moving] = joint.motion(q)
-        for j, path in enumerate(extra):
-            found[n_object + j] = path[k] if s < 0.5 else path[k + 1]
-        return found
-
+    scene = PartScene(stage.parts, light)
     blurred = bool(rng.random() < how.blur)
     frames, labels = [], []
-    for t in range(n):
-        if blurred:
-            exposure = [scene.render_image(cameras[t], poses_at(t + d), samples=1)
-                        for d in (0.0, 0.2, 0.4) if t + d <= n - 1]  # fmt: skip
-            frames.append(np.mean(exposure, axis=0).astype(np.uint8))
-        else:
-            fine = scene.render_image(cameras[t].scaled(SUPERSAMPLING), poses_at(t), samples=1)
-            shape = (cameras[t].width_px, cameras[t].height_px)
-            reduced = cv2.resize(fine, shape, interpolation=cv2.INTER_AREA)
-            frames.append(np.asarray(reduced, dtype=np.uint8))
-        ids = scene.rasterize(cameras[t].scaled(0.5), poses_at(t)).part_ids
+    for t, camera in enumerate(cameras):
+        frames.append(_frame(scene, camera, stage, t, blurred=blurred))
+        ids = scene.rasterize(camera.scaled(0.5), stage.poses(t)).part_ids
         label = np.where(ids < 0, BACKGROUND, STATIC)
-        label[(ids >= n_object) & (ids < n_static)] = BACKGROUND
-        label[ids >= n_static] = OPERATOR
-        label[np.isin(ids, moving)] = MOVING
+        label[(ids >= stage.n_object) & (ids < stage.n_static)] = BACKGROUND
+        label[ids >= stage.n_static] = OPERATOR
+        label[np.isin(ids, stage.moving)] = MOVING
         labels.append(label.astype(np.uint8))
-    shot = _degraded(rng, np.stack(frames), how)
+    degraded = _degraded(rng, np.stack(frames), how)
     fps = float(rng.choice([10.0, 15.0, 24.0, 30.0]))
-    truth = _truth(true, joint, positions, cameras[0], parts, moving, has_arm=has_arm)
     return RenderedVideo(
-        video=Video(frames=shot, times_s=np.arange(n) / fps), truth=truth, labels=np.stack(labels)
+        video=Video(frames=degraded, times_s=np.arange(len(frames)) / fps),
+        truth=_truth(true, stage, cameras[0]),
+        labels=np.stack(labels),
     )
+
+
+def _frame(scene: PartScene, camera: Camera, stage: _Stage, t: int, *, blurred: bool) -> Pixels:
+    """Return one frame (H, W, 3), blurred over the exposure time or supersampled."""
+    if blurred:
+        times = [t + d for d in EXPOSURE if t + d <= len(stage.positions) - 1]
+        exposure = [scene.render_image(camera, stage.poses(at), samples=1) for at in times]
+        return np.asarray(np.mean(exposure, axis=0).astype(np.uint8))
+    fine = scene.render_image(camera.scaled(SUPERSAMPLING), stage.poses(t), samples=1)
+    size = (camera.width_px, camera.height_px)
+    reduced = cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(reduced, dtype=np.uint8)
 
 
 def _degraded(rng: np.random.Generator, frames: Pixels, how: Conditions) -> Pixels:
@@ -564,18 +412,10 @@ def _light_field(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np
     )
 
 
-def _truth(
-    true: TrueObject,
-    joint: _Joint,
-    positions: Array,
-    camera: Camera,
-    parts: list[PartMesh],
-    moving: list[int],
-    *,
-    has_arm: bool,
-) -> RenderedTruth:
+def _truth(true: TrueObject, stage: _Stage, camera: Camera) -> RenderedTruth:
+    joint, positions = stage.joint, stage.positions
     T_cw = camera.T_cw
-    points = np.concatenate([parts[k].vertices for k in moving])
+    points = np.concatenate([stage.parts[k].vertices for k in stage.moving])
     first, _ = camera.project(apply(joint.motion(float(positions[0])), points))
     first = first[np.isfinite(first).all(axis=1)]
     box = (
@@ -610,13 +450,13 @@ def _truth(
         direction_px=(float(direction[0]), float(direction[1])),
         box_px=box,
         focal_px=float(camera.fx_px),
-        arm=has_arm,
+        arm=stage.arm,
         own_joint=joint.own,
     )
 
 
 def _side(
-    camera: Camera, joint: _Joint, centre: Array, position: float
+    camera: Camera, joint: OperatedJoint, centre: Array, position: float
 ) -> Literal["left", "right", "top", "bottom", ""]:
     """Return the side of the part at which the axis is seen."""
     if joint.kind == "prismatic":

@@ -60,11 +60,14 @@ def main(argv: Sequence[str]) -> int:
     seen = observe_joint(clip, str(flags.clip))
     console.emit_json(seen.as_json()) if flags.json else console.emit(_text(seen))
     if seen.doubtful:
-        console.show_progress(
-            f"{flags.clip}: doubtful: the joint type has a probability of "
-            f"{seen.confidence:.2f}; a video from another side, with a still camera and a full "
-            "stroke, may distinguish revolute from prismatic"
+        several = seen.moving_parts > 1
+        reason = (
+            f"{seen.moving_parts} parts seem to move; give a video in which one part is operated"
+            if several
+            else f"the joint type has a probability of {seen.confidence:.2f}; a video from another "
+            "side, with a still camera and a full stroke, may distinguish revolute from prismatic"
         )
+        console.show_progress(f"{flags.clip}: doubtful: {reason}")
         return MISSED
     return 0
 

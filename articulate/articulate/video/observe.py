@@ -15,6 +15,7 @@ import numpy as np
 
 from articulate.errors import UsageError
 from articulate.render.joint_video import Video
+from articulate.transforms import Array
 from articulate.video.candidate_parts import CandidatePart, Motion, candidate_parts, video_motion
 from articulate.video.joint_classifier import joint_classifier
 from articulate.video.motion_features import features, opening_features
@@ -32,6 +33,10 @@ DARK = 14.0
 """Mean brightness of the brightest tenth of the pixels below which nothing can be tracked."""
 SHAKE_SHARE = 0.12
 """Median motion of the camera between frames that cannot be removed, as a share of the side."""
+SECOND_PART = 0.75
+"""Probability above which a second candidate is another operated part."""
+SHARED = 0.1
+"""Share of common points above which two candidates are the same part."""
 CERTAIN = 0.65
 """Probability above which the sense of the motion is reported."""
 
@@ -121,14 +126,16 @@ def observe_joint(video: Video, source: str) -> Observation:
     agrees = np.where((odds > 0.0) == (kind == "revolute"), 1.0, 0.2)
     k = int(np.argmax(role * agrees))
     confidence = max(p_revolute, 1.0 - p_revolute)
+    moving_parts = _count_parts(candidates, role, k)
     figures = {**found[k], "role": float(role[k]), "log_odds": float(odds[k])}
     return _observation(
         motion,
         candidates[k],
         kind,
         confidence=confidence,
-        doubtful=confidence < model.doubtful_below,
+        doubtful=confidence < model.doubtful_below or moving_parts > 1,
         p_revolute=p_revolute,
+        moving_parts=moving_parts,
         figures=figures,
     )
 
@@ -161,6 +168,19 @@ def _check_camera(motion: Motion, source: str) -> None:
         )
 
 
+def _count_parts(candidates: list[CandidatePart], role: Array, k: int) -> int:
+    """Return the number of parts: candidate ``k``, and likely ones that share no point with it."""
+    kept = [k]
+    for j in np.argsort(-role, kind="stable"):
+        names = candidates[int(j)].names
+        apart = all(
+            len(np.intersect1d(names, candidates[i].names)) < SHARED * len(names) for i in kept
+        )
+        if role[j] > SECOND_PART and apart:
+            kept.append(int(j))
+    return len(kept)
+
+
 def _observation(
     motion: Motion,
     part: CandidatePart,
@@ -169,6 +189,7 @@ def _observation(
     confidence: float,
     doubtful: bool,
     p_revolute: float,
+    moving_parts: int,
     figures: Mapping[str, float],
 ) -> Observation:
     fit = part.hinge if kind == "revolute" else part.slide
@@ -191,7 +212,7 @@ def _observation(
         direction_px=direction,
         opening=_opening(part, kind),
         travel=float(np.ptp(positions)),
-        moving_parts=1,
+        moving_parts=moving_parts,
     )
 
 
