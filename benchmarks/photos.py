@@ -35,7 +35,18 @@ from articulate.render.parts import joint_bounds
 from articulate.render.raster import Pixels
 from articulate.statistics import wilson
 
-KINDS = {"drawer": "drawer", "door": "door", "lid": "lid", "flap": "door", "sash": "door"}
+KINDS = {
+    "drawer": "drawer",
+    "door": "door",
+    "flap": "door",
+    "sash": "door",
+    "leaf": "door",
+    "lid": "lid",
+    "cap": "lid",
+    "mouth": "lid",
+    "screen": "lid",
+    "shaft": "lid",
+}
 """Openable part by a word of its name."""
 PROCEDURAL = (
     "cabinet",

@@ -37,8 +37,7 @@ class MakeFlags:
     Without --parts or --library the object is generated; otherwise the joints of the known parts
     are found.
 
-    Examples: articulate make --text "a cabinet with two drawers above a door" --out asset/
-    and articulate make --video drawer.mp4 --out asset/
+    Example: articulate make --video drawer.mp4 --text cabinet --out asset/
     """
 
     video: Path | None = None

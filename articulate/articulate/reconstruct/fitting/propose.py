@@ -28,7 +28,7 @@ MIN_SHARE, MAX_SHARE = 0.01, 0.97
 """Smallest and largest share of an image that an object covers."""
 CROP_MARGIN = 0.12
 """Margin of the crop around the object, as a share of its larger side."""
-MIN_CATEGORY = 0.55
+MIN_CATEGORY = 0.7
 """Probability of the category below which the result is doubtful."""
 MIN_STRUCTURE = 0.6
 """Certainty of the parts below which the result is doubtful."""
