@@ -1,4 +1,4 @@
-"""Propose an object from a query without parts: a text, an image, a video, or a text with one of these."""
+"""Propose an object from a query without parts: a text, an image, a video, or two of these."""
 
 from __future__ import annotations
 

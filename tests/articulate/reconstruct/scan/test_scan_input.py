@@ -159,4 +159,4 @@ def test_a_video_needs_no_scan():
 
     for flags in ({"masks": "m.npz"}, {"scan": "a.glb", "parts": "b"}):
         with pytest.raises(UsageError):
-            MakeFlags(**flags)
+            MakeFlags(**flags)  # type: ignore[arg-type]
