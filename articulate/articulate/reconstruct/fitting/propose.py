@@ -30,6 +30,8 @@ CROP_MARGIN = 0.12
 """Margin of the crop around the object, as a share of its larger side."""
 MIN_CATEGORY = 0.7
 """Probability of the category below which the result is doubtful."""
+SURE_MOTION = 0.9
+"""Probability of the joint type, given the category, above which it is not doubtful."""
 MIN_STRUCTURE = 0.6
 """Certainty of the parts below which the result is doubtful."""
 MIN_VISIBLE = 0.5
@@ -87,8 +89,10 @@ def propose(
         for part in generated.parts
         if part.motion is not None
     }
-    doubts = list(motion.doubts) if motion else []
+    doubts: list[str] = []
     if motion is not None:
+        motion = with_category(motion, category)
+        doubts += motion.doubts
         generated, moved = _with_motion(generated, front, motion, category)
         evidence |= {part.name: evidence.get(part.name, "category") for part in generated.parts[1:]}
         if moved:
@@ -115,6 +119,18 @@ def propose(
         doubts=tuple(doubts),
         trace=_trace(image, mask, probabilities, front),
     )
+
+
+def with_category(motion: MotionHint, category: str) -> MotionHint:
+    """Return the motion with the probability of a hinge given the category.
+
+    A motion that both agree on is not doubtful.
+    """
+    slides = USUAL[category].slides
+    hinge, slide = motion.p_revolute * (1.0 - slides), (1.0 - motion.p_revolute) * slides
+    p = hinge / max(hinge + slide, 1e-9)
+    sure = max(p, 1.0 - p) > SURE_MOTION
+    return replace(motion, p_revolute=p, doubts=() if sure else motion.doubts)
 
 
 def object_mask(image: Pixels, motion: MotionHint | None) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from articulate.library.procedural.front_layout import FrontLayout, grid
 from articulate.library.procedural.materials import PALETTE
 from articulate.reconstruct.fitting import propose as module
 from articulate.reconstruct.fitting.categories import USUAL, scaled
-from articulate.reconstruct.fitting.propose import MotionHint, propose
+from articulate.reconstruct.fitting.propose import MotionHint, propose, with_category
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
@@ -83,6 +83,23 @@ def test_an_observed_hinge_replaces_the_drawer_at_its_place(
     moved = next(part for part in found.parts if part.name == "moved_door")
     assert moved.motion is not None
     assert moved.motion.axis == (0.0, 0.0, -1.0)  # hinged at the left
+
+
+@pytest.mark.parametrize(
+    ("p", "category", "kind", "doubtful"),
+    [
+        (0.48, "Microwave", "revolute", False),
+        (0.52, "StorageFurniture", "revolute", True),
+        (0.4, "Table", "prismatic", False),
+    ],
+)
+def test_category_decides_an_uncertain_motion(
+    p: float, category: str, kind: str, doubtful: bool
+) -> None:
+    motion = MotionHint(p_revolute=p, side="", box_px=(0, 1, 0, 1), doubts=("uncertain",))
+    found = with_category(motion, category)
+    assert found.kind == kind
+    assert bool(found.doubts) == doubtful
 
 
 def test_sizes_out_of_range_are_listed() -> None:
