@@ -213,7 +213,9 @@ def _microwave(
         split = min(cuts)
     return FrontLayout(
         panels=(
-            FrontPanel(kind="door", left=0.0, right=split, bottom=0.0, top=1.0, hinge="left"),
+            FrontPanel(
+                kind="door", left=0.0, right=split, bottom=0.0, top=1.0, hinge="left", name="door"
+            ),
             FrontPanel(kind="panel", left=split, right=1.0, bottom=0.0, top=1.0),
         ),
         width_m=round(sizes["width_m"], 3),
@@ -242,7 +244,9 @@ def _front_loader(
     low = max(below) if below and category == "Oven" else 0.0
     panels = [
         FrontPanel(kind="panel", left=0.0, right=1.0, bottom=top, top=1.0),
-        FrontPanel(kind="flap", left=0.0, right=1.0, bottom=low, top=top, hinge="bottom"),
+        FrontPanel(
+            kind="flap", left=0.0, right=1.0, bottom=low, top=top, hinge="bottom", name="door"
+        ),
     ]
     if low > 0.0:
         panels.append(FrontPanel(kind="drawer", left=0.0, right=1.0, bottom=0.0, top=low))

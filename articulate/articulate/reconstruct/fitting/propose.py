@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from articulate.errors import UsageError
-from articulate.library.procedural.front_layout import FrontLayout, FrontPanel, HingeSide
+from articulate.library.procedural.front_layout import MOVING, FrontLayout, FrontPanel, HingeSide
 from articulate.library.procedural.materials import PALETTE, Material
 from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.fitting.box_cost import EDGES
@@ -211,7 +211,7 @@ def _layout_with_motion(
     best, most = -1, 0.0
     left, right, top, bottom = motion.box_px
     for k, panel in enumerate(layout.panels):
-        if panel.kind not in {"drawer", "door", "flap"}:
+        if panel.kind not in MOVING:
             continue
         uv = _panel_corners(panel, front)
         wide = min(right, uv[:, 0].max()) - max(left, uv[:, 0].min())
@@ -220,6 +220,9 @@ def _layout_with_motion(
         overlap = max(0.0, wide) * max(0.0, high) / max(area, 1.0)
         if overlap > most:
             best, most = k, overlap
+    moving = [k for k, panel in enumerate(layout.panels) if panel.kind in MOVING]
+    if best < 0 and len(moving) == 1:
+        best = moving[0]
     if best < 0:
         return layout, ""
     panel = layout.panels[best]
@@ -231,7 +234,8 @@ def _layout_with_motion(
     else:
         side = motion.side if motion.side in {"left", "right"} else panel.hinge
         changed = replace(panel, kind="door", hinge=side or "right")
-    changed = replace(changed, name=f"moved_{changed.kind}")
+    name = changed.name if changed.kind == panel.kind and changed.name else f"moved_{changed.kind}"
+    changed = replace(changed, name=name)
     panels = (*layout.panels[:best], changed, *layout.panels[best + 1 :])
     return replace(layout, panels=panels), changed.name
 
