@@ -156,7 +156,7 @@ def test_drawn_offsets_of_the_start_move_the_arm(drawer, env):
 @pytest.mark.parametrize(
     ("call", "options"),
     [
-        ("draws", {"draws": {}}),
+        ("params", {"params": {}}),
         ("episode_params=3", {"episode_params": 3}),
         ("episode_params.scales", {"episode_params": {"scales": 1.0}}),
         ("episode_params.scale=0.93", {"episode_params": {"scale": 0.93}}),
