@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,12 @@ def video_motion(tracks: PointTracks, size_px: tuple[int, int]) -> Motion:
         size_px=size_px,
         groups=groups,
     )
+
+
+def regrouped(motion: Motion, seed: int) -> Motion:
+    """Return the same motion with groups from another ``seed``; a border case may change."""
+    groups = group_points(motion.uv, motion.visible, motion.side, seed)
+    return replace(motion, groups=groups)
 
 
 def candidate_parts(motion: Motion) -> list[CandidatePart]:

@@ -294,8 +294,8 @@ def opening_features(part: CandidatePart) -> dict[str, float]:
     first = _first_stroke(slide)
     x, y, z = np.sign(first) * slide.axis
     begin, peak = (
-        _at(hinge, 0),
-        _at(hinge, int(np.argmax(np.abs(hinge.positions - hinge.positions[0])))),
+        points_at(hinge, 0),
+        points_at(hinge, int(np.argmax(np.abs(hinge.positions - hinge.positions[0])))),
     )
     spread = float(np.linalg.norm(hinge.points.std(axis=0))) + SMALL
     seen = begin[:, :2] / begin[:, 2:], peak[:, :2] / peak[:, 2:]
@@ -320,7 +320,7 @@ def _first_stroke(fit: JointFit) -> float:
     return float(path[int(np.argmax(np.abs(path)))])
 
 
-def _at(hinge: JointFit, frame: int) -> Array:
+def points_at(hinge: JointFit, frame: int) -> Array:
     """Return the points (N, 3) of a hinge at a frame."""
     turn = axis_angle_to_matrix(hinge.axis, float(hinge.positions[frame]))
     return np.asarray((hinge.points - hinge.pivot) @ turn.T + hinge.pivot)

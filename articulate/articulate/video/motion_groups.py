@@ -68,7 +68,7 @@ def travel(uv: Array, visible: NDArray[np.bool_]) -> Array:
     return np.asarray(np.nan_to_num(np.linalg.norm(high - low, axis=1)))
 
 
-def group_points(uv: Array, visible: NDArray[np.bool_], side: float) -> MotionGroups:
+def group_points(uv: Array, visible: NDArray[np.bool_], side: float, seed: int = 0) -> MotionGroups:
     """Group the moving points of a video whose camera motion is removed.
 
     In each of several pairs of frames, affine motions are fitted one after the other to the moving
@@ -78,6 +78,7 @@ def group_points(uv: Array, visible: NDArray[np.bool_], side: float) -> MotionGr
         uv: Pixels (T, N, 2), stabilised.
         visible: Visibility (T, N).
         side: Larger side of the image [px].
+        seed: Seed of the random triples.
     """
     life = visible.sum(axis=0)
     far = travel(uv, visible)
@@ -90,7 +91,7 @@ def group_points(uv: Array, visible: NDArray[np.bool_], side: float) -> MotionGr
         chosen = np.sort(chosen[best])
     if len(chosen) < MIN_GROUP:
         return MotionGroups(tracks=chosen, groups=np.full(len(chosen), -1))
-    distance = _distances(uv[:, chosen], visible[:, chosen], limit)
+    distance = _distances(uv[:, chosen], visible[:, chosen], limit, seed)
     tree = linkage(squareform(distance, checks=False), method="average")
     return MotionGroups(tracks=chosen, groups=_by_size(fcluster(tree, CUT, criterion="distance")))
 
@@ -104,11 +105,11 @@ def _by_size(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     return out
 
 
-def _distances(uv: Array, visible: NDArray[np.bool_], limit: float) -> Array:
+def _distances(uv: Array, visible: NDArray[np.bool_], limit: float, seed: int) -> Array:
     """Return the share of frame pairs in which two points fit no common motion (M, M)."""
     n_frames, m = visible.shape
     same, both = np.zeros((m, m)), np.zeros((m, m))
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     for t, u in _pairs(n_frames):
         now = np.nonzero(visible[t] & visible[u])[0]
         if len(now) < MIN_INLIERS:

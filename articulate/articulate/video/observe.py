@@ -16,9 +16,15 @@ import numpy as np
 from articulate.errors import UsageError
 from articulate.render.joint_video import Video
 from articulate.transforms import Array
-from articulate.video.candidate_parts import CandidatePart, Motion, candidate_parts, video_motion
+from articulate.video.candidate_parts import (
+    CandidatePart,
+    Motion,
+    candidate_parts,
+    regrouped,
+    video_motion,
+)
 from articulate.video.joint_classifier import joint_classifier
-from articulate.video.motion_features import features, opening_features
+from articulate.video.motion_features import features, opening_features, points_at
 from articulate.video.motion_groups import travel
 from articulate.video.read_video import check_motion
 from articulate.video.surface_tracks import follow_surface
@@ -29,6 +35,8 @@ MOST_FRAMES = 72
 """Frames in which points are tracked."""
 LEAST_FRAMES = 6
 """Shorter videos show no motion."""
+GROUPINGS = 4
+"""Groupings of the points, by different seeds, whose candidates decide together."""
 DARK = 14.0
 """Mean brightness of the brightest tenth of the pixels below which nothing can be tracked."""
 SHAKE_SHARE = 0.12
@@ -112,13 +120,20 @@ def observe_joint(video: Video, source: str) -> Observation:
     height, width = frames.shape[1:3]
     motion = video_motion(follow_surface(frames), (width, height))
     _check_camera(motion, source)
-    candidates = candidate_parts(motion)
+    candidates: list[CandidatePart] = []
+    found: list[dict[str, float]] = []
+    grouping: list[int] = []
+    for seed in range(GROUPINGS):
+        again = regrouped(motion, seed) if seed else motion
+        parts = candidate_parts(again)
+        candidates += parts
+        found += [features(again, parts, k) for k in range(len(parts))]
+        grouping += [seed] * len(parts)
     if not candidates:
         raise UsageError(
             f"{source}: too few moving points can be tracked; give a video with more light, "
             "a larger part or a slower motion"
         )
-    found = [features(motion, candidates, k) for k in range(len(candidates))]
     model = joint_classifier()
     p_revolute, role, odds = model.decide(found)
     kind: Kind = "revolute" if p_revolute > 0.5 else "prismatic"
@@ -126,7 +141,10 @@ def observe_joint(video: Video, source: str) -> Observation:
     agrees = np.where((odds > 0.0) == (kind == "revolute"), 1.0, 0.2)
     k = int(np.argmax(role * agrees))
     confidence = max(p_revolute, 1.0 - p_revolute)
-    moving_parts = _count_parts(candidates, role, k)
+    same = np.array(grouping) == grouping[k]
+    moving_parts = _count_parts(candidates, np.where(same, role, 0.0), k)
+    turning = role / (1.0 + np.exp(-2.0 * odds))
+    side: Side = _hinge_side(candidates, turning) if kind == "revolute" else ""
     figures = {**found[k], "role": float(role[k]), "log_odds": float(odds[k])}
     return _observation(
         motion,
@@ -136,6 +154,7 @@ def observe_joint(video: Video, source: str) -> Observation:
         doubtful=confidence < model.doubtful_below or moving_parts > 1,
         p_revolute=p_revolute,
         moving_parts=moving_parts,
+        side=side,
         figures=figures,
     )
 
@@ -190,6 +209,7 @@ def _observation(
     doubtful: bool,
     p_revolute: float,
     moving_parts: int,
+    side: Side,
     figures: Mapping[str, float],
 ) -> Observation:
     fit = part.hinge if kind == "revolute" else part.slide
@@ -208,7 +228,7 @@ def _observation(
         figures=figures,
         doubtful=doubtful,
         p_revolute=p_revolute,
-        side=_hinge_side(part) if kind == "revolute" else "",
+        side=side,
         direction_px=direction,
         opening=_opening(part, kind),
         travel=float(np.ptp(positions)),
@@ -216,16 +236,29 @@ def _observation(
     )
 
 
-def _hinge_side(part: CandidatePart) -> Side:
-    """Return the side of the part at which the fitted hinge is seen."""
+def _hinge_side(candidates: list[CandidatePart], weight: Array) -> Side:
+    """Return the side at which most candidates have their hinge, seen when the part is closed.
+
+    Args:
+        candidates: All candidates.
+        weight: Weight of each (N,).
+    """
+    votes: dict[Side, float] = {"left": 0.0, "right": 0.0, "top": 0.0, "bottom": 0.0}
+    for part, share in zip(candidates, weight, strict=True):
+        votes[_side_of(part)] += float(share) * min(1.0, float(np.ptp(part.hinge.positions)))
+    return max(votes, key=lambda side: votes[side])
+
+
+def _side_of(part: CandidatePart) -> Side:
     hinge = part.hinge
-    seen = part.tracks.xy[part.tracks.seen]
-    centre = np.median(seen, axis=0)
-    line = hinge.axis[:2] / max(float(np.linalg.norm(hinge.axis[:2])), 1e-9)
-    if abs(hinge.axis[2]) > 0.9:
-        line = np.zeros(2)
-    off = hinge.pivot[:2] - centre
-    off = off - line * float(off @ line)
+    peak = int(np.argmax(np.abs(hinge.positions - hinge.positions[0])))
+    opens = joint_classifier().p_opening("revolute", opening_features(part))
+    ends = [points_at(hinge, frame).mean(axis=0) for frame in (0, peak)]
+    centre = opens * ends[0] + (1.0 - opens) * ends[1]
+    foot = hinge.pivot + hinge.axis * float((centre - hinge.pivot) @ hinge.axis)
+    nearest = np.maximum(np.stack([centre, foot])[:, 2:], 0.05)
+    seen = np.stack([centre, foot])[:, :2] / nearest
+    off = seen[1] - seen[0]
     if abs(off[0]) >= abs(off[1]):
         return "left" if off[0] < 0.0 else "right"
     return "top" if off[1] < 0.0 else "bottom"
