@@ -9,7 +9,7 @@ import signal
 import sys
 import tarfile
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -48,20 +48,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def placements_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Folder of the placements that were found, for all workers."""
+def results_from_memory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """All tests and workers share the results of searching a placement and exporting a network."""
     base = tmp_path_factory.getbasetemp()
     is_worker = "PYTEST_XDIST_WORKER" in os.environ
-    os.environ["ARTICULATE_TEST_PLACEMENTS"] = str((base.parent if is_worker else base) / "places")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ARTICULATE_TEST_RESULTS", str((base.parent if is_worker else base) / "kept"))
+        if "articulate_envs.joint_selection" in sys.modules:
+            from tests.placements import find_placement
 
+            patch.setattr("articulate_envs.joint_selection.find_placement", find_placement)
+        if "articulate_train.export" in sys.modules:
+            from tests.networks import to_onnx
 
-@pytest.fixture(autouse=True)
-def placement_from_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Objects of equal content get their placement from one search."""
-    if "articulate_envs.joint_selection" in sys.modules:
-        from tests.placements import find_placement
-
-        monkeypatch.setattr("articulate_envs.joint_selection.find_placement", find_placement)
+            patch.setattr("articulate_train.export.to_onnx", to_onnx)
+        yield
 
 
 @pytest.fixture

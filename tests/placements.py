@@ -20,7 +20,7 @@ from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task
 from articulate_envs import placement_search
 
-FOLDER = "ARTICULATE_TEST_PLACEMENTS"
+FOLDER = "ARTICULATE_TEST_RESULTS"
 """Variable with the folder of results, which the workers of a run of pytest share."""
 
 
@@ -28,8 +28,10 @@ def find_placement(
     asset: Asset, task: Task, arm: Arm, config: RandomizationConfig
 ) -> ObjectPlacement:
     """Return the result of :func:`articulate_envs.placement_search.find_placement`, from memory."""
-    stages = len(placement_search.SEARCH_STAGES), placement_search.MAX_TRIES
-    key = repr((dataclasses.replace(asset, folder=Path()), task, arm, config, stages))
+    stages = placement_search.SEARCH_STAGES, placement_search.MAX_TRIES
+    aim = task.joint, task.target, task.begin, task.far, task.closes
+    ranges = config.scale, config.position_m, config.yaw_rad
+    key = repr((dataclasses.replace(asset, folder=Path()), aim, arm, ranges, stages))
     folder = Path(os.environ[FOLDER])
     folder.mkdir(exist_ok=True)
     file = folder / hashlib.sha256(key.encode()).hexdigest()

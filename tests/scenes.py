@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import pytest
 from tests.assets import make_box, make_cabinet, make_cupboard
 from tests.placements import find_placement
 
@@ -15,6 +16,7 @@ from articulate.task.randomization import EpisodeParams
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import make_task
 from articulate.transforms import Ints
+from articulate_envs import placement_search
 from articulate_envs.engine import Start
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.scene import Scene, build_scene
@@ -60,12 +62,22 @@ def lid_scene(folder: Path, verb: str) -> Scene:
     return make_scene(make_box(folder), "lid_hinge", verb=verb)
 
 
+CLOSING_STAGES = {"drawer": 3, "door": 5, "lid": 2}
+"""Stage of the search that finds the placement; the others take up to 40 s."""
+
+
 def closing_scene(folder: Path, part: str) -> Scene:
-    """A drawer or a door that is to be closed, in episodes of one second."""
-    if part == "lid":
-        return lid_scene(folder, "close")
-    asset = make_cabinet(folder) if part == "drawer" else make_cupboard(folder, degrees=70.0)
-    return make_scene(asset, "drawer_2_slide" if part == "drawer" else "door_hinge", verb="close")
+    """A drawer, a door or a lid that is to be closed, in episodes of one second."""
+    stage = CLOSING_STAGES[part]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            placement_search, "SEARCH_STAGES", placement_search.SEARCH_STAGES[stage : stage + 1]
+        )
+        if part == "lid":
+            return lid_scene(folder, "close")
+        asset = make_cabinet(folder) if part == "drawer" else make_cupboard(folder, degrees=70.0)
+        joint = "drawer_2_slide" if part == "drawer" else "door_hinge"
+        return make_scene(asset, joint, verb="close")
 
 
 def rows_of(start: Start, rows: Ints) -> Start:

@@ -18,7 +18,12 @@ from articulate_envs.config import InitialStatesConfig
 from articulate_envs.episodes import Episodes
 from articulate_envs.grasp_clearance import check_grasp
 from articulate_envs.initial_states import home_start, precompute_states
-from articulate_envs.placement_search import CLEAR_M, MIN_SAMPLED_SHARE, start_clearance
+from articulate_envs.placement_search import (
+    CLEAR_M,
+    MIN_SAMPLED_SHARE,
+    find_placement,
+    start_clearance,
+)
 from articulate_envs.rewards import RewardConfig
 from articulate_envs.threaded_engine import ThreadEngine
 
@@ -34,6 +39,13 @@ def test_place_is_reached_when_drawn_and_the_arm_starts_clear_of_the_open_part(s
     assert scene.place.reachable_share >= MIN_SAMPLED_SHARE
     assert start_clearance(scene.asset, scene.task, scene.arm, scene.place) > 0.8 * CLEAR_M
     assert check_grasp(scene) < 0.003
+
+
+@pytest.mark.slow
+def test_the_placement_is_that_of_all_stages(scene):
+    found = find_placement(scene.asset, scene.task, scene.arm, DRAWS)
+    assert found.pos_w == scene.place.pos_w
+    assert found.start_q == scene.place.start_q
 
 
 def test_of_several_sizes_and_places_the_nearest_tells_the_clearance(scene):

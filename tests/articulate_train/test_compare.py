@@ -1,5 +1,6 @@
 """Comparison of runs: rows, differing settings and a page."""
 
+import contextlib
 import dataclasses
 import json
 
@@ -89,3 +90,36 @@ def test_a_report_is_read_from_its_run_or_rejected_in_one_line(tmp_path, error_l
     (run / "report.json").unlink()
     with pytest.raises(RunError, match="make it with evaluate"):
         read_report(run)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        ("info",),
+        ("info", "config"),
+        ("reasons",),
+        ("seeds",),
+        ("seeds", 0, "success"),
+        ("seeds", 0, "success", "n"),
+        ("worst_seed_success_rate",),
+        ("curves", 0, "steps"),
+    ],
+)
+@pytest.mark.parametrize("value", [None, [[]], -1e308, {}])
+def test_a_damaged_report_is_rejected_or_compared(tmp_path, keys, value):
+    content = content_of()
+    inside = content
+    for key in keys[:-1]:
+        inside = inside[key]
+    inside[keys[-1]] = value
+    (tmp_path / "report.json").write_text(json.dumps(content))
+    with contextlib.suppress(RunError):
+        comparison_page(compare([read_report(tmp_path), content_of()]), "evaluate a b")
+
+
+def test_aliases_in_the_settings_of_a_report_are_bounded(tmp_path):
+    doubling = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 12))
+    content = content_of(config=f"a0: &a0 [1]\n{doubling}")
+    (tmp_path / "report.json").write_text(json.dumps(content))
+    with pytest.raises(RunError, match="values with all aliases"):
+        read_report(tmp_path)

@@ -166,7 +166,7 @@ def test_training_took_what_its_calls_took_and_not_the_sum_over_seeds(tiny, file
     run = dataclasses.replace(tiny, config=dataclasses.replace(tiny.config, seeds=(0, 1)))
     for seed in run.config.seeds:
         run.seed_folder(seed).mkdir()
-        row = json.dumps({"steps": 192, "seconds": 30.0 - seed})
+        row = json.dumps({"steps": 192, "seconds": 30.0 - seed, "success": 0.0, "opened": 0.0})
         (run.seed_folder(seed) / PROGRESS).write_text(row + "\n")
     for name, content in files.items():
         (run.folder / name).write_text(json.dumps(content))

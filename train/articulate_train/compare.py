@@ -17,15 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from articulate.errors import RunError
+from articulate.errors import RunError, shorten
 from articulate.files import write_json, write_text
 from articulate.page import Bars, Chart, ChartLine, Page
 from articulate.statistics import Difference, Share, difference, percent, wilson
 from articulate.task.episode_monitor import REASONS
 from articulate.transforms import Array
-from articulate.untrusted import load_json_object
+from articulate.untrusted import load_json_object, parse_yaml
 from articulate_train.report import SCHEMA, SCHEMA_VERSION
 from articulate_train.report_html import REASON_TEXT
 
@@ -121,6 +120,12 @@ def read_report(folder: Path) -> dict[str, Any]:
             f"{path}: not a report of schema {SCHEMA} {SCHEMA_VERSION}; "
             f"make it again with evaluate {folder}"
         )
+    try:
+        comparison_page(compare([content]), "")
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise RunError(
+            f"{path}: damaged ({shorten(error)}); make it again with evaluate {folder}"
+        ) from None
     return content
 
 
@@ -136,7 +141,10 @@ def compare(reports: Sequence[Mapping[str, Any]]) -> Comparison:
         row = _row(content, first)
         first = first or row.success
         rows.append(row)
-    configs = [_flat(yaml.safe_load(content["info"]["config"]) or {}) for content in reports]
+    configs = [
+        _flat(parse_yaml(content["info"]["config"], "report.json", error=RunError) or {})
+        for content in reports
+    ]
     return Comparison(rows=tuple(rows), differing=_differing(configs))
 
 
@@ -156,7 +164,7 @@ def _row(content: Mapping[str, Any], first: Share | None) -> Row:
         opened=_pooled([s["opened"] for s in seeds]),
         worst_seed=content["worst_seed_success_rate"],
         nominal=content["nominal_success_rate"],
-        reasons=content["reasons"],
+        reasons=dict(content["reasons"]),
         difference_to_first=difference(success, first) if first is not None else None,
         curve=_curve(content["curves"]),
     )

@@ -135,15 +135,28 @@ def last_progress(run: Run, seed: int) -> dict[str, Any]:
 
 
 def read_progress(folder: Path) -> list[dict[str, Any]]:
-    """Return all lines of a seed's progress; an incomplete last line is left out."""
+    """Return the lines of a seed's progress up to the first that is incomplete or damaged."""
     path = folder / PROGRESS
-    rows = []
+    rows: list[dict[str, Any]] = []
     for line in read_text(path, PROGRESS_BYTES).splitlines() if path.exists() else []:
         try:
-            rows.append(dict(json.loads(line)))
-        except (ValueError, TypeError, RecursionError):
+            row = json.loads(line)
+        except (ValueError, RecursionError):
             break
+        if not _is_progress(row):
+            break
+        rows.append(row)
     return rows
+
+
+def _is_progress(row: Any) -> bool:
+    """Return whether ``row`` has the numbers that are read from a line of progress."""
+    if not isinstance(row, dict) or not isinstance(row.get("terms", {}), dict):
+        return False
+    numbers = [row.get(name) for name in ("steps", "seconds", "success", "opened")]
+    return all(
+        isinstance(value, int | float) for value in [*numbers, *row.get("terms", {}).values()]
+    )
 
 
 def _start(folder: Path, seed: int, threads: int, lock: int) -> subprocess.Popen[bytes]:
