@@ -162,7 +162,7 @@ def test_steps_of_a_bundle_are_those_of_its_checkpoint(tiny, tmp_path):
     write_checkpoint(tiny.seed_folder(0), 0)
     content = read_checkpoint(tiny.seed_folder(0)) | {"metadata": json.dumps({"num_timesteps": 64})}
     torch.save(content, tiny.seed_folder(0) / "checkpoint.pt")
-    row = json.dumps({"steps": 96, "success": 0.5}) + "\n"
+    row = json.dumps({"steps": 96, "seconds": 1.0, "success": 0.5, "opened": 0.5}) + "\n"
     (tiny.seed_folder(0) / "progress.jsonl").write_text(row)
     done = export_policy(tiny.folder, tmp_path / "bundle")
     manifest = decode_manifest((done.path / "manifest.json").read_text(), "m")
@@ -183,7 +183,8 @@ def test_a_folder_that_another_export_writes_to_is_left_only(tmp_path):
 def test_without_an_evaluation_the_end_of_training_decides_and_it_reports_it(run):
     path = run.seed_folder(1) / "progress.jsonl"
     try:
-        path.write_text(json.dumps({"steps": 10, "success": 0.5}) + "\n")
+        row = {"steps": 10, "seconds": 1.0, "success": 0.5, "opened": 0.5}
+        path.write_text(json.dumps(row) + "\n")
         seed, rule, success = select_seed(run, None)
         assert (seed, success) == (1, None)
         assert "not evaluated" in rule
