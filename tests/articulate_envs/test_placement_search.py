@@ -124,7 +124,12 @@ def test_object_that_stands_turned_is_turned_back(tmp_path, drawer):
     assert_allclose(way[1, :3, 3] - way[0, :3, 3], [-0.28, 0, 0], atol=1e-9)
 
 
-def test_a_drawer_longer_than_the_arm_is_refused_in_one_line(tmp_path, error_line):
+@pytest.mark.parametrize("all_stages", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_drawer_longer_than_the_arm_is_refused_in_one_line(
+    tmp_path, error_line, request, all_stages
+):
+    if not all_stages:
+        request.getfixturevalue("short_search")
     asset = make_cabinet(tmp_path / "cabinet", travel_m=2.0)
     task = make_task("open_drawer", asset, "drawer_2_slide")
     error_line(

@@ -37,6 +37,7 @@ def printed(tmp_path, *flags):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow  # 23 s; the engine itself is compared with others in test_single_engine
 def test_mj_step_alone_ends_where_the_engine_did(tmp_path):
     """From the same states with the same controls."""
     result = printed(tmp_path, "--parts", "limit")

@@ -97,7 +97,7 @@ def check(mutant: Mutant) -> None:
 
 
 @given(MUTANTS)
-@settings(max_examples=60, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, suppress_health_check=list(HealthCheck))
 def test_mutants_give_an_asset_or_one_line(mutant: Mutant) -> None:
     check(mutant)
 

@@ -48,7 +48,9 @@ def door():
     return evidence_of(DOOR)
 
 
-@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
+@pytest.mark.parametrize(
+    "axis", [pytest.param((0.0, 0.0, 1.0), marks=pytest.mark.slow), (0.0, 1.0, 0.0)]
+)
 def test_a_camera_is_found_where_next_to_nothing_stands_still(laptop, axis):
     told = carried(laptop.camera, axis, 5.0, 0.05)
     assert refine_camera(laptop.video, told, LAPTOP) == (told, 0.0)

@@ -152,6 +152,7 @@ def test_a_round_part_of_which_little_shows_may_be_pressed():
     assert abs(said.axis_o[0]) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow  # the two above run the same search
 def test_a_round_part_is_not_said_to_turn_where_a_slide_is_asked_for():
     scene = scene_from_evidence(clip_of(5.0, (0.1, 0.1, 0.1)))
     turn = find_motion(scene)
@@ -161,6 +162,7 @@ def test_a_round_part_is_not_said_to_turn_where_a_slide_is_asked_for():
     assert slide is None or slide.motion.kind == "slide"
 
 
+@pytest.mark.slow  # the two above run the same search
 def test_where_no_motion_explains_anything_the_round_part_that_changes_turns(monkeypatch):
     """As where the model is so wrong that it is cheapest to hide a part all the time."""
     scene = scene_from_evidence(clip_of(5.0, (0.1, 0.1, 0.1)))

@@ -105,6 +105,7 @@ def test_a_wheel_with_spokes_turns_without_end():
     assert said.kind == "continuous"
 
 
+@pytest.mark.slow  # the wheel above has more to see
 def test_a_wheel_with_little_to_see_on_it_turns_in_its_place():
     _, y, _ = np.eye(3)
     middle = np.array([0.5, 0.1, 0.35])

@@ -85,6 +85,7 @@ def test_a_wire_is_tried_along_what_is_unexplained(bucket):
     )
 
 
+@pytest.mark.slow  # 10 s; the case and its button below take 2 s
 def test_a_handle_of_wire_is_put_where_it_is(bucket):
     problem, true = bucket
     found = solve(problem)
