@@ -341,7 +341,7 @@ def scene_with(scene: Scene, timestep_s: float) -> Scene:
         arm=scene.arm,
         control=scene.control,
         physics=replace(scene.physics, timestep_s=timestep_s),
-        place=scene.place,
+        placement=scene.placement,
         scales=scene.scales,
     )
 

@@ -83,11 +83,11 @@ def make_run(
 def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: float) -> None:
     assert config.joint is not None
     task = make_task(config.task, asset, config.joint, episode_s=episode_s)
-    place = find_placement(asset, task, PANDA, config.randomization)
+    placement = find_placement(asset, task, PANDA, config.randomization)
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")
     write_text(folder / "config.yaml", to_yaml(config))
-    write_scene(folder, task, place, PANDA)
+    write_scene(folder, task, placement, PANDA)
 
 
 def write_checkpoint(folder: Path, seed: int, net: tuple[int, ...] = (32, 32)) -> None:

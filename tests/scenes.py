@@ -42,7 +42,7 @@ def make_scene(
         arm=arm,
         control=ControlConfig(),
         physics=PhysicsConfig(),
-        place=find_placement(asset, task, arm, draws),
+        placement=find_placement(asset, task, arm, draws),
         scales=draws.scale_values,
     )
 

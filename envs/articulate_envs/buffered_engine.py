@@ -77,7 +77,7 @@ class BufferedEngine(ABC):
         )
         poses = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(4))
         self._poses = Poses(
-            path=handle_path_of(scene.asset, scene.task.joint, flip=scene.place.flip),
+            path=handle_path_of(scene.asset, scene.task.joint, flip=scene.placement.flip),
             T_wo=next(poses),
             scale=np.ones(n_envs),
             joint_scale=np.ones(n_envs),

@@ -28,12 +28,12 @@ def check_grasp(scene: Scene) -> float:
         ReachError: There is no room for the fingers, sampled poses are out of reach, or the arm at
             its start collides with the object.
     """
-    asset, task, place = scene.asset, scene.task, scene.place
-    if place.reachable_share < MIN_SAMPLED_SHARE:
+    asset, task, placement = scene.asset, scene.task, scene.placement
+    if placement.reachable_share < MIN_SAMPLED_SHARE:
         raise ReachError(
             f"{asset.name}: the handle of {task.joint} can be followed to the target at only "
-            f"{place.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size or "
-            "smaller randomization ranges"
+            f"{placement.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size "
+            "or smaller randomization ranges"
         )
     best = max(
         min(_overlap(scene, opened, back) for back in BACK_M)
@@ -45,7 +45,7 @@ def check_grasp(scene: Scene) -> float:
             f"overlaps the object by {1000 * best:.0f} mm; select another --joint or model a handle"
         )
     for opened in task.begin:
-        if _deepest(scene, np.asarray(place.start_q), opened, BASE_BODY) > 0.0:
+        if _deepest(scene, np.asarray(placement.start_q), opened, BASE_BODY) > 0.0:
             raise ReachError(
                 f"{asset.name}: the arm at its start collides with the object when {task.joint} is "
                 f"{opened:.0%} open; select another --joint or try a smaller --size"
@@ -55,17 +55,17 @@ def check_grasp(scene: Scene) -> float:
 
 def _overlap(scene: Scene, opened: float, back_m: float) -> float:
     """Return the deepest contact [m] of the gripper, ``back_m`` behind the handle."""
-    place = scene.place
+    placement = scene.placement
     T_wh = handle_in_world(
         scene.asset,
         scene.task.joint,
-        T_wo=place.T_wo()[None],
+        T_wo=placement.T_wo()[None],
         scale=np.ones(1),
         opened=np.full(1, opened),
-        flip=place.flip,
+        flip=placement.flip,
     )
     T_wh[:, :3, 3] -= back_m * T_wh[:, :3, 2]
-    q = solve_ik(scene.arm, T_wh, np.asarray(place.start_q), iterations=80).q[0]
+    q = solve_ik(scene.arm, T_wh, np.asarray(placement.start_q), iterations=80).q[0]
     return _deepest(scene, q, opened, GRIPPER_BODY)
 
 

@@ -33,7 +33,7 @@ def home_start(scene: Scene, params: EpisodeParams) -> Start:
     low, high = scene.arm.bounds(scene.control.margin_rad)
     return Start(
         params=params,
-        q=np.clip(np.asarray(scene.place.start_q) + params["start"], low, high),
+        q=np.clip(np.asarray(scene.placement.start_q) + params["start"], low, high),
         opened=opened,
         width=np.full(n, scene.arm.gripper.max_width_m),
         closing=-np.ones(n),
@@ -61,7 +61,7 @@ def precompute_states(
         T_wo=T_wo,
         scale=params["scale"],
         opened=opened,
-        flip=scene.place.flip,
+        flip=scene.placement.flip,
     )
     empty = ~grip & (rng.random(n) < config.empty_grasp_share)
     back = np.where(grip, 0.0, config.standoff_m * rng.random(n) ** 2)
@@ -73,7 +73,7 @@ def precompute_states(
     closing = ~(grip | empty | off_target) & (rng.random(n) < config.closing_share)
     back = np.where(closing, 0.0, back)
     goals = goals @ pose(np.stack([*sides, -back], axis=1))
-    found = solve_ik(scene.arm, goals, np.asarray(scene.place.start_q), iterations=80)
+    found = solve_ik(scene.arm, goals, np.asarray(scene.placement.start_q), iterations=80)
     handle = scene.asset.handle_of(scene.task.joint)
     thick = handle.extent[1] if handle is not None else 0.02
     held = np.clip(thick * params["scale"], 0.0, scene.arm.gripper.max_width_m)

@@ -71,17 +71,17 @@ def choose_joint(config: JointSelectionConfig, asset: Asset) -> tuple[Task, Obje
             reasons.append(f"{joint.name} has no handle; add one to the object")
             continue
         try:
-            task, place = _reached(config, asset, joint.name)
+            task, placement = _reached(config, asset, joint.name)
         except ReachError as error:
             reasons.append(str(error).removeprefix(f"{asset.name}: "))
             continue
         height = float(handle_poses(asset, joint.name, np.zeros(()))[2, 3])
-        found.append((abs(height - HOME_HEIGHT_M), task, place))
+        found.append((abs(height - HOME_HEIGHT_M), task, placement))
     if not found:
         others = f"none of {len(reasons)} joints can be reached: " if len(reasons) > 1 else ""
         raise ReachError(f"{asset.name}: {others}{reasons[0]}")
-    _, task, place = min(found, key=lambda item: (item[0], item[1].joint))
-    return task, place
+    _, task, placement = min(found, key=lambda item: (item[0], item[1].joint))
+    return task, placement
 
 
 def _unknown_joint(config: JointSelectionConfig, asset: Asset) -> AssetError:
@@ -98,9 +98,9 @@ def _reached(
 ) -> tuple[Task, ObjectPlacement]:
     """Return task and placement of one joint; ReachError if it cannot be reached or grasped."""
     task = make_task(config.task, asset, joint)
-    place = find_placement(asset, task, PANDA, config.randomization)
+    placement = find_placement(asset, task, PANDA, config.randomization)
     scene = build_scene(
-        asset, task, arm=PANDA, control=config.control, physics=config.physics, place=place
+        asset, task, arm=PANDA, control=config.control, physics=config.physics, placement=placement
     )
     check_grasp(scene)
-    return task, place
+    return task, placement

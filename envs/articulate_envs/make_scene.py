@@ -165,14 +165,14 @@ def _scene(asset: Asset, key: _SceneKey) -> Scene:
 
     Folders of the cache are named by their content, so that equal assets compare equal.
     """
-    task, place = choose_joint(key, asset)
+    task, placement = choose_joint(key, asset)
     return build_scene(
         asset,
         task,
         arm=PANDA,
         control=key.control,
         physics=key.physics,
-        place=place,
+        placement=placement,
         scales=key.randomization.scale_values,
     )
 

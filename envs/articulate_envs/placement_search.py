@@ -153,7 +153,7 @@ def find_placement(
             )
         ]
         candidates.sort(key=lambda candidate: -candidate[0])
-        found = _first_good(asset, task, arm, config, [place for _, place in candidates])
+        found = _first_good(asset, task, arm, config, [placement for _, placement in candidates])
         if found is not None and (best is None or found[0] > best[0]):
             best = found
         if best is not None and best[0] >= GOOD:
@@ -195,19 +195,19 @@ def _first_good(
     """Return the first candidate that is :data:`GOOD`, else the best, with its score."""
     best: tuple[float, ObjectPlacement] | None = None
     tried: list[ObjectPlacement] = []
-    for place in candidates:
-        if any(_similar(place, other) for other in tried):
+    for placement in candidates:
+        if any(_similar(placement, other) for other in tried):
             continue
-        tried.append(place)
-        value = _clear(asset, task, arm, config, place) + FOLLOWED
+        tried.append(placement)
+        value = _clear(asset, task, arm, config, placement) + FOLLOWED
         if best is None or value + REACH > best[0]:  # otherwise no share could improve it
             least = 0.0 if best is None else (best[0] - value) / REACH * MIN_SAMPLED_SHARE
-            share = _sampled_share(asset, task, arm, config, place, least)
+            share = _sampled_share(asset, task, arm, config, placement, least)
             value += REACH * min(share / MIN_SAMPLED_SHARE, 1.0)
             if best is None or value > best[0]:
-                value -= FOLLOWED * (1.0 - _followed_share(asset, task, arm, config, place))
+                value -= FOLLOWED * (1.0 - _followed_share(asset, task, arm, config, placement))
             if best is None or value > best[0]:
-                best = (value, replace(place, reachable_share=share))
+                best = (value, replace(placement, reachable_share=share))
         if best[0] >= GOOD or len(tried) == MAX_TRIES:
             break
     return best
@@ -258,12 +258,12 @@ def _candidates(
 
 
 def _clear(
-    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, place: ObjectPlacement
+    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, placement: ObjectPlacement
 ) -> float:
     """Return the clearance score of the arm at its start, nominal and over the samples."""
-    scale, T_wo = _corners(asset, task, config, place)
-    sampled = start_clearance(asset, task, arm, place, scale=scale, T_wo=T_wo)
-    nominal = start_clearance(asset, task, arm, place)
+    scale, T_wo = _corners(asset, task, config, placement)
+    sampled = start_clearance(asset, task, arm, placement, scale=scale, T_wo=T_wo)
+    nominal = start_clearance(asset, task, arm, placement)
     return min(nominal / CLEAR_M, 1.0) + min(sampled / SAMPLED_CLEAR_M[task.closes], 1.0)
 
 
@@ -271,7 +271,7 @@ def start_clearance(
     asset: Asset,
     task: Task,
     arm: Arm,
-    place: ObjectPlacement,
+    placement: ObjectPlacement,
     *,
     scale: Array | None = None,
     T_wo: Array | None = None,
@@ -285,13 +285,13 @@ def start_clearance(
         asset: Object.
         task: Task.
         arm: Kinematics.
-        place: Placement of the object and start of the arm.
+        placement: Placement of the object and start of the arm.
         scale: Size factors (M,); the nearest object counts.
         T_wo: Poses of the object in the world (M, 4, 4), homogeneous.
     """
     scale = np.ones(1) if scale is None else scale
-    T_wo = place.T_wo()[None] if T_wo is None else T_wo
-    q = np.asarray(place.start_q)
+    T_wo = placement.T_wo()[None] if T_wo is None else T_wo
+    q = np.asarray(placement.start_q)
     T_wt = tool_pose(arm, q)
     gripper = GRIPPER_POINTS @ T_wt[:3, :3].T + T_wt[:3, 3]
     points = np.concatenate([gripper, joint_poses(arm, q)[3:, :3, 3]])
@@ -375,7 +375,7 @@ def _scored(
 
 
 def _corners(
-    asset: Asset, task: Task, config: RandomizationConfig, place: ObjectPlacement
+    asset: Asset, task: Task, config: RandomizationConfig, placement: ObjectPlacement
 ) -> tuple[Array, Array]:
     """Return sizes (16,) and poses (16, 4, 4) at the corners of the randomization ranges."""
     signs = np.array(np.meshgrid(*([[-1.0, 1.0]] * 3))).reshape(3, -1)
@@ -384,7 +384,7 @@ def _corners(
     T_wo = object_pose(
         asset,
         task.joint,
-        place,
+        placement,
         scale=scale,
         shift=config.position_m * signs[:2].T,
         yaw=config.yaw_rad * signs[2],
@@ -393,7 +393,7 @@ def _corners(
 
 
 def _goals(
-    asset: Asset, task: Task, place: ObjectPlacement, scale: Array, T_wo: Array, opened: float
+    asset: Asset, task: Task, placement: ObjectPlacement, scale: Array, T_wo: Array, opened: float
 ) -> Array:
     """Return poses of the handle (M, 4, 4) of objects at one open fraction."""
     return handle_in_world(
@@ -402,7 +402,7 @@ def _goals(
         T_wo=T_wo,
         scale=scale,
         opened=np.full(len(scale), opened),
-        flip=place.flip,
+        flip=placement.flip,
     )
 
 
@@ -411,26 +411,26 @@ def _sampled_share(
     task: Task,
     arm: Arm,
     config: RandomizationConfig,
-    place: ObjectPlacement,
+    placement: ObjectPlacement,
     least: float,
 ) -> float:
     """Return the share of corners of the randomization ranges at which the path is reachable.
 
     A share that is not above ``least`` is an upper bound.
     """
-    asset = tilted(asset, task.joint, place.tilt_rad)
-    scale, T_wo = _corners(asset, task, config, place)
+    asset = tilted(asset, task.joint, placement.tilt_rad)
+    scale, T_wo = _corners(asset, task, config, placement)
     ok = np.ones(len(scale), dtype=bool)
     for opened in np.linspace(*opening_range(task), 3)[[0, 2, 1]]:
-        goals = _goals(asset, task, place, scale, T_wo, float(opened))
-        ok &= solve_ik(arm, goals, np.asarray(place.start_q), iterations=80).reached
+        goals = _goals(asset, task, placement, scale, T_wo, float(opened))
+        ok &= solve_ik(arm, goals, np.asarray(placement.start_q), iterations=80).reached
         if ok.mean() <= least:
             break
     return float(ok.mean())
 
 
 def _followed_share(
-    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, place: ObjectPlacement
+    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, placement: ObjectPlacement
 ) -> float:
     """Return the share of the same corners at which the gripper can follow the handle in time.
 
@@ -439,14 +439,14 @@ def _followed_share(
     of the elbow, and on one side a limit ends the path. Where joints turn far for a short part of
     the path, the gripper waits for them.
     """
-    asset = tilted(asset, task.joint, place.tilt_rad)
-    scale, T_wo = _corners(asset, task, config, place)
+    asset = tilted(asset, task.joint, placement.tilt_rad)
+    scale, T_wo = _corners(asset, task, config, placement)
     begins = task.begin[1] if task.closes else task.begin[0]
-    q, last = np.asarray(place.start_q), None
+    q, last = np.asarray(placement.start_q), None
     ok, steps = np.ones(len(scale), dtype=bool), np.zeros(len(scale))
     step_rad = PACE.step_rad * np.asarray(arm.ddq_max) / min(arm.ddq_max)
     for opened in np.linspace(begins, task.target, FOLLOW_STEPS + 1):
-        goals = _goals(asset, task, place, scale, T_wo, float(opened))
+        goals = _goals(asset, task, placement, scale, T_wo, float(opened))
         found = solve_ik(arm, goals, q, iterations=80 if last is None else FOLLOW_ITERATIONS)
         if last is not None:
             moved = np.linalg.norm((goals - last)[:, :3, 3], axis=1) / PACE.move_m

@@ -41,7 +41,7 @@ class SceneModel:
             scene.asset,
             arm=scene.arm,
             physics=scene.physics,
-            place=scene.place,
+            placement=scene.placement,
             scale=scale,
             visuals=False,
         )
@@ -183,7 +183,7 @@ class RobosuiteRobot:
     def __init__(self, sim: SceneSim, scene: Scene) -> None:
         self.robot_model = Panda()
         self.sim = sim
-        self.init_qpos = np.array(scene.place.start_q)
+        self.init_qpos = np.array(scene.placement.start_q)
         self.control_freq = scene.control.rate_hz
         self._at = scene.at
 

@@ -68,7 +68,7 @@ class Scene:
     arm: Arm
     control: ControlConfig
     physics: PhysicsConfig
-    place: ObjectPlacement
+    placement: ObjectPlacement
     scales: tuple[float, ...]
     models: tuple[mujoco.MjModel, ...]
     at: Addresses
@@ -93,7 +93,7 @@ class Scene:
         return object_pose(
             self.asset,
             self.task.joint,
-            self.place,
+            self.placement,
             scale=params["scale"],
             shift=np.stack([params["x_m"], params["y_m"]], axis=1),
             yaw=params["yaw_rad"],
@@ -107,7 +107,7 @@ def build_scene(
     arm: Arm,
     control: ControlConfig,
     physics: PhysicsConfig,
-    place: ObjectPlacement,
+    placement: ObjectPlacement,
     scales: tuple[float, ...] = (1.0,),
 ) -> Scene:
     """Compile the scene for each of ``scales``.
@@ -119,7 +119,9 @@ def build_scene(
     check_control(control, arm)
     models = []
     for scale in scales:
-        spec = scene_spec(asset, arm=arm, physics=physics, place=place, scale=scale, visuals=False)
+        spec = scene_spec(
+            asset, arm=arm, physics=physics, placement=placement, scale=scale, visuals=False
+        )
         counterbalance(spec, asset, task)
         try:
             models.append(spec.compile())
@@ -128,12 +130,12 @@ def build_scene(
                 f"{asset.mjcf_path}: MuJoCo does not accept it ({shorten(error)})"
             ) from None
     return Scene(
-        asset=tilted(asset, task.joint, place.tilt_rad),
+        asset=tilted(asset, task.joint, placement.tilt_rad),
         task=task,
         arm=arm,
         control=control,
         physics=physics,
-        place=place,
+        placement=placement,
         scales=scales,
         models=tuple(models),
         at=_addresses(models[0], task),
@@ -145,7 +147,7 @@ def scene_spec(
     *,
     arm: Arm,
     physics: PhysicsConfig,
-    place: ObjectPlacement,
+    placement: ObjectPlacement,
     scale: float,
     visuals: bool,
 ) -> mujoco.MjSpec:
@@ -161,13 +163,13 @@ def scene_spec(
         ) from None
     _prepare_object(child, scale=scale, visuals=visuals)
     frame = spec.worldbody.add_frame()
-    T_wo = place.T_wo()
+    T_wo = placement.T_wo()
     root = child.worldbody.first_body()
     root_name = PREFIX + root.name
     root.pos = T_wo[:3, 3]
     root.quat = matrix_to_quat(T_wo[:3, :3])
     spec.attach(child, prefix=PREFIX, frame=frame)
-    _add_arena(spec, asset, place, visuals=visuals)
+    _add_arena(spec, asset, placement, visuals=visuals)
     _add_sensors(spec, root_name)
     return spec
 
@@ -241,8 +243,10 @@ def _prepare_object(spec: mujoco.MjSpec, *, scale: float, visuals: bool) -> None
             joint.range = scale * np.asarray(joint.range)
 
 
-def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: ObjectPlacement, *, visuals: bool) -> None:
-    floor_z = min(0.0, place.pos_w[2])
+def _add_arena(
+    spec: mujoco.MjSpec, asset: Asset, placement: ObjectPlacement, *, visuals: bool
+) -> None:
+    floor_z = min(0.0, placement.pos_w[2])
     floor = spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE)
     floor.size = [3.0, 3.0, 0.1]
     floor.pos = [0.0, 0.0, floor_z]
@@ -252,13 +256,13 @@ def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: ObjectPlacement, *, vis
         return
     for name, top, x, half in (
         ("robot_stand", 0.0, 0.0, (0.12, 0.12)),
-        ("object_stand", place.pos_w[2], place.pos_w[0], _footprint(asset, place)),
+        ("object_stand", placement.pos_w[2], placement.pos_w[0], _footprint(asset, placement)),
     ):
         if top - floor_z > 0.01:
             height = (top - floor_z) / 2.0
             box = spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX)
             box.size = [half[0], half[1], height - 0.001]
-            box.pos = [x, 0.0 if name == "robot_stand" else place.pos_w[1], floor_z + height]
+            box.pos = [x, 0.0 if name == "robot_stand" else placement.pos_w[1], floor_z + height]
             box.contype, box.conaffinity, box.group = 0, 0, 2
             box.rgba = [0.55, 0.57, 0.6, 1.0]
     light = spec.worldbody.add_light()
@@ -267,10 +271,10 @@ def _add_arena(spec: mujoco.MjSpec, asset: Asset, place: ObjectPlacement, *, vis
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
 
 
-def _footprint(asset: Asset, place: ObjectPlacement) -> tuple[float, float]:
+def _footprint(asset: Asset, placement: ObjectPlacement) -> tuple[float, float]:
     low, high = (np.asarray(b) for b in asset.bounds_o)
     half = (high - low)[:2] / 2.0
-    c, s = abs(np.cos(place.yaw_rad)), abs(np.sin(place.yaw_rad))
+    c, s = abs(np.cos(placement.yaw_rad)), abs(np.sin(placement.yaw_rad))
     return float(c * half[0] + s * half[1]), float(s * half[0] + c * half[1])
 
 

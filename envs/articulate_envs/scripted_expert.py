@@ -158,7 +158,7 @@ class ScriptedExpert:
 def make_scripted_expert(scene: Scene) -> ScriptedExpert:
     """Return the scripted expert of ``scene``."""
     task = scene.task
-    path = handle_path_of(scene.asset, task.joint, flip=scene.place.flip)
+    path = handle_path_of(scene.asset, task.joint, flip=scene.placement.flip)
     grasp = grasp_of(scene.asset.handle_of(task.joint))
     if task.closes:
         aim = SHUT * task.target

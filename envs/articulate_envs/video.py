@@ -189,12 +189,12 @@ def visual_model(
     size: tuple[int, int] = SIZE,
 ) -> mujoco.MjModel:
     """Return the model with visual geoms; ``T_wo`` (4, 4) is homogeneous, ``size`` in pixels."""
-    T_wo = scene.place.T_wo() if T_wo is None else np.asarray(T_wo)
+    T_wo = scene.placement.T_wo() if T_wo is None else np.asarray(T_wo)
     spec = scene_spec(
         scene.asset,
         arm=scene.arm,
         physics=scene.physics,
-        place=scene.place,
+        placement=scene.placement,
         scale=scale,
         visuals=True,
     )

@@ -36,22 +36,22 @@ def scene(request):
 
 
 def test_place_is_reached_when_drawn_and_the_arm_starts_clear_of_the_open_part(scene):
-    assert scene.place.reachable_share >= MIN_SAMPLED_SHARE
-    assert start_clearance(scene.asset, scene.task, scene.arm, scene.place) > 0.8 * CLEAR_M
+    assert scene.placement.reachable_share >= MIN_SAMPLED_SHARE
+    assert start_clearance(scene.asset, scene.task, scene.arm, scene.placement) > 0.8 * CLEAR_M
     assert check_grasp(scene) < 0.003
 
 
 @pytest.mark.slow
 def test_the_placement_is_that_of_all_stages(scene):
     found = find_placement(scene.asset, scene.task, scene.arm, DRAWS)
-    assert found.pos_w == scene.place.pos_w
-    assert found.start_q == scene.place.start_q
+    assert found.pos_w == scene.placement.pos_w
+    assert found.start_q == scene.placement.start_q
 
 
 def test_of_several_sizes_and_places_the_nearest_tells_the_clearance(scene):
     """Ten metres off, a part of size s is nearer by s times what it stands out towards the arm."""
-    parts = scene.asset, scene.task, scene.arm, scene.place
-    away = np.repeat(scene.place.T_wo()[None], 3, axis=0)
+    parts = scene.asset, scene.task, scene.arm, scene.placement
+    away = np.repeat(scene.placement.T_wo()[None], 3, axis=0)
     away[:, 0, 3] += (10.0, 10.0, 12.0)
     sizes = np.array([1.0, 1.3, 1.0])
     each = [start_clearance(*parts, scale=sizes[[i]], T_wo=away[[i]]) for i in range(len(sizes))]
@@ -59,19 +59,19 @@ def test_of_several_sizes_and_places_the_nearest_tells_the_clearance(scene):
     assert each[2] - each[0] == pytest.approx(2.0, rel=0.01)
     assert 0.0 < each[0] - each[1] < 0.3
     assert start_clearance(*parts) == start_clearance(
-        *parts, scale=sizes[:1], T_wo=scene.place.T_wo()[None]
+        *parts, scale=sizes[:1], T_wo=scene.placement.T_wo()[None]
     )
 
 
 def test_arm_that_starts_within_the_open_part_is_refused(closing_drawer):
     """As if the drawer were to be opened, closed handle before the hand."""
-    place = closing_drawer.place
-    x, y, z = place.pos_w
+    placement = closing_drawer.placement
+    x, y, z = placement.pos_w
     there = (x - 0.25, y, z)
-    moved = dataclasses.replace(place, pos_w=there)
+    moved = dataclasses.replace(placement, pos_w=there)
     model = closing_drawer.nominal
     model.body_pos[closing_drawer.at.root_body] = there
-    near = dataclasses.replace(closing_drawer, place=moved)
+    near = dataclasses.replace(closing_drawer, placement=moved)
     assert start_clearance(near.asset, near.task, near.arm, moved) == 0.0
     try:
         with pytest.raises(ReachError, match=r"the arm at its start collides|no room"):
@@ -149,7 +149,7 @@ def test_handle_of_a_hinge_goes_on_a_circle_and_turns_with_it(closing_door):
     T_wo = object_pose(
         scene.asset,
         joint.name,
-        scene.place,
+        scene.placement,
         scale=scale,
         shift=np.zeros((3, 2)),
         yaw=np.zeros(3),
@@ -157,7 +157,7 @@ def test_handle_of_a_hinge_goes_on_a_circle_and_turns_with_it(closing_door):
     shut, now = (
         np.linalg.inv(T_wo)
         @ handle_in_world(
-            scene.asset, joint.name, T_wo=T_wo, scale=scale, opened=o, flip=scene.place.flip
+            scene.asset, joint.name, T_wo=T_wo, scale=scale, opened=o, flip=scene.placement.flip
         )
         for o in (np.zeros(3), opened)
     )

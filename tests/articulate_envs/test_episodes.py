@@ -144,7 +144,7 @@ def test_part_that_rests_beyond_the_target_is_a_success_and_one_that_is_shut_is_
     scene = request.getfixturevalue(name)
     runs = episodes(scene, initial_states=None, randomization=NO_RANDOMIZATION)
     start = held_open(scene, N)
-    start.opened[0], start.q[0], start.home[0] = 0.0, scene.place.start_q, True
+    start.opened[0], start.q[0], start.home[0] = 0.0, scene.placement.start_q, True
     runs.reset(start=start)
     for _ in range(scene.n_steps):
         tick = runs.step(np.zeros((N, 8)))

@@ -97,7 +97,7 @@ def test_a_limit_of_others_is_a_truncation(made, named):
 
 def test_success_is_told(drawer, env):
     """A part that begins at its target and is left alone rests there to the end."""
-    aside = [1.6, *drawer.place.start_q[1:]]
+    aside = [1.6, *drawer.placement.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     env.reset(seed=0, options={"q": aside, "opened": 0.9, "episode_params": still})
     for _ in range(drawer.n_steps):
@@ -117,7 +117,7 @@ def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
             "n_precomputed": 8,
         },
     )
-    aside = [1.6, *drawer.place.start_q[1:]]
+    aside = [1.6, *drawer.placement.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     env.reset(seed=0, options={"q": aside, "opened": 0.9, "episode_params": still})
     ends: list[tuple[bool, bool]] = []
@@ -129,7 +129,7 @@ def test_what_starts_cut_off_is_truncated_and_not_terminated(drawer):
 
 
 def test_options_replace_what_was_drawn(drawer, env):
-    q = (np.asarray(drawer.place.start_q) + 0.05).tolist()
+    q = (np.asarray(drawer.placement.start_q) + 0.05).tolist()
     asked = {"episode_params": {"scale": 0.9, "mass": 1.2}, "q": q, "opened": 0.5, "width": 0.02}
     _, info = env.reset(seed=3, options={**asked, "closing": 1})
     state = env.episodes.state
@@ -150,7 +150,7 @@ def test_options_replace_what_was_drawn(drawer, env):
 
 def test_drawn_offsets_of_the_start_move_the_arm(drawer, env):
     env.reset(seed=3, options={"episode_params": {f"start_{i + 1}": 0.0 for i in range(7)}})
-    np.testing.assert_allclose(env.episodes.state.q[0], drawer.place.start_q)
+    np.testing.assert_allclose(env.episodes.state.q[0], drawer.placement.start_q)
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_held_handle_stays_in_the_hand(drawer):
 def test_home_is_the_start_pose_with_the_drawn_offsets_hand_open_part_closed(drawer):
     drawn = sample_episode_params(DRAWS, np.random.default_rng(0), 50)
     start = home_start(drawer, drawn)
-    assert_allclose(start.q - drawer.place.start_q, drawn["start"], atol=1e-12)
+    assert_allclose(start.q - drawer.placement.start_q, drawn["start"], atol=1e-12)
     assert np.all(start.opened == 0)
     assert np.all(start.closing == -1)
     assert np.all(start.width == drawer.arm.gripper.max_width_m)

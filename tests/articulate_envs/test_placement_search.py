@@ -26,35 +26,37 @@ def in_world(scene, opened):
     return handle_in_world(
         scene.asset,
         scene.task.joint,
-        T_wo=scene.place.T_wo(),
+        T_wo=scene.placement.T_wo(),
         scale=np.ones(len(opened)),
         opened=opened,
-        flip=scene.place.flip,
+        flip=scene.placement.flip,
     )
 
 
 @pytest.mark.parametrize("name", ["drawer", "door"])
 def test_way_of_a_placed_handle_is_reached_with_the_margins_that_are_stated(name, request):
     scene = request.getfixturevalue(name)
-    place = scene.place
+    placement = scene.placement
     way = in_world(scene, np.linspace(0, scene.task.target, 5))
-    found = solve_ik(PANDA, way, np.asarray(place.start_q))
+    found = solve_ik(PANDA, way, np.asarray(placement.start_q))
     assert found.reached.all()
     low, high = PANDA.bounds()
     margin = np.minimum(found.q - low, high - found.q).min()
-    assert margin == pytest.approx(place.joint_margin_rad, abs=0.02)
-    assert manipulability(PANDA, found.q).min() == pytest.approx(place.manipulability, abs=0.005)
-    assert place.joint_margin_rad >= MIN_JOINT_MARGIN_RAD
-    assert place.manipulability >= MIN_MANIPULABILITY
-    assert 0.0 <= place.reachable_share <= 1.0
+    assert margin == pytest.approx(placement.joint_margin_rad, abs=0.02)
+    assert manipulability(PANDA, found.q).min() == pytest.approx(
+        placement.manipulability, abs=0.005
+    )
+    assert placement.joint_margin_rad >= MIN_JOINT_MARGIN_RAD
+    assert placement.manipulability >= MIN_MANIPULABILITY
+    assert 0.0 <= placement.reachable_share <= 1.0
 
 
 @pytest.mark.parametrize("name", ["drawer", "door"])
 def test_closed_handle_faces_the_hand_at_the_start(name, request):
     scene = request.getfixturevalue(name)
     T_wh = in_world(scene, [0.0])[0]
-    T_wt = tool_pose(PANDA, scene.place.start_q)
-    tilt = scene.place.tilt_rad  # a door may be held askew, so that the hand can follow it
+    T_wt = tool_pose(PANDA, scene.placement.start_q)
+    tilt = scene.placement.tilt_rad  # a door may be held askew, so that the hand can follow it
     assert_allclose([T_wh[0, 2], T_wh[2, 2]], [np.cos(tilt), 0.0], atol=1e-9)
     assert T_wh[:3, 0] @ T_wt[:3, 0] > 0.99
     assert T_wh[0, 3] > T_wt[0, 3]
@@ -64,7 +66,7 @@ def test_same_object_is_placed_alike(drawer):
     again = find_placement(
         drawer.asset, drawer.task, PANDA, dataclasses.replace(RandomizationConfig(), scales=3)
     )
-    assert again == drawer.place
+    assert again == drawer.placement
 
 
 @pytest.mark.usefixtures("short_search")
@@ -115,11 +117,11 @@ def test_object_that_stands_turned_is_turned_back(tmp_path, drawer):
     )
     joints = tuple(dataclasses.replace(j, axis_o=(0.0, 1.0, 0.0)) for j in asset.joints)
     turned = dataclasses.replace(asset, handles=handles, joints=joints)
-    place = find_placement(
+    placement = find_placement(
         turned, make_task("open_drawer", turned, "drawer_2_slide"), PANDA, RandomizationConfig()
     )
-    assert abs(place.yaw_rad) == pytest.approx(np.pi / 2)
-    way = place.T_wo() @ handle_poses(turned, "drawer_2_slide", np.array([0.0, 1.0]))
+    assert abs(placement.yaw_rad) == pytest.approx(np.pi / 2)
+    way = placement.T_wo() @ handle_poses(turned, "drawer_2_slide", np.array([0.0, 1.0]))
     assert_allclose(way[0, :3, 2], [1, 0, 0], atol=1e-9)
     assert_allclose(way[1, :3, 3] - way[0, :3, 3], [-0.28, 0, 0], atol=1e-9)
 
@@ -151,7 +153,7 @@ def test_closed_handle_stays_where_it_is_but_for_the_shift_whatever_size_and_tur
     T_wo = object_pose(
         drawer.asset,
         drawer.task.joint,
-        drawer.place,
+        drawer.placement,
         scale=np.array([scale]),
         shift=np.array([[x, y]]),
         yaw=np.array([yaw]),
@@ -162,11 +164,11 @@ def test_closed_handle_stays_where_it_is_but_for_the_shift_whatever_size_and_tur
         T_wo=T_wo,
         scale=np.array([scale]),
         opened=np.zeros(1),
-        flip=drawer.place.flip,
+        flip=drawer.placement.flip,
     )[0]
     nominal = in_world(drawer, [0.0])[0]
     assert_allclose(moved[:2, 3] - nominal[:2, 3], [x, y], atol=1e-12)
-    assert T_wo[0, 2, 3] == drawer.place.pos_w[2]
+    assert T_wo[0, 2, 3] == drawer.placement.pos_w[2]
     assert np.arctan2(moved[1, 2], moved[0, 2]) == pytest.approx(yaw, abs=1e-9)
 
 
@@ -179,5 +181,5 @@ def test_flipped_way_is_the_same_handle_turned_about_its_approach(drawer):
 
 
 def test_place_is_written_as_plain_numbers(drawer):
-    content = drawer.place.as_dict()
-    assert type(drawer.place)(**content) == drawer.place
+    content = drawer.placement.as_dict()
+    assert type(drawer.placement)(**content) == drawer.placement

@@ -117,7 +117,7 @@ def test_horizon_and_ignore_done_are_what_they_are_in_robosuite(drawer):
 
 def test_success_is_paid_once_though_the_episode_goes_on(drawer):
     endless = ArticulatedObject("Panda", scene=drawer, ignore_done=True)
-    aside = [1.6, *drawer.place.start_q[1:]]
+    aside = [1.6, *drawer.placement.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     endless.set_ep_meta({"q": aside, "opened": 0.9, "episode_params": still})
     endless.reset()
@@ -127,7 +127,7 @@ def test_success_is_paid_once_though_the_episode_goes_on(drawer):
 
 
 def test_success_is_what_the_judgement_says(drawer, env):
-    aside = [1.6, *drawer.place.start_q[1:]]
+    aside = [1.6, *drawer.placement.start_q[1:]]
     still = {"push_x_n": 0, "push_y_n": 0, "push_z_n": 0}
     env.set_ep_meta({"q": aside, "opened": 0.9, "episode_params": still})
     env.reset()
@@ -183,7 +183,7 @@ def test_an_episodes_meta_data_begin_it_anew(env):
 )
 def test_noise_of_the_start_is_robosuites_to_set(drawer, noise, spread):
     env = ArticulatedObject("Panda", scene=drawer, initialization_noise=noise)
-    away = env.engine.state().q[0] - np.asarray(drawer.place.start_q)
+    away = env.engine.state().q[0] - np.asarray(drawer.placement.start_q)
     assert np.abs(away).max() <= spread
     assert np.abs(away).max() > 0.2 * spread or spread == 0.0
 

@@ -101,9 +101,9 @@ def test_force_on_the_hand_from_a_part_that_leans_on_it_is_what_pushes_the_part(
     model.dof_frictionloss[list(drawer.at.object_v)] = 0.0
     model.dof_damping[:7] = 1e5
     data = mujoco.MjData(model)
-    T_wh = drawer.place.T_wo() @ drawer.asset.T_oh(drawer.task.joint, 0.10)
+    T_wh = drawer.placement.T_wo() @ drawer.asset.T_oh(drawer.task.joint, 0.10)
     before = pose(np.array([-0.025, 0.0, 0.0])) @ T_wh
-    found = solve_ik(PANDA, before[None], np.asarray(drawer.place.start_q))
+    found = solve_ik(PANDA, before[None], np.asarray(drawer.placement.start_q))
     data.qpos[:7] = data.ctrl[:7] = found.q[0]
     data.qpos[drawer.at.part_q] = 0.06
     data.qfrc_applied[drawer.at.part_v] = 10.0
@@ -193,6 +193,6 @@ def test_nominal_model_is_the_one_of_size_one(drawer):
 def test_closed_object_touches_nothing(drawer, door):
     for scene in (drawer, door):
         data = mujoco.MjData(scene.nominal)
-        data.qpos[:7] = scene.place.start_q
+        data.qpos[:7] = scene.placement.start_q
         mujoco.mj_forward(scene.nominal, data)
         assert data.ncon == 0

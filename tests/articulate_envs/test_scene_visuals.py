@@ -13,7 +13,7 @@ def _spec(scene, scale=1.0):
         scene.asset,
         arm=scene.arm,
         physics=scene.physics,
-        place=scene.place,
+        placement=scene.placement,
         scale=scale,
         visuals=True,
     )
@@ -28,7 +28,7 @@ def test_object_and_robot_stand_on_what_is_below_them(drawer, scale):
     T_wo = object_pose(
         drawer.asset,
         drawer.task.joint,
-        drawer.place,
+        drawer.placement,
         scale=np.array([scale]),
         shift=np.zeros((1, 2)),
         yaw=np.array([0.1]),
@@ -48,7 +48,7 @@ def test_object_and_robot_stand_on_what_is_below_them(drawer, scale):
 
 def test_an_object_without_visual_geoms_shows_its_others_in_a_colour_for_each_link(drawer):
     spec = _spec(drawer)
-    add_scene_visuals(spec, drawer.asset, scale=1.0, T_wo=drawer.place.T_wo(), size=(64, 48))
+    add_scene_visuals(spec, drawer.asset, scale=1.0, T_wo=drawer.placement.T_wo(), size=(64, 48))
     model = spec.compile()
     colours: dict[str, set[tuple[float, ...]]] = {}
     for i in range(model.ngeom):
@@ -63,7 +63,7 @@ def test_an_object_without_visual_geoms_shows_its_others_in_a_colour_for_each_li
 
 def test_the_model_moves_as_the_one_that_is_simulated(drawer):
     spec = _spec(drawer)
-    add_scene_visuals(spec, drawer.asset, scale=1.0, T_wo=drawer.place.T_wo(), size=(64, 48))
+    add_scene_visuals(spec, drawer.asset, scale=1.0, T_wo=drawer.placement.T_wo(), size=(64, 48))
     model = spec.compile()
     assert model.nq == drawer.nominal.nq
     for i in range(model.njnt):

@@ -413,7 +413,7 @@ def test_handle_of_the_state_is_the_handle_of_the_model_at_every_size(name, requ
     engine = ThreadEngine(scene, n)
     engine.reset(np.arange(n), start)
     T_lh = handle_frame(scene.asset.handle_of(scene.task.joint))
-    flip = np.diag([-1.0, -1.0, 1.0]) if scene.place.flip else np.eye(3)
+    flip = np.diag([-1.0, -1.0, 1.0]) if scene.placement.flip else np.eye(3)
     for i in range(n):
         model, data = engine.physics_state(i)
         mujoco.mj_forward(model, data)
@@ -431,7 +431,7 @@ def test_actions_act_after_the_drawn_delay(drawer):
     engine.reset(np.arange(3), home_start(drawer, drawn))
     seen = np.array([engine.step(0.5 * np.ones((3, 8))).target for _ in range(5)])
     assert np.abs(np.diff(seen[:, 0], axis=0)).max(axis=1).min() > 0.1 * drawer.control.step_rad
-    home = np.asarray(drawer.place.start_q)
+    home = np.asarray(drawer.placement.start_q)
     late = np.array([[home, *seen[:-1, 0]], [home, home, *seen[:-2, 0]]])
     assert_allclose(seen[:, 1:].swapaxes(0, 1), late, atol=1e-12)
 

@@ -12,7 +12,7 @@ SMALL = (160, 120)
 
 def _positions(scene, opened=0.0):
     q = np.zeros(scene.nominal.nq)
-    q[scene.at.arm_q : scene.at.arm_q + 7] = scene.place.start_q
+    q[scene.at.arm_q : scene.at.arm_q + 7] = scene.placement.start_q
     q[scene.at.finger_q : scene.at.finger_q + 2] = (0.04, -0.04)
     joint = scene.asset.joint(scene.task.joint)
     q[scene.at.part_q] = joint.closed + opened * joint.span
@@ -32,7 +32,7 @@ def test_frames_show_the_same_for_the_same_positions_and_another_for_others(draw
 
 @pytest.mark.render
 def test_size_and_pose_of_the_episodes_object_are_shown(drawer):
-    q, T_wo = _positions(drawer), drawer.place.T_wo()
+    q, T_wo = _positions(drawer), drawer.placement.T_wo()
     with SceneRenderer(drawer, size=SMALL) as film:
         view = film.choose_view(q[None])
         nominal = film.frame(q)

@@ -32,7 +32,7 @@ def answering(monkeypatch, *, init, launch=None):
 def test_display_that_does_not_answer_is_told_in_one_line(drawer, monkeypatch, error_line):
     """MuJoCo's own call would wait for ever."""
     answering(monkeypatch, init=False)
-    T_wo = drawer.place.T_wo()
+    T_wo = drawer.placement.T_wo()
     error_line("SceneViewer(DISPLAY=:99)", lambda: SceneViewer(drawer, scale=1.0, T_wo=T_wo))
 
     def refuse(*_, **__):
@@ -65,7 +65,7 @@ def test_window_shows_positions_at_their_pace(drawer, monkeypatch):
     slept: list[float] = []
     monkeypatch.setattr(time, "sleep", slept.append)
     monkeypatch.setattr(time, "monotonic", lambda: 5.0)
-    opened = SceneViewer(drawer, scale=1.1, T_wo=drawer.place.T_wo())
+    opened = SceneViewer(drawer, scale=1.1, T_wo=drawer.placement.T_wo())
     q = drawer.nominal.qpos0 + 0.01
     for _ in range(2):
         opened.show(q, 0.05)

@@ -29,8 +29,8 @@ def config(fresh, monkeypatch):
 
 def test_a_dry_run_reports_scene_reach_time_and_disk(config, tmp_path):
     found = dry.dry_run(config, tmp_path / "cache", tmp_path / "a.png")
-    task, place = choose_joint(config, runs.prepare_asset(config, tmp_path))
-    assert (found.joint, found.reachable_share) == (task.joint, place.reachable_share)
+    task, placement = choose_joint(config, runs.prepare_asset(config, tmp_path))
+    assert (found.joint, found.reachable_share) == (task.joint, placement.reachable_share)
     assert found.overlap_m <= 0.003
     # Two rounds of seeds at the measured rate; selection and evaluation are counted too.
     training = 2 * 6400 / found.steps_per_s / 60.0

@@ -35,9 +35,9 @@ def without_handles(asset, *links):
 
 
 def test_a_named_joint_is_selected(cabinet):
-    task, place = choose_joint(config_of(cabinet, joint="drawer_1_slide"), cabinet)
+    task, placement = choose_joint(config_of(cabinet, joint="drawer_1_slide"), cabinet)
     assert task.joint == "drawer_1_slide"
-    assert place.reachable_share > 0.99
+    assert placement.reachable_share > 0.99
 
 
 def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_used(cabinet):

@@ -118,7 +118,7 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
             arm=PANDA,
             control=config.control,
             physics=config.physics,
-            place=placement,
+            placement=placement,
             scales=config.randomization.scale_values,
         )
         overlap_m = check_grasp(scene)
@@ -217,6 +217,6 @@ def start_qpos(scene: Scene) -> Array:
         begin = scene.task.begin[1] if joint.name == scene.task.joint else 0.0
         qpos[model.joint(PREFIX + joint.name).qposadr[0]] = joint.closed + begin * joint.span
     half = scene.arm.gripper.max_width_m / 2.0
-    qpos[at.arm_q : at.arm_q + 7] = scene.place.start_q
+    qpos[at.arm_q : at.arm_q + 7] = scene.placement.start_q
     qpos[at.finger_q : at.finger_q + 2] = (half, -half)
     return qpos

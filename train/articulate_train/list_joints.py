@@ -109,7 +109,7 @@ def _feasibility(asset: Asset, config: TrainConfig) -> tuple[Feasibility | None,
             arm=PANDA,
             control=config.control,
             physics=config.physics,
-            place=placement,
+            placement=placement,
             scales=config.randomization.scale_values,
         )
         return feasibility_of(scene, config), ""

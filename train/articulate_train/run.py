@@ -99,7 +99,7 @@ class Run:
             arm=self.arm,
             control=self.config.control,
             physics=self.config.physics,
-            place=self.placement,
+            placement=self.placement,
             scales=self.config.randomization.scale_values if scales is None else scales,
         )
 
