@@ -166,7 +166,7 @@ def known_keys(cls: type[Any], prefix: str = "") -> Iterator[str]:
     """Yield the dotted names of all fields of ``cls``, those of nested dataclasses included."""
     for name, hint in _hints(cls).items():
         yield prefix + name
-        for option in _options(hint):
+        for option in options_of(hint):
             if dataclasses.is_dataclass(option) and isinstance(option, type):
                 yield from known_keys(option, f"{prefix}{name}.")
 
@@ -312,7 +312,8 @@ def _hints(cls: type[Any]) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(cls) if field.init}
 
 
-def _options(hint: Any) -> tuple[Any, ...]:
+def options_of(hint: Any) -> tuple[Any, ...]:
+    """Return the types of a union, or the type itself."""
     return typing.get_args(hint) if typing.get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 

@@ -19,9 +19,9 @@ import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal
 
-from articulate.config import number_of
+from articulate.config import number_of, options_of
 from articulate.errors import ConfigError, nearest, quote
 
 MISSING = dataclasses.MISSING
@@ -189,7 +189,7 @@ def flags_of(cls: type[Any], default: Any = None, path: tuple[str, ...] = ()) ->
             hint=_without_none(hint),
             default=value,
             positional=any(repr(mark) == "Positional" for mark in marks),
-            optional=types.NoneType in _all_options(hint),
+            optional=types.NoneType in options_of(hint),
             advanced=any(repr(mark) == "Advanced" for mark in marks),
         )
 
@@ -263,12 +263,8 @@ def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
     return hint, ()
 
 
-def _all_options(hint: Any) -> tuple[Any, ...]:
-    return typing.get_args(hint) if typing.get_origin(hint) in (Union, types.UnionType) else (hint,)
-
-
 def _options(hint: Any) -> tuple[Any, ...]:
-    return tuple(option for option in _all_options(hint) if option is not types.NoneType)
+    return tuple(option for option in options_of(hint) if option is not types.NoneType)
 
 
 def _without_none(hint: Any) -> Any:

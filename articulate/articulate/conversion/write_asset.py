@@ -268,7 +268,8 @@ def urdf(name: str, bodies: Sequence[Body], mimics: Sequence[Mimic] = ()) -> str
     return "\n".join(lines) + "\n"
 
 
-def _origin(T: Array) -> str:
+def origin_element(T: Array) -> str:
+    """Return a pose (4, 4) [m] as the element ``<origin>`` of URDF."""
     return f'<origin xyz="{numbers(T[:3, 3])}" rpy="{numbers(matrix_to_rpy(T[:3, :3]))}"/>'
 
 
@@ -282,7 +283,7 @@ def _urdf_shape(shape: Shape, b: int, k: int) -> list[str]:
         inner = f'<cylinder radius="{radius}" length="{length}"/>'
     else:
         inner = f'<sphere radius="{numbers(shape.half[0])}"/>'
-    return [f"      {_origin(shape.T_ps)}", f"      <geometry>{inner}</geometry>"]
+    return [f"      {origin_element(shape.T_ps)}", f"      <geometry>{inner}</geometry>"]
 
 
 def _urdf_frame(body: str, frame: str, joint: str, T_bf: Array) -> list[str]:
@@ -293,7 +294,7 @@ def _urdf_frame(body: str, frame: str, joint: str, T_bf: Array) -> list[str]:
         "</inertial>",
         "  </link>",
         f'  <joint name={quoteattr(joint)} type="fixed">',
-        f"    {_origin(T_bf)}",
+        f"    {origin_element(T_bf)}",
         f"    <parent link={quoteattr(body)}/>",
         f"    <child link={quoteattr(frame)}/>",
         "  </joint>",
@@ -312,7 +313,7 @@ def _urdf_joint(body: Body, joint: Joint, axis_l: Array, mimics: Sequence[Mimic]
         )
     lines = [
         f'  <joint name={quoteattr(joint.name)} type="{kind}">',
-        f"    {_origin(body.T_pc)}",
+        f"    {origin_element(body.T_pc)}",
         f"    <parent link={quoteattr(body.parent or '')}/>",
         f"    <child link={quoteattr(body.name)}/>",
         f'    <axis xyz="{numbers(axis_l)}"/>',

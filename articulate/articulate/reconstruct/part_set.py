@@ -22,7 +22,7 @@ from articulate.conversion.metric_size import category_of, is_normalised
 from articulate.conversion.provenance import ORIGIN_FILE
 from articulate.errors import AssetError, UsageError, shorten
 from articulate.formats.config import ConvertConfig
-from articulate.formats.load_meshes import GREY, Piece
+from articulate.formats.load_meshes import Piece
 from articulate.formats.orient_collada import make_loader
 from articulate.formats.part_names import plain_label, semantic_names
 from articulate.formats.read_urdf import read_urdf
@@ -40,6 +40,7 @@ from articulate.reconstruct.program.program_parts import (
     check_name,
     mesh_files,
     parts_of,
+    rgba_of,
 )
 from articulate.reconstruct.vertex_colours import groups_of
 from articulate.render.parts import PartMesh, joint_bounds
@@ -126,7 +127,7 @@ def read_part_set(path: Path, *, up: Up = "auto", front: Front = "x") -> PartSet
             return _from_urdf(inside[0], T, names)
         pieces = {
             name: tuple(
-                Piece(name=name, mesh=mesh, rgba=_four(rgba), link=name)
+                Piece(name=name, mesh=mesh, rgba=rgba_of(rgba), link=name)
                 for _, mesh, rgba in groups_of(file)
             )
             for name, file in _files(path).items()
@@ -235,7 +236,7 @@ def _named(groups: Sequence[tuple[str, trimesh.Trimesh, tuple[float, ...] | None
     """Group pieces by the names of a file's meshes."""
     found: dict[str, list[Piece]] = {}
     for name, mesh, rgba in groups:
-        piece = Piece(name=name, mesh=mesh, rgba=_four(rgba), link=name)
+        piece = Piece(name=name, mesh=mesh, rgba=rgba_of(rgba), link=name)
         found.setdefault(name, []).append(piece)
     return {name: tuple(pieces) for name, pieces in found.items()}
 
@@ -307,9 +308,3 @@ def _check_together(name: str, meshes: Sequence[PartMesh]) -> None:
 def _kind(category: str) -> str:
     """Split the name of a category: ``WashingMachine`` becomes ``washing machine``."""
     return "" if category == "unknown" else re.sub(r"(?<=[a-z])(?=[A-Z])", " ", category).lower()
-
-
-def _four(rgba: tuple[float, ...] | None) -> tuple[float, float, float, float]:
-    if rgba is None:
-        return GREY
-    return (rgba[0], rgba[1], rgba[2], rgba[3] if len(rgba) > 3 else 1.0)

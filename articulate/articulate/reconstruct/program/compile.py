@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from articulate.conversion.write_asset import numbers
+from articulate.conversion.write_asset import numbers, origin_element
 from articulate.errors import AssetError, UsageError
 from articulate.files import write_text
 from articulate.geometry.inertia import Inertial
@@ -20,7 +20,7 @@ from articulate.reconstruct.program.mass import inertial_of, scaled
 from articulate.reconstruct.program.materials import EFFORT, MATERIALS, VELOCITY
 from articulate.reconstruct.program.program_parts import Parts
 from articulate.reconstruct.program.result import ObjectJoint, ProgramObject
-from articulate.transforms import Array, inverse, matrix_to_rpy, pose, quat_to_matrix
+from articulate.transforms import Array, inverse, pose, quat_to_matrix
 
 MoveKind = Literal["slide", "hinge", "fixed"]
 
@@ -124,7 +124,7 @@ def _link(link: LinkPlan, k: int, parts: Parts, inertial: Inertial | None, out: 
     lines = [f"  <link name={quoteattr(link.name)}>"]
     if inertial is not None:
         lines += _inertial(inertial)
-    origin = _origin(link.T_lp)
+    origin = origin_element(link.T_lp)
     pieces = parts[link.name].pieces if link.name in parts else ()
     for i, element in enumerate(elements_of(pieces)):
         stem = f"p{k:03d}_{i:03d}"
@@ -155,14 +155,10 @@ def _inertial(found: Inertial) -> list[str]:
     ]
 
 
-def _origin(T: Array) -> str:
-    return f'<origin xyz="{numbers(T[:3, 3])}" rpy="{numbers(matrix_to_rpy(T[:3, :3]))}"/>'
-
-
 def _joint(link: LinkPlan, joint: ObjectJoint, parent: LinkPlan, mass_kg: float) -> list[str]:
     lines = [
         f'  <joint name={quoteattr(joint.name)} type="{joint.kind}">',
-        f"    {_origin(inverse(parent.T_wl) @ link.T_wl)}",
+        f"    {origin_element(inverse(parent.T_wl) @ link.T_wl)}",
         f"    <parent link={quoteattr(parent.name)}/>",
         f"    <child link={quoteattr(link.name)}/>",
     ]

@@ -137,12 +137,13 @@ def _read(name: str, path: Path) -> tuple[Piece, ...]:
     if not path.is_file():
         raise AssetError(f"part {name}: {path} does not exist; give a mesh file")
     return tuple(
-        Piece(name=f"{name} {group}", mesh=mesh, rgba=_four(colour), link=name)
+        Piece(name=f"{name} {group}", mesh=mesh, rgba=rgba_of(colour), link=name)
         for group, mesh, colour in read_mesh(path, Repairs())
     )
 
 
-def _four(colour: tuple[float, ...] | None) -> tuple[float, float, float, float]:
+def rgba_of(colour: tuple[float, ...] | None) -> tuple[float, float, float, float]:
+    """Return a colour with its opacity, 1 by default; grey without a colour. All in [0, 1]."""
     if colour is None:
         return GREY
     return (colour[0], colour[1], colour[2], colour[3] if len(colour) > 3 else 1.0)
