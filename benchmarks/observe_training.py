@@ -17,17 +17,13 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from articulate.benchmark.dataset import Dataset, LibraryDataset, open_dataset
-from articulate.benchmark.rendered_video import (
-    MOVING,
-    Conditions,
-    RenderedVideo,
-    render_operated,
-)
+from articulate.benchmark.operated_joint import Conditions
+from articulate.benchmark.rendered_video import MOVING, RenderedVideo, render_operated
 from articulate.benchmark.split import half
 from articulate.errors import AssetError, UsageError
 from articulate.library.procedural.categories import CATEGORIES
@@ -40,7 +36,7 @@ from articulate.video.observe import observe_joint
 from articulate.video.read_video import VideoReadOptions, read_video
 from articulate.video.surface_tracks import follow_surface
 
-KINDS = ("revolute", "prismatic")
+KINDS: tuple[Literal["revolute", "prismatic"], ...] = ("revolute", "prismatic")
 FEATURES = ".features.json"
 TRIES = 6
 """Objects that are tried for a video."""
@@ -79,7 +75,7 @@ def render(args: argparse.Namespace) -> None:
             path.write_text("null", encoding="utf-8")
             continue
         frames = made.video.frames
-        quality = "small" if seed % 2 else "faithful"
+        quality: Literal["small", "faithful"] = "small" if seed % 2 else "faithful"
         size = (frames.shape[2], frames.shape[1])
         write_video(path.with_suffix(".mp4"), frames, size, made.video.fps, quality)
         np.savez_compressed(path.with_suffix(".npz"), labels=made.labels)
