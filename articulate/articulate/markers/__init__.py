@@ -1,0 +1,1 @@
+"""Fiducial markers: layout on an object, detection, calibration and pose estimation."""
