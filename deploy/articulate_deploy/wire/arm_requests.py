@@ -11,6 +11,7 @@ from articulate_deploy.wire.endpoints import Endpoint
 from articulate_deploy.wire.messages import PAYLOADS, SETTER_STATUS, Request
 from articulate_deploy.wire.model import model_library, robot_urdf
 from articulate_deploy.wire.motion import Thresholds
+from articulate_deploy.wire.physics import MIN_STIFFNESS
 
 if TYPE_CHECKING:
     from articulate_deploy.wire.server import Server
@@ -125,7 +126,7 @@ class ArmRequests:
         elif name == "SetJointImpedance":
             if not ((numbers >= 0.0) & (numbers <= MAX_STIFFNESS)).all():
                 return "invalid"
-            server.arm.stiffness = np.maximum(numbers, 1.0)
+            server.arm.set_stiffness(np.maximum(numbers, MIN_STIFFNESS))
         elif name == "SetLoad":
             server.writer.set_load(float(numbers[0]), numbers[1:4], numbers[4:])
         elif name in ("SetEEToK", "SetNEToEE"):

@@ -37,6 +37,7 @@ class ControlHandler:
             "press_user_stop": server.arm.press_user_stop,
             "release_user_stop": server.arm.release_user_stop,
             "trigger": self._trigger,
+            "recover": server.arm.recover,
             "status": self._status,
             "periods": self._periods,
         }

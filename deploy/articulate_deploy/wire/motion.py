@@ -32,7 +32,7 @@ from articulate_deploy.wire.messages import (
     IDLE_GENERATOR,
     ROBOT_MODE,
 )
-from articulate_deploy.wire.physics import STIFFNESS, Drive, Measured
+from articulate_deploy.wire.physics import STIFFNESS, Drive, Measured, critical_damping
 
 START_CYCLES = 100
 """Cycles within which the first command of a motion must arrive; the client sends none for the
@@ -109,7 +109,7 @@ class ArmController:
         """Indices of the errors that ended the last motion."""
         self.motion: Motion | None = None
         self.thresholds = Thresholds()
-        self.stiffness = STIFFNESS
+        self.set_stiffness(STIFFNESS)
         self.violations: Counter[str] = Counter()
         """Number of violations by the name of the error, with those that are only counted."""
         self.lost = 0
@@ -149,6 +149,10 @@ class ArmController:
         if self.motion is None or not self._received:
             return 0.0
         return sum(self._received) / len(self._received)
+
+    def set_stiffness(self, stiffness: Array) -> None:
+        """Set the stiffness of the internal joint impedance (7,) [Nm/rad]."""
+        self.stiffness, self._damping = stiffness, critical_damping(stiffness)
 
     def hold(self, q: Array) -> None:
         """Set the set point at rest at ``q`` (7,) [rad]."""
@@ -227,7 +231,7 @@ class ArmController:
             self._hold_measured = False
             self.hold(measured.q)
         torque = self.torque if self.is_torque_controlled else None
-        return Drive(self.q_d, self.dq_d, self.stiffness, torque)
+        return Drive(self.q_d, self.dq_d, self.stiffness, self._damping, torque)
 
     def _follow(self, motion: Motion, command: Any | None, measured: Measured) -> None:
         """Update set points and torque from a command, or without one."""

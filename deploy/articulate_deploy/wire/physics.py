@@ -46,13 +46,15 @@ class Drive:
     """Speed of the set point (7,) [rad/s]."""
     stiffness: Array
     """Stiffness of the internal joint impedance (7,) [Nm/rad]."""
+    damping: Array
+    """Damping of the internal joint impedance (7,) [Nm s/rad]."""
     torque: Array | None = None
     """Torque without gravity (7,) [Nm]; None uses the joint impedance."""
 
-    @property
-    def damping(self) -> Array:
-        """Damping of the internal joint impedance (7,) [Nm s/rad]."""
-        return np.asarray(2.0 * np.sqrt(np.maximum(self.stiffness, MIN_STIFFNESS) * INERTIA))
+
+def critical_damping(stiffness: Array) -> Array:
+    """Return the damping (7,) [Nm s/rad] of the internal joint impedance (7,) [Nm/rad]."""
+    return np.asarray(2.0 * np.sqrt(np.maximum(stiffness, MIN_STIFFNESS) * INERTIA))
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,9 @@ class Physics(Protocol):
 
     def measure(self) -> Measured:
         """Return the measurements without advancing."""
+
+    def flange_pose(self, q: Array) -> Array:
+        """Return the pose of the flange (4, 4) at ``q`` (7,) [rad]."""
 
     def set_external_torque(self, torque: Array) -> None:
         """Set a torque of the surroundings on the arm (7,) [Nm], in addition to contacts."""
@@ -229,6 +234,10 @@ class BareArm(Physics):
             T_wt=T_wt,
             width_m=self._width,
         )
+
+    def flange_pose(self, q: Array) -> Array:
+        """Return the pose of the flange (4, 4) at ``q`` (7,) [rad]."""
+        return self._poses.tool(q) @ T_TOOL_FLANGE
 
     def set_external_torque(self, torque: Array) -> None:
         """Set a torque of the surroundings on the arm (7,) [Nm]."""

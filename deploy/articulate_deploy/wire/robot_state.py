@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from articulate.robot.kinematics import GRIPPER_YAW_RAD
@@ -9,7 +11,7 @@ from articulate.transforms import Array
 from articulate_deploy.wire.limits import STEP_S
 from articulate_deploy.wire.messages import ERRORS, Protocol
 from articulate_deploy.wire.motion import ArmController
-from articulate_deploy.wire.physics import T_TOOL_FLANGE, ArmPoses, Measured, rotation_z
+from articulate_deploy.wire.physics import Measured, rotation_z
 
 T_FLANGE_NOMINAL = rotation_z(GRIPPER_YAW_RAD, 0.1034)
 """Nominal end effector ``F_T_NE`` of the gripper (4, 4); franka_description."""
@@ -24,10 +26,15 @@ GRIPPER_INERTIA = (0.001, 0.0025, 0.0017)
 class StateWriter:
     """Writer of state messages of one protocol version."""
 
-    def __init__(self, protocol: Protocol) -> None:
-        """Set the end effector and the load to those of the gripper."""
+    def __init__(self, protocol: Protocol, flange_pose: Callable[[Array], Array]) -> None:
+        """Set the end effector and the load to those of the gripper.
+
+        Args:
+            protocol: Version of the protocol.
+            flange_pose: Forward kinematics from joint angles to the pose of the flange.
+        """
         self._record = np.zeros((), protocol.state_type)
-        self._poses = ArmPoses()
+        self._flange_pose = flange_pose
         self._q_d: Array | None = None
         self._last_torque = np.zeros(7)
         self.message_id = 0
@@ -67,7 +74,7 @@ class StateWriter:
         record["O_T_EE"] = (measured.T_wf @ self._T_F_EE).T.ravel()
         if self._q_d is None or not np.array_equal(self._q_d, arm.q_d):
             self._q_d = arm.q_d
-            T_wf = self._poses.tool(arm.q_d) @ T_TOOL_FLANGE
+            T_wf = self._flange_pose(arm.q_d)
             record["O_T_EE_d"] = record["O_T_EE_c"] = (T_wf @ self._T_F_EE).T.ravel()
             record["elbow_d"] = record["elbow_c"] = elbow(arm.q_d)
         record["elbow"] = elbow(measured.q)

@@ -76,6 +76,7 @@ class ScenePhysics(MujocoRobot, Physics):
     def _begin(self, q: Array, gripper_width_m: float, part: float) -> None:
         super()._begin(q, gripper_width_m, part)
         self._model.opt.timestep = STEP_S
+        self._posed = mujoco.MjData(self._model)
 
     def step(self, drive: Drive, fingers: FingerDrive, *, in_motion: bool) -> Measured:
         """Advance by one cycle."""
@@ -103,9 +104,7 @@ class ScenePhysics(MujocoRobot, Physics):
         """Return the measurements without advancing."""
         data, at = self._data, self._at
         q, dq, width = self._read()
-        T_wt = np.eye(4)
-        T_wt[:3, :3] = data.site_xmat[at.tool].reshape(3, 3)
-        T_wt[:3, 3] = data.site_xpos[at.tool]
+        T_wt = _site_pose(data, at.tool)
         torque = data.qfrc_actuator[at.arm_v].copy()
         wrench = np.zeros(6)
         if np.abs(self._estimate).max() > 1e-6:
@@ -121,6 +120,13 @@ class ScenePhysics(MujocoRobot, Physics):
             T_wt=T_wt,
             width_m=width,
         )
+
+    def flange_pose(self, q: Array) -> Array:
+        """Return the pose of the flange (4, 4) at ``q`` (7,) [rad]."""
+        data, at = self._posed, self._at
+        data.qpos[at.arm_q] = q
+        mujoco.mj_kinematics(self._model, data)
+        return _site_pose(data, at.tool) @ T_TOOL_FLANGE
 
     def set_external_torque(self, torque: Array) -> None:
         """Set a torque of the surroundings on the arm (7,) [Nm]."""
@@ -159,8 +165,9 @@ class ScenePhysics(MujocoRobot, Physics):
 
     def _add_sample(self) -> None:
         """Keep what the monitor of training needs, one sample for each of its physics steps."""
-        data, at, wrench = self._data, self._at, np.empty(6)
-        touch = contact_wrench(data.sensordata, *at.sensors, data.site_xpos[at.tool], wrench)
+        data, at, wrench, touch = self._data, self._at, np.zeros(6), False
+        if data.ncon:
+            touch = contact_wrench(data.sensordata, *at.sensors, data.site_xpos[at.tool], wrench)
         self._pending.append(
             Sample(
                 dq=data.qvel[at.arm_v].copy(),
@@ -173,3 +180,12 @@ class ScenePhysics(MujocoRobot, Physics):
         if len(self._pending) == round(self._manifest.scene.timestep_s / STEP_S):
             self._store(joined(self._pending))
             self._pending = []
+
+
+def _site_pose(data: mujoco.MjData, site: int) -> Array:
+    """Return the pose (4, 4) of a site."""
+    out = np.empty((4, 4))
+    out[:3, :3] = data.site_xmat[site].reshape(3, 3)
+    out[:3, 3] = data.site_xpos[site]
+    out[3] = (0.0, 0.0, 0.0, 1.0)
+    return out

@@ -72,7 +72,7 @@ class Server:
         self.measured = physics.measure()
         self.arm = ArmController(LIMITS[options.protocol], lockstep=options.lockstep)
         self.arm.hold(self.measured.q)
-        self.writer, self.faults = StateWriter(self.protocol), FaultPlan()
+        self.writer, self.faults = StateWriter(self.protocol, physics.flange_pose), FaultPlan()
         self.mechanism = GripperMechanism(physics.max_width_m)
         self.mechanism.reset_to(self.measured.width_m)
         self.counts: Counter[str] = Counter()

@@ -206,6 +206,10 @@ class SimulatedArm:
         """Stop with an error; see :data:`articulate_deploy.wire.messages.ERRORS`."""
         self._call("trigger", error=error)
 
+    def recover(self) -> str:
+        """Clear the errors of a reflex, as ``AutomaticErrorRecovery``; return its status."""
+        return str(self._call("recover"))
+
     def status(self) -> dict[str, Any]:
         """Return mode, errors, counts, violations, joints, opening and settings."""
         value: dict[str, Any] = self._call("status")
