@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from articulate.errors import ReachError
-from articulate.robot.kinematics import solve_ik
 from articulate.simulator import mujoco
 from articulate.task.object_placement import handle_in_world
 from articulate.transforms import Array
+from articulate_envs.compiled.inverse_kinematics import solve_ik
 from articulate_envs.panda import BASE_BODY, GRIPPER_BODY
 from articulate_envs.placement_search import MIN_SAMPLED_SHARE, opening_range
 from articulate_envs.scene import PREFIX, Scene

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from articulate.robot.kinematics import solve_ik
 from articulate.task.object_placement import handle_in_world
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.transforms import Array, pose
+from articulate_envs.compiled.inverse_kinematics import solve_ik
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Start
 

@@ -10,7 +10,7 @@ from articulate.assets.asset import Asset
 from articulate.errors import ReachError
 from articulate.robot.arm import Arm
 from articulate.robot.config import ControlConfig
-from articulate.robot.kinematics import joint_poses, manipulability, solve_ik, tool_pose
+from articulate.robot.kinematics import joint_poses, manipulability, tool_pose
 from articulate.task.object_placement import (
     ObjectPlacement,
     handle_in_world,
@@ -21,6 +21,7 @@ from articulate.task.object_placement import (
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task
 from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, quat_to_matrix
+from articulate_envs.compiled.inverse_kinematics import solve_ik
 
 STANDOFF_M = 0.13
 """Desired distance from the tool at its start to the handle as an episode begins [m].

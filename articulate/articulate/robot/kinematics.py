@@ -9,6 +9,7 @@ batch, which :func:`tool_pose` and its like put last for them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -37,6 +38,12 @@ GRIPPER_YAW_RAD = -np.pi / 4
 """Rotation of the gripper about the flange axis [rad]; franka_description."""
 FADE_LENGTH = 1e-4
 """Length of the minors of a Jacobian below which the self-motion fades to 0."""
+MAX_TWIST = 0.3
+"""Largest component of the motion in a step of inverse kinematics [m or rad]."""
+IK_DAMPING = 1e-4
+"""Square of the damping of inverse kinematics."""
+WORLD_AXES = np.eye(3)
+"""Axes of the world."""
 
 
 class ArmGeometry(NamedTuple):
@@ -305,6 +312,101 @@ class IkResult:
         return np.asarray((self.pos_error < 2e-3) & (self.rot_error < 0.02))
 
 
+class IkScratch(NamedTuple):
+    """Memory of :func:`write_ik`."""
+
+    frames: Array
+    """Joint frames (7, 12)."""
+    T_wt: Array
+    """Pose of the tool (4, 4)."""
+    jacobian: Array
+    """Jacobian (6, 7) of the tool in world axes."""
+    square: Array
+    """Scratch (6, 6)."""
+    twist: Array
+    """Twist (6,) to the goal."""
+
+
+def new_ik_scratch() -> IkScratch:
+    """Return memory for :func:`write_ik`."""
+    return IkScratch(
+        frames=np.empty((7, 12)),
+        T_wt=np.empty((4, 4)),
+        jacobian=np.empty((6, 7)),
+        square=np.empty((6, 6)),
+        twist=np.empty(6),
+    )
+
+
+@row_function
+def _write_pose_error(goal: Array, now: Array, out: Array) -> None:
+    """Write the twist (6,) that carries ``now`` to ``goal`` (4, 4): [m], then a rotation vector.
+
+    The rotation vector is 0 at half a turn.
+    """
+    trace = 0.0
+    for r in range(3):
+        out[r] = goal[r, 3] - now[r, 3]
+        a, b = (r + 1) % 3, (r + 2) % 3
+        skew = 0.0
+        for j in range(3):
+            skew += goal[b, j] * now[a, j] - goal[a, j] * now[b, j]
+            trace += goal[r, j] * now[r, j]
+        out[3 + r] = skew
+    sine = np.sqrt(out[3] ** 2 + out[4] ** 2 + out[5] ** 2)
+    factor = np.arctan2(sine, trace - 1.0) / sine if sine > 1e-9 else 0.5
+    for r in range(3):
+        out[3 + r] *= factor
+
+
+@row_function
+def write_ik(
+    goals: Array,
+    rest: Array,
+    low: Array,
+    high: Array,
+    geometry: ArmGeometry,
+    iterations: int,
+    rest_gain: float,
+    scratch: IkScratch,
+    q: Array,
+) -> None:
+    """Improve joint angles for tool poses by damped least squares; see :func:`solve_ik`.
+
+    Args:
+        goals: Poses of the tool (N, 4, 4).
+        rest: Rest angles (N, 7) [rad].
+        low: Lower bounds (7,) [rad].
+        high: Upper bounds (7,) [rad].
+        geometry: Dimensions of the arm.
+        iterations: Newton steps.
+        rest_gain: Pull towards the rest pose in the null space, per step.
+        scratch: Memory.
+        q: Angles (N, 7) [rad], overwritten.
+    """
+    frames, T_wt, jacobian, square, twist = scratch
+    for i in range(len(goals)):
+        for _ in range(iterations):
+            write_frames(q[i], geometry, frames, T_wt)
+            write_jacobian(frames, T_wt, WORLD_AXES, jacobian)
+            _write_pose_error(goals[i], T_wt, twist)
+            for r in range(6):
+                twist[r] = min(max(twist[r], -MAX_TWIST), MAX_TWIST)
+                for j in range(7):
+                    twist[r] -= rest_gain * jacobian[r, j] * (rest[i, j] - q[i, j])
+                for c in range(6):
+                    total = IK_DAMPING if r == c else 0.0
+                    for j in range(7):
+                        total += jacobian[r, j] * jacobian[c, j]
+                    square[r, c] = total
+            _solve(square, twist)
+            for j in range(7):
+                step = rest_gain * (rest[i, j] - q[i, j])
+                for r in range(6):
+                    step += jacobian[r, j] * twist[r]
+                q[i, j] = min(max(q[i, j] + step, low[j]), high[j])
+
+
 def solve_ik(
     arm: Arm,
     T_wt: Array,
@@ -313,6 +415,7 @@ def solve_ik(
     iterations: int = 60,
     margin_rad: float = 0.05,
     rest_gain: float = 0.02,
+    rows: Callable[..., None] = write_ik,
 ) -> IkResult:
     """Find angles that bring the tool frame to ``T_wt``: damped least squares with a rest pose.
 
@@ -327,22 +430,15 @@ def solve_ik(
         iterations: Newton steps.
         margin_rad: Distance from the joint limits [rad].
         rest_gain: Pull towards the rest pose in the null space, per step.
+        rows: :func:`write_ik` or its compiled form.
     """
     n = len(T_wt)
-    rest = np.broadcast_to(np.asarray(q_start, dtype=np.float64), (n, 7))
+    rest = np.full((n, 7), q_start, dtype=np.float64)
     q = rest.copy()
     low, high = arm.bounds(margin_rad)
-    for _ in range(iterations):
-        error = _pose_error(T_wt, tool_pose(arm, q))
-        jac = tool_jacobian(arm, q)
-        gram = jac @ np.swapaxes(jac, -1, -2) + 1e-4 * np.eye(6)
-        pinv = np.swapaxes(jac, -1, -2) @ np.linalg.inv(gram)
-        null = np.eye(7) - pinv @ jac
-        step = np.einsum("nij,nj->ni", pinv, np.clip(error, -0.3, 0.3))
-        step += rest_gain * np.einsum("nij,nj->ni", null, rest - q)
-        q = np.clip(q + step, low, high)
+    goals = np.ascontiguousarray(T_wt, dtype=np.float64)
+    rows(goals, rest, low, high, arm_geometry(arm), iterations, rest_gain, new_ik_scratch(), q)
     now = tool_pose(arm, q)
-    # Not from _pose_error, whose rotation vector is 0 at half a turn.
     turn = T_wt[:, :3, :3] @ np.swapaxes(now[:, :3, :3], -1, -2)
     pos_error = np.linalg.norm(T_wt[:, :3, 3] - now[:, :3, 3], axis=-1)
     return IkResult(q, pos_error, rotation_angle(turn))
@@ -351,23 +447,6 @@ def solve_ik(
 def manipulability(arm: Arm, q: ArrayLike) -> Array:
     """Return the smallest singular value (...) of the tool Jacobian: near 0 at a singular pose."""
     return np.asarray(np.linalg.svd(tool_jacobian(arm, q), compute_uv=False)[..., -1])
-
-
-def _pose_error(goal: Array, now: Array) -> Array:
-    """Twist (N, 6) that carries ``now`` to ``goal``: [m], then a rotation vector [rad]."""
-    rot = goal[..., :3, :3] @ np.swapaxes(now[..., :3, :3], -1, -2)
-    skew = np.stack(
-        [
-            rot[..., 2, 1] - rot[..., 1, 2],
-            rot[..., 0, 2] - rot[..., 2, 0],
-            rot[..., 1, 0] - rot[..., 0, 1],
-        ],
-        axis=-1,
-    )
-    length = np.linalg.norm(skew, axis=-1, keepdims=True)
-    angle = rotation_angle(rot)[..., None]
-    turn = np.where(length > 1e-9, skew / np.where(length > 1e-9, length, 1.0) * angle, 0.5 * skew)
-    return np.concatenate([goal[..., :3, 3] - now[..., :3, 3], turn], axis=-1)
 
 
 @row_function

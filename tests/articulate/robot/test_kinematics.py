@@ -89,12 +89,12 @@ def test_jacobian_is_the_finite_difference_of_the_tool_pose(seed):
         assert_allclose(jac[:, j], [*linear, *angular], atol=1e-8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_inverse_kinematics_finds_poses_of_the_arms_neighbourhood(seed):
     """Goals that the arm has at angles up to 0.4 rad from home are reached, within the limits."""
     rng = np.random.default_rng(seed)
-    goals = tool_pose(PANDA, np.asarray(PANDA.home) + rng.uniform(-0.4, 0.4, (8, 7)))
+    goals = tool_pose(PANDA, np.asarray(PANDA.home) + rng.uniform(-0.4, 0.4, (4, 7)))
     found = solve_ik(PANDA, goals, PANDA.home, iterations=100)
     assert found.reached.all()
     assert np.all((found.q >= LOW) & (found.q <= HIGH))
