@@ -12,6 +12,7 @@
     │   ├── EngineError     a call that an environment does not support
     │   └── MissingError    an optional package or a key that is missing
     ├── KilledError         a child process that was killed, exit 128 + signal
+    ├── RobotStoppedError   a robot that was stopped after it had moved, exit 4
     └── DivergedError       training produced values that are not finite
 
 Four more are defined where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
@@ -47,6 +48,10 @@ class ReachError(UsageError):
     """A part whose handle the arm cannot reach."""
 
 
+class PathError(ReachError):
+    """A handle that the arm can reach, but not follow over the whole path."""
+
+
 class RunError(UsageError):
     """A run folder that is absent, foreign or in the way."""
 
@@ -70,6 +75,12 @@ class KilledError(ArticulateError):
         super().__init__(message)
         self.exit_code = 128 + number
         """Exit code that shells report for a process killed by signal ``number``."""
+
+
+class RobotStoppedError(ArticulateError):
+    """A robot was stopped after it had moved. Commands print it as one line and exit with 4."""
+
+    exit_code = 4
 
 
 class DivergedError(ArticulateError):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,11 +37,18 @@ from articulate_deploy.robots.robot import (
     FORCE_KEYS,
     GRIPPER_KEY,
     SPEED_KEYS,
+    ForceStopError,
     Robot,
     action_dict,
     read_keys,
 )
-from articulate_deploy.safety import check_start, safe_target, was_clipped
+from articulate_deploy.safety import (
+    ToolLimits,
+    check_start,
+    limit_tool,
+    safe_target,
+    was_clipped,
+)
 
 PEAKS = (
     "force",
@@ -100,6 +109,9 @@ def run_episode(
     *,
     delay_steps: int = 0,
     recording: Recording | None = None,
+    speed_scale: float = 1.0,
+    tool_limits: ToolLimits | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> EpisodeResult:
     """Run ``policy`` for the task's time on a robot at its start.
 
@@ -113,12 +125,16 @@ def run_episode(
         manifest: Task, control stack, limits.
         delay_steps: Delay of the motions [control steps].
         recording: Record to which each control step is appended.
+        speed_scale: Speed of the policy's clock, by which ``manifest`` is scaled
+            (:func:`articulate_deploy.time_scale.scaled_manifest`).
+        tool_limits: Limits of the tool; None for simulated robots.
+        check: Called in each control step; its exceptions end the episode.
 
     Raises:
         StartError: The robot is not at its start.
     """
     task, step_s = manifest.task, manifest.control.step_s
-    steps = round(task.episode_s / step_s)
+    steps = round(task.episode_s / (step_s * speed_scale))
     q = read_keys(robot.get_observation())
     check_start(q, manifest.start)
     controller = PolicyController(manifest, q, delay_steps=delay_steps)
@@ -126,20 +142,37 @@ def run_episode(
     estimator.reset()
     monitor, torque = new_monitor(1), np.zeros(7)
     last_action, clipped, step = np.zeros(manifest.action.size), 0, 0
-    last_width, constants = np.nan, _observation_params(manifest)
+    last_width, constants = np.nan, _observation_params(manifest, speed_scale)
+    stopped_by_force = False
     for step in range(steps):
-        measured, estimate = robot.get_observation(), estimator.estimate()
+        check()
+        begun_s = time.perf_counter()
+        measured, estimate = (
+            robot.get_observation(),
+            _policy_time(estimator.estimate(), speed_scale),
+        )
         width = measured[GRIPPER_KEY]
         last_width = width if step == 0 else last_width
-        inputs = _inputs(manifest, measured, last_width, controller, last_action)
+        inputs = _inputs(
+            manifest, measured, last_width, controller, last_action, speed_scale=speed_scale
+        )
         last_width = width
         force = read_keys(measured, FORCE_KEYS)
         observed = observation(inputs, estimate, force[None], 1.0 - step / steps, constants)
         action = policy.act(observed)[0]
         requested, opening = controller.step(action, q=inputs.q[0], width_m=width, force=force)
         safe = safe_target(requested, controller.target, manifest.control, manifest.robot)
+        if tool_limits is not None:
+            safe = limit_tool(
+                safe, controller.target, tool_limits, manifest.control, manifest.robot
+            )
         clipped += was_clipped(requested, safe)
-        sent = read_keys(robot.send_action(action_dict(safe, opening)))
+        policy_s = time.perf_counter() - begun_s
+        try:
+            sent = read_keys(robot.send_action(action_dict(safe, opening)))
+        except ForceStopError:
+            stopped_by_force = True
+            break
         controller.set_sent(sent)
         last_action = action
         estimator.update()
@@ -160,12 +193,15 @@ def run_episode(
                 part_open=truth.opened[0],
                 part_speed=truth.speed[0],
                 monitor=monitor.samples[0],
+                policy_s=policy_s,
             )
         if monitor.diverged[0]:
             break
     robot.stop()
     return EpisodeResult(
-        reason=REASONS[int(failure_reason(monitor, task)[0])],
+        reason=str(FailureReason.FORCE)
+        if stopped_by_force
+        else REASONS[int(failure_reason(monitor, task)[0])],
         opened=bool(goal_held(monitor, task)[0]),
         fraction=float(estimator.monitored_state().opened[0]),
         steps=step + 1,
@@ -180,9 +216,9 @@ def start_of(manifest: Manifest, params: EpisodeParams) -> Array:
     return np.asarray(np.clip(np.asarray(manifest.start.q) + params["start"][0], low, high))
 
 
-def _observation_params(manifest: Manifest) -> ObservationParams:
+def _observation_params(manifest: Manifest, speed_scale: float) -> ObservationParams:
     control, task = manifest.control, manifest.task
-    return ObservationParams(control.step_s, control.move_m, task.target, task.closes)
+    return ObservationParams(control.step_s * speed_scale, control.move_m, task.target, task.closes)
 
 
 def _inputs(
@@ -191,22 +227,31 @@ def _inputs(
     last_width: float,
     controller: PolicyController,
     last_action: Array,
+    *,
+    speed_scale: float,
 ) -> ObservationInputs:
-    """Return the inputs of the observation, one row."""
+    """Return the inputs of the observation, one row, with speeds in the policy's time."""
     q, target = read_keys(measured)[None], controller.target[None]
     T_wt, T_wt_target = tool_pose(manifest.robot, np.concatenate([q, target]))
     return ObservationInputs(
         q=q,
-        dq=read_keys(measured, SPEED_KEYS)[None],
+        dq=read_keys(measured, SPEED_KEYS)[None] / speed_scale,
         target=target,
         T_wt=T_wt[None],
         T_wt_target=T_wt_target[None],
-        gripper=controller.gripper,
+        gripper=controller.gripper._replace(since_s=controller.gripper.since_s * speed_scale),
         gripper_width=np.array([measured[GRIPPER_KEY]]),
         last_gripper_width=np.array([last_width]),
         pending_actions=controller.pending_actions[None],
         last_action=last_action[None],
     )
+
+
+def _policy_time(estimate: Estimate, speed_scale: float) -> Estimate:
+    """Return an estimate with the speed in the policy's time."""
+    if speed_scale == 1.0:
+        return estimate
+    return replace(estimate, speed=estimate.speed / speed_scale)
 
 
 def _monitor(

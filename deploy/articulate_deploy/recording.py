@@ -2,7 +2,8 @@
 
 ``episode_0000.npz`` has arrays with one row a control step, ``episodes.jsonl`` the result and the
 parameters of each episode, and ``report.json`` the report. ``np.load(path, allow_pickle=False)``
-reads the arrays.
+reads the arrays. During an episode it is ``episode_0000.log``
+(:mod:`articulate_deploy.episode_log`), which stays if the process is killed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from articulate.errors import UsageError
 from articulate.files import atomic_write, write_json, write_text
 from articulate_deploy.episode import Recording
+from articulate_deploy.episode_log import EpisodeLog
 from articulate_deploy.report import DeployReport
 
 EPISODES_FILE, REPORT_FILE = "episodes.jsonl", "report.json"
@@ -93,6 +95,14 @@ def write_episode(folder: Path, index: int, recording: Recording) -> Path:
     path = folder / f"episode_{index:04d}.npz"
     with atomic_write(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **recording.arrays())  # type: ignore[arg-type]
+    return path
+
+
+def finish_episode(log: EpisodeLog) -> Path:
+    """Replace the log of a complete episode by its arrays."""
+    log.close()
+    path = write_episode(log.folder, log.index, log)
+    log.path.unlink()
     return path
 
 

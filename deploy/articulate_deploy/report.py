@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections import Counter
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
+from articulate.task.manifest import Manifest, encode_manifest
 from articulate.task.randomization import COLUMNS, EpisodeParams
 from articulate.task.task import done_word
+from articulate_deploy.bundle import Bundle
 from articulate_deploy.episode import EpisodeResult
+from articulate_deploy.plan import EpisodeRequest, Plan
+
+SCALE_NOTE = "the object's size is not randomised: a bundle has its scene at one size"
+
+
+class NamedRobot(Protocol):
+    """Robot as the report describes it."""
+
+    name: str
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on how it runs episodes."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +47,10 @@ class DeployReport:
     episode_params: tuple[EpisodeParams, ...]
     notes: tuple[str, ...]
     """Remarks on how the episodes were run."""
+    bundle_sha256: str = ""
+    """SHA-256 of the bundle's manifest, which lists those of its files."""
+    sender: dict[str, float | str] = field(default_factory=dict)
+    """Timing of the sender of a real arm; empty for robots in this process."""
 
     @property
     def successes(self) -> int:
@@ -68,6 +89,8 @@ class DeployReport:
                 for name in self.results[0].peaks
             },
             "notes": list(self.notes),
+            "bundle_sha256": self.bundle_sha256,
+            "sender": self.sender,
             "each": [
                 {
                     **asdict(result),
@@ -96,6 +119,40 @@ class DeployReport:
         if clipped:
             lines.append(f"  clipped  {clipped} control steps with a target that was made safe")
         return "\n".join([*lines, *(f"  note     {note}" for note in self.notes)])
+
+
+def make_report(
+    path: Path,
+    bundle: Bundle,
+    robot: NamedRobot,
+    plan: Plan,
+    request: EpisodeRequest,
+    results: tuple[EpisodeResult, ...],
+) -> DeployReport:
+    """Return the report of the episodes of ``plan`` on one robot."""
+    manifest = bundle.manifest
+    return DeployReport(
+        bundle=str(path),
+        robot=robot.name,
+        task=manifest.task.name,
+        joint=manifest.task.joint,
+        seed=plan.seed,
+        from_bundle=plan.from_bundle,
+        randomised=request.randomise,
+        results=results,
+        episode_params=tuple(plan.params(k) for k in range(len(results))),
+        notes=(*_scale_notes(manifest, request.randomise), *robot.notes),
+        bundle_sha256=bundle_sha256(manifest),
+    )
+
+
+def bundle_sha256(manifest: Manifest) -> str:
+    """Return the SHA-256 of a manifest."""
+    return hashlib.sha256(encode_manifest(manifest).encode()).hexdigest()
+
+
+def _scale_notes(manifest: Manifest, randomise: bool) -> tuple[str, ...]:
+    return (SCALE_NOTE,) if randomise and manifest.randomization.scale_values != (1.0,) else ()
 
 
 @dataclass(frozen=True)

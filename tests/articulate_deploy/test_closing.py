@@ -10,7 +10,8 @@ from tests.runs import make_run, tiny_run
 from articulate.task.episode_monitor import REASONS
 from articulate.task.randomization import EpisodeParams, nominal_params, sample_episode_params
 from articulate_deploy.bundle import load_bundle
-from articulate_deploy.deploy import deploy, one_size
+from articulate_deploy.deploy import deploy
+from articulate_deploy.plan import one_size
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_envs.initial_states import home_start
 from articulate_envs.threaded_engine import ThreadEngine

@@ -11,7 +11,7 @@ from articulate.robot.kinematics import solve_ik, tool_pose
 from articulate.task.episode_monitor import COLUMN, monitor_params, monitor_sample, new_monitor
 from articulate.task.object_placement import handle_in_world
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
-from articulate_deploy.deploy import one_size
+from articulate_deploy.plan import one_size
 from articulate_deploy.policy_control import PolicyController
 from articulate_deploy.robots.mujoco import MujocoRobot
 from articulate_deploy.robots.robot import (

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from articulate.commands import console
 from articulate.commands.interrupt import INTERRUPT_EXIT, graceful_interrupt
-from articulate.errors import KilledError, UsageError, nearest, shorten
+from articulate.errors import KilledError, RobotStoppedError, UsageError, nearest, shorten
 
 GROUP = "articulate.commands"
 DISTRIBUTION = "articulate-robots"
@@ -69,7 +69,7 @@ def run_command(command: Main, argv: Sequence[str]) -> int:
             return command(argv)
         except UsageError as error:
             return _print_and_return(str(error), USAGE_EXIT)
-        except KilledError as error:
+        except (KilledError, RobotStoppedError) as error:
             return _print_and_return(str(error), error.exit_code)
         except KeyboardInterrupt:
             hint = console.interrupt_hint()
@@ -179,7 +179,7 @@ def _help() -> str:
         "--version prints the version; --completion bash|zsh|fish prints a completion script.",
         "",
         "exit codes: 0 done, 1 a bug, 2 bad input and nothing written, 3 done but below the",
-        "requirement or doubtful, 130 interrupted.",
+        "requirement or doubtful, 4 a robot was stopped, 130 interrupted.",
     ]
     return "\n".join(lines)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from articulate.task.observation import Estimate
@@ -9,7 +11,13 @@ from articulate.task.randomization import EpisodeParams
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.state_estimation import NoisyEstimator
 from articulate.task.task import Task
-from articulate_deploy.robots.robot import SimulatedRobot
+
+
+class StateSource(Protocol):
+    """Simulation that provides the true state of the object."""
+
+    def object_state(self) -> Estimate:
+        """Return the true state of the object (one row)."""
 
 
 class TruthEstimator:
@@ -17,7 +25,7 @@ class TruthEstimator:
 
     def __init__(
         self,
-        robot: SimulatedRobot,
+        robot: StateSource,
         config: RandomizationConfig,
         task: Task,
         params: EpisodeParams,

@@ -15,11 +15,8 @@ ROBOTS = {
     "pybullet": "articulate_deploy.robots.pybullet:PybulletRobot",
 }
 """Name to ``module:attribute``; the attribute is called with the bundle."""
-COMING = {
-    "panda": "panda comes with the arm's client, which this version does not have yet",
-    "fr3": "fr3 comes with the arm's client, which this version does not have yet",
-}
-"""Names of future versions, with the error until then."""
+ARMS = ("panda", "fr3", "bridge")
+"""Robots of :mod:`articulate_deploy.arm_deployment`."""
 
 
 def robot_named(name: str, bundle: Bundle) -> SimulatedRobot:
@@ -29,10 +26,10 @@ def robot_named(name: str, bundle: Bundle) -> SimulatedRobot:
         ConfigError: The name is unknown.
         MissingError: A package that it needs is not installed.
     """
-    if name in COMING:
-        raise ConfigError(f"--robot {COMING[name]}; available: {', '.join(ROBOTS)}")
+    if name in ARMS:
+        raise ConfigError(f"--robot {name}: name one robot only with a real arm")
     if name not in ROBOTS:
-        raise ConfigError(f"--robot {name}: unknown{nearest(name, (*ROBOTS, *COMING))}")
+        raise ConfigError(f"--robot {name}: unknown{nearest(name, (*ROBOTS, *ARMS))}")
     module, attribute = ROBOTS[name].split(":")
     try:
         with suppress_output():  # PyBullet prints a banner

@@ -15,9 +15,9 @@ from articulate.simulator import mujoco
 from articulate.task.episode_monitor import FIELDS
 from articulate.transforms import Array
 from articulate_deploy.bundle import Bundle, load_bundle
-from articulate_deploy.deploy import make_plan
 from articulate_deploy.episode import Recording, run_episode, start_of
 from articulate_deploy.estimators.truth import TruthEstimator
+from articulate_deploy.plan import make_plan
 from articulate_deploy.policy_runner import Policy
 from articulate_deploy.robots.mujoco import MujocoRobot
 

@@ -35,6 +35,10 @@ class NotConnectedError(ArticulateError, ConnectionError):
     """The robot is not connected."""
 
 
+class ForceStopError(ArticulateError):
+    """The robot stopped because of the force on the gripper; the episode has failed."""
+
+
 @dataclass(frozen=True)
 class Sample:
     """Measurements at one step of the robot's controller."""

@@ -1,0 +1,294 @@
+"""Deployment on a real arm, or on the simulated robot behind the arm's network interface."""
+
+from __future__ import annotations
+
+import ipaddress
+import select
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from articulate.errors import ConfigError, RobotStoppedError, UsageError, shorten
+from articulate_deploy.arms.client import ClientSpec
+from articulate_deploy.arms.errors import ArmError
+from articulate_deploy.bundle import Bundle, load_bundle
+from articulate_deploy.episode import EpisodeResult, run_episode, start_of
+from articulate_deploy.episode_log import EpisodeLog
+from articulate_deploy.estimators.estimator import Estimator
+from articulate_deploy.estimators.truth import TruthEstimator
+from articulate_deploy.plan import EpisodeRequest, Plan, make_plan
+from articulate_deploy.policy_runner import Policy
+from articulate_deploy.recording import claimed_folders, finish_episode, write_report
+from articulate_deploy.report import DeployReport, make_report
+from articulate_deploy.robots.arm import ArmOptions, ArmRobot
+from articulate_deploy.safety import ToolLimits
+from articulate_deploy.time_scale import check_speed_scale, scaled_manifest
+
+if TYPE_CHECKING:
+    from articulate_deploy.wire import SimulatedArm
+
+ARM_PORT = 1337
+"""Port of the arm's network interface."""
+DEFAULT_CLIENTS = {"panda": "panda-python", "fr3": "pylibfranka", "bridge": "bridge"}
+"""Client of each robot; the torques of these are computed here, with the trained set-point filter
+and nothing behind it."""
+WIRE_PROTOCOLS = {"panda": 5, "fr3": 10}
+"""Protocol of the simulated robot that replaces a robot."""
+CLIENTS_OF = {
+    "panda": ("panda-python", "franka-rs"),
+    "fr3": ("pylibfranka", "franka-rs"),
+    "bridge": ("bridge",),
+}
+"""Clients of each robot."""
+NOTICE = (
+    "This program is no safety function. Keep the user stop within reach and people out of reach. "
+    "Enter stops the arm."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmRequest:
+    """Robot and options of a deployment on an arm."""
+
+    robot: str
+    """``panda``, ``fr3`` or ``bridge``."""
+    address: str
+    """Address of the controller."""
+    client: str = ""
+    """Client; by default that of the robot."""
+    estimator: str = ""
+    """Estimator of the object's state; by default ``simulated`` for a simulated robot."""
+    speed_scale: float = 1.0
+    """Speed of the policy's clock."""
+    tool_limits: ToolLimits = field(default_factory=ToolLimits)
+    """Limits of the tool."""
+    yes: bool = False
+    """Ask nothing before motions."""
+    recover: bool = False
+    """Clear a reflex before the first motion."""
+    homing: bool = False
+    """Home the gripper first."""
+
+    def __post_init__(self) -> None:
+        check_speed_scale(self.speed_scale)
+        if not self.address:
+            raise ConfigError(
+                f"--robot {self.robot} needs --address, for example --address 172.16.0.2"
+            )
+        if self.client and self.client not in CLIENTS_OF[self.robot]:
+            known = ", ".join(CLIENTS_OF[self.robot])
+            raise ConfigError(
+                f"--client {shorten(self.client)}: not for --robot {self.robot}; known: {known}"
+            )
+
+
+def deploy_on_arm(
+    path: Path,
+    request: ArmRequest,
+    episodes: EpisodeRequest,
+    *,
+    out: Path | None = None,
+    on_episode: Callable[[int, EpisodeResult], None] | None = None,
+    show: Callable[[str], None] = lambda _: None,
+) -> DeployReport:
+    """Run the bundle at ``path`` on an arm and return the report.
+
+    At a loopback address where nothing listens, a simulated robot is started there.
+
+    Args:
+        path: The bundle.
+        request: Robot and options.
+        episodes: Episodes to run.
+        out: Folder for recordings; None writes none.
+        on_episode: Called with the number and the result of each episode.
+        show: Prints a line.
+
+    Raises:
+        ArmError: The arm cannot move.
+        RobotStoppedError: The arm was stopped after it had moved.
+        ConfigError: A value is not accepted.
+    """
+    bundle = load_bundle(path)
+    policy = Policy(bundle)
+    plan = make_plan(bundle, episodes.episodes, seed=episodes.seed, randomise=episodes.randomise)
+    folders = [] if out is None else [out]
+    with ExitStack() as stack:
+        simulated = _simulated(path, request, stack)
+        session = _Session(bundle, policy, request, plan, simulated, show)
+        stack.enter_context(claimed_folders(folders))
+        results: list[EpisodeResult] = []
+        with _stopped_error(session.robot), session.robot:
+            for k in range(episodes.episodes):
+                result = session.run(k, out)
+                results.append(result)
+                if on_episode is not None:
+                    on_episode(k, result)
+        report = make_report(path, bundle, session.robot, plan, episodes, tuple(results))
+        report = replace(report, sender=session.sender())
+        if out is not None:
+            write_report(out, report)
+    return report
+
+
+class _Session:
+    """Robot, estimator and policy of a deployment."""
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        policy: Policy,
+        request: ArmRequest,
+        plan: Plan,
+        simulated: SimulatedArm | None,
+        show: Callable[[str], None],
+    ) -> None:
+        self._policy, self._request, self._plan, self._show = policy, request, plan, show
+        self._manifest = scaled_manifest(bundle.manifest, request.speed_scale)
+        self._simulated = simulated
+        client = request.client or DEFAULT_CLIENTS[request.robot]
+        if not request.yes and not sys.stdin.isatty():
+            raise UsageError("motions of an arm are confirmed at a terminal; use one, or --yes")
+        if simulated is None and not request.estimator:
+            raise ConfigError(
+                f"--robot {request.robot} at {request.address} needs --estimator: the object's "
+                "state is not known there"
+            )
+        self._simulated_estimator = request.estimator in {"", "simulated"}
+        if simulated is None and self._simulated_estimator:
+            raise ConfigError("--estimator simulated: only for a simulated robot")
+        self.robot = ArmRobot(
+            self._manifest,
+            ClientSpec(client, request.address),
+            ArmOptions(
+                lockstep=simulated is not None and client != "franka-rs",
+                recover=request.recover,
+                homing=request.homing,
+            ),
+            name=request.robot,
+            confirm=self._confirm,
+        )
+        if simulated is not None:
+            self.robot.sample_source = simulated.take_samples
+        else:
+            show(NOTICE)
+
+    def _confirm(self, text: str) -> None:
+        if self._request.yes:
+            return
+        if input(f"{text} Continue? [y/N] ").strip().lower() not in {"y", "yes"}:
+            raise UsageError("not confirmed; nothing was moved")
+
+    def _estimator(self, k: int) -> Estimator:
+        if self._simulated_estimator:
+            assert self._simulated is not None
+            return TruthEstimator(
+                self._simulated,
+                self._plan.config,
+                self._manifest.task,
+                self._plan.params(k),
+                self._plan.noise(k),
+            )
+        raise ConfigError(f"--estimator {shorten(self._request.estimator)}: unknown")
+
+    def run(self, k: int, out: Path | None) -> EpisodeResult:
+        """Run episode ``k``; its recording grows with each control step."""
+        params, manifest = self._plan.params(k), self._manifest
+        start = start_of(manifest, params)
+        if self._simulated is not None:
+            self._simulated.set_episode_params(params)
+            self._simulated.reset_to(start, manifest.start.gripper_width_m)
+        self.robot.reset_to(start, manifest.start.gripper_width_m)
+        recording = None if out is None else EpisodeLog(out, k)
+        try:
+            result = run_episode(
+                self._policy,
+                self.robot,
+                self._estimator(k),
+                manifest,
+                delay_steps=int(params["delay_steps"][0]) if self._simulated is not None else 0,
+                recording=recording,
+                speed_scale=self._request.speed_scale,
+                tool_limits=self._request.tool_limits,
+                check=_check_stop_key,
+            )
+        except BaseException:
+            if recording is not None:
+                recording.close()
+            raise
+        if recording is not None:
+            finish_episode(recording)
+        return result
+
+    def sender(self) -> dict[str, float | str]:
+        """Return the timing of the sender over all motions."""
+        rows = self.robot.statistics
+        if not rows:
+            return {}
+        out: dict[str, float | str] = {"scheduling": rows[-1]["scheduling"]}
+        for name in rows[0]:
+            if name.endswith("_ms"):
+                out[name] = float(np.median([row[name] for row in rows]))
+            elif name != "scheduling":
+                out[name] = float(np.sum([row[name] for row in rows]))
+        if self._simulated is not None:
+            out["limit_faults"] = float(sum(self._simulated.violations.values()))
+        return out
+
+
+def _simulated(path: Path, request: ArmRequest, stack: ExitStack) -> SimulatedArm | None:
+    """Start the simulated robot at a loopback address where nothing listens."""
+    if request.robot not in WIRE_PROTOCOLS or not is_free_loopback(request.address):
+        return None
+    from articulate_deploy.wire import SimulatedArm  # late: MuJoCo
+
+    arm = SimulatedArm(
+        path,
+        request.address,
+        protocol=WIRE_PROTOCOLS[request.robot],
+        max_rate=1.0 if request.client == "franka-rs" else 0.0,
+    )
+    return stack.enter_context(arm)
+
+
+def is_free_loopback(address: str) -> bool:
+    """Return whether ``address`` is a loopback address at which no controller listens."""
+    try:
+        if not ipaddress.ip_address(address).is_loopback:
+            return False
+    except ValueError:
+        return False
+    with socket.socket() as probe:
+        probe.settimeout(1.0)
+        return probe.connect_ex((address, ARM_PORT)) != 0
+
+
+def _check_stop_key() -> None:
+    """Stop the arm if Enter was pressed at the terminal.
+
+    Raises:
+        RobotStoppedError: It was.
+    """
+    try:
+        pressed = sys.stdin.isatty() and bool(select.select([sys.stdin], [], [], 0.0)[0])
+    except (OSError, ValueError):  # closed, or not a file
+        return
+    if pressed:
+        sys.stdin.readline()
+        raise RobotStoppedError("stopped by the stop key")
+
+
+@contextmanager
+def _stopped_error(robot: ArmRobot) -> Iterator[None]:
+    """Turn errors of an arm that has moved into :class:`RobotStoppedError`."""
+    try:
+        yield
+    except ArmError as error:
+        if not robot.has_moved:
+            raise
+        raise RobotStoppedError(f"the arm is stopped: {error}") from None
