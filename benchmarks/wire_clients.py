@@ -26,8 +26,8 @@ from articulate.task.object_placement import handle_path_of, object_pose
 from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array
 from articulate_deploy.bundle import load_bundle
-from articulate_deploy.plan import make_plan
 from articulate_deploy.episode import start_of
+from articulate_deploy.plan import make_plan
 from articulate_deploy.wire import SimulatedArm
 
 BACK_M = 0.08
@@ -92,7 +92,7 @@ robot.set_collision_behavior_simple(TORQUE, TORQUE, FORCE, FORCE)
 def run(rows):
     with robot.joint_targets(fraction=0.3, backend="robot") as arm:
         first, k = arm.state().time, 0
-        while k < len(rows) + 1000 and arm.running:
+        while k < len(rows) + 700 and arm.running:
             k = round(1000 * (arm.state().time - first))
             arm.move_to(rows[min(k, len(rows) - 1)].tolist())
             time.sleep(0.0005)
@@ -177,8 +177,8 @@ def trajectory(manifest: Manifest, params: EpisodeParams) -> tuple[Array, Array]
             raise ValueError(f"the handle is out of reach by {found.pos_error[0]:.3f} m")
         q = found.q[0]
         rows.append(q)
-    reach = min_jerk(np.linspace(start, rows[0], 3), 2.5)
-    advance, pull = min_jerk(np.array(rows[:9]), 1.5), min_jerk(np.array(rows[8:]), 4.0)
+    reach = min_jerk(np.linspace(start, rows[0], 3), 1.5)
+    advance, pull = min_jerk(np.array(rows[:9]), 1.0), min_jerk(np.array(rows[8:]), 2.5)
     return np.concatenate([reach, advance[1:]]), pull
 
 

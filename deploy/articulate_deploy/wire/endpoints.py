@@ -44,8 +44,8 @@ class Endpoint:
         self._stream = Stream(header)
 
     def sockets(self) -> list[socket.socket]:
-        """Return the sockets on which data can arrive."""
-        return [s for s in (self.listener, self.client, self.udp) if s is not None]
+        """Return the sockets on which data can arrive, a client that leaves before the next one."""
+        return [s for s in (self.client, self.udp, self.listener) if s is not None]
 
     def accept(self) -> socket.socket | None:
         """Accept a connection; it becomes the client, or is closed if one is connected already.

@@ -18,6 +18,8 @@ SETTLE_S = 0.2
 """Time that the fingers are at rest before a command returns [s]."""
 BLOCKED_S = 100.0
 """Time after which a blocked ``Move`` returns [s]."""
+HOMING_CLOSE_S = 1.5
+"""Time for which homing closes the fingers before it opens them [s]."""
 MOVE_TOLERANCE_M = 1e-3
 """Distance from its width at which a ``Move`` is complete [m]."""
 STILL_M_S = 2e-3
@@ -111,8 +113,8 @@ class GripperMechanism:
             step = command.speed_m_s * STEP_S
             low = 0.0 if command.kind == "Move" else -2.0 * command.force_n / STIFFNESS_N_M
             goal = command.width_m if command.kind == "Move" else low
-            if command.kind == "Homing" and command.still_s < SETTLE_S:
-                goal = self.max_width_m if command.time_s > self.latency_s + 1.5 else low
+            if command.kind == "Homing" and command.time_s > self.latency_s + HOMING_CLOSE_S:
+                goal = self.max_width_m
             if goal > self._set_point_m:  # an opening gripper continues from its fingers
                 self._set_point_m = max(self._set_point_m, self.width_m)
             change = min(max(goal - self._set_point_m, -step), step)
@@ -137,8 +139,9 @@ class GripperMechanism:
 
     def _status(self, command: GripperCommand) -> str:
         if command.kind == "Homing":
-            done = command.time_s > self.latency_s + 2.0 and command.still_s >= SETTLE_S
-            return "success" if done else ""
+            near = abs(self.width_m - self.max_width_m) <= MOVE_TOLERANCE_M
+            is_late = command.time_s > self.latency_s + HOMING_CLOSE_S
+            return "success" if is_late and near and command.still_s >= SETTLE_S else ""
         if command.kind == "Move":
             near = abs(self.width_m - command.width_m) <= MOVE_TOLERANCE_M
             if near and command.still_s >= SETTLE_S:

@@ -38,8 +38,9 @@ ANSWER_S = 0.5
 """Longest wait for a command in lockstep [s]; then it is lost."""
 START_WAIT_S = 0.01
 """Wait for the first command of a motion after each state in lockstep [s]."""
-MAX_BEHIND_S = 0.1
-"""Delay after which the schedule of wall-clock time starts again [s]."""
+MAX_BEHIND_S = 0.003
+"""Delay after which the schedule of wall-clock time starts again [s]: a busy computer slows the
+arm's clock down instead of sending many states at once."""
 
 
 @dataclass(frozen=True, kw_only=True)

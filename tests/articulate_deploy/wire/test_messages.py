@@ -62,21 +62,26 @@ OFFSETS = {
 }
 
 
+def offset(kind, name):
+    assert kind.fields is not None
+    return kind.fields[name][1]
+
+
 @pytest.mark.parametrize(("version", "column", "size"), [(5, 0, 2373), (10, 1, 1377)])
 def test_the_fields_of_a_state_are_at_their_offsets(version, column, size):
     kind = PROTOCOLS[version].state_type
     assert kind.itemsize == size
-    found = {name: kind.fields[name][1] for name in OFFSETS}
+    found = {name: offset(kind, name) for name in OFFSETS}
     assert found == {name: offsets[column] for name, offsets in OFFSETS.items()}
     extra = {"accelerometer_top": 1144, "accelerometer_bottom": 1216} if version == 10 else {}
-    assert {n: kind.fields[n][1] for n in kind.names if n not in OFFSETS} == extra
+    assert {n: offset(kind, n) for n in kind.names or () if n not in OFFSETS} == extra
 
 
 @pytest.mark.parametrize(("version", "size"), [(5, 370), (10, 371)])
 def test_the_fields_of_a_command_are_at_their_offsets(version, size):
     kind = PROTOCOLS[version].command_type
     assert kind.itemsize == size
-    offsets = [kind.fields[name][1] for name in kind.names]
+    offsets = [offset(kind, name) for name in kind.names or ()]
     assert offsets[:9] == [0, 8, 64, 120, 248, 296, 312, 313, 314]
     assert offsets[9:] == ([370] if version == 10 else [])
 
