@@ -1,6 +1,6 @@
 """Object placement at a pose that the user gives: reach of the arm there, and the nearest pose.
 
-The search of :mod:`articulate_envs.placement_search` chooses where the object stands. Here the pose
+The search of :mod:`articulate_envs.placement_search` chooses the pose of the object. Here the pose
 of the object is fixed, and the start of the arm and the grasp are chosen for it.
 """
 
@@ -19,6 +19,7 @@ from articulate.task.object_placement import ObjectPlacement, handle_poses, tilt
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import Task
 from articulate.transforms import Array, axis_angle_to_matrix
+from articulate_envs.compiled.inverse_kinematics import solve_ik
 from articulate_envs.placement_search import (
     FOLLOWED,
     MIN_JOINT_MARGIN_RAD,
@@ -33,7 +34,6 @@ from articulate_envs.placement_search import (
     _sampled_share,
     _start,
     opening_range,
-    solve_ik,
 )
 
 BACK_M = (0.0, 0.08, 0.16)
@@ -48,17 +48,19 @@ SHOULDER_W = np.array([0.0, 0.0, 0.333])
 """Shoulder of the arm [m]."""
 REACH_M = (0.25, 0.95)
 """Distances of the tool from the shoulder that are tried [m]."""
-GRID_M = 0.05
-"""Spacing of the search of the nearest placement [m]."""
+GRID_M = 0.1
+"""Spacing of the search of the nearest placement [m]; the result is refined by bisection."""
+BISECTIONS = 3
+"""Bisections of the shift."""
 GRID_RADIUS_M = 1.2
 """Radius of that search [m]."""
 TURNS_DEG = (0.0, -15.0, 15.0, -30.0, 30.0, -45.0, 45.0, -90.0, 90.0, 135.0, 180.0)
 """Rotations of the object that are tried [degrees]."""
 RAISES_M = (0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3, 0.4, -0.4, 0.5, 0.6, 0.7, 0.8)
 """Changes of its height that are tried where none is reachable on its floor [m]."""
-ENOUGH_M = 0.3
+ENOUGH_M = 0.6
 """Shift below which no rotation is tried [m]."""
-N_NEAREST = 24
+N_NEAREST = 8
 """Placements whose sampled poses are tried, the nearest first."""
 
 
@@ -73,7 +75,13 @@ class _Grasp:
 
 
 def placement_at(
-    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, at: FloorPose
+    asset: Asset,
+    task: Task,
+    arm: Arm,
+    config: RandomizationConfig,
+    at: FloorPose,
+    *,
+    with_nearest: bool = True,
 ) -> ObjectPlacement:
     """Return the placement of an object at a given pose, with the best start of the arm.
 
@@ -83,6 +91,8 @@ def placement_at(
         arm: Kinematics and limits.
         config: Randomization of placement and size.
         at: Pose of the object in the base frame.
+        with_nearest: Search the nearest reachable pose for the message of an error, which takes
+            seconds.
 
     Raises:
         ReachError: The handle cannot be followed there; the message names the nearest pose at
@@ -98,6 +108,8 @@ def placement_at(
             f"the arm follows the handle of {task.joint} at only {found.reachable_share:.0%} of "
             "the sampled poses and sizes"
         )
+    if not with_nearest:
+        raise ReachError(f"{where} {reason}")
     near = nearest_placement(asset, task, arm, config, at)
     if near is None:
         raise ReachError(
@@ -172,10 +184,42 @@ def _nearest_shift(
         good[rows] |= _reachable(asset, task, arm, at, shifts[rows], flip)
     for k in np.flatnonzero(good)[:N_NEAREST]:
         moved = replace(at, x_m=at.x_m + float(shifts[k, 0]), y_m=at.y_m + float(shifts[k, 1]))
-        found = _best(asset, task, arm, config, moved)
-        if found is not None and found.reachable_share >= MIN_SAMPLED_SHARE:
-            return float(np.linalg.norm(shifts[k])), moved
+        if _reaches(asset, task, arm, config, moved):
+            return _shortened(asset, task, arm, config, at, moved)
     return None
+
+
+def _reaches(
+    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, at: FloorPose
+) -> bool:
+    """Return whether all sampled poses are reachable, without tilted grasps."""
+    candidates = sorted(_candidates(asset, task, arm, at, 0.0), key=lambda item: -item[0])
+    return any(
+        _sampled_share(asset, task, arm, config, placement, 0.0) >= MIN_SAMPLED_SHARE
+        for _, placement in candidates[:2]
+    )
+
+
+def _shortened(
+    asset: Asset,
+    task: Task,
+    arm: Arm,
+    config: RandomizationConfig,
+    at: FloorPose,
+    moved: FloorPose,
+) -> tuple[float, FloorPose]:
+    """Return the shift from ``at`` to the reachable pose ``moved``, shortened by bisection."""
+    shift = np.array([moved.x_m - at.x_m, moved.y_m - at.y_m])
+    low, high, best = 0.0, 1.0, moved
+    for _ in range(BISECTIONS):
+        share = 0.5 * (low + high)
+        x, y = np.round(share * shift, 2)
+        nearer = replace(at, x_m=at.x_m + float(x), y_m=at.y_m + float(y))
+        if _reaches(asset, task, arm, config, nearer):
+            high, best = share, nearer
+        else:
+            low = share
+    return float(np.hypot(best.x_m - at.x_m, best.y_m - at.y_m)), best
 
 
 def _reachable(
@@ -189,6 +233,9 @@ def _reachable(
     goals[:, :, :2, 3] += shifts[:, None]
     away = np.linalg.norm(goals[..., :3, 3] - SHOULDER_W, axis=-1)
     ok = ((away > REACH_M[0]) & (away < REACH_M[1])).all(axis=1)
+    first = goals[:, 0]  # a gripper does not approach towards its base
+    outwards = (first[:, :2, 2] * first[:, :2, 3]).sum(axis=1)
+    ok &= outwards > -0.5 * np.linalg.norm(first[:, :2, 3], axis=1)
     low, high = arm.bounds()
     for steps in ([0, PATH_POSES - 1], range(1, PATH_POSES - 1)):  # most fail at an end
         rows = np.flatnonzero(ok)
@@ -203,7 +250,7 @@ def _reachable(
         good = result.reached & (margin >= MIN_JOINT_MARGIN_RAD)
         good &= manipulability(arm, result.q) >= MIN_MANIPULABILITY
         ok[rows] = good.reshape(len(rows), -1).all(axis=1)
-    return ok
+    return np.asarray(ok)
 
 
 def _seeds(arm: Arm, goals: Array) -> Array:
@@ -231,7 +278,9 @@ def _best(
         candidates = [
             candidate
             for tilt_rad in tilts
-            for candidate in _candidates(tilted(asset, task.joint, tilt_rad), task, arm, at, tilt_rad)
+            for candidate in _candidates(
+                tilted(asset, task.joint, tilt_rad), task, arm, at, tilt_rad
+            )
         ]
         candidates.sort(key=lambda item: -item[0])
         for _, placement in candidates[:N_RATED]:
