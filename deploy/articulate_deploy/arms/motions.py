@@ -20,8 +20,11 @@ from articulate_deploy.arms.ruckig_library import ruckig
 
 MAX_GAP_MS = 20
 """Consecutive milliseconds without a state after which the controller ends a motion itself."""
-SETTLE_S = 1.0
-"""Time at the end of a ramp in which the arm comes to rest [s]."""
+SETTLE_S = 6.0
+"""Longest time at the end of a ramp in which the arm comes to rest [s]: the trained impedance is
+soft, and its wrist needs some seconds."""
+SETTLED_RAD = 4e-3
+"""Distance from the goal at which a ramp ends [rad]."""
 
 
 class Link(Protocol):
@@ -123,7 +126,7 @@ class RampMotion:
 
     @property
     def duration_s(self) -> float:
-        """Length of the ramp [s]."""
+        """Longest time of the ramp [s]."""
         return float(self._trajectory.duration) + SETTLE_S
 
     def _tool_speed(self, arm: Arm) -> float:
@@ -150,7 +153,10 @@ class RampMotion:
             return q, self._braking.at_rest
         self._last_s = state.time_s
         position = self._trajectory.at_time(min(t, self._trajectory.duration))[0]
-        return np.asarray(position), t >= self.duration_s
+        settled = bool(np.all(np.abs(self._goal - state.q) < SETTLED_RAD))
+        return np.asarray(position), t >= self._trajectory.duration and (
+            settled or t >= self.duration_s
+        )
 
     def _stop_from(self, t: float) -> SetPoints:
         q, dq, ddq = self._trajectory.at_time(min(t, self._trajectory.duration))
