@@ -31,6 +31,10 @@ HD = CameraCalibration(
 """Camera of the accuracy figures: 1280x720 px, focal length 900 px, no distortion."""
 
 
+FRONT = (1.0, 0.0, 0.0)
+"""Normal of the front of the object."""
+
+
 @dataclass(frozen=True, eq=False)
 class MarkedObject:
     """Object with one joint, its marker layout and its pose before a camera."""
@@ -121,6 +125,11 @@ def box_object(
     return asset, joint.name
 
 
+def _plain(values: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)
+
+
 def marked_object(
     kind: Literal["slide", "hinge"],
     seed: int | None = None,
@@ -149,8 +158,8 @@ def marked_object(
         on_part = (front + 0.02, 0.35 * high[1] + 0.02 * jitter[1], z)
     layout = MarkerLayout(
         markers=(
-            Marker(id=0, link="body", size_m=size_m, center_m=on_body, normal=(1.0, 0.0, 0.0)),
-            Marker(id=1, link="part", size_m=size_m, center_m=on_part, normal=(1.0, 0.0, 0.0)),
+            Marker(id=0, link="body", size_m=size_m, center_m=_plain(on_body), normal=FRONT),
+            Marker(id=1, link="part", size_m=size_m, center_m=_plain(on_part), normal=FRONT),
         )
     )
     yaw = np.pi + 0.2 * jitter[3]

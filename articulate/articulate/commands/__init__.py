@@ -40,6 +40,9 @@ SUMMARIES = {
     "observe": "estimate joint type and axis from a video",
     "deploy": "run a bundle on a robot or a simulated robot",
     "watch": "show a policy: a video, a recording for rerun, or a window",
+    "markers": "print markers and calibration boards",
+    "calibrate": "calibrate a camera, or its pose before the robot",
+    "locate": "measure where an object is, from markers",
     "cache": "list or clean the cache of checked objects",
 }
 GLOBAL = ("--help", "--version", "--completion")

@@ -165,7 +165,7 @@ def _refined(
 
     def weights(r: Array) -> Array:
         size = np.repeat(np.linalg.norm(r.reshape(-1, 2), axis=1), 2)
-        return np.minimum(1.0, HUBER_PX / np.maximum(size, 1e-12))
+        return np.asarray(np.minimum(1.0, HUBER_PX / np.maximum(size, 1e-12)))
 
     x, damping = np.zeros(12), 1e-3
     r = residuals(x)

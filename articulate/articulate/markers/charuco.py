@@ -35,9 +35,9 @@ CELLS = (8, 6)
 class Board:
     """ChArUco board."""
 
-    columns: int = 7
+    columns: int = 5
     """Squares in a row."""
-    rows: int = 5
+    rows: int = 7
     """Squares in a column."""
     square_m: float = 0.035
     """Side of a square [m]."""
