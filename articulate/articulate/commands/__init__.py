@@ -38,7 +38,9 @@ SUMMARIES = {
     "export": "write a run's policy as a bundle for robots",
     "benchmark": "score an actor on objects with known joints",
     "observe": "estimate joint type and axis from a video",
+    "studio": "view and correct an object in a local page",
     "deploy": "run a bundle on a robot or a simulated robot",
+    "sim-robot": "serve a simulated Franka arm to real clients",
     "watch": "show a policy: a video, a recording for rerun, or a window",
     "markers": "print markers and calibration boards",
     "calibrate": "calibrate a camera, or its pose before the robot",
@@ -126,6 +128,11 @@ def export_policy() -> int:
 def deploy() -> int:
     """Run ``deploy``, short for ``articulate deploy``."""
     return main(["deploy", *sys.argv[1:]])
+
+
+def sim_robot() -> int:
+    """Run ``articulate-sim-robot``, short for ``articulate sim-robot``."""
+    return main(["sim-robot", *sys.argv[1:]])
 
 
 def _command(name: str) -> Main:

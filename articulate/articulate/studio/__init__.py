@@ -1,0 +1,1 @@
+"""Local page in which a person views and corrects a reconstructed object."""
