@@ -18,6 +18,7 @@ from articulate_envs.compiled.post_step import (
     reward_inputs,
     write_rewards,
 )
+from articulate_envs.compiled.rows import stack_rows
 from articulate_envs.engine import State
 from articulate_envs.rewards import (
     TERMS,
@@ -85,8 +86,8 @@ def terms(
     params = PostStepParams(
         terms=term_params(config),
         travel=as_numbers(config.travel),
-        task=reward_task(task, along_m=along_m, thick_m=thick_m),
-        goal=goal_params(task),
+        task=stack_rows([reward_task(task, along_m=along_m, thick_m=thick_m)]),
+        goal=stack_rows([goal_params(task)]),
         observation=cast(Any, None),  # the reward reads neither
         estimator=cast(Any, None),
         force_noise_n=0.0,

@@ -26,6 +26,7 @@ from articulate.task.observation import (
     ObservationInputs,
     ObservationParams,
     observation,
+    observation_params,
 )
 from articulate.task.randomization import EpisodeParams
 from articulate.task.task import goal_params
@@ -217,8 +218,10 @@ def start_of(manifest: Manifest, params: EpisodeParams) -> Array:
 
 
 def _observation_params(manifest: Manifest, speed_scale: float) -> ObservationParams:
-    control, task = manifest.control, manifest.task
-    return ObservationParams(control.step_s * speed_scale, control.move_m, task.target, task.closes)
+    constants = observation_params(
+        manifest.control, manifest.task, manifest.object, flip=manifest.placement.flip
+    )
+    return constants._replace(step_s=constants.step_s * speed_scale)
 
 
 def _inputs(

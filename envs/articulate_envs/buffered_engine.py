@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from articulate.task.object_placement import handle_path_of
 from articulate.task.randomization import COLUMNS, EpisodeParams, randomize_model
 from articulate.task.randomization_config import MAX_DELAY_STEPS
 from articulate.transforms import Array, Ints, matrix_to_quat
+from articulate_envs.compiled.rows import stack_rows
 from articulate_envs.compiled.step import (
     Buffers,
     ModelLayout,
@@ -48,18 +50,27 @@ class BufferedEngine(ABC):
     same arrays.
     """
 
-    def __init__(self, scene: Scene, n_envs: int) -> None:
-        """Create N environments of ``scene``; call :meth:`reset` for all before stepping."""
-        if len({model.nbuffer for model in scene.models}) > 1:
-            raise AssetError(
-                f"{scene.asset.name}: its collision hulls change with its size, so sizes cannot be "
-                "exchanged; set randomization.scale to one size"
-            )
-        self.scene = scene
+    def __init__(self, scene: Scene | Sequence[Scene], n_envs: int) -> None:
+        """Create N environments of one or several scenes; call :meth:`reset` before stepping.
+
+        Args:
+            scene: Scene of all environments, or scenes that are distributed evenly: environment
+                ``i`` has scene ``i * S // N``.
+            n_envs: Number of environments, at least that of scenes.
+
+        Raises:
+            AssetError: The hulls of an object change with its size.
+            EngineError: Scenes differ in arm, control, physics, limits or duration.
+        """
+        self.scenes = (scene,) if isinstance(scene, Scene) else tuple(scene)
+        _check_scenes(self.scenes, n_envs)
+        self.scene = scene = self.scenes[0]
         self.n_envs = n_envs
-        self._models = [copy.copy(scene.nominal) for _ in range(n_envs)]
+        self.scene_of: Ints = np.arange(n_envs, dtype=np.int64) * len(self.scenes) // n_envs
+        self._models = [copy.copy(self.scenes[k].nominal) for k in self.scene_of]
         self._data = [mujoco.MjData(m) for m in self._models]
-        self._sizes = np.zeros(n_envs, dtype=np.int64)
+        self._first_model = np.cumsum([0, *(len(one.models) for one in self.scenes)])
+        self._model_of = np.zeros(n_envs, dtype=np.int64)
         self._order = np.arange(n_envs, dtype=np.int64)
         self._buffers = _new_buffers(n_envs)
         self._delay = new_action_delay(n_envs, KEPT_ACTIONS)
@@ -76,8 +87,12 @@ class BufferedEngine(ABC):
             episode_s=scene.task.episode_s,
         )
         poses = (np.tile(np.eye(4), (n_envs, 1, 1)) for _ in range(4))
+        paths = [
+            handle_path_of(one.asset, one.task.joint, flip=one.placement.flip)
+            for one in self.scenes
+        ]
         self._poses = Poses(
-            path=handle_path_of(scene.asset, scene.task.joint, flip=scene.placement.flip),
+            path=stack_rows([paths[k] for k in self.scene_of]),
             T_wo=next(poses),
             scale=np.ones(n_envs),
             joint_scale=np.ones(n_envs),
@@ -107,7 +122,7 @@ class BufferedEngine(ABC):
         for k, i in enumerate(rows):
             self._write_model(int(i), start.params.values[k])
             self._write_data(int(i), start, k)
-        self._order[:] = np.argsort(self._sizes, kind="stable")
+        self._order[:] = np.argsort(self._model_of, kind="stable")
         b = self._buffers
         b.filter[rows] = filter_start(start.q)
         b.target[rows] = start.q
@@ -132,15 +147,19 @@ class BufferedEngine(ABC):
 
     def _part_positions(self, opened: Array, rows: Ints) -> Array:
         """Positions (M,) of the task's joint in environments ``rows`` at fractions ``opened``."""
-        path = self._poses.path
-        return (path.closed + opened * path.span) * self._poses.joint_scale[rows]
+        path, joint_scale = self._poses.path, self._poses.joint_scale[rows]
+        closed, span = np.asarray(path.closed)[rows], np.asarray(path.span)[rows]
+        return np.asarray((closed + opened * span) * joint_scale)
 
     def _place(self, rows: Ints, params: EpisodeParams) -> None:
-        scene = self.scene
-        self._poses.T_wo[rows] = scene.T_wo(params)
-        self._poses.scale[rows] = params["scale"]
-        if scene.task.kind == "slide":
-            self._poses.joint_scale[rows] = params["scale"]
+        scale, scene_of = params["scale"], self.scene_of[rows]
+        for k in np.unique(scene_of):
+            which = scene_of == k
+            self._poses.T_wo[rows[which]] = self.scenes[k].T_wo(EpisodeParams(params.values[which]))
+        self._poses.scale[rows] = scale
+        self._poses.joint_scale[rows] = np.where(
+            np.asarray(self._poses.path.hinge)[rows], 1.0, scale
+        )
         for name in ("delay_steps", "estimate_delay_steps"):  # compiled code does not check them
             if not np.isin(params[name], np.arange(KEPT_ACTIONS)).all():
                 raise EngineError(
@@ -150,10 +169,11 @@ class BufferedEngine(ABC):
 
     def _write_model(self, i: int, row: Array) -> None:
         """Copy the model of the sampled size and write the sampled numbers into it."""
-        scene, at, model = self.scene, self.scene.at, self._models[i]
+        scene, model = self.scenes[self.scene_of[i]], self._models[i]
+        at = scene.at
         value = dict(zip(COLUMNS, row, strict=True))
         k = int(np.argmin(np.abs(np.asarray(scene.scales) - value["scale"])))
-        self._sizes[i] = k
+        self._model_of[i] = self._first_model[self.scene_of[i]] + k
         copy_model(model, scene.models[k])
         randomize_model(
             model,
@@ -170,7 +190,8 @@ class BufferedEngine(ABC):
         mujoco.mj_setConst(model, self._data[i])
 
     def _write_data(self, i: int, start: Start, k: int) -> None:
-        scene, at, data = self.scene, self.scene.at, self._data[i]
+        scene, data = self.scenes[self.scene_of[i]], self._data[i]
+        at = scene.at
         mujoco.mj_resetData(self._models[i], data)
         for joint in scene.asset.joints:
             size = self._poses.scale[i] if joint.kind == "slide" else 1.0
@@ -224,10 +245,10 @@ class BufferedEngine(ABC):
     def snapshot(self) -> dict[str, Array]:
         """Return all that bit-identical continuation needs; only arrays."""
         spec = mujoco.mjtState.mjSTATE_INTEGRATION
-        size = mujoco.mj_stateSize(self._models[0], spec)
-        physics = np.zeros((self.n_envs, size))
-        for i in range(self.n_envs):
-            mujoco.mj_getState(self._models[i], self._data[i], physics[i], spec)
+        sizes = [mujoco.mj_stateSize(model, spec) for model in self._models]
+        physics = np.zeros((self.n_envs, max(sizes)))
+        for i, size in enumerate(sizes):
+            mujoco.mj_getState(self._models[i], self._data[i], physics[i, :size], spec)
         out = {name: array.copy() for name, array in self._kept().items()}
         return out | {"physics": physics, "episode_params": self._values.copy()}
 
@@ -240,8 +261,9 @@ class BufferedEngine(ABC):
         for i in range(self.n_envs):
             self._write_model(i, self._values[i])
             mujoco.mj_resetData(self._models[i], self._data[i])
-            mujoco.mj_setState(self._models[i], self._data[i], snapshot["physics"][i], spec)
-        self._order[:] = np.argsort(self._sizes, kind="stable")
+            state = snapshot["physics"][i, : mujoco.mj_stateSize(self._models[i], spec)]
+            mujoco.mj_setState(self._models[i], self._data[i], state, spec)
+        self._order[:] = np.argsort(self._model_of, kind="stable")
         for name, array in self._kept().items():
             array[:] = snapshot[name]
         self._refresh(rows)
@@ -256,6 +278,24 @@ class BufferedEngine(ABC):
 
     def close(self) -> None:  # noqa: B027  engines without threads hold nothing
         """Release what is held; a second call does nothing."""
+
+
+def _check_scenes(scenes: tuple[Scene, ...], n_envs: int) -> None:
+    """Raise EngineError or AssetError if ``scenes`` cannot share an engine."""
+    if not 1 <= len(scenes) <= n_envs:
+        raise EngineError(f"{len(scenes)} scenes for {n_envs} environments; give at most as many")
+    for scene in scenes:
+        if len({model.nbuffer for model in scene.models}) > 1:
+            raise AssetError(
+                f"{scene.asset.name}: its collision hulls change with its size, so sizes cannot be "
+                "exchanged; set randomization.scale to one size"
+            )
+        for name in ("arm", "control", "physics", "n_steps"):
+            if getattr(scene, name) != getattr(scenes[0], name):
+                raise EngineError(f"scenes of one engine differ in {name}; use one engine for each")
+        for name in ("episode_s", "hold_s", "limits"):
+            if getattr(scene.task, name) != getattr(scenes[0].task, name):
+                raise EngineError(f"scenes of one engine differ in task.{name}; use one for each")
 
 
 def _new_buffers(n: int) -> Buffers:

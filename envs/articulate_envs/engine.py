@@ -66,7 +66,11 @@ class Engine(Protocol):
     """N environments; results do not depend on the number of threads."""
 
     scene: Scene
+    """First of :attr:`scenes`; arm, control, physics, limits and duration are common to all."""
+    scenes: tuple[Scene, ...]
     n_envs: int
+    scene_of: Ints
+    """Index of the scene of each environment (N,)."""
 
     def reset(self, rows: Ints, start: Start) -> None:
         """Begin new episodes in environments ``rows`` (M,) of int."""

@@ -14,7 +14,7 @@ from articulate.task.episode_monitor import (
     goal_held,
     new_monitor,
 )
-from articulate.task.observation import ACTION, ObservationInputs, ObservationParams
+from articulate.task.observation import ACTION, ObservationInputs, observation_params
 from articulate.task.randomization import EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.state_estimation import NoisyEstimator
@@ -27,10 +27,16 @@ from articulate_envs.compiled.post_step import (
     compiled_post_step,
     reward_inputs,
 )
+from articulate_envs.compiled.rows import stack_rows
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Engine, Start, State
 from articulate_envs.grasp import grasp_of
-from articulate_envs.initial_states import home_start, mix_starts, precompute_states
+from articulate_envs.initial_states import (
+    concatenate_starts,
+    home_start,
+    mix_starts,
+    precompute_states,
+)
 from articulate_envs.privileged_observation import privileged
 from articulate_envs.rewards import (
     TERMS,
@@ -115,12 +121,17 @@ class Episodes:
         self._renew = renew
         scene, n = engine.scene, engine.n_envs
         self._rng = np.random.default_rng(seed)
-        self._estimator = NoisyEstimator(n, scene.task.span, scene.task.kind, randomization)
+        tasks = [engine.scenes[k].task for k in engine.scene_of]
+        spans, kinds = np.array([task.span for task in tasks]), [task.kind for task in tasks]
+        self._estimator = NoisyEstimator(n, spans, kinds, randomization)
         self._params = sample_episode_params(randomization, self._rng, n, begin=scene.task.begin)
         self._precomputed = (
             None
             if initial_states is None
-            else precompute_states(scene, initial_states, randomization, self._rng)
+            else [
+                precompute_states(one, initial_states, randomization, self._rng)
+                for one in engine.scenes
+            ]
         )
         self._constants = self._post_step_params()
         self._monitor = new_monitor(n)
@@ -132,23 +143,29 @@ class Episodes:
         self._state: State | None = None
 
     def _post_step_params(self) -> PostStepParams:
-        scene = self.engine.scene
-        task = scene.task
-        grasp = grasp_of(scene.asset.handle_of(task.joint))
+        scenes = [self.engine.scenes[k] for k in self.engine.scene_of]
+        grasps = [grasp_of(scene.asset.handle_of(scene.task.joint)) for scene in scenes]
         return PostStepParams(
             terms=term_params(self.reward),
             travel=as_numbers(self.reward.travel),
-            task=reward_task(task, along_m=grasp.along_m, thick_m=grasp.thick_m),
-            goal=goal_params(task),
-            observation=ObservationParams(
-                step_s=scene.control.step_s,
-                move_m=scene.control.move_m,
-                target=float(task.target),
-                closes=task.closes,
+            task=stack_rows(
+                [
+                    reward_task(scene.task, along_m=grasp.along_m, thick_m=grasp.thick_m)
+                    for scene, grasp in zip(scenes, grasps, strict=True)
+                ]
+            ),
+            goal=stack_rows([goal_params(scene.task) for scene in scenes]),
+            observation=stack_rows(
+                [
+                    observation_params(
+                        scene.control, scene.task, scene.asset, flip=scene.placement.flip
+                    )
+                    for scene in scenes
+                ]
             ),
             estimator=self._estimator.params,
             force_noise_n=float(self.randomization.force_noise_n),
-            steps=scene.n_steps,
+            steps=self.engine.scene.n_steps,
         )
 
     @property
@@ -182,13 +199,26 @@ class Episodes:
         self._rng = np.random.default_rng(seed)
 
     def sample_start(self, n: int) -> Start:
-        """Sample the initial states of the next N episodes."""
-        scene = self.engine.scene
+        """Sample the initial states of the next N episodes of the first scene."""
+        return self._sample_of(0, n)
+
+    def _sample_rows(self, rows: Ints) -> Start:
+        """Sample the initial states of environments ``rows`` (M,), scene by scene."""
+        scene_of = self.engine.scene_of[rows]
+        parts = [np.flatnonzero(scene_of == k) for k in np.unique(scene_of)]
+        starts = [self._sample_of(int(scene_of[part[0]]), len(part)) for part in parts]
+        if len(starts) == 1:
+            return starts[0]
+        return concatenate_starts(starts, np.argsort(np.concatenate(parts)))
+
+    def _sample_of(self, k: int, n: int) -> Start:
+        """Sample the initial states of N episodes of scene ``k``."""
+        scene = self.engine.scenes[k]
         params = sample_episode_params(self.randomization, self._rng, n, begin=scene.task.begin)
         if self.initial_states is None or self._precomputed is None:
             return home_start(scene, params)
         share = self.initial_states.share(self.progress)
-        return mix_starts(scene, self._precomputed, params, share, self._rng)
+        return mix_starts(scene, self._precomputed[k], params, share, self._rng)
 
     def reset(self, *, stagger: bool = False, start: Start | None = None) -> Array:
         """Begin all episodes and return the observations (N, size).
@@ -210,7 +240,7 @@ class Episodes:
 
     def _begin(self, rows: Ints, start: Start | None = None) -> State:
         """Begin episodes in environments ``rows`` (M,) and return the state of all environments."""
-        start = self.sample_start(len(rows)) if start is None else start
+        start = self._sample_rows(rows) if start is None else start
         self.engine.reset(rows, start)
         self._params.values[rows] = start.params.values
         self._home[rows] = start.home
@@ -256,7 +286,7 @@ class Episodes:
 
     def privileged(self) -> Array:
         """Return the privileged observations of the present state (N, size)."""
-        return privileged(self.engine.scene.task, self.state, self._monitor, self._params)
+        return privileged(self._constants.goal, self.state, self._monitor, self._params)
 
     def step(self, action: Array) -> StepResult:
         """Run one control step with actions (N, 8), clipped to [-1, 1]."""

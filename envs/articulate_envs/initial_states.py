@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from articulate.task.object_placement import handle_in_world
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate.task.randomization_config import RandomizationConfig
-from articulate.transforms import Array, pose
+from articulate.transforms import Array, Ints, pose
 from articulate_envs.compiled.inverse_kinematics import solve_ik
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Start
@@ -126,3 +127,14 @@ def mix_starts(
         closing=choose(home.closing, precomputed.closing),
         home=~along,
     )
+
+
+def concatenate_starts(starts: Sequence[Start], order: Ints) -> Start:
+    """Return the rows of all ``starts`` in ``order`` (M,), indices."""
+
+    def stacked(name: str) -> Any:
+        return np.concatenate([getattr(start, name) for start in starts])[order]
+
+    values = np.concatenate([start.params.values for start in starts])[order]
+    names = ("q", "opened", "width", "closing", "home")
+    return Start(params=EpisodeParams(values), **{name: stacked(name) for name in names})

@@ -13,7 +13,7 @@ from articulate.task.episode_monitor import COLUMN, EpisodeMonitor
 from articulate.task.layout import Field, Layout
 from articulate.task.observation import FINE_UNIT_M, GOAL_ERROR_UNIT, HANDLE_UNIT_M
 from articulate.task.randomization import COLUMNS, EpisodeParams
-from articulate.task.task import Task, goal_error
+from articulate.task.task import GoalParams
 from articulate.transforms import Array
 from articulate_envs.engine import State
 
@@ -46,8 +46,20 @@ PRIVILEGED = Layout(
 """Fields of the vector, which follow those of the observation."""
 
 
-def privileged(task: Task, state: State, monitor: EpisodeMonitor, params: EpisodeParams) -> Array:
-    """Return the vectors (N, size of :data:`PRIVILEGED`) for N environments."""
+def privileged(
+    goal: GoalParams, state: State, monitor: EpisodeMonitor, params: EpisodeParams
+) -> Array:
+    """Return the vectors (N, size of :data:`PRIVILEGED`) for N environments.
+
+    Args:
+        goal: Success criteria of each environment, arrays (N,).
+        state: State of the environments.
+        monitor: Monitor of their episodes.
+        params: Parameters of their episodes.
+    """
+    beyond = np.where(
+        goal.closes, goal.target - np.abs(state.opened), state.opened - goal.target
+    )  # goal_error for rows of several tasks
     offset_w = state.T_wh[:, :3, 3] - state.T_wt[:, :3, 3]
     handle = np.einsum("nji,nj->ni", state.T_wt[:, :3, :3], offset_w)
     return PRIVILEGED.pack(
@@ -55,8 +67,7 @@ def privileged(task: Task, state: State, monitor: EpisodeMonitor, params: Episod
             "handle_pos_true": handle / HANDLE_UNIT_M,
             "handle_pos_fine_true": handle / FINE_UNIT_M,
             "part_open_true": state.opened,
-            "goal_error_fine_true": goal_error(state.opened, task.target, task.closes)
-            / GOAL_ERROR_UNIT,
+            "goal_error_fine_true": beyond / GOAL_ERROR_UNIT,
             "gripper_closing": state.gripper.closing,
             "gripper_latency_left": state.gripper.latency_left_s,
             "force": np.nan_to_num(state.samples[:, 0:3]) / 20.0,

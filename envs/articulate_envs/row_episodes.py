@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from articulate.task.randomization import EpisodeParams
 from articulate.transforms import Array, Ints
 from articulate_envs.engine import Start
 from articulate_envs.episodes import Episodes
+from articulate_envs.initial_states import concatenate_starts
 
 
 class RowEpisodes(Episodes):
@@ -53,7 +53,7 @@ class RowEpisodes(Episodes):
                 parts.append(self.sample_start(1))
                 self._rng = common
                 order.append(i)
-        return _concatenated(parts, np.argsort(order))
+        return concatenate_starts(parts, np.argsort(order))
 
     def restart(self, rows: Ints, start: Start | None = None) -> Array:
         """Begin new episodes in environments ``rows`` and return their observations (M, size).
@@ -79,14 +79,3 @@ class RowEpisodes(Episodes):
             if row in self._generators:
                 noise[row] = self._generators[row].normal(size=noise.shape[1])
         return noise
-
-
-def _concatenated(starts: list[Start], order: Ints) -> Start:
-    """Return the rows of all ``starts`` in ``order``."""
-
-    def stacked(name: str) -> Any:
-        return np.concatenate([getattr(start, name) for start in starts])[order]
-
-    values = np.concatenate([start.params.values for start in starts])[order]
-    names = ("q", "opened", "width", "closing", "home")
-    return Start(params=EpisodeParams(values), **{name: stacked(name) for name in names})

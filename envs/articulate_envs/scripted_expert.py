@@ -1,9 +1,10 @@
 """Scripted expert: a controller with privileged state that operates the task's part.
 
 It moves in front of the handle, approaches it straight, grasps it, leads the part along its path
-and stays at the target. It uses only the state of the current control step, so it can act from any
-state, and works for every task. Training begins by imitating it
-(:mod:`articulate_train.imitation`); deployed policies contain nothing of it.
+and stays at the target. A part without a handle that is to be closed is pushed with closed fingers.
+The expert uses only the state of the current control step, so it can act from any state, and works
+for every task. Training begins by imitating it (:mod:`articulate_train.imitation`); deployed
+policies contain nothing of it.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from articulate.robot.config import ControlConfig
 from articulate.robot.kinematics import relative, small_twist
-from articulate.task.object_placement import HandlePath, handle_path_of
+from articulate.task.object_placement import handle_path_of
 from articulate.task.observation import ACTION
 from articulate.task.randomization import EpisodeParams
-from articulate.transforms import Array, Mask, pose, rotation_angle
+from articulate.task.task import Task
+from articulate.transforms import Array, Mask, axis_angle_to_matrix, pose, rotation_angle
 from articulate_envs.engine import State
-from articulate_envs.grasp import Grasp, grasp_of
+from articulate_envs.grasp import grasp_of
 from articulate_envs.rewards import HELD_SHARE
 from articulate_envs.scene import Scene
 
@@ -59,6 +62,8 @@ TOGETHER = 0.75
 translation; otherwise the handle would turn in the fingers and spread them."""
 STEP = 0.01
 """Step of the open fraction by which the travel of the handle is measured."""
+PUSH_M = 0.012
+"""Distance before a place to push at which closed fingers count as touching it [m]."""
 SHUT, BEYOND = 0.2, 1.08
 """Goal of the lead as a share of the target: well inside it for a part that closes, beyond it for
 one that opens, at most half the way to its stop."""
@@ -66,13 +71,25 @@ one that opens, at most half the way to its stop."""
 
 @dataclass(frozen=True)
 class ScriptedExpert:
-    """Scripted expert of one scene."""
+    """Scripted expert; its arrays have one row per environment, or one row for all."""
 
-    scene: Scene
-    path: HandlePath
-    grasp: Grasp
-    aim: float
-    """Open fraction to which the part is led."""
+    control: ControlConfig
+    hinge: Mask
+    """True where the joint rotates (N,)."""
+    axis_h: Array
+    """Axis of the joint in the frame of the handle (N, 3)."""
+    pivot_h: Array
+    """Point on that axis in the same frame, at nominal size (N, 3) [m]."""
+    span: Array
+    """Signed travel of the joint to the open state (N,) [m or rad]."""
+    along_m: Array
+    """Distance from the handle's middle at which fingers may hold it (N,) [m]."""
+    thick_m: Array
+    """Thickness of the handle between the fingers (N,) [m]."""
+    pushes: Mask
+    """True where closed fingers push the part instead of holding it (N,)."""
+    aim: Array
+    """Open fraction to which the part is led (N,)."""
 
     def act(self, state: State, params: EpisodeParams) -> Array:
         """Return actions (N, 8) in [-1, 1] for N environments.
@@ -81,12 +98,13 @@ class ScriptedExpert:
             state: State of the environments.
             params: Parameters of their episodes.
         """
-        control = self.scene.control
+        control = self.control
         unit = np.repeat([control.move_m, control.turn_rad], 3)
         T_ht = relative(state.T_wh, state.T_wt)
         T_wa = state.T_wt_target @ _small_pose(state.pending_actions[:, :6] * unit)
         T_ha = relative(state.T_wh, T_wa)
         held, empty = self._held(state, params, T_ht)
+        held, empty = np.where(self.pushes, _touching(T_ht), held), empty & ~self.pushes
         near, at = self._at_handle(T_ht, T_ha)
         goal = self._before(T_ha, retreat=empty)
         T_goal = np.where(held[:, None, None], self._ahead(state, params, T_ht), state.T_wh @ goal)
@@ -98,7 +116,7 @@ class ScriptedExpert:
             size = np.abs(twist[:, part]).max(axis=1)
             size = np.where(held, np.maximum(size, TOGETHER * largest), size)
             twist[:, part] *= (limit / np.maximum(size, limit))[:, None]
-        close = (held | at | (commanded & near)) & ~empty
+        close = self.pushes | ((held | at | (commanded & near)) & ~empty)
         out = np.zeros((len(twist), ACTION.size))
         out[:, :6] = twist
         out[:, ACTION.slice("gripper").start] = np.where(close, 1.0, -1.0)
@@ -106,7 +124,7 @@ class ScriptedExpert:
 
     def _held(self, state: State, params: EpisodeParams, T_ht: Array) -> tuple[Mask, Mask]:
         """Return masks (N,): the fingers hold the handle; they have closed on nothing."""
-        thick = self.grasp.thick_m * params["scale"]
+        thick = self.thick_m * params["scale"]
         closing, width = state.gripper.closing > 0.0, state.gripper_width
         between = np.abs(T_ht[:, 1, 3]) <= 0.5 * thick + BESIDE_M
         between &= np.abs(T_ht[:, 2, 3]) <= LOST_M
@@ -125,7 +143,7 @@ class ScriptedExpert:
     def _beside(self, T: Array) -> Array:
         """Return positions (N, 3) [m] in the handle's frame from its nearest graspable point."""
         off = T[:, :3, 3].copy()
-        most = ALONG * self.grasp.along_m
+        most = ALONG * self.along_m
         off[:, 0] -= np.clip(off[:, 0], -most, most)
         return off
 
@@ -137,35 +155,72 @@ class ScriptedExpert:
         back = BACK[0] * np.maximum(lateral - STRAIGHT_M, 0.0)
         back += BACK[1] * np.maximum(turned - STRAIGHT_RAD, 0.0)
         back = np.clip(np.where(retreat, RETREAT_M, back), 0.0, MAX_BACK_M)
-        most = ALONG * self.grasp.along_m
+        most = ALONG * self.along_m
         along = np.clip(T_ha[:, 0, 3], -most, most)
         return pose(np.stack([along, np.zeros_like(along), -back], axis=1))
 
     def _ahead(self, state: State, params: EpisodeParams, T_ht: Array) -> Array:
         """Return goal poses (N, 4, 4) in the world of a gripper that leads the part, grasp kept."""
-        scale, T_wo = params["scale"], self.scene.T_wo(params)
-        left = self.aim - state.opened
-        next_pose = self.path.in_world(
-            T_wo=T_wo, scale=scale, opened=state.opened + STEP * np.sign(left)
-        )
+        scale, left = params["scale"], self.aim - state.opened
+        next_pose = self._moved(state.T_wh, scale, STEP * np.sign(left))
         travel = np.linalg.norm((next_pose - state.T_wh)[:, :3, 3], axis=1) / STEP
         lead = np.minimum(LEAD_M, BRAKE * np.abs(left) * travel + MIN_LEAD_M)
         ahead = np.sign(left) * np.minimum(np.abs(left), lead / np.maximum(travel, 1e-6))
-        goal = self.path.in_world(T_wo=T_wo, scale=scale, opened=state.opened + ahead)
-        return np.asarray(goal @ T_ht)
+        return np.asarray(self._moved(state.T_wh, scale, ahead) @ T_ht)
+
+    def _moved(self, T_wh: Array, scale: Array, fraction: Array) -> Array:
+        """Return the poses (N, 4, 4) of handles at ``T_wh`` after ``fraction`` (N,) of travel.
+
+        The joint's axis is constant in the frame of the handle, which moves with the part.
+        """
+        travel = fraction * self.span
+        turn = axis_angle_to_matrix(self.axis_h, np.where(self.hinge, travel, 0.0))
+        pivot = self.pivot_h * scale[:, None]
+        slid = self.axis_h * np.where(self.hinge, 0.0, travel * scale)[:, None]
+        turned = pivot - np.einsum("nij,nj->ni", turn, pivot)
+        return np.asarray(T_wh @ pose(slid + turned, turn))
 
 
-def make_scripted_expert(scene: Scene) -> ScriptedExpert:
-    """Return the scripted expert of ``scene``."""
-    task = scene.task
-    path = handle_path_of(scene.asset, task.joint, flip=scene.placement.flip)
-    grasp = grasp_of(scene.asset.handle_of(task.joint))
+def make_scripted_expert(scene: Scene, *others: Scene) -> ScriptedExpert:
+    """Return the scripted expert of ``scene`` for all environments, or of one scene for each.
+
+    Args:
+        scene: Scene of all environments, or of the first one.
+        *others: Scenes of the other environments; all have the same control stack.
+    """
+    scenes = (scene, *others)
+    paths = [handle_path_of(one.asset, one.task.joint, flip=one.placement.flip) for one in scenes]
+    handles = [one.asset.handle_of(one.task.joint) for one in scenes]
+    grasps = [grasp_of(handle) for handle in handles]
+    turns = [path.T_oh[:3, :3].T for path in paths]
+    return ScriptedExpert(
+        control=scene.control,
+        hinge=np.array([path.hinge for path in paths]),
+        axis_h=np.array([t @ p.axis_o for t, p in zip(turns, paths, strict=True)]),
+        pivot_h=np.array(
+            [t @ (p.pivot_o - p.T_oh[:3, 3]) for t, p in zip(turns, paths, strict=True)]
+        ),
+        span=np.array([path.span for path in paths]),
+        along_m=np.array([grasp.along_m for grasp in grasps]),
+        thick_m=np.array([grasp.thick_m for grasp in grasps]),
+        pushes=np.array([h is not None and h.kind == "push" for h in handles]),
+        aim=np.array([_aim(one.task) for one in scenes]),
+    )
+
+
+def _aim(task: Task) -> float:
+    """Return the open fraction to which the part of ``task`` is led."""
     if task.closes:
-        aim = SHUT * task.target
-    else:
-        stop = task.target * 1.1 if task.stop is None else 0.5 * (task.target + task.stop)
-        aim = min(BEYOND * task.target, stop)
-    return ScriptedExpert(scene, path, grasp, aim)
+        return SHUT * task.target
+    stop = task.target * 1.1 if task.stop is None else 0.5 * (task.target + task.stop)
+    return min(BEYOND * task.target, stop)
+
+
+def _touching(T_ht: Array) -> Mask:
+    """Return a mask (N,): closed fingers are at the place to push."""
+    off = T_ht[:, :3, 3]
+    beside = np.linalg.norm(off[:, :2], axis=1) < LOST_M
+    return np.asarray(beside & (off[:, 2] > -PUSH_M))
 
 
 def _small_pose(twist: Array) -> Array:

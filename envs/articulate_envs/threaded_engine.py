@@ -1,15 +1,19 @@
-"""Batched engine: one model and one state per environment, on native threads."""
+"""Batched engine: one model and one state per environment, on native threads.
+
+Environments can have different scenes; each row of a batch belongs to one of them.
+"""
 
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from articulate.simulator import mujoco
 from articulate.transforms import Array, Ints
-from articulate_envs.buffered_engine import BufferedEngine
+from articulate_envs.buffered_engine import BufferedEngine, model_layout
 from articulate_envs.compiled.step import EnvironmentPointers, ThreadWorkspaces, compiled_step
 from articulate_envs.native_mujoco import sampled_arrays, step_address
 from articulate_envs.scene import Scene
@@ -18,8 +22,14 @@ from articulate_envs.scene import Scene
 class ThreadEngine(BufferedEngine):
     """N environments stepped by ``threads`` threads; see :class:`articulate_envs.engine.Engine`."""
 
-    def __init__(self, scene: Scene, n_envs: int, *, threads: int = 1) -> None:
-        """Create N environments of ``scene``; call :meth:`reset` for all before stepping."""
+    def __init__(self, scene: Scene | Sequence[Scene], n_envs: int, *, threads: int = 1) -> None:
+        """Create N environments of one or several scenes; call :meth:`reset` before stepping.
+
+        Args:
+            scene: Scene of all environments, or scenes that are distributed evenly.
+            n_envs: Number of environments.
+            threads: Number of threads.
+        """
         super().__init__(scene, n_envs)
         self.threads = max(1, min(threads, n_envs))
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
@@ -27,36 +37,47 @@ class ThreadEngine(BufferedEngine):
         self._edges = np.linspace(0, n_envs, self.threads + 1).astype(int)
         self._mj_step = step_address()
         self._thread_models = self._make_thread_models()
-        self._thread_data = [mujoco.MjData(scene.nominal) for _ in range(self.threads)]
+        self._thread_data = [
+            [mujoco.MjData(one.nominal) for one in self.scenes] for _ in range(self.threads)
+        ]
+        self._layouts = np.array([model_layout(one) for one in self.scenes], dtype=np.int64)
         self._environments, self._workspaces = (
             self._environment_pointers(),
             self._workspace_pointers(),
         )
 
     def _make_thread_models(self) -> list[list[mujoco.MjModel]]:
-        """Models of each size for each thread; a single environment uses its own model."""
+        """Models of each scene and size for each thread; a single environment uses its model."""
         if self.n_envs == 1:
             return [self._models * len(self.scene.models)]
-        return [[copy.copy(model) for model in self.scene.models] for _ in range(self.threads)]
+        models = [model for scene in self.scenes for model in scene.models]
+        return [[copy.copy(model) for model in models] for _ in range(self.threads)]
 
     def _environment_pointers(self) -> EnvironmentPointers:
+        arrays = [sampled_arrays(model) for model in self._models]
         return EnvironmentPointers(
-            size=self._sizes,
-            counts=sampled_arrays(self.scene.nominal)[1],
-            sampled=np.array([sampled_arrays(model)[0] for model in self._models]),
+            scene=self.scene_of,
+            model=self._model_of,
+            counts=np.array([counts for _, counts in arrays]),
+            sampled=np.array([addresses for addresses, _ in arrays]),
             **_state_addresses(self._data),
         )
 
     def _workspace_pointers(self) -> ThreadWorkspaces:
-        rows, data = self._thread_models, self._thread_data
+        rows = self._thread_models
+        data = [one for of_thread in self._thread_data for one in of_thread]
+        addresses = {
+            "data": np.array([d._address for d in data], dtype=np.int64),
+            "torque": _addresses([d.qfrc_actuator for d in data]),
+            "sensors": _addresses([d.sensordata for d in data]),
+            "site": _addresses([d.site_xpos for d in data]),
+            **_state_addresses(data),
+        }
+        shape = (self.threads, len(self.scenes))
         return ThreadWorkspaces(
             model=np.array([[m._address for m in models] for models in rows], dtype=np.int64),
             sampled=np.array([[sampled_arrays(m)[0] for m in models] for models in rows]),
-            data=np.array([d._address for d in data], dtype=np.int64),
-            torque=_addresses([d.qfrc_actuator for d in data]),
-            sensors=_addresses([d.sensordata for d in data]),
-            site=_addresses([d.site_xpos for d in data]),
-            **_state_addresses(data),
+            **{name: values.reshape(shape) for name, values in addresses.items()},
         )
 
     def _advance(self) -> None:
@@ -66,7 +87,7 @@ class ThreadEngine(BufferedEngine):
             self._mj_step,
             self._environments,
             self._workspaces,
-            self._layout,
+            self._layouts,
             self._substep,
             self._targets,
             self._delay.motion,

@@ -158,12 +158,12 @@ def test_a_thread_steps_each_environment_with_all_that_it_has_drawn(drawer):
     """A thread's model of a size is that of the environment it stepped last, to the bit."""
     engine = ThreadEngine(drawer, N)
     engine.reset(np.arange(N), initial_states(drawer))
-    sizes = {int(engine._sizes[i]) for i in range(N)}
+    sizes = {int(engine._model_of[i]) for i in range(N)}
     assert len(sizes) > 1
-    assert any(np.sum(engine._sizes == size) > 1 for size in sizes)
+    assert any(np.sum(engine._model_of == size) > 1 for size in sizes)
     engine.step(actions()[0])
     for size in sizes:
-        last = [i for i in engine._order if engine._sizes[i] == size][-1]
+        last = [i for i in engine._order if engine._model_of[i] == size][-1]
         own, desk = (
             model_arrays(m) for m in (engine._models[last], engine._thread_models[0][size])
         )

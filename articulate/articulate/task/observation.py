@@ -7,12 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from articulate.assets.asset import Asset
 from articulate.jit import row_function
+from articulate.robot.config import ControlConfig
 from articulate.robot.control import GripperState
 from articulate.robot.kinematics import write_small_twist
 from articulate.task.layout import Field, Layout
+from articulate.task.object_placement import handle_path_of
 from articulate.task.randomization_config import GOAL_ERROR_RANGE
-from articulate.task.task import goal_error
+from articulate.task.task import Task, goal_error
 from articulate.transforms import Array
 
 TRACKING_UNIT_M, TRACKING_UNIT_RAD = 0.05, 0.2
@@ -35,6 +38,12 @@ FORCE_UNIT_N = 10.0
 """Unit of ``measured_force`` [N]."""
 COMMAND_TIME_S = 2.0
 """Saturation of the time since a gripper command [s]: above its latency and its dwell."""
+ROTATION_UNIT_RAD_M = 5.0
+"""Unit of ``path_rotation`` [rad/m]."""
+SIZE_UNIT_M = 0.05
+"""Unit of ``handle_size`` [m]."""
+MIN_RADIUS_M = 1e-3
+"""Least radius of a handle's path about a hinge [m]."""
 
 OBSERVATION = Layout(
     (
@@ -76,6 +85,14 @@ OBSERVATION = Layout(
         ),
         Field(name="last_action", size=8, unit="1", frame="-", source="policy", low=-1, high=1),
         Field(name="time_left", size=1, unit="1", frame="-", source="clock", low=0, high=1),
+        Field(name="path_direction", size=3, unit="1", frame="tool", source="estimator"),
+        Field(name="path_rotation", size=3, unit="5 rad/m", frame="tool", source="estimator"),
+        Field(name="path_left", size=1, unit="0.2 m", frame="-", source="estimator"),
+        Field(
+            name="path_left_fine", size=1, unit="0.02 m", frame="-", source="estimator",
+            low=-1.5, high=1.5,
+        ),
+        Field(name="handle_size", size=3, unit="0.05 m", frame="-", source="estimator"),
     )
 )  # fmt: skip
 """Inputs of a policy, in order.
@@ -94,6 +111,11 @@ arm's own friction.
 ``pending_actions`` is the sum of the motions that were requested and have not acted yet: without
 it a policy cannot predict the tool under action latency. Latency that the controller does not
 know about is not in it.
+``path_direction`` is the direction in which the handle moves towards the target, ``path_rotation``
+the rotation of the part per metre of that motion (0 for slides), ``path_left`` the length of the
+path to the target and ``handle_size`` the extent of the handle along its long axis, between the
+fingers and along the approach. They describe the task without the identity of the object, at its
+nominal size.
 """
 
 ACTION = Layout(
@@ -110,7 +132,8 @@ _SIZE, _LOW, _HIGH = OBSERVATION.size, OBSERVATION.low, OBSERVATION.high
 (
     _JOINT_POS, _JOINT_VEL, _JOINT_TRACKING, _TRACKING, _HANDLE, _HANDLE_FINE, _PREDICTED,
     _PREDICTED_FINE, _AXES, _OPEN, _GOAL_ERROR, _PART_SPEED, _WIDTH, _GRIPPER_SPEED, _FORCE,
-    _COMMAND, _PENDING, _LAST_ACTION, _TIME_LEFT,
+    _COMMAND, _PENDING, _LAST_ACTION, _TIME_LEFT, _DIRECTION, _ROTATION, _LEFT, _LEFT_FINE,
+    _HANDLE_SIZE,
 ) = (OBSERVATION.slice(f.name).start for f in OBSERVATION.fields)  # fmt: skip
 
 
@@ -162,6 +185,68 @@ class ObservationParams(NamedTuple):
     """Fraction open of the task's target."""
     closes: bool
     """True if the task moves the part towards its closed end."""
+    direction_h: Array
+    """Direction of the handle's motion towards the target, in its frame (3,)."""
+    rotation_h: Array
+    """Rotation of the part per metre of that motion, in the same frame (3,) [rad/m]."""
+    travel_m: float
+    """Length of the handle's path from closed to open [m]."""
+    handle_size: Array
+    """Extent of the handle (3,) [m]; see :attr:`articulate.assets.asset.Handle.extent`."""
+
+
+def observation_params(
+    control: ControlConfig, task: Task, asset: Asset, *, flip: bool
+) -> ObservationParams:
+    """Return the constants of the observations of one task.
+
+    Args:
+        control: Control stack.
+        task: Task.
+        asset: Object, with its handle tilted as in the placement; without a handle, all constants
+            of the handle are 0.
+        flip: True if the gripper is rotated by 180 degrees about its approach axis.
+    """
+    direction, rotation, travel, size = np.zeros(3), np.zeros(3), 0.0, np.zeros(3)
+    handle = asset.handle_of(task.joint)
+    if handle is not None:
+        path = handle_path_of(asset, task.joint, flip=flip)
+        motion, turn = path.axis_o, np.zeros(3)  # per unit of the joint, in the object frame
+        if path.hinge:
+            motion, turn = np.cross(path.axis_o, path.T_oh[:3, 3] - path.pivot_o), path.axis_o
+        radius = max(float(np.linalg.norm(motion)), MIN_RADIUS_M)
+        sign = np.sign(task.span) * (-1.0 if task.closes else 1.0) / radius
+        direction, rotation = (sign * (path.T_oh[:3, :3].T @ v) for v in (motion, turn))
+        travel, size = radius * abs(task.span), np.array(handle.extent, dtype=np.float64)
+    return ObservationParams(
+        step_s=control.step_s,
+        move_m=control.move_m,
+        target=float(task.target),
+        closes=task.closes,
+        direction_h=direction,
+        rotation_h=rotation,
+        travel_m=travel,
+        handle_size=size,
+    )
+
+
+@row_function
+def _write_path(
+    T_wt: Array, T_wh: Array, opened: float, params: ObservationParams, out: Array
+) -> None:
+    """Write the path and the size of a handle at ``T_wh`` (4, 4) for a tool at ``T_wt`` (4, 4)."""
+    for r in range(3):
+        along = around = 0.0
+        for j in range(3):
+            for k in range(3):
+                along += T_wt[j, r] * T_wh[j, k] * params.direction_h[k]
+                around += T_wt[j, r] * T_wh[j, k] * params.rotation_h[k]
+        out[_DIRECTION + r] = along
+        out[_ROTATION + r] = around / ROTATION_UNIT_RAD_M
+        out[_HANDLE_SIZE + r] = params.handle_size[r] / SIZE_UNIT_M
+    left = -params.travel_m * goal_error(opened, params.target, params.closes)
+    out[_LEFT] = left / HANDLE_UNIT_M
+    out[_LEFT_FINE] = left / FINE_UNIT_M
 
 
 @row_function
@@ -231,6 +316,7 @@ def write_observation(
     for j in range(8):
         out[_LAST_ACTION + j] = inputs.last_action[i, j]
     out[_TIME_LEFT] = time_left
+    _write_path(T, T_wh, opened, params, out)
     for j in range(_SIZE):  # comparisons, which keep a NaN
         if out[j] < _LOW[j]:
             out[j] = _LOW[j]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,8 @@ class EstimatorParams(NamedTuple):
 
     pos_m: float
     """Position of the handle, each axis [m]."""
-    opened: float
-    """Fraction open."""
+    opened: Array
+    """Fraction open of each object (N,)."""
 
 
 @row_function
@@ -80,7 +81,7 @@ def estimate_state(
         T_wh[1, j] = s * true[0, j] + c * true[1, j]
         T_wh[2, j] = true[2, j]
         T_wh[j, 3] = true[j, 3] + values[_BIAS + j] + params.pos_m * noise[j]
-    opened = history.opened[age, i] + params.opened * noise[3]
+    opened = history.opened[age, i] + params.opened[i] * noise[3]
     return opened, history.speed[age, i]
 
 
@@ -105,12 +106,24 @@ def measured_force(force_w: Array, values: Array, noise: Array, noise_n: float, 
 class NoisyEstimator:
     """Estimator that keeps the last states of N objects and returns them late and with errors."""
 
-    def __init__(self, n: int, span: float, kind: str, config: RandomizationConfig) -> None:
-        """Create an estimator of N objects whose joint travels ``span`` [m or rad]."""
-        length = PART_LENGTH if kind == "slide" else 1.0
-        self.params = EstimatorParams(
-            config.estimate_noise_m, config.part_noise * length / abs(span)
-        )
+    def __init__(
+        self,
+        n: int,
+        span: float | Array,
+        kind: str | Sequence[str],
+        config: RandomizationConfig,
+    ) -> None:
+        """Create an estimator of N objects.
+
+        Args:
+            n: Number of objects.
+            span: Travel of the joint, of all objects or of each (N,) [m or rad].
+            kind: ``"slide"`` or ``"hinge"``, of all joints or of each.
+            config: Noise.
+        """
+        length = np.where(np.asarray(kind) == "slide", PART_LENGTH, 1.0)
+        noise = np.broadcast_to(config.part_noise * length / np.abs(span), (n,))
+        self.params = EstimatorParams(config.estimate_noise_m, noise.copy())
         """Standard deviations of the noise."""
         self.history = StateHistory(
             np.tile(np.eye(4), (MAX_AGE, n, 1, 1)), np.zeros((MAX_AGE, n)), np.zeros((MAX_AGE, n))

@@ -25,6 +25,7 @@ from articulate.task.state_estimation import (
 from articulate.task.task import GoalParams, is_at_rest
 from articulate.transforms import Array, Ints, matrix_angle
 from articulate_envs.compiled.entry_points import entry_point
+from articulate_envs.compiled.rows import goal_of, observation_params_of, reward_task_of
 from articulate_envs.engine import State
 from articulate_envs.rewards import TERM_FUNCTIONS, RewardState, RewardTask, Travel
 
@@ -62,7 +63,11 @@ def reward_inputs(state: State) -> RewardInputs:
 
 
 class PostStepParams(NamedTuple):
-    """Constants of :func:`post_step`."""
+    """Constants of :func:`post_step`.
+
+    ``task``, ``goal`` and ``observation`` hold arrays with one row per environment
+    (:func:`.rows.stack_rows`), as environments can have different scenes.
+    """
 
     terms: Any
     """Parameters of the reward terms, :func:`articulate_envs.rewards.term_params`."""
@@ -199,7 +204,14 @@ def write_rewards(
     """Write the weighted terms (N, len(TERMS)) of a control step; what is not finite is 0."""
     for i in range(len(terms)):
         state = reward_state(
-            i, before, now, action[i], progress, params.travel, params.task, params.goal
+            i,
+            before,
+            now,
+            action[i],
+            progress,
+            params.travel,
+            reward_task_of(params.task, i),
+            goal_of(params.goal, i),
         )
         write_terms(params.terms, state, terms[i])
         for k in range(terms.shape[1]):
@@ -233,7 +245,8 @@ def observe(
         opened, speed = estimate_state(history, i, values[i], noise[i], params.estimator, T_wh)
         measured_force(samples[i], values[i], noise[i, 4:], params.force_noise_n, force)
         left = 1.0 - step[i] / params.steps
-        write_observation(inputs, i, T_wh, opened, speed, force, left, params.observation, out[i])
+        constants = observation_params_of(params.observation, i)
+        write_observation(inputs, i, T_wh, opened, speed, force, left, constants, out[i])
         for j in range(_SIZE):
             if np.isnan(out[i, j]):  # of an environment that diverged
                 out[i, j] = 0.0
@@ -262,9 +275,8 @@ def post_step(
     """
     write_rewards(before, now, action, progress, params, terms)
     for i in range(len(terms)):
-        monitor_step(
-            monitor, i, now.opened[i], now.speed[i], params.goal, params.observation.step_s
-        )
+        goal, step_s = goal_of(params.goal, i), params.observation.step_s[i]  # type: ignore[index]
+        monitor_step(monitor, i, now.opened[i], now.speed[i], goal, step_s)
         if monitor.diverged[i]:
             for k in range(terms.shape[1]):
                 terms[i, k] = 0.0

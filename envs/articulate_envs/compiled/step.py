@@ -39,6 +39,7 @@ from articulate.task.task import fraction_open
 from articulate.transforms import Array, Ints, Mask
 from articulate_envs.compiled.entry_points import entry_point
 from articulate_envs.compiled.pointers import array_at, call, copy_numbers, test_and_set
+from articulate_envs.compiled.rows import path_of
 
 DIVERGED = 1e10
 """Speed from which a state counts as diverged [rad/s or m/s]; MuJoCo's ``mjMAXVAL``."""
@@ -90,7 +91,7 @@ class Poses(NamedTuple):
     """Poses of tools and handles of N environments."""
 
     path: HandlePath
-    """Path of the handle."""
+    """Paths of the handles, stacked (:func:`.rows.stack_rows`)."""
     T_wo: Array
     """Poses of the objects in the world (N, 4, 4)."""
     scale: Array
@@ -108,7 +109,7 @@ class Poses(NamedTuple):
 
 
 class ModelLayout(NamedTuple):
-    """Sizes of MuJoCo's arrays and indices into them, equal for all environments."""
+    """Sizes of MuJoCo's arrays of a scene and indices into them."""
 
     nq: int
     nv: int
@@ -141,10 +142,12 @@ class SubstepParams(NamedTuple):
 class EnvironmentPointers(NamedTuple):
     """Addresses of the arrays that each of N environments keeps between control steps."""
 
-    size: Ints
-    """Index of the model's size (N,)."""
+    scene: Ints
+    """Index of the scene (N,)."""
+    model: Ints
+    """Index of the model: of the scene and its size (N,)."""
     counts: Ints
-    """Numbers in each of the F arrays in which models of one size differ (F,)."""
+    """Numbers in each of the F arrays in which models of one size differ (N, F)."""
     sampled: Ints
     """Addresses of those arrays (N, F)."""
     qpos: Ints
@@ -157,17 +160,17 @@ class EnvironmentPointers(NamedTuple):
 class ThreadWorkspaces(NamedTuple):
     """Addresses of the models and data with which each of T threads steps environments in turn.
 
-    A thread has one ``mjData`` and one model of each of S sizes. The state of an environment is
-    copied in and out, so all that a step reads and computes stays in the cache of a core.
-    MuJoCo's time is not kept: nothing depends on it.
+    A thread has one ``mjData`` of each of S scenes and one model of each of their sizes, M in all.
+    The state of an environment is copied in and out, so all that a step reads and computes stays in
+    the cache of a core. MuJoCo's time is not kept: nothing depends on it.
     """
 
     model: Ints
-    """(T, S)."""
+    """(T, M)."""
     sampled: Ints
-    """(T, S, F)."""
+    """(T, M, F)."""
     data: Ints
-    """(T,), as all that follow."""
+    """(T, S), as all that follow."""
     qpos: Ints
     qvel: Ints
     warm: Ints
@@ -176,6 +179,16 @@ class ThreadWorkspaces(NamedTuple):
     torque: Ints
     sensors: Ints
     site: Ints
+
+
+@row_function
+def layout_of(layouts: Ints, scene: int) -> ModelLayout:
+    """Return row ``scene`` of ``layouts`` (S, 13), whose columns are those of a layout."""
+    row = layouts[scene]
+    return ModelLayout(
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10],
+        row[11], row[12],
+    )  # fmt: skip
 
 
 @row_function
@@ -229,7 +242,7 @@ def update_tool_poses(
 @row_function
 def update_handle_pose(i: int, b: Buffers, poses: Poses) -> None:
     """Write the fraction open and the pose of the handle of environment ``i``."""
-    path, factor = poses.path, poses.joint_scale[i]
+    path, factor = path_of(poses.path, i), poses.joint_scale[i]
     opened = fraction_open(b.part_pos[i], factor * path.closed, factor * path.span)
     poses.opened[i] = opened
     write_handle_pose(path, poses.T_wo[i], poses.scale[i], opened, poses.T_wh[i])
@@ -310,6 +323,7 @@ def read_state(i: int, qpos: Array, qvel: Array, at: ModelLayout, b: Buffers) ->
 def _simulate(
     i: int,
     thread: int,
+    scene: int,
     model: int,
     mj_step: int,
     workspaces: ThreadWorkspaces,
@@ -318,16 +332,16 @@ def _simulate(
     b: Buffers,
 ) -> None:
     """Run the physics steps of environment ``i`` in the workspace of a thread."""
-    ctrl = array_at(workspaces.ctrl[thread], at.finger_ctrl + 2)
-    qpos = array_at(workspaces.qpos[thread], at.nq)
-    qvel = array_at(workspaces.qvel[thread], at.nv)
-    torque = array_at(workspaces.torque[thread], at.arm_q + 7)
-    sensors = array_at(workspaces.sensors[thread], at.robot_sensor + 1)
-    tool_w = array_at(workspaces.site[thread] + 24 * at.tool_site, 3)
+    ctrl = array_at(workspaces.ctrl[thread, scene], at.finger_ctrl + 2)
+    qpos = array_at(workspaces.qpos[thread, scene], at.nq)
+    qvel = array_at(workspaces.qvel[thread, scene], at.nv)
+    torque = array_at(workspaces.torque[thread, scene], at.arm_q + 7)
+    sensors = array_at(workspaces.sensors[thread, scene], at.robot_sensor + 1)
+    tool_w = array_at(workspaces.site[thread, scene] + 24 * at.tool_site, 3)
     wrench = np.zeros(6)
     for _ in range(params.substeps):
         pre_substep(i, ctrl, at, params, b)
-        call(mj_step, model, workspaces.data[thread])
+        call(mj_step, model, workspaces.data[thread, scene])
         if not post_substep(i, qvel, torque, sensors, tool_w, at, params, b, wrench):
             return
     read_state(i, qpos, qvel, at, b)
@@ -340,32 +354,38 @@ def _step_one(
     mj_step: int,
     environments: EnvironmentPointers,
     workspaces: ThreadWorkspaces,
-    at: ModelLayout,
+    layouts: Ints,
     params: SubstepParams,
     b: Buffers,
 ) -> None:
     """Copy environment ``i`` into the workspace of a thread, simulate it, and copy it back."""
     if b.alive[i] == 0.0:
         return
-    size = environments.size[i]
-    for f in range(len(environments.counts)):
+    scene, model = environments.scene[i], environments.model[i]
+    at = layout_of(layouts, scene)
+    for f in range(environments.counts.shape[1]):
         copy_numbers(
-            environments.sampled[i, f], workspaces.sampled[thread, size, f], environments.counts[f]
+            environments.sampled[i, f],
+            workspaces.sampled[thread, model, f],
+            environments.counts[i, f],
         )
-    copy_numbers(environments.qpos[i], workspaces.qpos[thread], at.nq)
-    copy_numbers(environments.qvel[i], workspaces.qvel[thread], at.nv)
-    copy_numbers(environments.warm[i], workspaces.warm[thread], at.nv)
+    copy_numbers(environments.qpos[i], workspaces.qpos[thread, scene], at.nq)
+    copy_numbers(environments.qvel[i], workspaces.qvel[thread, scene], at.nv)
+    copy_numbers(environments.warm[i], workspaces.warm[thread, scene], at.nv)
     push = array_at(environments.xfrc[i] + 48 * at.push_row, 3)
     for k in range(3):
         push[k] = b.push[i, k]
     copy_numbers(
-        environments.xfrc[i] + 48 * at.push_row, workspaces.xfrc[thread] + 48 * at.push_row, 3
+        environments.xfrc[i] + 48 * at.push_row,
+        workspaces.xfrc[thread, scene] + 48 * at.push_row,
+        3,
     )
-    _simulate(i, thread, workspaces.model[thread, size], mj_step, workspaces, at, params, b)
-    copy_numbers(workspaces.qpos[thread], environments.qpos[i], at.nq)
-    copy_numbers(workspaces.qvel[thread], environments.qvel[i], at.nv)
-    copy_numbers(workspaces.warm[thread], environments.warm[i], at.nv)
-    copy_numbers(workspaces.ctrl[thread], environments.ctrl[i], at.finger_ctrl + 2)
+    address = workspaces.model[thread, model]
+    _simulate(i, thread, scene, address, mj_step, workspaces, at, params, b)
+    copy_numbers(workspaces.qpos[thread, scene], environments.qpos[i], at.nq)
+    copy_numbers(workspaces.qvel[thread, scene], environments.qvel[i], at.nv)
+    copy_numbers(workspaces.warm[thread, scene], environments.warm[i], at.nv)
+    copy_numbers(workspaces.ctrl[thread, scene], environments.ctrl[i], at.finger_ctrl + 2)
 
 
 @row_function
@@ -377,7 +397,7 @@ def step(
     mj_step: int,
     environments: EnvironmentPointers,
     workspaces: ThreadWorkspaces,
-    at: ModelLayout,
+    layouts: Ints,
     params: SubstepParams,
     targets: TargetParams,
     motion: Array,
@@ -396,7 +416,7 @@ def step(
         mj_step: Address of MuJoCo's function.
         environments: Arrays of the environments.
         workspaces: Arrays of the threads.
-        at: Indices into MuJoCo's arrays.
+        layouts: Sizes of MuJoCo's arrays of each scene and indices into them (S, 13).
         params: Constants of a physics step.
         targets: Constants of the targets.
         motion: Motions that act now (N, 7).
@@ -411,7 +431,7 @@ def step(
         if claimed[i] != 0 or test_and_set(claimed.ctypes.data + 8 * i) != 0:
             continue
         update_targets(b.target[i], motion[i], b.q[i], retract[i], targets, work)
-        _step_one(i, thread, mj_step, environments, workspaces, at, params, b)
+        _step_one(i, thread, mj_step, environments, workspaces, layouts, params, b)
         update_tool_poses(i, b, targets.geometry, work.frames, poses)
         update_handle_pose(i, b, poses)
 

@@ -53,7 +53,16 @@ def observe(*, T_wh=None, q=HOME, **values):
         pending_actions=given["pending_actions"],
         last_action=given["last_action"],
     )
-    params = ObservationParams(STEP_S, 0.008, given["goal"], given["closes"])
+    params = ObservationParams(
+        STEP_S,
+        0.008,
+        given["goal"],
+        given["closes"],
+        direction_h=np.array([0.0, 0.0, -1.0]),
+        rotation_h=np.zeros(3),
+        travel_m=0.4,
+        handle_size=np.array([0.1, 0.01, 0.02]),
+    )
     force, left = given["measured_force"], given["time_left"]
     return observation(inputs, given["estimate"], force, left, params)[0]
 
