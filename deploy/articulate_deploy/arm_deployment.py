@@ -10,13 +10,19 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from articulate.errors import ConfigError, RobotStoppedError, UsageError, shorten
+from articulate.errors import (
+    ArticulateError,
+    ConfigError,
+    RobotStoppedError,
+    UsageError,
+    shorten,
+)
 from articulate_deploy.arms.client import ClientSpec
-from articulate_deploy.arms.errors import ArmError
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, run_episode, start_of
 from articulate_deploy.episode_log import EpisodeLog
@@ -31,6 +37,7 @@ from articulate_deploy.safety import ToolLimits
 from articulate_deploy.time_scale import check_speed_scale, scaled_manifest
 
 if TYPE_CHECKING:
+    from articulate_deploy.estimators.object_state import ObjectStateEstimator
     from articulate_deploy.wire import SimulatedArm
 
 ARM_PORT = 1337
@@ -62,8 +69,8 @@ class ArmRequest:
     """Address of the controller."""
     client: str = ""
     """Client; by default that of the robot."""
-    estimator: str = ""
-    """Estimator of the object's state; by default ``simulated`` for a simulated robot."""
+    estimator: Path | None = None
+    """Estimator file (:mod:`articulate_deploy.estimators.setup`); a simulated robot needs none."""
     speed_scale: float = 1.0
     """Speed of the policy's clock."""
     tool_limits: ToolLimits = field(default_factory=ToolLimits)
@@ -121,6 +128,7 @@ def deploy_on_arm(
     with ExitStack() as stack:
         simulated = _simulated(path, request, stack)
         session = _Session(bundle, policy, request, plan, simulated, show)
+        stack.callback(session.close)
         stack.enter_context(claimed_folders(folders))
         results: list[EpisodeResult] = []
         with _stopped_error(session.robot), session.robot:
@@ -154,14 +162,16 @@ class _Session:
         client = request.client or DEFAULT_CLIENTS[request.robot]
         if not request.yes and not sys.stdin.isatty():
             raise UsageError("motions of an arm are confirmed at a terminal; use one, or --yes")
-        if simulated is None and not request.estimator:
+        if simulated is None and request.estimator is None:
             raise ConfigError(
-                f"--robot {request.robot} at {request.address} needs --estimator: the object's "
-                "state is not known there"
+                f"--robot {request.robot} at {request.address} needs --estimator FILE: the state "
+                "of the object is not known there"
             )
-        self._simulated_estimator = request.estimator in {"", "simulated"}
-        if simulated is None and self._simulated_estimator:
-            raise ConfigError("--estimator simulated: only for a simulated robot")
+        if request.estimator is not None:
+            from articulate_deploy.estimators.setup import load_sensors  # late: OpenCV
+
+            load_sensors(request.estimator)  # before anything is connected
+        self._sensors: ObjectStateEstimator | None = None
         self.robot = ArmRobot(
             self._manifest,
             ClientSpec(client, request.address),
@@ -185,16 +195,37 @@ class _Session:
             raise UsageError("not confirmed; nothing was moved")
 
     def _estimator(self, k: int) -> Estimator:
-        if self._simulated_estimator:
-            assert self._simulated is not None
-            return TruthEstimator(
-                self._simulated,
-                self._plan.config,
-                self._manifest.task,
-                self._plan.params(k),
-                self._plan.noise(k),
+        if self._request.estimator is not None:
+            return self._sensor_estimator(self._request.estimator)
+        assert self._simulated is not None
+        return TruthEstimator(
+            self._simulated,
+            self._plan.config,
+            self._manifest.task,
+            self._plan.params(k),
+            self._plan.noise(k),
+        )
+
+    def _sensor_estimator(self, file: Path) -> Estimator:
+        """Return the estimator of a file; its camera is opened once."""
+        from articulate_deploy.estimators import setup  # late: OpenCV
+
+        if self._sensors is not None:
+            return self._sensors
+        if self._simulated is None:
+            self._sensors = setup.sensor_estimator(file, self._manifest, self.robot)
+        else:
+            view: Any = SimpleNamespace(
+                object_state=self._simulated.object_state,
+                get_observation=self.robot.get_observation,
             )
-        raise ConfigError(f"--estimator {shorten(self._request.estimator)}: unknown")
+            self._sensors = setup.rendered_estimator(file, self._manifest, view)
+        return self._sensors
+
+    def close(self) -> None:
+        """Close the camera."""
+        if self._sensors is not None:
+            self._sensors.close()
 
     def run(self, k: int, out: Path | None) -> EpisodeResult:
         """Run episode ``k``; its recording grows with each control step."""
@@ -285,10 +316,12 @@ def _check_stop_key() -> None:
 
 @contextmanager
 def _stopped_error(robot: ArmRobot) -> Iterator[None]:
-    """Turn errors of an arm that has moved into :class:`RobotStoppedError`."""
+    """Turn all errors of an arm that has moved into :class:`RobotStoppedError`."""
     try:
         yield
-    except ArmError as error:
+    except RobotStoppedError:
+        raise
+    except ArticulateError as error:
         if not robot.has_moved:
             raise
         raise RobotStoppedError(f"the arm is stopped: {error}") from None

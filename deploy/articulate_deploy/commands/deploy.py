@@ -43,8 +43,9 @@ class DeployFlags:
     client: str = ""
     """Client of a real arm: panda-python or franka-rs for panda, pylibfranka or franka-rs for fr3;
     by default the first."""
-    estimator: str = ""
-    """Estimator of the object's state on a real arm; the simulated arm knows it."""
+    estimator: Path | None = None
+    """Estimator file of a real arm: camera, markers, or the arm's kinematics. A simulated arm needs
+    none."""
     speed_scale: float = 1.0
     """Speed of the policy's clock, in [0.05, 1]: 0.5 doubles the time of each control step."""
     tool_speed: float = 0.25
@@ -88,8 +89,9 @@ class DeployFlags:
         if not 0.0 < self.tool_speed <= 1.7:
             raise ConfigError(f"--tool-speed is {self.tool_speed}; it must be in (0, 1.7] m/s")
         arm = next((name for name in self.robot if name in ARMS), None)
-        if arm is None and self.address:
-            raise ConfigError(f"--address: only for a real arm; name one: {', '.join(ARMS)}")
+        for name in ("address", "estimator"):
+            if arm is None and getattr(self, name):
+                raise ConfigError(f"--{name}: only for a real arm; name one: {', '.join(ARMS)}")
         if arm is not None and len(self.robot) > 1:
             raise ConfigError(f"--robot {arm}: name one robot only with a real arm")
 

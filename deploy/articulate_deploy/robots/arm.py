@@ -47,8 +47,8 @@ BOX_MARGIN_RAD = 0.01
 """Distance of set points from the joint limits [rad]."""
 LATE_STEPS = 3
 """Control steps without targets after which the sender stops."""
-STOP_S = 5.0
-"""Longest time of a stop [s]."""
+STOP_S = 30.0
+"""Longest time of a stop [s]; franka-rs waits until the arm has settled."""
 
 
 @dataclass(frozen=True, kw_only=True)
