@@ -194,7 +194,7 @@ class Server:
         self._next_s += STEP_S
         now = time.perf_counter()
         if now - self._next_s > MAX_BEHIND_S:
-            self._next_s = now
+            self._next_s = now + STEP_S
         found = None
         while True:
             self._serve(max(self._next_s - time.perf_counter(), 0.0))
