@@ -197,7 +197,8 @@ class ArmRobot(Robot):
             self._ramp(q, offset)
         assert gripper is not None
         wide = self._manifest.robot.gripper.max_width_m
-        if gripper_width_m > wide / 2.0 and gripper.update() < wide - 5e-3:
+        closed = self._command != OPEN or gripper.update() < wide - 5e-3
+        if gripper_width_m > wide / 2.0 and closed:
             self._confirm("The gripper opens.")
             self.has_moved = True
             gripper.request(OPEN)

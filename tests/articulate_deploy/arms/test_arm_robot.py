@@ -1,5 +1,7 @@
 """The child process, the sender and its watchdogs, with an arm in the child process itself."""
 
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -144,3 +146,24 @@ def test_unknown_and_absent_clients(manifest, error_line, monkeypatch):
     error_line("ArmRobot(client franka-rs)  # not installed", with_client("franka-rs"))
     with pytest.raises(MissingError):
         with_client("pylibfranka")()
+
+
+def test_the_bridge_drives_the_reference_server(manifest):
+    pytest.importorskip("zmq")
+    address = "127.0.0.1:7391"
+    code = (
+        "from articulate_deploy.arms.bridge_server import *; "
+        "serve(ExampleController(), '127.0.0.1', 7391)"
+    )
+    server = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        options = ArmOptions(lockstep=True)
+        with ArmRobot(manifest, ClientSpec("bridge", address), options, name="bridge") as robot:
+            assert robot.notes[0] == "client bridge to example"
+            robot.reset_to(np.array(manifest.start.q), 0.08)
+            drive(robot, manifest)
+            robot.stop()
+            assert robot.get_observation()["joint_1.pos"] > manifest.start.q[0] + 0.01
+    finally:
+        server.kill()
+        server.wait()
