@@ -32,7 +32,7 @@ def grasp_of(handle: Handle | None) -> Grasp:
     All places along a bar or an edge are equal. A knob is held at its middle: beside it its sides
     lean outward and push fingers off.
     """
-    if handle is None:
+    if handle is None or handle.kind == "push":
         return NO_GRASP
     long_m = 0.0 if handle.kind == "knob" else handle.extent[0] - FINGER_M
     along_m = min(max(0.0, 0.9 * long_m / 2.0), MAX_ALONG_M)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from articulate.errors import ReachError
+from articulate.errors import PathError, ReachError
 from articulate.simulator import mujoco
 from articulate.task.object_placement import handle_in_world
 from articulate.transforms import Array
@@ -30,7 +30,7 @@ def check_grasp(scene: Scene) -> float:
     """
     asset, task, placement = scene.asset, scene.task, scene.placement
     if placement.reachable_share < MIN_SAMPLED_SHARE:
-        raise ReachError(
+        raise PathError(
             f"{asset.name}: the handle of {task.joint} can be followed to the target at only "
             f"{placement.reachable_share:.0%} of the sampled poses and sizes; try a smaller --size "
             "or smaller randomization ranges"
@@ -76,7 +76,9 @@ def _deepest(scene: Scene, q: Array, opened: float, above: str) -> float:
     for joint in scene.asset.joints:
         part = opened if joint.name == scene.task.joint else 0.0
         data.joint(PREFIX + joint.name).qpos[0] = joint.closed + part * joint.span
-    half = scene.arm.gripper.max_width_m / 2.0
+    handle = scene.asset.handle_of(scene.task.joint)
+    pushes = handle is not None and handle.kind == "push"
+    half = 0.0 if pushes else scene.arm.gripper.max_width_m / 2.0
     data.qpos[at.arm_q : at.arm_q + 7] = q
     data.qpos[at.finger_q : at.finger_q + 2] = (half, -half)
     mujoco.mj_forward(model, data)

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from articulate.assets.asset import Asset
-from articulate.errors import AssetError, ReachError
+from articulate.assets.asset import Asset, Handle
+from articulate.errors import AssetError, PathError, ReachError
 from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
+from articulate.task.floor_pose import parse_floor_pose
 from articulate.task.object_placement import ObjectPlacement, handle_poses
 from articulate.task.randomization_config import RandomizationConfig
-from articulate.task.task import Task, make_task, matching_joints, no_joint_error
+from articulate.task.task import Task, closes, make_task, matching_joints, no_joint_error
 from articulate_envs.grasp_clearance import check_grasp
+from articulate_envs.handle_candidates import handle_candidates
 from articulate_envs.physics import PhysicsConfig
+from articulate_envs.placement_at import describe_nearest, placement_at
 from articulate_envs.placement_search import find_placement
-from articulate_envs.scene import build_scene
+from articulate_envs.scene import Scene, build_scene
 
+SMALLER_TARGETS = (None, 0.6, 0.45, 0.3)
+"""Targets in order, as a share of the range; None is the task's own."""
+GOOD_SUCCESS = 0.8
+"""Success rate of the scripted expert from which no other choice is tried."""
+FAIR_SUCCESS = 0.5
+"""Success rate of the scripted expert from which no smaller target is tried."""
+MAX_RATED = 6
+"""Most choices that are rated."""
 HOME_HEIGHT_M = 0.78
 """Height of the tool over the robot's base at home [m]; handles are compared to it as if objects
 were on the robot's floor."""
@@ -35,6 +50,14 @@ class JointSelectionConfig(Protocol):
         """Joint of the asset; None: the reachable one with its handle nearest home height."""
 
     @property
+    def target_open(self) -> float | None:
+        """Share of the joint's range at which the part counts as open; None: 0.8, or less."""
+
+    @property
+    def placement(self) -> tuple[float | Path, ...] | None:
+        """Pose of the object that the user gives; None: a search chooses it."""
+
+    @property
     def randomization(self) -> RandomizationConfig:
         """Randomization of placement and size."""
 
@@ -48,40 +71,105 @@ class JointSelectionConfig(Protocol):
 
 
 def choose_joint(config: JointSelectionConfig, asset: Asset) -> tuple[Task, ObjectPlacement]:
-    """Return the task and the placement of the configured joint, or of the best reachable one.
+    """Return task and placement of :func:`choose_scene`."""
+    scene = choose_scene(config, asset)
+    return scene.task, scene.placement
+
+
+def choose_scene(
+    config: JointSelectionConfig, asset: Asset, rate: Callable[[Scene], float] | None = None
+) -> Scene:
+    """Return the scene of the configured joint, or of the best reachable one.
 
     If several joints match and none is configured, the reachable joint is selected whose handle
-    over the object's floor is nearest to the height of the gripper at home.
+    over the object's floor is nearest to the height of the gripper at home. Of each joint the
+    object's own handle comes first, then other places to hold. Where the target is out of reach,
+    it is the largest of :data:`SMALLER_TARGETS` that is reachable.
+
+    Args:
+        config: Task, randomization and physics.
+        asset: Object.
+        rate: Function that returns the success rate of a scene, in [0, 1]. The first choice that
+            reaches :data:`GOOD_SUCCESS` is returned, else the best. Without it the first is
+            returned.
 
     Raises:
         AssetError: The joint does not exist, or none matches the task.
         ReachError: None is reachable.
     """
+    handles: dict[str, Iterable[Handle]] = {
+        joint: handle_candidates(asset, joint, closes=closes(config.task))
+        for joint in _joints(config, asset)
+    }
+    targets = SMALLER_TARGETS if config.target_open is None else (config.target_open,)
+    best: tuple[float, Scene] | None = None
+    reasons: dict[str, str] = {}
+    n_rated = 0
+    for target_open in targets:
+        later: dict[str, Iterable[Handle]] = {}
+        for joint, candidates in handles.items():
+            task = make_task(config.task, asset, joint, target_open=target_open)
+            followable: list[Handle] = []
+            later[joint] = followable
+            for handle in candidates:
+                try:
+                    scene = _reached(config, asset, task, handle)
+                except ReachError as error:
+                    reasons.setdefault(joint, str(error).removeprefix(f"{asset.name}: "))
+                    if isinstance(error, PathError):
+                        followable.append(handle)
+                    continue
+                followable.append(handle)
+                success = 1.0 if rate is None else rate(scene)
+                n_rated += 1
+                if best is None or success > best[0]:
+                    best = success, scene
+                if success >= GOOD_SUCCESS or n_rated == MAX_RATED:
+                    return best[1]
+        if best is not None and best[0] >= FAIR_SUCCESS:
+            break
+        handles = later
+    if best is None:
+        joints = list(handles)
+        failure = _unreachable(asset, joints, reasons)
+        if config.placement is None or asset.handle_of(joints[0]) is None:
+            raise failure
+        task = make_task(config.task, asset, joints[0], target_open=config.target_open)
+        raise ReachError(f"{failure}; {_describe_nearest(config, asset, task)}")
+    return best[1]
+
+
+def _describe_nearest(config: JointSelectionConfig, asset: Asset, task: Task) -> str:
+    """Return the motion of the object from its given placement to the nearest reachable one."""
+    assert config.placement is not None
+    at = parse_floor_pose(config.placement)
+    return describe_nearest(asset, task, PANDA, config.randomization, at)
+
+
+def _unreachable(asset: Asset, joints: list[str], reasons: dict[str, str]) -> ReachError:
+    others = f"none of {len(joints)} joints can be reached: " if len(joints) > 1 else ""
+    first = joints[0]
+    reason = reasons.get(first, f"{first} has no handle; add one to the object")
+    return ReachError(f"{asset.name}: {others}{reason}")
+
+
+def _joints(config: JointSelectionConfig, asset: Asset) -> list[str]:
+    """Return the joints to try, the one whose handle is nearest to home height first."""
     if config.joint is not None:
         if config.joint not in {joint.name for joint in asset.joints}:
             raise _unknown_joint(config, asset)
-        return _reached(config, asset, config.joint)
-    matching = matching_joints(config.task, asset)
+        return [config.joint]
+    matching = [joint.name for joint in matching_joints(config.task, asset)]
     if not matching:
         raise no_joint_error(config.task, asset)
-    found: list[tuple[float, Task, ObjectPlacement]] = []
-    reasons: list[str] = []
-    for joint in matching:
-        if asset.handle_of(joint.name) is None:
-            reasons.append(f"{joint.name} has no handle; add one to the object")
-            continue
-        try:
-            task, placement = _reached(config, asset, joint.name)
-        except ReachError as error:
-            reasons.append(str(error).removeprefix(f"{asset.name}: "))
-            continue
-        height = float(handle_poses(asset, joint.name, np.zeros(()))[2, 3])
-        found.append((abs(height - HOME_HEIGHT_M), task, placement))
-    if not found:
-        others = f"none of {len(reasons)} joints can be reached: " if len(reasons) > 1 else ""
-        raise ReachError(f"{asset.name}: {others}{reasons[0]}")
-    _, task, placement = min(found, key=lambda item: (item[0], item[1].joint))
-    return task, placement
+
+    def distance(joint: str) -> tuple[float, str]:
+        if asset.handle_of(joint) is None:
+            return np.inf, joint
+        height = float(handle_poses(asset, joint, np.zeros(()))[2, 3])
+        return abs(height - HOME_HEIGHT_M), joint
+
+    return sorted(matching, key=distance)
 
 
 def _unknown_joint(config: JointSelectionConfig, asset: Asset) -> AssetError:
@@ -93,14 +181,26 @@ def _unknown_joint(config: JointSelectionConfig, asset: Asset) -> AssetError:
     )
 
 
-def _reached(
-    config: JointSelectionConfig, asset: Asset, joint: str
-) -> tuple[Task, ObjectPlacement]:
-    """Return task and placement of one joint; ReachError if it cannot be reached or grasped."""
-    task = make_task(config.task, asset, joint)
-    placement = find_placement(asset, task, PANDA, config.randomization)
-    scene = build_scene(
-        asset, task, arm=PANDA, control=config.control, physics=config.physics, placement=placement
+def _reached(config: JointSelectionConfig, asset: Asset, task: Task, handle: Handle) -> Scene:
+    """Return the scene of one handle; ReachError if it cannot be reached or grasped."""
+    held = asset.with_handle(handle)
+    if config.placement is None:
+        placement = find_placement(held, task, PANDA, config.randomization)
+    else:
+        at = parse_floor_pose(config.placement)
+        placement = placement_at(held, task, PANDA, config.randomization, at, with_nearest=False)
+    if handle != asset.handle_of(task.joint):
+        placement = replace(placement, handle=handle)
+    build = partial(
+        build_scene,
+        asset,
+        task,
+        arm=PANDA,
+        control=config.control,
+        physics=config.physics,
+        placement=placement,
     )
+    scene = build()
     check_grasp(scene)
-    return task, placement
+    scales = config.randomization.scale_values
+    return scene if scales == (1.0,) else build(scales=scales)

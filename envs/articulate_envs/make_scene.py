@@ -16,17 +16,16 @@ from articulate.config import from_mapping, to_plain
 from articulate.conversion import ConvertConfig
 from articulate.errors import ConfigError, nearest, quote
 from articulate.preparation.prepare import load_checked_asset
-from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
 from articulate.task.randomization_config import NO_RANDOMIZATION, RandomizationConfig
 from articulate.task.task import TASK_RULES
 from articulate_envs.config import InitialStatesConfig
 from articulate_envs.engine import Engine
 from articulate_envs.episodes import Episodes
-from articulate_envs.joint_selection import choose_joint
+from articulate_envs.joint_selection import choose_scene
 from articulate_envs.physics import PhysicsConfig
 from articulate_envs.rewards import RewardConfig
-from articulate_envs.scene import Scene, build_scene
+from articulate_envs.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +38,9 @@ class EnvConfig:
     """Name of the task."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
+    target_open: float | None = None
+    """Share of the joint's range (at most 90 degrees) at which the part counts as open; by default
+    0.8, or less where that is out of reach."""
     closed: Literal["auto", "lower", "upper", "zero"] = "auto"
     """Closed position: a joint limit, or 0 inside the range."""
     up: Literal["z", "y"] = "z"
@@ -144,7 +146,9 @@ class _SceneKey:
 
     task: str
     joint: str | None
+    target_open: float | None
     randomization: RandomizationConfig
+    placement: tuple[float | Path, ...] | None = None
     control: ControlConfig
     physics: PhysicsConfig
 
@@ -153,6 +157,7 @@ class _SceneKey:
         return _SceneKey(
             task=config.task,
             joint=config.joint,
+            target_open=config.target_open,
             randomization=config.active_randomization,
             control=config.control,
             physics=config.physics,
@@ -165,16 +170,7 @@ def _scene(asset: Asset, key: _SceneKey) -> Scene:
 
     Folders of the cache are named by their content, so that equal assets compare equal.
     """
-    task, placement = choose_joint(key, asset)
-    return build_scene(
-        asset,
-        task,
-        arm=PANDA,
-        control=key.control,
-        physics=key.physics,
-        placement=placement,
-        scales=key.randomization.scale_values,
-    )
+    return choose_scene(key, asset)
 
 
 def make_episodes(engine: Engine, config: EnvConfig, *, renew: bool) -> Episodes:

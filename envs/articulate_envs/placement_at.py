@@ -110,13 +110,20 @@ def placement_at(
         )
     if not with_nearest:
         raise ReachError(f"{where} {reason}")
+    raise ReachError(f"{where} {reason}; {describe_nearest(asset, task, arm, config, at)}")
+
+
+def describe_nearest(
+    asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, at: FloorPose
+) -> str:
+    """Return a text about the motion to the nearest pose; see :func:`nearest_placement`."""
     near = nearest_placement(asset, task, arm, config, at)
     if near is None:
-        raise ReachError(
-            f"{where} {reason}, and there is no reachable placement within {GRID_RADIUS_M:g} m; "
-            "try another --joint or a smaller --size"
+        return (
+            f"there is no reachable placement within {GRID_RADIUS_M:g} m; try another --joint or "
+            "a smaller --size"
         )
-    raise ReachError(f"{where} {reason}; {_describe_move(at, near)}")
+    return _describe_move(at, near)
 
 
 def nearest_placement(

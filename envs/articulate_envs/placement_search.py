@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.assets.asset import Asset
-from articulate.errors import ReachError
+from articulate.errors import PathError
 from articulate.robot.arm import Arm
 from articulate.robot.config import ControlConfig
 from articulate.robot.kinematics import joint_poses, manipulability, tool_pose
@@ -130,7 +130,7 @@ def find_placement(
         config: Randomization of placement and size.
 
     Raises:
-        ReachError: There is none; the message names what would help.
+        PathError: There is none; the message names what would help.
     """
     fractions = np.linspace(*opening_range(task), 5)
     best: tuple[float, ObjectPlacement] | None = None
@@ -162,7 +162,7 @@ def find_placement(
     if best is None:
         handles = handle_poses(asset, task.joint, fractions)[:, :3, 3]
         travel = float(np.linalg.norm(np.ptp(handles, axis=0)))
-        raise ReachError(
+        raise PathError(
             f"{asset.name}: the handle of {task.joint} cannot be followed over its {travel:.2f} m "
             "between closed and open with the gripper facing it; try a smaller --size or "
             "another --joint"

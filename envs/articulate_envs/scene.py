@@ -13,7 +13,7 @@ from articulate.robot.config import ControlConfig
 from articulate.robot.contact import FLOOR_SENSOR, GRIPPER_SENSOR, ROBOT_SENSOR
 from articulate.robot.control import check_control
 from articulate.simulator import mujoco
-from articulate.task.object_placement import ObjectPlacement, object_pose, tilted
+from articulate.task.object_placement import ObjectPlacement, grasped, object_pose
 from articulate.task.randomization import EpisodeParams
 from articulate.task.task import Task
 from articulate.transforms import Array, matrix_to_quat
@@ -60,7 +60,7 @@ class Addresses:
 class Scene:
     """Compiled scene; model ``k`` has the object at size ``scales[k]``.
 
-    The asset's handle is the one to grasp, tilted as in the placement.
+    The asset's handle is the one to grasp, chosen and tilted as in the placement.
     """
 
     asset: Asset
@@ -130,7 +130,7 @@ def build_scene(
                 f"{asset.mjcf_path}: MuJoCo does not accept it ({shorten(error)})"
             ) from None
     return Scene(
-        asset=tilted(asset, task.joint, placement.tilt_rad),
+        asset=grasped(asset, task.joint, placement),
         task=task,
         arm=arm,
         control=control,

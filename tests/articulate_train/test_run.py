@@ -53,10 +53,10 @@ def test_of_several_joints_the_one_with_its_handle_nearest_home_height_is_used(c
 def test_of_several_joints_those_that_cannot_be_reached_are_passed_over(cabinet, monkeypatch):
     reached = joint_selection._reached
 
-    def picky(config, asset, joint):
-        if joint == JOINT:
+    def picky(config, asset, task, handle):
+        if task.joint == JOINT:
             raise ReachError(f"{asset.name}: too far")
-        return reached(config, asset, joint)
+        return reached(config, asset, task, handle)
 
     monkeypatch.setattr(joint_selection, "_reached", picky)
     assert choose_joint(config_of(cabinet), cabinet)[0].joint == "drawer_1_slide"
@@ -89,9 +89,12 @@ def test_no_joint_that_can_be_reached_is_answered_with_the_reason_once(tmp_path,
     assert line.count("cabinet:") == 1
 
 
-def test_no_handle_at_all_is_an_error(cabinet, error_line):
+def test_an_object_without_listed_handles_is_held_where_its_shape_allows(cabinet):
     bare = without_handles(cabinet, "drawer_0", "drawer_1", "drawer_2")
-    error_line("choose_joint(no handles)", lambda: choose_joint(config_of(bare), bare))
+    task, placement = choose_joint(config_of(bare), bare)
+    found, listed = placement.handle, cabinet.handle_of(task.joint)
+    assert found.joint == task.joint
+    assert np.linalg.norm(np.subtract(found.pos_l, listed.pos_l)) < 0.02
 
 
 @pytest.mark.usefixtures("short_search")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from articulate.commands.fields import ADVANCED
@@ -299,6 +300,12 @@ class TrainConfig:
     """Task; --list-tasks lists them."""
     joint: str | None = None
     """Joint of the asset; by default the reachable one with its handle nearest home height."""
+    target_open: float | None = None
+    """Share of the joint's range (at most 90 degrees) at which the part counts as open; by default
+    0.8, or less where that is out of reach."""
+    placement: tuple[float | Path, ...] | None = None
+    """Pose of the object's frame before the robot's base: x y [m], yaw [degrees] and optionally the
+    height z of its floor [m]; or a file from `articulate locate`. By default it is searched."""
     closed: Literal["auto", "lower", "upper", "zero"] = "auto"
     """Closed position: a joint limit, or 0 inside the range."""
     up: Literal["z", "y"] = "z"

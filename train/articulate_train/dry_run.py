@@ -13,22 +13,20 @@ import numpy as np
 from articulate.cache import cache_in_use
 from articulate.errors import MissingError, RunError
 from articulate.files import write_bytes
-from articulate.robot.arm import PANDA
 from articulate.task.observation import ACTION
 from articulate.transforms import Array
 from articulate_envs.episodes import Episodes
 from articulate_envs.feasibility import Feasibility
 from articulate_envs.grasp_clearance import check_grasp
-from articulate_envs.joint_selection import choose_joint
 from articulate_envs.rewards import RewardConfig
-from articulate_envs.scene import PREFIX, Scene, build_scene
+from articulate_envs.scene import PREFIX, Scene
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_envs.video import render_png
 from articulate_train.checkpoint_selection import selection_episodes
 from articulate_train.config import TrainConfig
 from articulate_train.evaluate import MAX_NOMINAL
 from articulate_train.evaluate_run import describe_target
-from articulate_train.feasibility_check import describe_feasibility, feasibility_of
+from articulate_train.feasibility_check import best_scene, describe_feasibility, feasibility_of
 from articulate_train.ppo import Learner
 from articulate_train.run import prepare_asset, run_bytes
 from articulate_train.seed_runner import processors
@@ -111,16 +109,8 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
         raise RunError(f"{file}: exists; choose another --out")
     with cache_in_use(cache):
         asset = prepare_asset(config, cache)
-        task, placement = choose_joint(config, asset)
-        scene = build_scene(
-            asset,
-            task,
-            arm=PANDA,
-            control=config.control,
-            physics=config.physics,
-            placement=placement,
-            scales=config.randomization.scale_values,
-        )
+        scene = best_scene(config, asset)
+        task, placement = scene.task, scene.placement
         overlap_m = check_grasp(scene)
         feasibility = feasibility_of(scene, config)
         jobs = min(config.jobs or processors(), len(config.seeds))

@@ -8,14 +8,11 @@ from typing import Any
 
 from articulate.assets.asset import Asset
 from articulate.errors import UsageError
-from articulate.robot.arm import PANDA
 from articulate.task.part_kinds import part_kind
 from articulate.task.task import TASK_RULES, matching_tasks
 from articulate_envs.feasibility import Feasibility
-from articulate_envs.joint_selection import choose_joint
-from articulate_envs.scene import build_scene
 from articulate_train.config import TrainConfig
-from articulate_train.feasibility_check import describe_feasibility, feasibility_of
+from articulate_train.feasibility_check import best_scene, describe_feasibility, feasibility_of
 
 PART_TEXT = {
     "drawer": "a part that slides horizontally",
@@ -102,16 +99,7 @@ def joint_rows(
 def _feasibility(asset: Asset, config: TrainConfig) -> tuple[Feasibility | None, str]:
     """Estimate the feasibility of a joint, or return the reason why that is not possible."""
     try:
-        task, placement = choose_joint(config, asset)
-        scene = build_scene(
-            asset,
-            task,
-            arm=PANDA,
-            control=config.control,
-            physics=config.physics,
-            placement=placement,
-            scales=config.randomization.scale_values,
-        )
+        scene = best_scene(config, asset)
         return feasibility_of(scene, config), ""
     except UsageError as error:
         return None, f"not trainable: {error}"

@@ -50,13 +50,14 @@ from articulate.files import (
 )
 from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA, Arm
+from articulate.task.floor_pose import parse_floor_pose
 from articulate.task.object_placement import ObjectPlacement
 from articulate.task.observation import ACTION
 from articulate.task.task import Task
 from articulate.untrusted import load_json_object
-from articulate_envs.joint_selection import choose_joint
 from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
+from articulate_train.feasibility_check import best_scene
 from articulate_train.run_lock import lock_run
 
 PACKAGES = (
@@ -145,12 +146,25 @@ def create_run(
         UsageError: The object cannot be read or reached.
     """
     _check_free(folder)
+    config = with_placement(config)
     with cache_in_use(cache):
         asset, task, placement = _place_object(config, cache, show_progress)
         require_space(folder, run_bytes(config, asset), "a run")
         check(Run(folder, config, asset, task, placement, PANDA).scene())
         _write_run(folder, config, asset, task, placement)
     return open_run(folder)
+
+
+def with_placement(config: TrainConfig) -> TrainConfig:
+    """Return ``config`` with the numbers of its placement file, so that it needs no other file.
+
+    Raises:
+        ConfigError: The placement cannot be read or is not accepted.
+    """
+    if config.placement is None:
+        return config
+    at = parse_floor_pose(config.placement)
+    return dataclasses.replace(config, placement=at.as_tuple())
 
 
 def _place_object(
@@ -160,7 +174,8 @@ def _place_object(
     show_progress(f"{config.asset}: converting and checking, or reading from the cache")
     asset = prepare_asset(config, cache)
     show_progress(f"{asset.name}: searching a reachable object placement")
-    return (asset, *choose_joint(config, asset))
+    scene = best_scene(config, asset)
+    return asset, scene.task, scene.placement
 
 
 def with_object(
@@ -260,7 +275,7 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
     Raises:
         RunError: It is not a run, is being trained, or ``config`` differs in other keys.
     """
-    run = open_run(folder)
+    run, config = open_run(folder), with_placement(config)
     new, kept = _by_key("", config), _by_key("", run.config)
     for name, value in new.items():
         if value != kept[name] and name not in OPEN:

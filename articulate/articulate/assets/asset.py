@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -117,9 +117,10 @@ class Handle:
     """Unit long axis, perpendicular to ``normal_l``; fingers close along normal x along."""
     extent: Vec3
     """Size along ``along_l``, along the closing axis, and along ``normal_l`` [m]."""
-    kind: Literal["bar", "knob", "edge", "none"]
+    kind: Literal["bar", "knob", "edge", "push", "none"]
     """``bar`` is long and free behind, ``knob`` is compact, ``edge`` is the rim of a panel,
-    ``none`` is the outermost point of a part without a graspable handle."""
+    ``push`` is a place on the front that closed fingers push, ``none`` is the outermost point of a
+    part without a graspable handle."""
     source: Literal["name", "geometry", "edge", "given"]
     """Origin: its name, its shape, an edge, or the user."""
 
@@ -182,6 +183,11 @@ class Asset:
     def handle_of(self, joint_name: str) -> Handle | None:
         """Return the handle that ``joint_name`` moves, or None."""
         return next((h for h in self.handles if h.joint == joint_name), None)
+
+    def with_handle(self, handle: Handle) -> Asset:
+        """Return this asset with ``handle`` as the handle of its joint."""
+        others = tuple(h for h in self.handles if h.joint != handle.joint)
+        return replace(self, handles=(*others, handle))
 
     def T_ol(self, joint_name: str, q: Array | float) -> Array:
         """Return the pose of the link that ``joint_name`` moves (..., 4, 4) [m], all others at 0.

@@ -13,7 +13,7 @@ from articulate.conversion.write_asset import Body
 from articulate.formats.load_meshes import joined
 from articulate.formats.repairs import Repairs
 from articulate.geometry.collision import is_handle
-from articulate.geometry.grasp import best_grasp, outermost_point
+from articulate.geometry.grasp import Grasp, best_grasp, outermost_point
 from articulate.transforms import Array, angle_between, inverse, normalised
 
 SNAP_RAD = 0.6
@@ -94,9 +94,8 @@ def _carried(bodies: Sequence[Body], b: int) -> list[int]:
 def _handle(
     joint: Joint, surface: trimesh.Trimesh, owner: Array, poses: dict[str, Array], repairs: Repairs
 ) -> Handle | None:
-    T_ol = poses[joint.link]
     own = surface.vertices[np.unique(surface.faces[owner == (2 if (owner == 2).any() else 1)])]
-    opening, far_from = _opening(joint, own, poses)
+    opening, far_from = opening_direction(joint, own)
     grasp = best_grasp(surface, owner, opening=opening, far_from=far_from)
     if grasp is None:
         grasp = outermost_point(own, opening)
@@ -106,6 +105,11 @@ def _handle(
             f"joint {joint.name}: the piece named as a handle cannot be grasped; another place is "
             "used"
         )
+    return handle_from_grasp(grasp, joint, poses[joint.link])
+
+
+def handle_from_grasp(grasp: Grasp, joint: Joint, T_ol: Array) -> Handle:
+    """Return ``grasp`` as the handle of ``joint``, whose closed link has the pose ``T_ol``."""
     R_lo = T_ol[:3, :3].T
     source: Literal["name", "geometry", "edge"] = "name" if grasp.named else "geometry"
     if not grasp.named and grasp.kind in ("edge", "none"):
@@ -123,8 +127,13 @@ def _handle(
     )
 
 
-def _opening(joint: Joint, points: Array, poses: dict[str, Array]) -> tuple[Array, Array | None]:
-    """Direction in which the part begins to open, and a hinge's point and axis."""
+def opening_direction(joint: Joint, points: Array) -> tuple[Array, Array | None]:
+    """Return the direction in which a part begins to open, and a hinge's point and axis.
+
+    Args:
+        joint: Joint of the part.
+        points: Points of the closed part in the object frame (N, 3) [m].
+    """
     sign = 1.0 if joint.span >= 0.0 else -1.0
     axis = np.asarray(joint.axis_o)
     if joint.kind == "slide":

@@ -9,6 +9,7 @@ before all others; then the rims seen from the sides and from above.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -49,6 +50,9 @@ MAX_GAP_M = 0.02
 """Largest distance between a map cell and the outline that belongs to it [m]."""
 MAX_DEPTH_M = 0.05
 """Largest depth of a handle along the approach that is recorded [m]."""
+INNER, INNER_COST = 0.6, 2.0
+"""A rim of a part that turns is also held at this share of the largest radius, where its path is
+shorter; the cost puts it last."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +67,9 @@ class Grasp:
     """Unit vector along the handle (3,)."""
     extent: tuple[float, float, float]
     """Size along ``along_o``, the closing axis and ``normal_o`` [m]."""
-    kind: Literal["bar", "knob", "edge", "none"]
-    """``none``: an outermost point that fingers cannot hold."""
+    kind: Literal["bar", "knob", "edge", "push", "none"]
+    """``push``: a place that closed fingers push; ``none``: an outermost point that fingers cannot
+    hold."""
     named: bool
     """True on a piece named as a handle."""
 
@@ -143,7 +148,18 @@ def best_grasp(
     opening: Array,
     far_from: Array | None,
 ) -> Grasp | None:
-    """Return the best place to hold a part, or None if fingers cannot hold it.
+    """Return the best place to hold a part, or None; see :func:`grasp_candidates`."""
+    return next(grasp_candidates(surface, owner, opening=opening, far_from=far_from), None)
+
+
+def grasp_candidates(
+    surface: trimesh.Trimesh,
+    owner: Array,
+    *,
+    opening: Array,
+    far_from: Array | None,
+) -> Iterator[Grasp]:
+    """Yield places to hold a part, the best first: pieces named as handles, the front, the rims.
 
     Args:
         surface: All triangles of the closed object, in the object frame [m].
@@ -156,19 +172,20 @@ def best_grasp(
         up = np.array([1.0, 0.0, 0.0])
     up = normalised(up - (up @ opening) * opening)
     side = np.cross(opening, up)
+    normals = (opening, up, -up, side, -side)
     views: dict[int, HeightMap] = {}
     for named in (True, False) if (owner == 2).any() else (False,):
         for bite in BITE_M:
-            found: list[tuple[float, Grasp]] = []
-            for k, normal in enumerate((opening, up, -up, side, -side)):
-                if k not in views:
-                    views[k] = height_map(surface, owner, normal, up if k in {0, 3, 4} else side)
-                found += _rated(views[k], surface, owner, opening, far_from, named=named, bite=bite)
-                if found and k == 0:
-                    break
-            if found:
-                return max(found, key=lambda pair: pair[0])[1]
-    return None
+            for group in ((0,), (1, 2, 3, 4)):
+                found: list[tuple[float, Grasp]] = []
+                for k in group:
+                    if k not in views:
+                        u = up if k in {0, 3, 4} else side
+                        views[k] = height_map(surface, owner, normals[k], u)
+                    found += _rated(
+                        views[k], surface, owner, opening, far_from, named=named, bite=bite
+                    )
+                yield from (grasp for _, grasp in sorted(found, key=lambda pair: -pair[0]))
 
 
 def outermost_point(points: Array, opening: Array) -> Grasp:
@@ -229,22 +246,26 @@ def _rated(
             offset = points - far_from[0]
             radius = np.linalg.norm(np.cross(offset, far_from[1]), axis=1)
             merit = radius / size - 0.02 * index[:, 2] - middle
-        k = int(np.argmax(merit))
-        length = run_length(index, k, axis, view.cell_m)
         level = abs(np.cross(closing, view.normal)[2]) < 0.5  # prefer an upright gripper
-        bonus = 0.2 * min(length / 0.1, 1.0) + (0.05 if level else 0.0)
-        grasp = _measured(
-            handle,
-            points[k],
-            view.normal,
-            closing,
-            length,
-            edge=edge,
-            named=named,
-            cell_m=view.cell_m,
-        )
-        grasp = between_pads(clear_of_surface(grasp, surface), handle)
-        out.append((float(merit[k]) + bonus, grasp))
+        best = int(np.argmax(merit))
+        picks = [(best, 0.0)]
+        if edge and far_from is not None and (inner := radius <= INNER * radius[best]).any():
+            picks.append((int(np.argmax(np.where(inner, merit, -np.inf))), INNER_COST))
+        for k, cost in picks:
+            length = run_length(index, k, axis, view.cell_m)
+            bonus = 0.2 * min(length / 0.1, 1.0) + (0.05 if level else 0.0)
+            grasp = _measured(
+                handle,
+                points[k],
+                view.normal,
+                closing,
+                length,
+                edge=edge,
+                named=named,
+                cell_m=view.cell_m,
+            )
+            grasp = between_pads(clear_of_surface(grasp, surface), handle)
+            out.append((float(merit[k]) + bonus - cost, grasp))
     return out
 
 

@@ -37,6 +37,8 @@ class ObjectPlacement:
     """Share of sampled poses and sizes at which the complete path is reachable."""
     tilt_rad: float = 0.0
     """Rotation of the grasp about the handle's long axis [rad]; see :func:`tilted`."""
+    handle: Handle | None = None
+    """Place to hold instead of the asset's handle; None: the asset's handle."""
 
     def __post_init__(self) -> None:
         numbers = (*self.pos_w, self.yaw_rad, *self.start_q, self.tilt_rad)
@@ -52,6 +54,13 @@ class ObjectPlacement:
     def as_dict(self) -> dict[str, Any]:
         """Return the fields for JSON."""
         return asdict(self)
+
+
+def grasped(asset: Asset, joint: str, placement: ObjectPlacement) -> Asset:
+    """Return ``asset`` with the handle of ``joint`` as it is held in ``placement``."""
+    if placement.handle is not None:
+        asset = asset.with_handle(placement.handle)
+    return tilted(asset, joint, placement.tilt_rad)
 
 
 def tilted(asset: Asset, joint: str, tilt_rad: float) -> Asset:

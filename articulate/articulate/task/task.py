@@ -21,6 +21,8 @@ from articulate.task.part_kinds import PartKind, part_kind
 QUARTER_TURN = np.pi / 2
 OPEN_SHARE, CLOSED_SHARE = 0.8, 0.05
 """A part counts as open from the first share of its range on, and as closed up to the second."""
+MIN_TARGET_OPEN = 0.1
+"""Smallest target of an opening task, as a share of the range."""
 BEGIN_SHARE = 0.5
 """Closing tasks begin between this share of the open target and that target."""
 
@@ -134,6 +136,11 @@ def done_word(name: str) -> str:
     return {"open": "opened", "close": "closed"}[TASK_RULES[name].verb]
 
 
+def closes(name: str) -> bool:
+    """Return True if the task ``name`` closes a part."""
+    return TASK_RULES[name].verb == "close"
+
+
 def matching_joints(name: str, asset: Asset) -> tuple[Joint, ...]:
     """Return the joints of ``asset`` that the task ``name`` fits; ConfigError if it is unknown."""
     if name not in TASK_RULES:
@@ -148,13 +155,27 @@ def matching_tasks(asset: Asset, joint: Joint) -> tuple[str, ...]:
     return tuple(name for name, rule in TASK_RULES.items() if rule.part in ("joint", kind))
 
 
-def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> Task:
+def make_task(
+    name: str,
+    asset: Asset,
+    joint_name: str,
+    *,
+    target_open: float | None = None,
+    **overrides: float,
+) -> Task:
     """Return the task ``name`` for one joint of ``asset``.
 
     A part is open at 0.8 of its range, of at most 90 degrees for hinges; a joint without limits
     at 90 degrees. It is closed within 0.05 of its range from its closed end (of the quarter turn
     of a joint without limits; at most half of its smallest beginning, for joints of many turns).
     Closing tasks begin between half of its open target and that target.
+
+    Args:
+        name: One of :data:`TASK_RULES`.
+        asset: Object.
+        joint_name: Joint of the object.
+        target_open: Share of that range at which a part counts as open, in [0.1, 1); 0.8 if None.
+        overrides: Other fields of :class:`Task`.
 
     Raises:
         AssetError: No such joint, or the task does not fit it.
@@ -173,7 +194,10 @@ def make_task(name: str, asset: Asset, joint_name: str, **overrides: float) -> T
     reach = abs(joint.span)
     usable = reach if joint.kind == "slide" else min(reach, QUARTER_TURN)
     free = joint.lower is None
-    open_target = (1.0 if free else OPEN_SHARE) * usable / reach
+    share = (1.0 if free else OPEN_SHARE) if target_open is None else target_open
+    if not MIN_TARGET_OPEN <= share <= 1.0 - 0.01 * (not free):
+        raise ConfigError(f"target_open is {share:g}; it must be in [{MIN_TARGET_OPEN}, 0.99]")
+    open_target = share * usable / reach
     begin, target, stop = (0.0, 0.0), open_target, 1.0
     if TASK_RULES[name].verb == "close":
         begin = (BEGIN_SHARE * open_target, open_target)
