@@ -189,8 +189,9 @@ def read_model(path: Path) -> StudioModel:
                 members=((link, poses[name]),),
             )
             geometry = loader.part(part)
-        same = geometry.collides_as_seen and bool(geometry.visuals)
-        collisions = () if same else geometry.collisions
+        # Meshes that collide as they are seen are decomposed by the conversion.
+        meshes = any(piece.primitive is None for piece in geometry.visuals)
+        collisions = () if geometry.collides_as_seen and meshes else geometry.collisions
         links.append(
             StudioLink(name=name, visuals=geometry.visuals, collisions=collisions, joint=joint)
         )

@@ -3,7 +3,7 @@
 "use strict";
 (() => {
   const $ = (id) => document.getElementById(id), degrees = 180 / Math.PI;
-  let state = null, chosen = null, mode = "move", whole = true, view = null, sending = 0;
+  let state = null, chosen = null, mode = "move", grain = "mesh", view = null, sending = 0;
 
   function make(tag, attributes = {}, ...children) {
     const node = document.createElement(tag);
@@ -246,10 +246,9 @@
     let free = 2;
     while (state.parts.some((p) => p.name === `${name}_${free}`)) free++;
     const input = make("input", { id: "split-name", value: `${name}_${free}`, "aria-label": "name of the new part" });
-    const toggle = (value) => { whole = value; showEditor(); };
-    return make("div", {}, make("div", { class: "row" },
-      button("Connected pieces", () => toggle(true), { "aria-pressed": String(whole), id: "pieces" }),
-      button("Faces", () => toggle(false), { "aria-pressed": String(!whole), id: "faces" })),
+    const grains = [["mesh", "Meshes"], ["piece", "Connected pieces"], ["face", "Faces"]];
+    return make("div", {}, make("div", { class: "row" }, ...grains.map(([value, label]) =>
+      button(label, () => { grain = value; showEditor(); }, { "aria-pressed": String(grain === value), "data-grain": value }))),
     make("div", { class: "row" }, make("label", {}, "name ", input),
       button("Make part", () => { const faces = view.selection(); const n = input.value; edit("split_part", { part: name, name: n, faces }).then((ok) => ok && choose(n)); }, { id: "make-part", class: "primary" })));
   }
@@ -295,7 +294,7 @@
   async function start() {
     try {
       view = makeView(document.querySelector("canvas"), {
-        click, move: showPosition, whole: () => whole, editable: () => window.innerWidth > 700,
+        click, move: showPosition, grain: () => grain, editable: () => window.innerWidth > 700,
         limits: (part, joint) => edit("set_joint", { part, lower: joint.lower, upper: joint.upper }),
       });
     } catch (error) {

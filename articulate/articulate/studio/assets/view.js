@@ -250,7 +250,8 @@ window.makeView = (canvas, on) => {
     const span = slide ? 2 * radius : Math.PI, now = joint[ball.userData.end];
     let best = now, least = Infinity;
     for (let k = 0; k <= 720; k++) {
-      const value = -span + (2 * span * k) / 720;
+      // Near the present value: seen from the side, distant points of the path are in one place.
+      const value = Math.min(span, Math.max(-span, now + span * (k / 360 - 1) * 0.25));
       const away = Math.hypot(...minus(onScreen(ball.userData.point(value)), target)) + 1e-3 * Math.abs(value - now);
       if (away < least) [best, least] = [value, away];
     }
@@ -262,11 +263,13 @@ window.makeView = (canvas, on) => {
   }
 
   // Selection of faces for a new part.
-  function paint(hit, whole, add = true) {
+  function paint(hit, grain, add = true) {
     const set = painted.get(hit.index) ?? new Set(), components = cache.get(hit.key).components;
-    if (whole) components.forEach((c, face) => { if (c === components[hit.face]) add ? set.add(face) : set.delete(face); });
-    else if (add) set.add(hit.face);
-    else set.delete(hit.face);
+    components.forEach((c, face) => {
+      if (grain === "face" ? face !== hit.face : grain === "piece" && c !== components[hit.face]) return;
+      if (add) set.add(face);
+      else set.delete(face);
+    });
     painted.set(hit.index, set);
     showPaint();
   }
@@ -303,8 +306,8 @@ window.makeView = (canvas, on) => {
     const hit = handle ? null : pick(event);
     if (mode === "paint" && hit && hit.part === chosen) {
       const had = painted.get(hit.index)?.has(hit.face) ?? false;
-      painting = { add: !had, whole: on.whole() };
-      paint(hit, painting.whole, painting.add);
+      painting = { add: !had, grain: on.grain() };
+      paint(hit, painting.grain, painting.add);
     } else if (mode === "move" && hit) {
       held = { ...hit, name: mover(hit.part) };
     }
@@ -325,7 +328,7 @@ window.makeView = (canvas, on) => {
     } else if (handle) pullHandle(handle, event);
     else if (painting) {
       const hit = pick(event);
-      if (hit && hit.part === chosen) paint(hit, painting.whole, painting.add);
+      if (hit && hit.part === chosen) paint(hit, painting.grain, painting.add);
     } else if (held && held.name) { if (moved > 3) pull(held, dx, dy); }
     else if (event.shiftKey || event.buttons & 6) pan(dx, dy);
     else turn(dx, dy);
