@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from articulate.assets.asset import Asset
-from articulate.errors import ArticulateError, UsageError
+from articulate.errors import RobotStoppedError, UsageError
 from articulate.robot.arm import Arm
 from articulate.task.manifest import Manifest
 from articulate.task.object_placement import handle_path_of
@@ -37,7 +37,7 @@ MAX_INITIAL_IMAGES = 60
 """Images within which the markers must be visible before an episode."""
 
 
-class EstimateLostError(ArticulateError):
+class EstimateLostError(RobotStoppedError):
     """The state of the object is unknown during an episode: the robot has to stop."""
 
 
@@ -53,7 +53,7 @@ class NoMarkerError(UsageError):
 class EstimatorConfig:
     """Bounds of the estimator."""
 
-    max_age_s: float = 0.5
+    max_age_s: float = 0.6
     """Longest time without a measurement during an episode [s]."""
     placement_m: float = 0.06
     """Largest distance of the closed handle from its placement [m]."""

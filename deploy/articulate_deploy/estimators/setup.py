@@ -71,7 +71,7 @@ class EstimatorFile:
     """Placement file of the object; None: the placement of training."""
     delay_s: float = 0.05
     """Time from the exposure to the state, for rendered images [s]."""
-    max_age_s: float = 0.5
+    max_age_s: float = 0.6
     """Longest time without a measurement [s]."""
     placement_m: float = 0.06
     """Largest distance of the handle from the placement [m]."""
