@@ -4,7 +4,7 @@
 
 ``ratio`` is the rate of ``--envs`` environments that have different scenes over the rate of as many
 environments that all have one scene, as the harmonic mean over those scenes, on one thread. Scenes
-take different times to simulate, so one of them alone is no fair comparison. Both sides run the
+take different times to simulate, so a single one of them is no fair comparison. Both sides run the
 same random motions from home in alternating blocks.
 """
 

@@ -50,8 +50,8 @@ def states(drawer, door):
 
 def test_each_environment_of_a_mixed_batch_moves_as_in_an_engine_of_its_scene(drawer, door, states):
     for scene, seed, rows in ((drawer, 1, slice(0, N)), (door, 2, slice(N, None))):
-        alone = stepped(ThreadEngine(scene, N), starts(scene, seed), ACTIONS[:, rows])
-        for state, other in zip(states, alone, strict=True):
+        other_states = stepped(ThreadEngine(scene, N), starts(scene, seed), ACTIONS[:, rows])
+        for state, other in zip(states, other_states, strict=True):
             assert_rows_equal(state, rows, other)
 
 
@@ -113,8 +113,8 @@ def test_episodes_of_a_mixed_batch_sample_observe_and_reward_each_scene(drawer, 
                 if f.name != "gripper"
             },
         )
-        alone = make_scripted_expert(scene).act(state, EpisodeParams(params.values[rows]))
-        assert_allclose(found[rows], alone, atol=1e-12)
+        other_states = make_scripted_expert(scene).act(state, EpisodeParams(params.values[rows]))
+        assert_allclose(found[rows], other_states, atol=1e-12)
     for action in ACTIONS:
         step = episodes.step(action)
     assert np.isfinite(step.reward).all()

@@ -324,6 +324,9 @@ class TrainConfig:
     steps of the seed: each of two members ends half-way along them."""
     jobs: int = 0
     """Number of seeds trained in parallel; 0 means one for each processor."""
+    initial_policy: Literal["random", "generalist"] = "random"
+    """Initial weights of the policies: random, or those of the generalist policy of the package
+    (open_drawer, open_door, open_lid), whose hidden layers replace ppo.net_arch."""
     checkpoint_updates: Annotated[int, ADVANCED] = 20
     """Updates between checkpoints."""
     episodes: int = 200

@@ -27,6 +27,7 @@ from articulate_envs.scene import Scene
 from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
+from articulate_train.generalist import generalist_state, load_initial, with_layers
 from articulate_train.imitation import imitate
 from articulate_train.policy import CHECKPOINT, write_state
 from articulate_train.vecenv import EpisodesVecEnv
@@ -43,7 +44,11 @@ class Learner:
         stream = np.random.SeedSequence([seed, TRAINING, member])
         path_m = scene.asset.handle_travel(scene.task.joint)
         self.action_scaling = config.action_scaling.for_task(scene.task, path_m)
-        ppo = config.ppo
+        start = None
+        if config.initial_policy == "generalist":
+            start = generalist_state(config, scene)
+        self.ppo = config.ppo if start is None else with_layers(config.ppo, start)
+        ppo = self.ppo
         engine = ThreadEngine(scene, ppo.n_envs, threads=threads)
         self.episodes = Episodes(
             engine,
@@ -57,6 +62,8 @@ class Learner:
         self.normalization = VecNormalize(self.envs, gamma=ppo.gamma)
         model_seed = seed if member == 0 else int(stream.generate_state(1)[0])
         self.model = make_ppo(self.normalization, ppo, model_seed)
+        if start is not None:
+            load_initial(self.model, self.normalization, start)
 
     def run(self, on_update: Callable[[Learner], bool]) -> None:
         """Collect and update until the configured steps are done.
@@ -177,7 +184,7 @@ class Learner:
         steps = self.model.num_timesteps
         return {
             "policy": {k: v.clone() for k, v in self.model.policy.state_dict().items()},
-            "net_arch": list(self.config.ppo.net_arch),
+            "net_arch": list(self.ppo.net_arch),
             "action_scaling": asdict(self.action_scaling),
             "normalization": _running(self.normalization.obs_rms),
             "metadata": json.dumps({"num_timesteps": steps}),

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from articulate.cache import cache_folder
 from articulate.commands import console
@@ -24,10 +24,16 @@ class EvaluateFlags:
     """Evaluate the policies of a run on new episodes, or compare several runs.
 
     Example: evaluate runs/cabinet --episodes 200
+    Example: evaluate --policy generalist --asset cabinet.urdf --task open_drawer
     """
 
-    run: Annotated[tuple[Path, ...], POSITIONAL]
+    run: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """Run folder; several are compared."""
+    policy: Literal["trained", "generalist"] = "trained"
+    """Policy: those of the run, or the generalist policy of the package for --asset and --task,
+    without any training on the object."""
+    task: str = "open_drawer"
+    """Task of --policy generalist."""
     episodes: int | None = None
     """Episodes for each seed; by default those of the run's configuration."""
     ranges: float = 1.0
@@ -39,7 +45,8 @@ class EvaluateFlags:
     joint: str | None = None
     """Joint of --asset; by default as for train."""
     out: Path | None = None
-    """Folder for the comparison of several runs; by default runs/comparison-<time>."""
+    """Folder for the comparison of several runs, or run folder of --policy generalist; by default
+    runs/comparison-<time> or runs/generalist-<asset>-<task>-<time>."""
     keep_reports: bool = False
     """Compare the existing reports of the runs; evaluate only runs without one."""
     require_success: float = 0.0
@@ -53,6 +60,11 @@ class EvaluateFlags:
         if not 0.0 < self.ranges < float("inf"):
             raise ConfigError(f"--ranges is {self.ranges:g}; it must be above 0")
         check_share(self.require_success)
+        if self.policy == "generalist":
+            self._check_generalist()
+            return
+        if not self.run:
+            raise ConfigError("give a run folder, or --policy generalist with --asset and --task")
         if len(self.run) == 1 and (self.out is not None or self.keep_reports):
             raise ConfigError("--out and --keep-reports are for several runs; one is given")
         for flag, is_set in (("ranges", self.ranges != 1.0), ("asset", self.asset is not None)):
@@ -61,6 +73,12 @@ class EvaluateFlags:
         if self.joint is not None and self.asset is None:
             raise ConfigError("--joint needs --asset")
 
+    def _check_generalist(self) -> None:
+        if self.run or self.asset is None:
+            raise ConfigError("--policy generalist needs --asset, and no run folder")
+        if self.keep_reports:
+            raise ConfigError("--keep-reports is for several runs")
+
 
 FLAGS = EvaluateFlags
 
@@ -68,6 +86,8 @@ FLAGS = EvaluateFlags
 def main(argv: Sequence[str]) -> int:
     """Evaluate and print; 3 if the success rate is below the required one."""
     flags = parse(EvaluateFlags, argv, prog="evaluate")
+    if flags.policy == "generalist":
+        return _generalist(flags)
     from articulate_train.run import (
         open_run,
         with_object,
@@ -83,6 +103,20 @@ def main(argv: Sequence[str]) -> int:
     return show(
         run, episodes, flags.require_success, as_json=flags.json, ranges=flags.ranges, on=on
     )
+
+
+def _generalist(flags: EvaluateFlags) -> int:
+    """Evaluate the generalist policy on --asset; 3 if its success rate is below the required."""
+    from articulate_train.config import TrainConfig
+    from articulate_train.generalist import generalist_run  # torch and MuJoCo
+
+    assert flags.asset is not None  # checked by the flags
+    config = TrainConfig(asset=flags.asset, task=flags.task, joint=flags.joint, seeds=(0,))
+    name = f"{Path(flags.asset).resolve().stem}-{flags.task}-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = flags.out or Path("runs") / f"generalist-{name}"
+    run = generalist_run(config, folder, cache_folder(), show_progress=console.show_waiting)
+    episodes = flags.episodes or config.episodes
+    return show(run, episodes, flags.require_success, as_json=flags.json, ranges=flags.ranges)
 
 
 def _compared(runs: Sequence[Run], flags: EvaluateFlags) -> int:

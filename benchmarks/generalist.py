@@ -1,0 +1,262 @@
+"""Train the generalist policy: one network for drawers, doors and lids that it has never seen.
+
+    python benchmarks/generalist.py prepare --seeds 0 12 --out scenes.jsonl
+    python benchmarks/generalist.py train --scenes scenes.jsonl --rounds 40
+
+``prepare`` makes objects of the procedural library, places them and runs the scripted expert on
+each joint (resumable). ``train`` imitates the expert on all accepted scenes in one batch (DAgger;
+Ross, Gordon and Bagnell, 2011): in each round all environments run an episode's length of control
+steps, the expert's actions at the visited states are added to the data, and the network is fitted
+to all data so far. It writes ``generalist.npz`` and ``generalist.json`` of the package
+``articulate_train``. Seeds below 1000 are for training, 1000 to 1999 for validation.
+"""
+
+# ruff: noqa: E402 - the environment comes before numpy and torch
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import argparse
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn import functional
+
+from articulate.files import sha256, write_json
+from articulate.task.observation import OBSERVATION
+from articulate.task.randomization_config import RandomizationConfig
+from articulate.transforms import Array
+from articulate_envs.config import InitialStatesConfig
+from articulate_envs.episodes import Ended, Episodes
+from articulate_envs.rewards import RewardConfig
+from articulate_envs.scene import Scene
+from articulate_envs.scripted_expert import make_scripted_expert
+from articulate_envs.threaded_engine import ThreadEngine
+from articulate_train.action_scaling import ELBOW, MOTIONS, action_scales, lead_compensation
+from articulate_train.config import ActionScalingConfig
+from articulate_train.generalist import METADATA, WEIGHTS, write_weights
+from articulate_train.imitation import unscale_action
+from articulate_train.policy import Network
+from articulate_train.run import versions
+from generalist_scenes import (
+    SceneRecord,
+    prepare,
+    procedural_ids,
+    read_records,
+    scene_of,
+    write_procedural,
+)
+
+Singles = NDArray[np.float32]
+HIDDEN = (256, 256, 256)
+"""Widths of the hidden layers."""
+SCALES = (0.9, 1.0, 1.1)
+"""Sizes of the objects."""
+MIN_EXPERT = 0.8
+"""Least success rate of the expert on a training scene."""
+STARTS = InitialStatesConfig(share_first=0.5, share_last=0.25, n_precomputed=48)
+BATCH_SIZE = 512
+LEARNING_RATES = 1e-3, 1e-4
+"""Learning rate at the beginning and at the end, exponential decay between."""
+EXPERT_ROUNDS = 5
+"""Rounds over which the share of environments in which the expert acts falls from 1 to 0."""
+
+
+@dataclass
+class Data:
+    """Observations and unscaled expert actions of all rounds."""
+
+    observations: list[Singles]
+    actions: list[Singles]
+
+    def tensors(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return all rows (M, size), (M, 8)."""
+        both = (self.observations, self.actions)
+        first, second = (torch.from_numpy(np.concatenate(rows)) for rows in both)
+        return first, second
+
+
+def stacked_scaling(scenes: Sequence[Scene]) -> ActionScalingConfig:
+    """Return the action scaling of one scene per environment, arrays where scenes differ."""
+    configs = []
+    for scene in scenes:
+        path_m = scene.asset.handle_travel(scene.task.joint)
+        configs.append(ActionScalingConfig().for_task(scene.task, path_m))
+    ranges = np.array([config.goal_range for config in configs], dtype=np.float32)
+    gains = np.array([[config.lead_gain] for config in configs], dtype=np.float32)
+    return cast(
+        ActionScalingConfig,
+        SimpleNamespace(
+            **asdict(ActionScalingConfig())
+            | {"goal_range": (ranges[:, :1], ranges[:, 1:]), "lead_gain": gains}
+        ),
+    )
+
+
+class Trainer:
+    """DAgger on many scenes."""
+
+    def __init__(self, records: Sequence[SceneRecord], n_envs: int, rounds: int, seed: int) -> None:
+        """Compile the scenes and begin the episodes."""
+        torch.manual_seed(seed)
+        self._rng = np.random.default_rng(seed)
+        self.records, self.rounds = records, rounds
+        scenes = [scene_of(record, SCALES) for record in records]
+        engine = ThreadEngine(scenes, n_envs)
+        rows = [scenes[k] for k in engine.scene_of]
+        self.tasks = np.array([records[k].task for k in engine.scene_of])
+        self.expert = make_scripted_expert(*rows)
+        self.scaling = stacked_scaling(rows)
+        self.episodes = Episodes(
+            engine,
+            randomization=RandomizationConfig(scales=len(SCALES)),
+            reward=RewardConfig(),
+            initial_states=STARTS,
+            seed=seed,
+        )
+        self.observation = self.episodes.reset(stagger=True)
+        self.data = Data([], [])
+        ones = torch.ones(OBSERVATION.size)
+        self.network = Network(torch.zeros(OBSERVATION.size), ones, HIDDEN)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=LEARNING_RATES[0])
+
+    def act(self, observation: Singles) -> Array:
+        """Return the network's unscaled actions (N, 8)."""
+        with torch.no_grad():
+            out = self.network(torch.as_tensor(observation, dtype=torch.float32))
+        return np.asarray(out.numpy(), dtype=np.float64)
+
+    def collect(self, k: int) -> list[Ended]:
+        """Run an episode's length of control steps of round ``k`` and add to the data."""
+        n = self.episodes.engine.n_envs
+        share = max(1.0 - k / EXPERT_ROUNDS, 0.0)
+        by_expert = self._rng.permutation(n) < round(share * n)
+        self.episodes.progress = k / self.rounds
+        ended = []
+        for _ in range(self.episodes.engine.scene.n_steps):
+            seen: Singles = self.observation.astype(np.float32)
+            scale = action_scales(self.scaling, seen)
+            compensation = lead_compensation(self.scaling, seen)
+            target = self.expert.act(self.episodes.state, self.episodes.params)
+            unscaled = unscale_action(target, scale, compensation)
+            self.data.observations.append(seen)
+            self.data.actions.append(unscaled.astype(np.float32))
+            chosen = np.where(by_expert[:, None], unscaled, self.act(seen))
+            motions = chosen[:, :MOTIONS] * scale
+            motions[:, :ELBOW] = np.clip(motions[:, :ELBOW] - compensation, -1.0, 1.0)
+            step = self.episodes.step(np.concatenate([motions, chosen[:, MOTIONS:]], axis=1))
+            self.observation = step.observation
+            if step.ended is not None:
+                ended.append(step.ended)
+        return ended
+
+    def fit(self, k: int, batches: int) -> float:
+        """Fit the network to all data with ``batches`` minibatches; return the last mean loss."""
+        observations, actions = self.data.tensors()
+        network = self.network
+        if k <= EXPERT_ROUNDS:
+            network.mean.copy_(observations.mean(dim=0))
+            network.scale.copy_(torch.rsqrt(observations.var(dim=0) + 1e-4))
+        first, last = LEARNING_RATES
+        losses = []
+        for i in range(batches):
+            done = (k + i / batches) / self.rounds
+            for group in self.optimizer.param_groups:
+                group["lr"] = first * (last / first) ** done
+            pick = torch.from_numpy(self._rng.integers(len(observations), size=BATCH_SIZE))
+            x = torch.clamp((observations[pick] - network.mean) * network.scale, -10.0, 10.0)
+            loss: Any = functional.mse_loss(network.head(network.body(x)), actions[pick])
+            self.optimizer.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            self.optimizer.step()
+            losses.append(float(loss.detach()))
+        return float(np.mean(losses[-100:]))
+
+    def success(self, ended: Sequence[Ended]) -> dict[str, str]:
+        """Return successes of episodes from home by task, as text."""
+        counts: Counter[str] = Counter()
+        for one in ended:
+            for row, code, home in zip(one.rows, one.code, one.from_home, strict=True):
+                if home:
+                    counts[f"{self.tasks[row]} n"] += 1
+                    counts[f"{self.tasks[row]} ok"] += int(code == 0)
+        names = sorted({name.split()[0] for name in counts})
+        return {name: f"{counts[f'{name} ok']}/{counts[f'{name} n']}" for name in names}
+
+
+def train(args: argparse.Namespace) -> int:
+    """Train and write the weights after every few rounds."""
+    torch.set_num_threads(1)
+    records = [r for r in read_records(args.scenes) if r.placement and r.expert >= MIN_EXPERT]
+    begin = time.monotonic()
+    trainer = Trainer(records, args.envs, args.rounds, args.seed)
+    print(f"{len(records)} scenes, {time.monotonic() - begin:.0f} s", flush=True)
+    for k in range(args.rounds):
+        ended = trainer.collect(k)
+        collected = time.monotonic() - begin
+        loss = trainer.fit(k, args.batches)
+        now = time.monotonic() - begin
+        print(
+            f"round {k} {collected:.0f} s {now:.0f} s loss {loss:.4f} {trainer.success(ended)}",
+            flush=True,
+        )
+        if (k + 1) % 4 == 0 or k + 1 == args.rounds:
+            write_weights(args.out / WEIGHTS, trainer.network)
+            write_json(
+                args.out / METADATA,
+                {
+                    "command": " ".join(["python", "benchmarks/generalist.py", *sys.argv[1:]]),
+                    "licence": "MIT",
+                    "objects": sorted({r.object for r in records}),
+                    "scenes": dict(Counter(r.task for r in records)),
+                    "rounds": k + 1,
+                    "control_steps": (k + 1) * args.envs * trainer.episodes.engine.scene.n_steps,
+                    "seed": args.seed,
+                    "versions": {n: v for n, v in versions().items() if n != "system"},
+                    "sha256": sha256(args.out / WEIGHTS),
+                },
+            )
+    return 0
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one of the two stages."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
+    commands = parser.add_subparsers(dest="command", required=True)
+    one = commands.add_parser("prepare", help="make, place and check objects")
+    one.add_argument("--seeds", type=int, nargs=2, default=(0, 12), help="first seed, and end")
+    one.add_argument("--objects", type=Path, default=Path("objects"), help="folder of the objects")
+    one.add_argument("--out", type=Path, required=True, help="list of scenes")
+    two = commands.add_parser("train", help="train on the accepted scenes")
+    two.add_argument("--scenes", type=Path, required=True, help="list of scenes")
+    two.add_argument("--rounds", type=int, default=40, help="rounds of DAgger")
+    two.add_argument("--envs", type=int, default=128, help="environments")
+    two.add_argument("--batches", type=int, default=400, help="minibatches per round")
+    two.add_argument("--seed", type=int, default=0)
+    two.add_argument("--out", type=Path, default=WEIGHTS_FOLDER, help="folder of the weights")
+    args = parser.parse_args(argv)
+    if args.command == "train":
+        return train(args)
+    ids = procedural_ids(range(*args.seeds))
+    items = [(i, write_procedural(i, args.objects), i.rpartition("-")[0]) for i in ids]
+    prepare(items, args.out)
+    return 0
+
+
+WEIGHTS_FOLDER = Path(__file__).resolve().parents[1] / "train" / "articulate_train"
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,103 @@
+"""The generalist policy of the package."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from tests.scenes import drawer_scene
+
+from articulate.errors import ConfigError
+from articulate.files import sha256
+from articulate.task.observation import OBSERVATION
+from articulate_train import generalist
+from articulate_train.config import TrainConfig
+from articulate_train.generalist import (
+    METADATA,
+    WEIGHTS,
+    generalist_metadata,
+    generalist_state,
+    load_initial,
+    with_layers,
+    write_weights,
+)
+from articulate_train.policy import Network, policy_of
+from articulate_train.ppo import AsymmetricPolicy
+
+FOLDER = Path(generalist.__file__).parent
+SEEN = np.random.default_rng(0).normal(size=(5, OBSERVATION.size)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return drawer_scene(tmp_path_factory.mktemp("drawer"))
+
+
+@pytest.fixture
+def config(scene):
+    return TrainConfig(asset=str(scene.asset.folder), task="open_drawer")
+
+
+def test_the_weights_are_small_and_their_origin_is_recorded_beside_them():
+    assert (FOLDER / WEIGHTS).stat().st_size <= 2_000_000
+    origin = generalist_metadata()
+    assert origin == json.loads((FOLDER / METADATA).read_text())
+    assert origin["sha256"] == sha256(FOLDER / WEIGHTS)
+    assert origin["command"].startswith("python benchmarks/generalist.py train")
+    assert all(int(name.rpartition("-")[2]) < 1000 for name in origin["objects"])
+    assert {"seed", "versions", "control_steps", "licence"} <= set(origin)
+
+
+def test_the_policy_acts_within_the_bounds_of_actions(scene, config):
+    action = policy_of(generalist_state(config, scene)).act(SEEN.astype(np.float64))
+    assert action.shape == (5, 8)
+    assert np.all(np.abs(action) <= 1.0)
+
+
+def test_weights_are_read_as_they_were_written(tmp_path, monkeypatch, scene, config):
+    torch.manual_seed(0)
+    mean = torch.arange(OBSERVATION.size) / 100.0
+    network = Network(mean, torch.full((OBSERVATION.size,), 2.0), (16, 8))
+    write_weights(tmp_path / WEIGHTS, network)
+    (tmp_path / METADATA).write_text(json.dumps({"control_steps": 7}))
+    monkeypatch.setattr(generalist, "__file__", str(tmp_path / "generalist.py"))
+    state = generalist_state(config, scene)
+    assert state["net_arch"] == [16, 8]
+    found = policy_of(state)
+    assert found.steps == 7
+    seen = torch.from_numpy(SEEN)
+    torch.testing.assert_close(found.networks[0](seen), network(seen))
+
+
+def test_a_training_begins_with_the_same_actions(scene, config):
+    state = generalist_state(config, scene)
+    ppo = with_layers(config.ppo, state)
+    space = np.full(OBSERVATION.size + 3, 1.0, dtype=np.float32)
+    policy = AsymmetricPolicy(
+        gymnasium.spaces.Box(-space, space),
+        gymnasium.spaces.Box(-1.0, 1.0, (8,)),
+        lambda _: 1e-3,
+        net_arch=list(ppo.net_arch),
+        activation_fn=torch.nn.ELU,
+    )
+    rms = RunningMeanStd(shape=(OBSERVATION.size + 3,))
+    parts: list[Any] = [SimpleNamespace(policy=policy), SimpleNamespace(obs_rms=rms)]
+    load_initial(parts[0], parts[1], state)
+    size = OBSERVATION.size
+    normalized = np.clip((SEEN - rms.mean[:size]) / np.sqrt(rms.var[:size] + 1e-8), -10.0, 10.0)
+    both = np.concatenate([normalized, np.zeros((5, 3))], axis=1).astype(np.float32)
+    distribution: Any = policy.get_distribution(torch.from_numpy(both)).distribution
+    mean = distribution.mean
+    expected = policy_of(state).networks[0](torch.from_numpy(SEEN))
+    torch.testing.assert_close(torch.clamp(mean, -1.0, 1.0), expected, atol=1e-4, rtol=1e-3)
+
+
+def test_closing_tasks_are_rejected(scene):
+    closing = TrainConfig(asset=str(scene.asset.folder), task="close_drawer")
+    with pytest.raises(ConfigError, match="no task close_drawer; it has: open_drawer"):
+        generalist_state(closing, scene)
