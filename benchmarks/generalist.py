@@ -218,7 +218,9 @@ def train(args: argparse.Namespace) -> int:
             write_json(
                 args.out / METADATA,
                 {
-                    "command": " ".join(["python", "benchmarks/generalist.py", *sys.argv[1:]]),
+                    "command": "python benchmarks/generalist.py train --scenes "
+                    f"{args.scenes.name} --rounds {args.rounds} --envs {args.envs} "
+                    f"--batches {args.batches} --seed {args.seed}",
                     "licence": "MIT",
                     "objects": sorted({r.object for r in records}),
                     "scenes": dict(Counter(r.task for r in records)),

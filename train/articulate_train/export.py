@@ -53,7 +53,6 @@ from articulate_envs.export_object import object_files
 from articulate_envs.export_scene import export_scene
 from articulate_envs.scene import PREFIX, Scene
 from articulate_train.policy import (
-    CHECKPOINT,
     Policy,
     checkpoint_sha256,
     policy_file,
@@ -157,7 +156,7 @@ def select_seed(run: Run, seed: int | None) -> tuple[int, str, float | None]:
     Raises:
         RunError: The run has no such seed, or none that was trained.
     """
-    trained = [s for s in run.config.seeds if (run.seed_folder(s) / CHECKPOINT).exists()]
+    trained = [s for s in run.config.seeds if policy_file(run.seed_folder(s)).exists()]
     if not trained:
         raise RunError(f"{run.folder}: no seed has a checkpoint; train first")
     measured = _success_of_report(run)
