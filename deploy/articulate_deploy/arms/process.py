@@ -23,7 +23,7 @@ from articulate_deploy.arms.client import (
     ClientSpec,
 )
 from articulate_deploy.arms.clients import make_client
-from articulate_deploy.arms.errors import ArmError, CommandRejectedError, arm_error
+from articulate_deploy.arms.errors import ArmError, CommandRejectedError, ReflexError, arm_error
 from articulate_deploy.arms.motions import EpisodeMotion, RampMotion
 from articulate_deploy.arms.scheduling import real_time, use_ordinary_scheduling
 
@@ -96,7 +96,11 @@ def check_mode(state: ArmState, address: str) -> None:
     if state.mode == IDLE:
         return
     if state.mode == REFLEX:
-        raise arm_error(f"reflex: {', '.join(state.errors) or 'no error named'}", address)
+        names = ", ".join(state.errors) or "no error is named"
+        raise ReflexError(
+            f"{address}: the arm is in a reflex ({names}); find the cause, then run again with "
+            "--recover"
+        )
     if state.mode == USER_STOP:
         raise arm_error("User stopped", address)
     raise CommandRejectedError(
