@@ -14,7 +14,8 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from articulate.cache import cache_folder
 from articulate.files import write_json
 from articulate.library.procedural.categories import write_object
 from articulate.reconstruct.actors.protocol import PredictedJoint
-from articulate.studio.candidates import candidates, front_direction
+from articulate.studio.candidates import candidates, front_direction, snap
 from articulate.studio.checker import Checker
 from articulate.studio.edits import MergeParts, SetJoint, SetSize, SplitPart, apply_edit
 from articulate.studio.model import StudioModel, read_model
@@ -36,13 +37,14 @@ from articulate.studio.source import read_studio_source
 from articulate.studio.write import write_model
 
 SECONDS = {"click": 2.0, "drag": 4.0, "decision": 5.0}
-NEAR_M = 0.015
+NEAR_M = 0.025
 """A candidate hinge this near to the true one is used; otherwise the edge is clicked [m]."""
 NEAR_RAD = 0.05
 LIMIT_SHARE = 0.03
 """Limits are corrected if they differ by more than this fraction of the range."""
 CHECK_S = 400.0
 GOOD = {"passed", "repaired"}
+PRINTED = ("category", "seed", "error", "human_s", "check", "check_wall_s", "problems")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,17 +243,23 @@ class Person:
             if azimuth or elevation != -22:
                 self.actions.append(("drag", "turn the view"))
             for point in near_axis(self.session.model, part, axis, pivot):
+                if not self._is_hinge(part, point, truth):
+                    continue
                 at = self.browser.run(f"studio.view.screen({json.dumps(part)}, {point})")
                 hit = self.browser.run(f"studio.view.pick({at[0]}, {at[1]})")
-                if (
-                    hit
-                    and hit["part"] == part
-                    and np.linalg.norm(np.asarray(hit["point"]) - point) < 0.02
-                ):
+                near = hit and hit["part"] == part
+                if near and self._is_hinge(part, hit["point"], truth):
                     self.click_at(at)
-                    if not same_axis(predicted(self.session.model, part), truth):
+                    now = predicted(self.session.model, part)
+                    if float(np.asarray(now.axis_o) @ axis) < 0.0:
                         self.press("#reverse")
                     return
+
+    def _is_hinge(self, part: str, point: list[float], truth: PredictedJoint) -> bool:
+        """Return whether a click at a point selects the true hinge line."""
+        found = snap(self.session.model.link(part), (point[0], point[1], point[2]), "edge")
+        edit = SetJoint(part=part, kind=truth.kind, axis_o=found.axis_o, pivot_o=found.pivot_o)
+        return same_axis(_of(part, edit), truth, signed=False)
 
     def split(self, root: str, name: str, wanted: list[str]) -> None:
         """Split meshes of a merged part off by clicking them."""
@@ -390,29 +398,32 @@ def correct(person: Person, case: Case, truth: StudioModel) -> None:
     person.press("#accept")
 
 
-def run_case(case: Case, browser: Browser, folder: Path) -> dict[str, object]:
-    """Perturb, correct and check one object; return its record."""
+def correct_case(case: Case, browser: Browser, folder: Path) -> Callable[[], dict[str, object]]:
+    """Perturb and correct one object; return the function that checks it and gives its record."""
     truth = read_model(write_object(case.category, case.seed, folder / "true"))
     wrong = write_model(perturb(truth, case), folder / "wrong")
     source = read_studio_source(wrong)
     checker = HeldChecker(cache_folder(), 300.0, dict(source.licence))
     session = Session(source=source, out=folder / "out", checker=checker)
-    server = StudioServer(session)
-    server.start()
-    try:
+    person = Person(browser=browser, session=session)
+    before = is_true(session.model, truth)
+    with StudioServer(session) as server:
+        server.start()
         browser.send("Page.navigate", url=server.url)
         browser.wait("!!window.studio && studio.view.triangles() > 0", 120.0)
-        person = Person(browser=browser, session=session)
-        before = is_true(session.model, truth)
         correct(person, case, truth)
+        person.actions.append(("click", "#export"))
+        server.shutdown()
+    page_errors = list(browser.problems)
+
+    def finish() -> dict[str, object]:
         start = time.monotonic()
         checker.release()
         check = checker.wait(session.state()["revision"], CHECK_S)
-        waited = time.monotonic() - start
-        person.actions.append(("click", "#export"))
         if check is not None and check.folder is not None:
             session.export()
         problems = is_true(session.model, truth)
+        session.close()
         return {
             "category": case.category,
             "seed": case.seed,
@@ -420,35 +431,44 @@ def run_case(case: Case, browser: Browser, folder: Path) -> dict[str, object]:
             "was_wrong": bool(before),
             "human_s": person.seconds,
             "actions": [list(action) for action in person.actions],
-            "wait_s": round(waited, 1),
+            "check_wall_s": round(time.monotonic() - start, 1),
+            "check_cpu_s": None if check is None else round(check.seconds, 1),
             "check": None if check is None else check.verdict,
             "reasons": [] if check is None else list(check.reasons),
             "problems": problems,
             "exported": (folder / "out" / "edits.json").is_file(),
-            "page_errors": list(browser.problems),
+            "page_errors": page_errors,
         }
-    finally:
-        session.close()
-        server.shutdown()
-        server.server_close()
+
+    print(case.category, case.seed, case.error, f"{person.seconds:.0f} s",
+          is_true(session.model, truth), flush=True)  # fmt: skip
+    return finish
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Run the cases, write the records after each one, and print the figures."""
+    """Correct all objects, check them, write the records, and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="JSON file with the records")
     parser.add_argument("--first", type=int, default=0, help="index of the first case")
     parser.add_argument("--count", type=int, default=len(CASES), help="number of cases")
+    parser.add_argument("--jobs", type=int, default=1, help="checks at the same time")
     flags = parser.parse_args(argv)
     records: list[dict[str, object]] = []
-    with Browser(width=1280, height=800) as browser:
-        for case in CASES[flags.first : flags.first + flags.count]:
-            with tempfile.TemporaryDirectory() as folder:
-                records.append(_caught(lambda: run_case(case, browser, Path(folder)), case))  # noqa: B023
-            browser.problems.clear()
-            last = records[-1]
-            print(case.category, case.seed, case.error, last.get("human_s"), last.get("check"),
-                  last.get("problems"), f"wait {last.get('wait_s')} s", flush=True)  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(flags.jobs) as pool:
+        running = []
+        with Browser(width=1280, height=800) as browser:
+            for k, case in enumerate(CASES[flags.first : flags.first + flags.count]):
+                try:
+                    finish = correct_case(case, browser, Path(folder, str(k)))
+                except AssertionError as error:  # the script could not go on: a failure
+                    records.append({**asdict(case), "problems": [f"script: {error}"]})
+                    print(case.category, case.error, error, flush=True)
+                else:
+                    running.append(pool.submit(finish))
+                browser.problems.clear()
+        for future in running:
+            records.append(record := future.result())
+            print(*(record[key] for key in PRINTED), flush=True)
             write_json(flags.out, records)
     times = [float(str(r["human_s"])) for r in records if "human_s" in r]
     right = sum(
@@ -458,15 +478,6 @@ def main(argv: list[str] | None = None) -> None:
     if times:
         print(f"median {statistics.median(times):.0f} s, largest {max(times):.0f} s")
     print(f"{right} of {len(records)} end true and pass the checks")
-
-
-def _caught(run: Callable[[], dict[str, object]], case: Case) -> dict[str, object]:
-    """Return the record of a case; an error of the script counts as a failure."""
-    try:
-        return run()
-    except AssertionError as error:
-        return {"category": case.category, "seed": case.seed, "error": case.error,
-                "problems": [f"script: {error}"]}  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -91,6 +91,8 @@ class MakeFlags:
     video without known parts, and of --scan."""
     seed: int = 0
     """Random seed."""
+    studio: bool = False
+    """Open articulate studio if the result is not passed."""
     json: bool = False
     """Print only the result, as JSON, on standard output."""
 
@@ -110,6 +112,12 @@ class MakeFlags:
             self._check_without_parts()
         if self.parts is not None and self.library is not None:
             raise ConfigError("--parts and --library are given; give one of them")
+        self._check_values()
+
+    def _check_values(self) -> None:
+        """Check numbers, and that the page is not combined with results for programs."""
+        if self.studio and (self.json or self.dry_run):
+            raise ConfigError("--studio is interactive; omit it, or --json and --dry-run")
         if self.size is not None and not 0.02 <= self.size <= 10.0:
             raise ConfigError(f"--size is {self.size:g} m; it must be 0.02 to 10")
         if self.iterations is not None and self.iterations < 1:
@@ -243,6 +251,13 @@ def _print(flags: MakeFlags, result: MakeResult) -> int:
         console.emit_json(result.content())
     else:
         console.emit(_text(result))
+    if flags.studio and result.verdict != "passed":
+        from articulate.commands.studio import StudioFlags, serve
+        from articulate.studio.source import TYPES
+
+        query_file = flags.video or flags.image
+        playable = query_file is not None and query_file.suffix.lower() in TYPES
+        return serve(StudioFlags(source=result.out, input=query_file if playable else None))
     return 0 if result.verdict == "passed" else MISSED
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.conversion.provenance import ORIGIN_FILE
-from articulate.files import write_json
+from articulate.files import copy_writable, write_json
 from articulate.library.procedural.categories import LICENCE
 from articulate.library.procedural.materials import Material
 from articulate.library.procedural.truth import joints_of, origins
@@ -32,6 +32,7 @@ from articulate.reconstruct.proposal import ObjectProposal
 from articulate.reconstruct.query import Query
 from articulate.reconstruct.result import (
     MADE_FILE,
+    PROGRAM_FOLDER,
     TRACE_FILE,
     MakeRequest,
     MakeResult,
@@ -89,6 +90,7 @@ def make_object(
             lasting = [re.sub(r"\S*/(?=\S+\.urdf: )", "", text) for text in check_report.reasons]
             verdict = "undecided" if check_report.verdict == "undecided" else "rejected"
             reasons = [*lasting, *doubts]
+            copy_writable(source, work / "asset" / PROGRAM_FOLDER)  # to be corrected
         result = MakeResult(
             verdict=verdict,
             reasons=tuple(reasons),

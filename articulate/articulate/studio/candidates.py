@@ -82,7 +82,7 @@ def candidates(model: StudioModel, part: str) -> tuple[Candidate, ...]:
     front = front_direction(model)
     up = np.array([0.0, 0.0, 1.0])
     right = np.cross(up, front)  # of the object, seen from its front: the viewer's right
-    low, high = link.bounds_o
+    low, high = _main_bounds(link)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     found = []
     for label, direction in (("slide out", front), ("slide up", up), ("slide right", right)):
@@ -110,6 +110,17 @@ def candidates(model: StudioModel, part: str) -> tuple[Candidate, ...]:
         edit = SetJoint(part=part, kind="continuous", axis_o=vec3(axis), pivot_o=vec3(centre))
         found.append(Candidate(label=label, edit=edit))
     return tuple(found)
+
+
+def _main_bounds(link: StudioLink) -> Array:
+    """Return the box (2, 3) of the mesh of a part with the largest surface [m].
+
+    The panel of a door decides where its hinges may be, and not its handle.
+    """
+    if not link.visible:
+        return link.bounds_o
+    main = max(link.visible, key=lambda piece: float(piece.mesh.area))
+    return np.asarray(main.mesh.bounds)
 
 
 def _along(direction: Array, half: Array) -> float:

@@ -147,9 +147,10 @@ def _object_file(path: Path) -> Path:
     """Return the object file of a folder: the asset's URDF, else that of the program."""
     if not path.is_dir():
         return path
-    for candidate in (path / URDF_FILE, path / PROGRAM_FOLDER / URDF_FILE):
-        if candidate.is_file():
-            return candidate
+    if (path / URDF_FILE).is_file():
+        return path / URDF_FILE
+    if (path / PROGRAM_FOLDER).is_dir() and not is_asset(path):
+        return find_source(path / PROGRAM_FOLDER)
     if is_asset(path):
         raise AssetError(f"{path}: {URDF_FILE} is missing; make the asset again")
     if (path / MADE_FILE).exists() or (path / CHECK_REPORT_FILE).exists():

@@ -1,4 +1,4 @@
-"""Requests to the page's server: what it answers, and what it refuses."""
+"""Requests to the server of the page: results, and one error for each wrong request."""
 
 from __future__ import annotations
 
