@@ -30,7 +30,11 @@ from articulate.task.object_placement import handle_path_of
 from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, rotation_angle
 from articulate_deploy.estimators.camera_tracking import SteppedTracking
 from articulate_deploy.estimators.gripper_hold import ArmReading
-from articulate_deploy.estimators.object_state import EstimatedObject, ObjectStateEstimator
+from articulate_deploy.estimators.object_state import (
+    EstimatedObject,
+    EstimateLostError,
+    ObjectStateEstimator,
+)
 from marker_scenes import HD, MarkedObject, marked_object, render_object
 
 STEP_S, STEPS = 0.05, 80
@@ -129,11 +133,16 @@ def run_sequence(
     )
     estimator.reset()
     joint, handle, speed = [], [], []
-    scene.seconds = 0.0
+    scene.seconds, lost = 0.0, False
     last = scene.q
     for _ in range(STEPS):
         scene.advance()
-        estimator.update()
+        try:
+            estimator.update()
+        except EstimateLostError:
+            scene.seconds += time.process_time()
+            lost = True
+            break
         scene.seconds += time.process_time()
         found = estimator.estimate()
         joint.append(abs(float(found.opened[0]) * scene.path.span - scene.q))
@@ -143,7 +152,13 @@ def run_sequence(
         handle.append(float(np.linalg.norm(found.T_wh[0, :3, 3] - true[0, :3, 3])))
         speed.append(abs(float(found.speed[0]) - (scene.q - last) / STEP_S))
         last = scene.q
-    return {"joint": joint, "handle": handle, "speed": speed, "seconds": scene.seconds / STEPS}
+    return {
+        "joint": joint,
+        "handle": handle,
+        "speed": speed,
+        "seconds": scene.seconds / STEPS,
+        "lost": lost,
+    }
 
 
 def estimator_rows(seeds: list[int], distances: list[float]) -> list[dict[str, Any]]:
@@ -163,6 +178,7 @@ def estimator_rows(seeds: list[int], distances: list[float]) -> list[dict[str, A
                         "estimator": "fused" if fused else "markers",
                         "distance_m": distance_m,
                         "unit": unit,
+                        "lost": sum(f["lost"] for f in found),
                         "median": float(np.median(joint)),
                         "p95": float(np.percentile(joint, 95)),
                         "max": float(joint.max()),
@@ -235,7 +251,7 @@ def base_row(seeds: list[int]) -> dict[str, Any]:
         T_wc = look_at(eye, T_wm[:3, 3])
         views: list[GripperView] = []
         while len(views) < 15:
-            q = middle + 0.5 * rng.uniform(-1, 1, 7) * (0.2, 0.3, 0.3, 0.3, 0.7, 0.7, 0.9)
+            q = middle + 0.7 * rng.uniform(-1, 1, 7) * (0.2, 0.3, 0.3, 0.3, 0.7, 0.7, 0.9)
             plane = marker_plane("4x4_50", marker, inverse(T_wc) @ tool_pose(PANDA, q) @ T_tm)
             corners = detector.detect(render_planes(HD, [plane], rng)).get(2)
             if corners is not None:

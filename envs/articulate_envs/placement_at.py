@@ -309,6 +309,9 @@ def _candidates(
     fractions = np.linspace(*opening_range(task), PATH_POSES)
     for flip in (False, True):
         path_w = at.T_wo() @ handle_poses(asset, task.joint, fractions, flip=flip)
+        away = np.linalg.norm(path_w[:, :3, 3] - SHOULDER_W, axis=1)
+        if not (REACH_M[0] < away.min() and away.max() < REACH_M[1]):
+            return []
         first = at.T_wo() @ handle_poses(asset, task.joint, np.asarray(task.begin[1]), flip=flip)
         for turn_rad in _turns(first):
             for back_m in BACK_M:

@@ -2,8 +2,12 @@
 
 import pytest
 
+from articulate.commands.flags import parse
 from articulate.errors import ConfigError
+from articulate.task.floor_pose import FloorPose, ObjectLocation, save_location
+from articulate.task.randomization_config import RandomizationConfig
 from articulate_train.config import ImitationConfig, PpoConfig, TrainConfig
+from articulate_train.run import with_placement
 
 
 @pytest.mark.parametrize("name", ["n_envs", "n_steps", "n_epochs"])
@@ -53,3 +57,26 @@ def test_seeds_that_are_none_are_rejected(seeds):
     with pytest.raises(ConfigError, match="they must be distinct, not negative and below"):
         TrainConfig(asset="cabinet.urdf", seeds=seeds)
     assert TrainConfig(asset="cabinet.urdf", seeds=(2**32 - 1,)).seeds == (2**32 - 1,)
+
+
+def test_the_preset_of_the_marker_estimator_loads_and_widens():
+    config = parse(TrainConfig, ["--asset", "x", "--config", "markers"])
+    assert config.randomization.estimate_delay_steps == (1, 3)
+    assert config.randomization.part_noise < RandomizationConfig().part_noise
+    assert config.randomization.widened(1.5).estimate_delay_steps[1] <= 5
+    assert config.steps == TrainConfig(asset="x").steps
+
+
+def test_a_placement_is_numbers_or_a_file_and_is_kept_as_numbers(tmp_path, error_line):
+    pose = FloorPose(x_m=0.7, y_m=0.1, yaw_deg=90.0)
+    save_location(tmp_path / "p.json", ObjectLocation(object="cabinet", pose=pose))
+    given = TrainConfig(asset="x", placement=(tmp_path / "p.json",))
+    assert with_placement(given).placement == (0.7, 0.1, 90.0, 0.0)
+    flags = parse(TrainConfig, ["--asset", "x", "--placement", "0.7", "-0.1", "90"])
+    assert flags.placement == (0.7, -0.1, 90.0)
+    assert with_placement(flags).placement == (0.7, -0.1, 90.0, 0.0)
+    assert with_placement(TrainConfig(asset="x")).placement is None
+    error_line(
+        "with_placement(2 numbers)",
+        lambda: with_placement(TrainConfig(asset="x", placement=(0.7, 0.1))),
+    )
