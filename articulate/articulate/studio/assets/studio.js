@@ -197,7 +197,7 @@
     if (!part) return editor.replaceChildren(make("p", { class: "note" }, "Select a part."));
     const name = part.name, joint = part.joint, desk = make("div", { class: "desk" });
     const set = (fields) => edit("set_joint", { part: name, ...fields });
-    editor.replaceChildren(make("h2", {}, `Correct ${name}`), make("p", { class: "note phone" }, "Corrections need a wider window."), desk);
+    editor.replaceChildren(make("h2", { class: "own" }, name), make("p", { class: "note phone" }, "Corrections need a wider window."), desk);
     if (joint) {
       desk.append(make("div", { class: "row" }, button("Accept", () => edit("accept", { part: name }), { id: "accept", disabled: part.accepted })));
       desk.append(...section("Joint type", ...["revolute", "prismatic", "continuous", "fixed"].map((kind) =>
@@ -221,7 +221,7 @@
       ...(joint ? [button("Merge into …", () => enter("merge"), { "data-mode": "merge", "aria-pressed": String(mode === "merge") }),
         button("Attach to …", () => enter("parent"), { "data-mode": "parent", "aria-pressed": String(mode === "parent") })] : []),
       button("Split …", () => enter("paint"), { "data-mode": "paint", "aria-pressed": String(mode === "paint") })));
-    if (mode === "paint") desk.append(splitFields(name));
+    if (mode === "paint") desk.prepend(splitFields(name));
     return undefined;
   }
   async function closed(name) {
