@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import struct
 import time
@@ -19,6 +20,12 @@ from articulate_deploy.wire.messages import (
     PAYLOADS,
     PROTOCOLS,
 )
+
+
+def address(number):
+    """Return a loopback address that no other process of the tests uses."""
+    pid = os.getpid()
+    return f"127.{20 + pid % 200}.{pid // 200 % 250}.{number}"
 
 
 class Channel:

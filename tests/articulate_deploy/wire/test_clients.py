@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from tests.articulate_deploy.wire.fci import address
 
 from articulate.robot.arm import PANDA
 from articulate_deploy.wire import SimulatedArm
@@ -91,12 +92,12 @@ def case(request):
 def panda():
     if importlib.util.find_spec("panda_py") is None:
         pytest.skip("panda_py is not installed")
-    with SimulatedArm(None, "127.0.0.121", grasped_width_m=0.02) as arm:
+    with SimulatedArm(None, address(121), grasped_width_m=0.02) as arm:
         yield arm
 
 
 def start(protocol, **options):
-    return SimulatedArm(None, "127.0.0.121", protocol=protocol, **options)
+    return SimulatedArm(None, address(121), protocol=protocol, **options)
 
 
 def test_a_client_moves_the_arm(case):

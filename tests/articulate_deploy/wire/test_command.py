@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from tests.articulate_deploy.wire.fci import ArmClient, bump
+from tests.articulate_deploy.wire.fci import ArmClient, address, bump
 
 from articulate.robot.arm import PANDA
 from articulate_deploy.commands import sim_robot
@@ -30,13 +30,13 @@ def test_bad_flags_are_one_line(error_line, flags):
 @pytest.mark.slow
 def test_a_client_meets_the_arm_until_it_is_interrupted():
     command = [sys.executable, "-m", "articulate", "sim-robot", "--lockstep", "--json"]
-    command += ["--address", "127.0.0.141"]
+    command += ["--address", address(141)]
     child = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ)
     )
     assert child.stderr is not None
-    assert "serving protocol 5 on 127.0.0.141 in lockstep" in child.stderr.readline()
-    with ArmClient("127.0.0.141") as client:
+    assert f"serving protocol 5 on {address(141)} in lockstep" in child.stderr.readline()
+    with ArmClient(address(141)) as client:
         assert client.state()["q"] == pytest.approx(np.array(PANDA.home))
         assert client.run(bump())[1] == "success"
     child.send_signal(signal.SIGINT)

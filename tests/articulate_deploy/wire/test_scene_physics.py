@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.articulate_deploy.wire.fci import ArmClient, bump
+from tests.articulate_deploy.wire.fci import ArmClient, address, bump
 
-from articulate.errors import BundleError, ConfigError
+from articulate.errors import ConfigError, UsageError
 from articulate.robot.kinematics import tool_jacobian, tool_pose
 from articulate.task.randomization import COLUMNS, EpisodeParams, sample_episode_params
 from articulate_deploy.plan import one_size
@@ -85,7 +85,7 @@ def test_an_episode_is_served_with_its_parameters(exported, bundle):
         robot.set_episode_params(params)
         robot.reset_to(q, 0.08)
         expected = robot.object_state()
-    with SimulatedArm(exported, "127.0.0.131", in_process=True) as arm:
+    with SimulatedArm(exported, address(131), in_process=True) as arm:
         arm.set_episode_params(params)
         arm.reset_to(q, 0.08)
         state = arm.object_state()
@@ -96,7 +96,7 @@ def test_an_episode_is_served_with_its_parameters(exported, bundle):
         assert status == "success"
         assert len(states) == 200
         samples = arm.take_samples()
-        assert len(samples) == 40
+        assert len(samples) == 39  # the last command ends the motion
         assert samples[0].dt == pytest.approx(bundle.manifest.scene.timestep_s)
         assert arm.take_samples() == []
 
@@ -104,7 +104,7 @@ def test_an_episode_is_served_with_its_parameters(exported, bundle):
 def test_lockstep_with_a_scene_is_deterministic(exported, bundle):
     def trace():
         with (
-            SimulatedArm(exported, "127.0.0.131", in_process=True) as arm,
+            SimulatedArm(exported, address(131), in_process=True) as arm,
             ArmClient(arm.address) as client,
         ):
             states, _ = client.run(bump())
@@ -114,12 +114,12 @@ def test_lockstep_with_a_scene_is_deterministic(exported, bundle):
 
 
 def test_what_cannot_be_served_is_rejected(exported, tmp_path):
-    with pytest.raises(BundleError, match="no such bundle"):
-        SimulatedArm(tmp_path / "none", "127.0.0.131", in_process=True).start()
+    with pytest.raises(UsageError, match="no such bundle"):
+        SimulatedArm(tmp_path / "none", address(131), in_process=True).start()
     with pytest.raises(ConfigError, match="unknown; choose one of 5, 10"):
         SimulatedArm(None, protocol=7)
-    with SimulatedArm(None, "127.0.0.131", in_process=True) as arm:
-        with pytest.raises(ConfigError, match="has no object"):
+    with SimulatedArm(None, address(131), in_process=True) as arm:
+        with pytest.raises(UsageError, match="has no object"):
             arm.object_state()
-        with pytest.raises(ConfigError, match="no episode parameters"):
+        with pytest.raises(UsageError, match="no episode parameters"):
             arm.set_episode_params(EpisodeParams(np.zeros((1, len(COLUMNS)))))

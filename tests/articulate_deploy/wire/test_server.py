@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from tests.articulate_deploy.wire.fci import ArmClient, Channel, GripperClient, bump
+from tests.articulate_deploy.wire.fci import ArmClient, Channel, GripperClient, address, bump
 
 from articulate.errors import ConfigError, UsageError
 from articulate.robot.arm import PANDA
@@ -14,7 +14,7 @@ from articulate_deploy.wire import SimulatedArm
 from articulate_deploy.wire.faults import FAULTS
 
 HOME = np.array(PANDA.home)
-ADDRESS = "127.0.0.101"
+ADDRESS = address(101)
 
 
 @pytest.fixture(params=[5, 10])
@@ -226,7 +226,7 @@ def test_lockstep_is_deterministic(slow):
 
 
 def test_servers_run_in_parallel():
-    addresses = [f"127.0.0.{k}" for k in (111, 112)]
+    addresses = [address(111), address(112)]
     with (
         SimulatedArm(None, addresses[0]) as first,
         SimulatedArm(None, addresses[1], protocol=10, in_process=True) as second,
