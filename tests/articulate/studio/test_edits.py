@@ -155,6 +155,7 @@ def test_a_malformed_edit_is_rejected(content):
 def test_candidates_open_away_from_the_object(model):
     found = {c.label: c.edit for c in candidates(model, "door")}
     left = found["hinge left"]
+    assert left.pivot_o is not None
     assert left.pivot_o[1] == pytest.approx(0.3)
     assert left.axis_o == pytest.approx((0, 0, -1))
     for label, edit in found.items():
