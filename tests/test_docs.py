@@ -27,6 +27,9 @@ from articulate.commands.observe import ObserveFlags
 from articulate.commands.watch import WatchFlags
 from articulate.task.manifest import Manifest
 from articulate_deploy.commands.deploy import DeployFlags
+from articulate_deploy.commands.inspect import InspectFlags, SignFlags, VerifyFlags
+from articulate_deploy.commands.recordings import ConvertFlags, ReplayFlags, ReportFlags
+from articulate_deploy.commands.sim_robot import SimRobotFlags
 from articulate_train.commands.evaluate import EvaluateFlags
 from articulate_train.commands.export import ExportFlags
 from articulate_train.commands.train import TrainFlags
@@ -50,6 +53,7 @@ FLAGS = {
     "export-policy": ExportFlags,
     "export": ExportFlags,
     "deploy": DeployFlags,
+    "articulate-sim-robot": SimRobotFlags,
     "benchmark": BenchmarkFlags,
     "make": MakeFlags,
     "observe": ObserveFlags,
@@ -153,6 +157,16 @@ def there(name):
         return hasattr(importlib.import_module(parent), last)
 
 
+DEPLOY_FLAGS = {
+    "inspect": InspectFlags,
+    "sign": SignFlags,
+    "verify": VerifyFlags,
+    "report": ReportFlags,
+    "replay": ReplayFlags,
+    "convert": ConvertFlags,
+}
+
+
 @pytest.mark.parametrize("text", blocks("bash"))
 def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
     for line in text.replace("\\\n", " ").splitlines():
@@ -167,7 +181,9 @@ def test_shell_lines_name_what_is_there_and_flags_that_exist(text):
             continue
         if command in {"--help", "--version"}:
             continue
-        if command in FLAGS:
+        if command == "deploy" and rest[0] in DEPLOY_FLAGS:
+            parse(DEPLOY_FLAGS[rest[0]], rest[1:], prog=f"deploy {rest[0]}")
+        elif command in FLAGS:
             resumes = (
                 TrainFlags(asset="kept") if {"--resume", "--list-joints"} & set(rest) else None
             )
