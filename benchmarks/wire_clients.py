@@ -118,7 +118,12 @@ run(segments[1])
 """,
 }
 """Programs by the name of the client; they get the address and a folder with two arrays (T, 7)."""
-PAIRS: tuple[tuple[str, int], ...] = (("panda-python", 5), ("franka-rs", 5), ("franka-rs", 10), ("pylibfranka", 10))
+PAIRS: tuple[tuple[str, int], ...] = (
+    ("panda-python", 5),
+    ("franka-rs", 5),
+    ("franka-rs", 10),
+    ("pylibfranka", 10),
+)
 """Clients and protocols that are measured by default."""
 
 
