@@ -29,14 +29,17 @@ def targets(kind: str, last: Array, k: int, rng: np.random.Generator) -> Array:
     """Return the targets (N, 7) of one control step."""
     low, high = PANDA.bounds()
     if kind == "not finite":
-        return np.where(rng.random(last.shape) < 0.5, rng.choice(SPECIAL, last.shape), last)
+        return np.asarray(
+            np.where(rng.random(last.shape) < 0.5, rng.choice(SPECIAL, last.shape), last)
+        )
     if kind == "jumps":
         return rng.uniform(low - 1.0, high + 1.0, last.shape)
     if kind == "oscillation":
         return np.where(k % 2, low, high) * np.ones(last.shape)
     if kind == "random walk":
         return last + rng.normal(0.0, 0.3, last.shape)
-    return last + joint_steps(ControlConfig(), PANDA) * rng.choice([-1.0, 1.0], last.shape)
+    step: Array = joint_steps(ControlConfig(), PANDA) * rng.choice([-1.0, 1.0], last.shape)
+    return last + step
 
 
 def run(actions: int, rows: int, seed: int) -> dict[str, float]:

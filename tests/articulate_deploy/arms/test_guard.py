@@ -12,7 +12,8 @@ from articulate_deploy.arms.guard import SetPoints, guard_limits
 LIMITS = guard_limits(PANDA, margin_rad=0.01)
 OMEGA = ControlConfig().omega_rad_s
 HOME = np.array(PANDA.home)
-MORE = 1.0 + 1e-6
+MORE = 1.0 + 1e-3
+"""Slack: the filter is checked at each set point, and its acceleration may peak between them."""
 VALUES = (np.nan, np.inf, -np.inf, 1e9, -1e9, 10.0, -10.0, 0.0, 1.0, -1.0, 2.5)
 
 
