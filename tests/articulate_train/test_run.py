@@ -93,7 +93,8 @@ def test_an_object_without_listed_handles_is_held_where_its_shape_allows(cabinet
     bare = without_handles(cabinet, "drawer_0", "drawer_1", "drawer_2")
     task, placement = choose_joint(config_of(bare), bare)
     found, listed = placement.handle, cabinet.handle_of(task.joint)
-    assert found is not None and listed is not None
+    assert found is not None
+    assert listed is not None
     assert found.joint == task.joint
     assert np.linalg.norm(np.subtract(found.pos_l, listed.pos_l)) < 0.02
 
