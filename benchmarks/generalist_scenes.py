@@ -21,20 +21,21 @@ from articulate.preparation.prepare import load_checked_asset
 from articulate.robot.arm import PANDA
 from articulate.robot.config import ControlConfig
 from articulate.task.object_placement import ObjectPlacement
-from articulate.task.randomization_config import RandomizationConfig
 from articulate.task.task import make_task, matching_joints
-from articulate_envs.feasibility import estimate_feasibility
-from articulate_envs.grasp_clearance import check_grasp
+from articulate_envs.feasibility import Feasibility, estimate_feasibility
+from articulate_envs.joint_selection import GOOD_SUCCESS, choose_scene
 from articulate_envs.physics import PhysicsConfig
-from articulate_envs.placement_search import find_placement
 from articulate_envs.scene import Scene, build_scene
+from articulate_train.config import TrainConfig
 
 TASKS = ("open_drawer", "open_door", "open_lid")
 CATEGORIES = (
     "cabinet", "chest_of_drawers", "table_with_drawers", "box_with_lid", "microwave", "oven",
-    "washing_machine", "safe",
+    "washing_machine", "safe", "fridge", "dishwasher", "toilet", "suitcase", "laptop", "trash_can",
 )  # fmt: skip
 """Categories of the procedural library with drawers, doors or lids that the arm can reach."""
+TARGETS = (0.8, 0.6, 0.45, 0.3)
+"""Targets in order, as a share of the range."""
 MAX_JOINTS = 2
 """Joints of an object for each task."""
 EXPERT_EPISODES = 16
@@ -52,6 +53,8 @@ class SceneRecord:
     category: str
     task: str
     joint: str
+    target_open: float | None = None
+    """Target as a share of the range; None is the task's own."""
     placement: dict[str, Any] | None = None
     """Fields of the placement; None if the joint is rejected."""
     expert: float = 0.0
@@ -85,42 +88,52 @@ def records_of(object_id: str, source: Path, category: str) -> Iterator[SceneRec
 
 
 def _record(asset: Asset, common: dict[str, Any]) -> SceneRecord:
-    task = make_task(common["task"], asset, common["joint"])
-    randomization = RandomizationConfig()
-    try:
-        placement = find_placement(asset, task, PANDA, randomization)
-        scene = _scene(asset, common, placement, (1.0,))
-        check_grasp(scene)
-        found = estimate_feasibility(scene, n_episodes=EXPERT_EPISODES, n_threads=1)
-    except ArticulateError as error:
-        return SceneRecord(**common, reason=shorten(str(error), 160))
-    return SceneRecord(
-        **common,
-        placement=placement.as_dict(),
-        expert=found.success,
-        reason=found.dominant_failure or "",
-    )
+    """Try the targets in order; the first with a capable expert counts, else the best."""
+    best: SceneRecord | None = None
+    reason = ""
+    for target_open in TARGETS:
+        config = TrainConfig(
+            asset=common["source"],
+            task=common["task"],
+            joint=common["joint"],
+            target_open=target_open,
+        )
+        try:
+            scene = choose_scene(config, asset, lambda scene: _expert(scene).success)
+        except ArticulateError as error:
+            reason = reason or shorten(str(error), 160)
+            continue
+        found = _expert(scene)
+        record = SceneRecord(
+            **common,
+            target_open=target_open,
+            placement=scene.placement.as_dict(),
+            expert=found.success,
+            reason=found.dominant_failure or "",
+        )
+        if best is None or record.expert > best.expert:
+            best = record
+        if record.expert >= GOOD_SUCCESS:
+            break
+    return best or SceneRecord(**common, reason=reason)
 
 
-def _scene(
-    asset: Asset, common: dict[str, Any], placement: ObjectPlacement, scales: tuple[float, ...]
-) -> Scene:
-    return build_scene(
-        asset,
-        make_task(common["task"], asset, common["joint"]),
-        arm=PANDA,
-        control=ControlConfig(),
-        physics=PhysicsConfig(),
-        placement=placement,
-        scales=scales,
-    )
+def _expert(scene: Scene) -> Feasibility:
+    return estimate_feasibility(scene, n_episodes=EXPERT_EPISODES, n_threads=1)
 
 
 def scene_of(record: SceneRecord, scales: tuple[float, ...]) -> Scene:
     """Compile the scene of an accepted record for ``scales``."""
     asset = load_checked_asset(Path(record.source), cache_folder())
-    placement = from_mapping(ObjectPlacement, record.placement or {}, record.object)
-    return _scene(asset, {"task": record.task, "joint": record.joint}, placement, scales)
+    return build_scene(
+        asset,
+        make_task(record.task, asset, record.joint, target_open=record.target_open),
+        arm=PANDA,
+        control=ControlConfig(),
+        physics=PhysicsConfig(),
+        placement=from_mapping(ObjectPlacement, record.placement or {}, record.object),
+        scales=scales,
+    )
 
 
 def read_records(path: Path) -> list[SceneRecord]:

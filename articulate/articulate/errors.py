@@ -49,7 +49,7 @@ class ReachError(UsageError):
 
 
 class PathError(ReachError):
-    """A handle that the arm can reach, but not follow over the whole path."""
+    """A handle that the arm can reach, but not follow over its path to the target."""
 
 
 class RunError(UsageError):

@@ -15,8 +15,8 @@ from articulate.errors import ConfigError
 class LocateFlags:
     """Measure where an object is, from markers on it, and write a placement file.
 
-    The object and the camera are at rest. The file serves `train --placement` and `deploy
-    --placement`.
+    The object and the camera are at rest. The file serves `train --placement` and the key
+    `placement` of the estimator file of `deploy`.
 
     Example: articulate locate --asset cabinet.urdf --joint drawer --layout markers.yaml
     --calibration webcam.json --camera-pose webcam-pose.json --device 0
