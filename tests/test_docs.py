@@ -18,12 +18,16 @@ import reference
 from articulate.assets.asset import Asset, Handle, Joint, Link
 from articulate.commands.benchmark import BenchmarkFlags
 from articulate.commands.cache import CacheFlags
+from articulate.commands.calibrate import CalibrateFlags
 from articulate.commands.check import CheckFlags
 from articulate.commands.completion import SHELLS
 from articulate.commands.flags import parse
 from articulate.commands.help import help_text
+from articulate.commands.locate import LocateFlags
 from articulate.commands.make import MakeFlags
+from articulate.commands.markers import MarkersFlags
 from articulate.commands.observe import ObserveFlags
+from articulate.commands.studio import StudioFlags
 from articulate.commands.watch import WatchFlags
 from articulate.task.manifest import Manifest
 from articulate_deploy.commands.deploy import DeployFlags
@@ -59,11 +63,15 @@ FLAGS = {
     "observe": ObserveFlags,
     "watch": WatchFlags,
     "cache": CacheFlags,
+    "calibrate": CalibrateFlags,
+    "locate": LocateFlags,
+    "markers": MarkersFlags,
+    "studio": StudioFlags,
 }
 COMMON = {"--set", "--help-all", "--config", "--help", "--quiet", "--verbose"}
 """Flags of every command."""
 
-OTHERS = {"coverage", "git", "source", "tensorboard"}
+OTHERS = {"coverage", "git", "pip", "source", "tensorboard"}
 """Commands in the documents that are not ours."""
 
 
@@ -203,7 +211,7 @@ def test_python_in_the_documents_runs(text, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_every_block_names_its_language(page):
-    assert {kind for kind, _ in fences(page)} <= {"bash", "python", "text"}
+    assert {kind for kind, _ in fences(page)} <= {"bash", "python", "text", "yaml", "json"}
 
 
 @pytest.mark.parametrize(

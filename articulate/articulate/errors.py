@@ -7,6 +7,7 @@
     │   ├── ConfigError     a value in a configuration or on the command line
     │   ├── AssetError      an object that cannot be read or is rejected
     │   ├── ReachError      a part that the arm cannot reach
+    │   │   └── PathError   a handle that it cannot follow to the target
     │   ├── RunError        a run folder that is absent, foreign or in the way
     │   ├── BundleError     a bundle that was changed or cannot be read
     │   ├── EngineError     a call that an environment does not support

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from articulate.errors import ConfigError, MissingError, nearest
 from articulate.suppress_output import suppress_output
-from articulate_deploy.bundle import Bundle
-from articulate_deploy.robots.robot import SimulatedRobot
+
+if TYPE_CHECKING:
+    from articulate_deploy.bundle import Bundle
+    from articulate_deploy.robots.robot import SimulatedRobot
 
 ROBOTS = {
     "mujoco": "articulate_deploy.robots.mujoco:MujocoRobot",
