@@ -131,7 +131,7 @@ def _at_intervals(show_progress: Callable[[str], None], name: str) -> Callable[[
         nonlocal last_s
         if time.monotonic() - last_s >= INTERVAL_S:
             last_s = time.monotonic()
-            show_progress(f"{name}: {fraction:.0%} of the randomized episodes")
+            show_progress(f"{name}: {fraction:.0%} of the randomized episodes are evaluated")
 
     return on_progress
 
