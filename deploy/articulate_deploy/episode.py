@@ -148,10 +148,8 @@ def run_episode(
     for step in range(steps):
         check()
         begun_s = time.perf_counter()
-        measured, estimate = (
-            robot.get_observation(),
-            _policy_time(estimator.estimate(), speed_scale),
-        )
+        measured = robot.get_observation()
+        estimate = _policy_time(estimator.estimate(), speed_scale)
         width = measured[GRIPPER_KEY]
         last_width = width if step == 0 else last_width
         inputs = _inputs(
@@ -162,11 +160,7 @@ def run_episode(
         observed = observation(inputs, estimate, force[None], 1.0 - step / steps, constants)
         action = policy.act(observed)[0]
         requested, opening = controller.step(action, q=inputs.q[0], width_m=width, force=force)
-        safe = safe_target(requested, controller.target, manifest.control, manifest.robot)
-        if tool_limits is not None:
-            safe = limit_tool(
-                safe, controller.target, tool_limits, manifest.control, manifest.robot
-            )
+        safe = _safe(requested, controller.target, manifest, tool_limits)
         clipped += was_clipped(requested, safe)
         policy_s = time.perf_counter() - begun_s
         try:
@@ -189,26 +183,41 @@ def run_episode(
                 joint_vel=inputs.dq[0],
                 gripper_width_m=width,
                 measured_force_n=force,
-                estimate_T_wh=estimate.T_wh[0],
-                estimate_open=estimate.opened[0],
-                part_open=truth.opened[0],
-                part_speed=truth.speed[0],
                 monitor=monitor.samples[0],
                 policy_s=policy_s,
+                **_object_columns(estimate, truth),
             )
         if monitor.diverged[0]:
             break
     robot.stop()
+    reason = REASONS[int(failure_reason(monitor, task)[0])]
     return EpisodeResult(
-        reason=str(FailureReason.FORCE)
-        if stopped_by_force
-        else REASONS[int(failure_reason(monitor, task)[0])],
+        reason=str(FailureReason.FORCE) if stopped_by_force else reason,
         opened=bool(goal_held(monitor, task)[0]),
         fraction=float(estimator.monitored_state().opened[0]),
         steps=step + 1,
         clipped=clipped,
         peaks={name: float(monitor.peak(name)[0]) for name in PEAKS},
     )
+
+
+def _safe(
+    requested: Array, last: Array, manifest: Manifest, tool_limits: ToolLimits | None
+) -> Array:
+    """Return the requested targets (7,) [rad] within the limits of joints and tool."""
+    control, arm = manifest.control, manifest.robot
+    safe = safe_target(requested, last, control, arm)
+    return safe if tool_limits is None else limit_tool(safe, last, tool_limits, control, arm)
+
+
+def _object_columns(estimate: Estimate, truth: Estimate) -> dict[str, Array | float]:
+    """Return the columns of a recording that describe the object."""
+    return {
+        "estimate_T_wh": estimate.T_wh[0],
+        "estimate_open": float(estimate.opened[0]),
+        "part_open": float(truth.opened[0]),
+        "part_speed": float(truth.speed[0]),
+    }
 
 
 def start_of(manifest: Manifest, params: EpisodeParams) -> Array:

@@ -29,11 +29,11 @@ from articulate_envs.placement_search import (
     STANDOFF_M,
     STANDOFF_WEIGHT,
     TILTS_RAD,
-    _clear,
-    _followed_share,
-    _sampled_share,
-    _start,
+    clearance_score,
+    followed_share,
     opening_range,
+    sampled_share,
+    start_angles,
 )
 
 BACK_M = (0.0, 0.08, 0.16)
@@ -202,7 +202,7 @@ def _reaches(
     """Return whether all sampled poses are reachable, without tilted grasps."""
     candidates = sorted(_candidates(asset, task, arm, at, 0.0), key=lambda item: -item[0])
     return any(
-        _sampled_share(asset, task, arm, config, placement, 0.0) >= MIN_SAMPLED_SHARE
+        sampled_share(asset, task, arm, config, placement, 0.0) >= MIN_SAMPLED_SHARE
         for _, placement in candidates[:2]
     )
 
@@ -270,7 +270,7 @@ def _seeds(arm: Arm, goals: Array) -> Array:
     for k, rotation in enumerate(back @ goals[:, :3, :3]):
         key = tuple(np.round(rotation[:, 0], 1).tolist())
         if key not in cached:
-            cached[key] = _start(arm, rotation, 0.0)
+            cached[key] = start_angles(arm, rotation, 0.0)
         out[k] = cached[key]
     out[:, 0] += turns
     return out
@@ -291,10 +291,10 @@ def _best(
         ]
         candidates.sort(key=lambda item: -item[0])
         for _, placement in candidates[:N_RATED]:
-            share = _sampled_share(asset, task, arm, config, placement, 0.0)
+            share = sampled_share(asset, task, arm, config, placement, 0.0)
             value = REACH * min(share / MIN_SAMPLED_SHARE, 1.0)
-            value += _clear(asset, task, arm, config, placement)
-            value += FOLLOWED * _followed_share(asset, task, arm, config, placement)
+            value += clearance_score(asset, task, arm, config, placement)
+            value += FOLLOWED * followed_share(asset, task, arm, config, placement)
             rated.append((value, replace(placement, reachable_share=share)))
         if rated and max(value for value, _ in rated) >= REACH + 0.9 * FOLLOWED:
             break
@@ -338,7 +338,7 @@ def _rated(
 ) -> tuple[float, ObjectPlacement] | None:
     """Return score and placement for one grasp and start; None if the path is out of reach."""
     back = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), -grasp.turn_rad)
-    start_q = _start(arm, back @ first[:3, :3], grasp.back_m)
+    start_q = start_angles(arm, back @ first[:3, :3], grasp.back_m)
     start_q[0] += grasp.turn_rad
     low, high = arm.bounds()
     result = solve_ik(arm, path_w, start_q, iterations=50)

@@ -200,13 +200,13 @@ def _first_good(
         if any(_similar(placement, other) for other in tried):
             continue
         tried.append(placement)
-        value = _clear(asset, task, arm, config, placement) + FOLLOWED
+        value = clearance_score(asset, task, arm, config, placement) + FOLLOWED
         if best is None or value + REACH > best[0]:  # otherwise no share could improve it
             least = 0.0 if best is None else (best[0] - value) / REACH * MIN_SAMPLED_SHARE
-            share = _sampled_share(asset, task, arm, config, placement, least)
+            share = sampled_share(asset, task, arm, config, placement, least)
             value += REACH * min(share / MIN_SAMPLED_SHARE, 1.0)
             if best is None or value > best[0]:
-                value -= FOLLOWED * (1.0 - _followed_share(asset, task, arm, config, placement))
+                value -= FOLLOWED * (1.0 - followed_share(asset, task, arm, config, placement))
             if best is None or value > best[0]:
                 best = (value, replace(placement, reachable_share=share))
         if best[0] >= GOOD or len(tried) == MAX_TRIES:
@@ -234,7 +234,7 @@ def _candidates(
     """Return placements from which the complete path is reachable, with their scores."""
     closed, first = handle_poses(asset, task.joint, np.array([0.0, task.begin[1]]), flip=flip)
     turn = axis_angle_to_matrix(np.array([0.0, 0.0, 1.0]), yaw)
-    start_q = _start(arm, turn @ closed[:3, :3], stage.back_m)
+    start_q = start_angles(arm, turn @ closed[:3, :3], stage.back_m)
     grid = np.array([(x - stage.back_m, y, z) for z in stage.z_m for x in stage.x_m])
     path_o = handle_poses(asset, task.joint, fractions, flip=flip)
     path_o[:, :3, 3] -= first[:3, 3]
@@ -258,7 +258,7 @@ def _candidates(
     ]
 
 
-def _clear(
+def clearance_score(
     asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, placement: ObjectPlacement
 ) -> float:
     """Return the clearance score of the arm at its start, nominal and over the samples."""
@@ -322,7 +322,7 @@ def _triple(v: Array) -> tuple[float, float, float]:
     return (float(v[0]), float(v[1]), float(v[2]))
 
 
-def _start(arm: Arm, rotation: Array, back_m: float) -> Array:
+def start_angles(arm: Arm, rotation: Array, back_m: float) -> Array:
     """Return joint angles (7,) [rad] of home with the last joint turned towards the handle's axes.
 
     The tool is moved back from there by ``back_m`` along world x.
@@ -407,7 +407,7 @@ def _goals(
     )
 
 
-def _sampled_share(
+def sampled_share(
     asset: Asset,
     task: Task,
     arm: Arm,
@@ -430,7 +430,7 @@ def _sampled_share(
     return float(ok.mean())
 
 
-def _followed_share(
+def followed_share(
     asset: Asset, task: Task, arm: Arm, config: RandomizationConfig, placement: ObjectPlacement
 ) -> float:
     """Return the share of the same corners at which the gripper can follow the handle in time.

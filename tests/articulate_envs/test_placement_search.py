@@ -83,11 +83,11 @@ def test_share_of_drawn_poses_that_are_reached_is_told(drawer):
 def test_place_lets_a_hand_go_with_the_handle_all_the_way_and_in_time(drawer, monkeypatch):
     args = drawer.asset, drawer.task, PANDA, RandomizationConfig()
     found = find_placement(*args)
-    assert reach_test._followed_share(*args, found) == 1.0
+    assert reach_test.followed_share(*args, found) == 1.0
     away = dataclasses.replace(found, pos_w=(found.pos_w[0] + 1.0, *found.pos_w[1:]))
-    assert reach_test._followed_share(*args, away) == 0.0
+    assert reach_test.followed_share(*args, away) == 0.0
     monkeypatch.setattr(reach_test, "FOLLOW_S", 0.5)  # for 22 cm and more
-    assert reach_test._followed_share(*args, found) == 0.0
+    assert reach_test.followed_share(*args, found) == 0.0
 
 
 @pytest.mark.dataset
@@ -100,12 +100,12 @@ def test_door_that_closes_does_not_stand_where_the_elbow_is_caught(data_folder, 
     found = find_placement(*args)
     farther = dataclasses.replace(found, pos_w=(0.884, -0.109, 0.678))
     assert (
-        reach_test._sampled_share(*args, farther, 0.0)
-        == reach_test._sampled_share(*args, found, 0.0)
+        reach_test.sampled_share(*args, farther, 0.0)
+        == reach_test.sampled_share(*args, found, 0.0)
         == 1.0
     )
-    assert reach_test._followed_share(*args, farther) < 0.8
-    assert reach_test._followed_share(*args, found) == 1.0
+    assert reach_test.followed_share(*args, farther) < 0.8
+    assert reach_test.followed_share(*args, found) == 1.0
 
 
 def test_object_that_stands_turned_is_turned_back(tmp_path, drawer):

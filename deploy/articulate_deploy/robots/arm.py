@@ -23,11 +23,9 @@ from articulate_deploy.arms.gripper import CLOSE, OPEN, GripperProcess
 from articulate_deploy.arms.guard import MAX_FRACTION, guard_limits
 from articulate_deploy.arms.motions import EpisodeSettings
 from articulate_deploy.robots.robot import (
-    ACTION_FEATURES,
     FORCE_KEYS,
     GRIPPER_KEY,
     JOINT_KEYS,
-    OBSERVATION_FEATURES,
     SPEED_KEYS,
     ForceStopError,
     NotConnectedError,
@@ -109,16 +107,6 @@ class ArmRobot(Robot):
         self._state: ArmState | None = None
         self._force, self._samples = np.zeros(3), np.zeros((0, 20))
         self._command = OPEN
-
-    @property
-    def observation_features(self) -> dict[str, type]:
-        """Keys of observations."""
-        return dict(OBSERVATION_FEATURES)
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Keys of actions."""
-        return dict(ACTION_FEATURES)
 
     @property
     def is_connected(self) -> bool:

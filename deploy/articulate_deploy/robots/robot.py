@@ -67,10 +67,12 @@ class Robot(Protocol):
     @property
     def observation_features(self) -> dict[str, type]:
         """Keys of observations; readable before :meth:`connect`."""
+        return dict(OBSERVATION_FEATURES)
 
     @property
     def action_features(self) -> dict[str, type]:
         """Keys of actions; readable before :meth:`connect`."""
+        return dict(ACTION_FEATURES)
 
     @property
     def is_connected(self) -> bool:

@@ -35,7 +35,6 @@ from articulate_deploy.robots.robot import (
     FORCE_KEYS,
     GRIPPER_KEY,
     JOINT_KEYS,
-    OBSERVATION_FEATURES,
     SPEED_KEYS,
     NotConnectedError,
     Sample,
@@ -56,16 +55,6 @@ class BaseSimulatedRobot(SimulatedRobot, ABC):
         self._force_noise_n, self._noise = 0.0, np.random.default_rng(0)
         self._is_open = False
         self._stopped = True
-
-    @property
-    def observation_features(self) -> dict[str, type]:
-        """Keys of observations."""
-        return dict(OBSERVATION_FEATURES)
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Keys of actions."""
-        return dict(ACTION_FEATURES)
 
     @property
     def is_connected(self) -> bool:
