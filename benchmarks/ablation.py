@@ -2,14 +2,16 @@
 
     python benchmarks/ablation.py --data data --out runs/ablation --json
 
-Each row adds one mechanism to the row above, at the same number of control steps per seed. Runs
-that exist in ``--out`` are resumed or read, so the command can be stopped and called again.
+Each row adds one mechanism to the row above, at the same number of control steps per seed. The row
+without selection evaluates the last checkpoint of the training with selection. Runs that exist in
+``--out`` are resumed or read, so the command can be stopped and called again.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,13 +26,14 @@ OBJECTS = {
 """Task and object of each column."""
 _ONE = ["--ensemble-size", "1"]
 _LAST = ["--set", "checkpoint_selection.n_checkpoints=1"]
-VARIANTS = {
+_SELECTED = "+ checkpoint selection"
+TRAININGS = {
     "PPO": [*_ONE, *_LAST, "--set", "imitation.until=0"],
-    "+ imitation": [*_ONE, *_LAST],
-    "+ checkpoint selection": _ONE,
+    _SELECTED: _ONE,
     "+ ensemble of two": [],
 }
-"""Arguments of ``train`` for each row."""
+"""Arguments of ``train`` for each row that is trained."""
+ROWS = ("PPO", "+ imitation", *list(TRAININGS)[1:])
 
 
 def success(folder: Path) -> dict[str, float] | None:
@@ -42,15 +45,34 @@ def success(folder: Path) -> dict[str, float] | None:
     return {name: report[f"{name}_rate"] for name in ("success", "opened")}
 
 
-def run(folder: Path, asset: Path, task: str, seed: int, steps: int, extra: list[str]) -> None:
+def train(folder: Path, arguments: list[str]) -> None:
     """Train and evaluate one seed, or resume it."""
     words = [sys.executable, "-m", "articulate", "train", "--out", str(folder), "--quiet"]
-    if (folder / "config.yaml").is_file():
-        words.append("--resume")
-    else:
-        words += ["--asset", str(asset), "--task", task, "--seeds", str(seed), "--jobs", "1"]
-        words += ["--steps", str(steps), "--episodes", "500", "--force", *extra]
+    words += ["--resume"] if (folder / "config.yaml").is_file() else arguments
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+
+
+def evaluate_last(trained: Path, folder: Path, seed: int) -> None:
+    """Evaluate the last checkpoint of a training instead of the selected one."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(trained, folder)
+    (folder / "report.json").unlink()
+    (folder / f"seed_{seed}" / "policy.pt").unlink()
+    words = [sys.executable, "-m", "articulate", "evaluate", str(folder)]
+    subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+
+
+def measure(out: Path, asset: Path, task: str, seed: int, steps: int) -> dict[str, Any]:
+    """Return the success of each row for one object and seed; run what is missing."""
+    common = ["--asset", str(asset), "--task", task, "--seeds", str(seed), "--jobs", "1"]
+    common += ["--steps", str(steps), "--episodes", "500", "--force"]
+    folders = {row: out / f"{task}-{k}-seed-{seed}" for k, row in enumerate(ROWS)}
+    for row, extra in TRAININGS.items():
+        if success(folders[row]) is None:
+            train(folders[row], [*common, *extra])
+    if success(folders["+ imitation"]) is None:
+        evaluate_last(folders[_SELECTED], folders["+ imitation"], seed)
+    return {row: success(folder) for row, folder in folders.items()}
 
 
 def main() -> None:
@@ -59,30 +81,26 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder with assets/")
     parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
-    parser.add_argument("--steps", type=int, default=1_000_000, help="control steps of each seed")
+    parser.add_argument("--steps", type=int, default=500_000, help="control steps of each seed")
     parser.add_argument("--json", action="store_true", help="print the result as JSON alone")
     flags = parser.parse_args()
-    rows: dict[str, dict[str, Any]] = {variant: {} for variant in VARIANTS}
+    rows: dict[str, dict[str, Any]] = {row: {} for row in ROWS}
     for seed in flags.seeds:
         for task, name in OBJECTS.items():
             asset = flags.data / "assets" / name / "mobility.urdf"
-            for k, (variant, extra) in enumerate(VARIANTS.items()):
-                folder = flags.out / f"{task}-{k}-seed-{seed}"
-                if success(folder) is None:
-                    run(folder, asset, task, seed, flags.steps, extra)
-                found = success(folder)
-                rows[variant].setdefault(task, []).append(found)
-                sys.stderr.write(f"{task}, seed {seed}, {variant}: {found}\n")
+            for row, found in measure(flags.out, asset, task, seed, flags.steps).items():
+                rows[row].setdefault(task, []).append(found)
+                sys.stderr.write(f"{task}, seed {seed}, {row}: {found}\n")
     if flags.json:
         print(json.dumps({"steps": flags.steps, "seeds": flags.seeds, "rows": rows}, indent=1))
         return
     print("| | " + " | ".join(OBJECTS) + " |\n" + "|---" * (len(OBJECTS) + 1) + "|")
-    for variant, cells in rows.items():
+    for row, cells in rows.items():
         texts = []
         for task in OBJECTS:
             rates = [100.0 * r["success"] for r in cells[task]]
             texts.append(f"{mean(rates):.1f} % ({', '.join(f'{r:.1f}' for r in rates)})")
-        print(f"| {variant} | {' | '.join(texts)} |")
+        print(f"| {row} | {' | '.join(texts)} |")
 
 
 if __name__ == "__main__":
