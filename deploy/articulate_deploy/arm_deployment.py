@@ -23,6 +23,7 @@ from articulate.errors import (
     shorten,
 )
 from articulate_deploy.arms.client import ClientSpec
+from articulate_deploy.arms.connection import LOCKSTEP_S, START_S
 from articulate_deploy.bundle import Bundle, load_bundle
 from articulate_deploy.episode import EpisodeResult, run_episode, start_of
 from articulate_deploy.episode_log import EpisodeLog
@@ -160,6 +161,7 @@ class _Session:
         self._manifest = scaled_manifest(bundle.manifest, request.speed_scale)
         self._simulated = simulated
         client = request.client or DEFAULT_CLIENTS[request.robot]
+        lockstep = simulated is not None and client != "franka-rs"
         if not request.yes and not sys.stdin.isatty():
             raise UsageError("motions of an arm are confirmed at a terminal; use one, or --yes")
         if simulated is None and request.estimator is None:
@@ -176,7 +178,8 @@ class _Session:
             self._manifest,
             ClientSpec(client, request.address),
             ArmOptions(
-                lockstep=simulated is not None and client != "franka-rs",
+                lockstep=lockstep,
+                start_s=LOCKSTEP_S if lockstep else START_S,
                 recover=request.recover,
                 homing=request.homing,
             ),

@@ -18,6 +18,9 @@ START_S = 15.0
 """Longest time until a client is connected [s], its import included."""
 REQUEST_S = 10.0
 """Longest time of a request that moves nothing [s]."""
+LOCKSTEP_S = 600.0
+"""Each of these times for a simulated robot in lockstep [s]: its results do not depend on the speed
+of the computer, so a busy one must not end the motion."""
 MODULE = "articulate_deploy.arms.process"
 
 
@@ -36,6 +39,7 @@ class ClientProcess:
             ArmError: The controller does not answer or rejects the client.
         """
         self.address = spec.address
+        self._request_s = max(REQUEST_S, start_s)
         ours, theirs = socket.socketpair()
         self._lock = threading.Lock()
         self._child = subprocess.Popen(
@@ -63,10 +67,10 @@ class ClientProcess:
             except OSError:
                 raise self._ended() from None
 
-    def request(self, *message: Any, seconds: float = REQUEST_S) -> Any:
-        """Send a request and return its result."""
+    def request(self, *message: Any, seconds: float = 0.0) -> Any:
+        """Send a request and return its result, after at most ``seconds`` if they are given."""
         self.send(message)
-        return self.result(seconds)
+        return self.result(seconds or self._request_s)
 
     def result(self, seconds: float) -> Any:
         """Return the result of the last request; states that arrive before it are dropped."""

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 from articulate.robot.arm import Gripper
 from articulate_deploy.arms.client import ClientInfo, ClientSpec
-from articulate_deploy.arms.connection import ClientProcess
+from articulate_deploy.arms.connection import START_S, ClientProcess
 from articulate_deploy.arms.errors import arm_error
 
 OPEN, CLOSE = "open", "grasp"
@@ -117,14 +117,14 @@ class GripperWorker:
 class GripperProcess:
     """Parent's end of a gripper's child process."""
 
-    def __init__(self, spec: ClientSpec, settings: Gripper) -> None:
-        """Connect.
+    def __init__(self, spec: ClientSpec, settings: Gripper, *, start_s: float = START_S) -> None:
+        """Connect within ``start_s`` [s].
 
         Raises:
             ArmError: No gripper answers.
         """
-        self._process = ClientProcess(spec, module=MODULE)
-        self.width_m: float = self._process.request("begin", settings)
+        self._process = ClientProcess(spec, start_s=start_s, module=MODULE)
+        self.width_m: float = self._process.request("begin", settings, seconds=start_s)
         """Opening that was measured last [m]."""
 
     def request(self, command: str) -> None:
@@ -147,8 +147,8 @@ class GripperProcess:
                 self.width_m = reply[1]
         return self.width_m
 
-    def finish(self, seconds: float = 10.0) -> None:
-        """Wait until no command is in progress."""
+    def finish(self, seconds: float) -> None:
+        """Wait until no command is in progress, for at most ``seconds``."""
         self.width_m = self._process.request("finish", seconds, seconds=seconds + 5.0)
 
     def close(self) -> None:

@@ -14,6 +14,7 @@ from articulate.robot.kinematics import tool_pose
 from articulate.task.episode_monitor import filter_gain
 from articulate.transforms import Array
 from articulate_deploy.arms.client import ArmState
+from articulate_deploy.arms.connection import LOCKSTEP_S
 from articulate_deploy.arms.errors import CommunicationLostError, WatchdogError
 from articulate_deploy.arms.guard import SET_POINT_S, GuardLimits, SetPoints
 from articulate_deploy.arms.ruckig_library import ruckig
@@ -61,8 +62,6 @@ class EpisodeSettings:
     """Longest time without targets [s]."""
     lockstep: bool
     """True if the controller waits for every command: the sender then waits for every target."""
-    lockstep_timeout_s: float = 20.0
-    """Longest wait for a target in lockstep [s]."""
 
 
 @dataclass
@@ -263,10 +262,8 @@ class EpisodeMotion:
             ))  # fmt: skip
             self._samples = []
             self._next_s += settings.step_s
-            if settings.lockstep and not link.poll(settings.lockstep_timeout_s):
-                self.stop(WatchdogError(
-                    f"policy: no targets for {settings.lockstep_timeout_s:g} s"
-                ))  # fmt: skip
+            if settings.lockstep and not link.poll(LOCKSTEP_S):
+                self.stop(WatchdogError(f"policy: no targets for {LOCKSTEP_S:g} s"))
         while not self._stopping and link.poll():
             self._receive(link.recv(), state)
         late_s = state.time_s - self._fed_s

@@ -17,7 +17,12 @@ from articulate.task.manifest import Manifest
 from articulate.transforms import Array
 from articulate_deploy.arms.client import ArmSettings, ArmState, ClientSpec
 from articulate_deploy.arms.clients import check_installed
-from articulate_deploy.arms.connection import REQUEST_S, ClientProcess
+from articulate_deploy.arms.connection import (
+    LOCKSTEP_S,
+    REQUEST_S,
+    START_S,
+    ClientProcess,
+)
 from articulate_deploy.arms.errors import CommandRejectedError, WatchdogError
 from articulate_deploy.arms.gripper import CLOSE, OPEN, GripperProcess
 from articulate_deploy.arms.guard import MAX_FRACTION, guard_limits
@@ -45,6 +50,10 @@ BOX_MARGIN_RAD = 0.01
 """Distance of set points from the joint limits [rad]."""
 LATE_STEPS = 3
 """Control steps without targets after which the sender stops."""
+GRIPPER_S = 10.0
+"""Longest time of a command to the gripper [s]."""
+RAMP_S = 120.0
+"""Longest time of a ramp [s]."""
 STOP_S = 30.0
 """Longest time of a stop [s]; franka-rs waits until the arm has settled."""
 
@@ -61,7 +70,7 @@ class ArmOptions:
     """Home the gripper when connecting; its fingers move."""
     ramp: bool = True
     """Ramp to the start; False rejects an arm that is not there."""
-    start_s: float = 15.0
+    start_s: float = START_S
     """Longest time until the client is connected [s]."""
 
 
@@ -133,7 +142,9 @@ class ArmRobot(Robot):
             self._arm.request("check")
             self._state = state
             self.configure()
-            self._gripper = GripperProcess(self._spec, self._manifest.robot.gripper)
+            self._gripper = GripperProcess(
+                self._spec, self._manifest.robot.gripper, start_s=options.start_s
+            )
             if options.homing:
                 self._confirm("The gripper homes: its fingers open and close completely.")
                 self.has_moved = True
@@ -190,7 +201,7 @@ class ArmRobot(Robot):
             self._confirm("The gripper opens.")
             self.has_moved = True
             gripper.request(OPEN)
-            gripper.finish()
+            gripper.finish(self._longest(GRIPPER_S))
         self._command = OPEN
         self._begin_episode()
 
@@ -202,7 +213,8 @@ class ArmRobot(Robot):
         )
         self._confirm(f"The arm moves to its start pose, by up to {math.degrees(offset):.0f} deg.")
         self.has_moved = True
-        arm.request("ramp", np.asarray(q), self._manifest.robot, limits, RAMP_TOOL_M_S, seconds=120)
+        request = ("ramp", np.asarray(q), self._manifest.robot, limits, RAMP_TOOL_M_S)
+        arm.request(*request, seconds=self._longest(RAMP_S))
 
     def _begin_episode(self) -> None:
         manifest, arm = self._manifest, self._connected()
@@ -234,7 +246,7 @@ class ArmRobot(Robot):
         """
         arm = self._connected()
         try:
-            reply = arm.receive(REQUEST_S)
+            reply = arm.receive(self._longest(REQUEST_S))
         except WatchdogError as error:
             self._in_episode = False
             if "force:" in str(error):
@@ -256,7 +268,7 @@ class ArmRobot(Robot):
             return
         self._in_episode = False
         self._arm.send(("stop",))
-        self.statistics.append(self._arm.result(STOP_S))
+        self.statistics.append(self._arm.result(self._longest(STOP_S)))
 
     def get_observation(self) -> dict[str, float]:
         """Return joint angles [rad], joint speeds [rad/s], gripper opening [m], force [N]."""
@@ -302,6 +314,10 @@ class ArmRobot(Robot):
         rows, self._samples = self._samples, np.zeros((0, 20))
         dt = max(round(self._manifest.scene.timestep_s * 1e3), 1) * 1e-3
         return [Sample(row[:7], row[7:14], row[14:], False, dt) for row in rows]
+
+    def _longest(self, seconds: float) -> float:
+        """Return the longest wait for a reply [s], which is ``seconds`` for a real arm."""
+        return LOCKSTEP_S if self._options.lockstep else seconds
 
     def _connected(self) -> ClientProcess:
         if self._arm is None:

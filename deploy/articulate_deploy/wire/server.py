@@ -2,6 +2,7 @@
 
 In lockstep, the server waits for the command that answers a state, then advances the physics by one
 cycle and sends the next state: every command counts, no matter how slow client and computer are.
+The wait ends when the client sends a request that ends the motion, or leaves.
 Time is frozen while the arm is at rest. In wall-clock time a cycle takes 1 ms, and a command that
 arrives later is lost, as on the arm.
 """
@@ -34,8 +35,8 @@ from articulate_deploy.wire.motion import AT_REST_RAD_S, ArmController
 from articulate_deploy.wire.physics import Physics
 from articulate_deploy.wire.robot_state import StateWriter
 
-ANSWER_S = 0.5
-"""Longest wait for a command in lockstep [s]; then it is lost."""
+POLL_S = 1.0
+"""Time between checks of the connection while a command is awaited in lockstep [s]."""
 START_WAIT_S = 0.01
 """Wait for the first command of a motion after each state in lockstep [s]."""
 MAX_BEHIND_S = 0.003
@@ -211,7 +212,7 @@ class Server:
 
     def _collect_in_lockstep(self, started: bool) -> Any | None:
         motion = self.arm.motion
-        wait_s = STEP_S if motion is None else ANSWER_S if started else START_WAIT_S
+        wait_s = STEP_S if motion is None else np.inf if started else START_WAIT_S
         if started and self._answer_is_impossible():
             wait_s = 0.0
         end = time.perf_counter() + wait_s
@@ -227,7 +228,7 @@ class Server:
             if left <= 0.0 or self.is_closing or (motion is not self.arm.motion):
                 self._serve(0.0)
                 return None
-            self._serve(left)
+            self._serve(min(left, POLL_S))
 
     def _answer_is_impossible(self) -> bool:
         """Return True if a fault keeps the last state or its answer from arriving."""
