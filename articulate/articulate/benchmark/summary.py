@@ -13,7 +13,7 @@ import numpy as np
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.protocols import PROTOCOLS, Protocol
 from articulate.benchmark.records import Record
-from articulate.reconstruct.actors.protocol import FAILURES
+from articulate.reconstruct.actors.protocol import FAILURES, GOOD_ENOUGH
 from articulate.statistics import clustered_mean, wilson
 
 SCHEMA = "articulate.benchmark"
@@ -251,9 +251,17 @@ def iterations(items: Sequence[ScoredJoint]) -> list[Record]:
         for protocol in ("paper", "strict"):
             at = [i.attempts[min(k, len(i.attempts) - 1)]["failures"][protocol] for i in attempted]
             row[protocol] = share_row(at.count("success"), len(at))
+        row["critic"] = share_row(sum(_accepted(item, k) for item in attempted), len(attempted))
         row["still_running"] = sum(len(item.attempts) > k for item in attempted)
         out.append(row)
     return out
+
+
+def _accepted(item: ScoredJoint, k: int) -> bool:
+    """Return whether the critic accepts the best attempt after iteration ``k``, from 0."""
+    best = item.attempts[min(k, len(item.attempts) - 1)]["best"]
+    rating = item.attempts[best]["rating"]
+    return rating is not None and rating > GOOD_ENOUGH
 
 
 def confusion(items: Sequence[ScoredJoint], protocol: str) -> Record:

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from articulate.benchmark.ablation_rows import Ablation
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
+from articulate.benchmark.split import half
 from articulate.commands import console, version
 from articulate.commands.fields import ADVANCED, POSITIONAL
 from articulate.commands.flags import parse
@@ -64,6 +66,10 @@ class BenchmarkFlags:
     """Ids or categories to run; all by default."""
     first: int | None = None
     """Run this number of objects at most, spread evenly over the data set."""
+    split: Annotated[Literal["all", "development", "published"], ADVANCED] = "all"
+    """Half of the objects, by the hash of their ids."""
+    ablation: tuple[Ablation, ...] = ()
+    """Run the rows of these ablations, each with its actor and modality, and print their tables."""
     width_px: Annotated[int, ADVANCED] = 640
     """Width of images [px]."""
     height_px: Annotated[int, ADVANCED] = 480
@@ -96,12 +102,18 @@ class BenchmarkFlags:
             raise ConfigError(f"--first is {self.first}; it must be 1 or more")
         if self.seed < 0:
             raise ConfigError(f"--seed is {self.seed}; it must be 0 or more")
+        if self.ablation and (self.actor, self.modality, self.task) != ("prior", "video", "joints"):
+            raise ConfigError(
+                "--ablation sets actor, modality and task of each row; leave out --actor, "
+                "--modality and --task"
+            )
 
     @property
     def folder(self) -> Path:
         """Folder of the results."""
         actor = self.actor.replace(":", ".").replace("/", ".")
-        name = f"benchmark-{self.modality}-{actor}-{time.strftime('%Y%m%d-%H%M%S')}"
+        words = self.ablation or (self.modality, actor)
+        name = f"benchmark-{'-'.join(words)}-{time.strftime('%Y%m%d-%H%M%S')}"
         return self.out or Path("runs") / name
 
     def config(self) -> BenchmarkConfig:
@@ -137,6 +149,11 @@ def main(argv: Sequence[str]) -> int:
     again = argv if named else [*argv, "--out", flags.folder]
     command = console.command_line(["articulate", "benchmark", *again])
     console.hint_after_interrupt(f"continue with: {command}")
+    if flags.ablation:
+        results = _run_ablations(flags, command)
+        console.emit_json(results) if flags.json else console.emit(_ablation_text(results, flags))
+        rows = [row["results"] for table in results["ablations"] for row in table["rows"]]
+        return LOST_EXIT if any(row["crashed"] for row in rows if row) else 0
     results = _run(flags, command)
     console.emit_json(results) if flags.json else console.emit(_text(results, flags))
     return LOST_EXIT if results["crashed"] else 0
@@ -209,6 +226,58 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     return results
 
 
+def _run_ablations(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
+    """Run the rows of the ablations, write results and page, and return the results."""
+    from articulate.benchmark.ablation import SCHEMA, SCHEMA_VERSION, AblationRun
+    from articulate.benchmark.ablation_report import write_ablation_report
+    from articulate.benchmark.dataset import open_dataset
+
+    dataset = open_dataset(flags.dataset, flags.data)
+    ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
+    run = AblationRun(
+        dataset=dataset,
+        source=flags.dataset,
+        data=flags.data,
+        base=flags.config(),
+        ids=ids,
+        out=flags.folder,
+        jobs=min(flags.jobs or os.cpu_count() or 1, len(ids)),
+        limit_s=flags.limit,
+        fresh=flags.rerun,
+    )
+    results = {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "dataset": dataset.name,
+        "config": {"condition": flags.condition, "seed": flags.seed, "split": flags.split},
+        "objects": len(ids),
+        "ablations": [run.table(name, _with_progress) for name in dict.fromkeys(flags.ablation)],
+    }
+    write_json(flags.folder / "ablations.json", results)
+    page = flags.folder / "report.html"
+    write_ablation_report(results, page, command, {"articulate": version()})
+    return results
+
+
+def _ablation_text(results: dict[str, Any], flags: BenchmarkFlags) -> str:
+    """Format the tables of ablations."""
+    lines = [f"{results['objects']} objects of {results['dataset']}"]
+    for table in results["ablations"]:
+        lines.append(table["ablation"])
+        for row in table["rows"]:
+            text = row["status"]
+            if row["results"]:
+                found = row["results"]["protocols"]
+                text = ", ".join(
+                    f"{name} {found[name]['joint_success']:.1%}"
+                    for name in ("paper", "strict")
+                    if found[name]["joint_success"] is not None
+                )
+                text += f" of {found['paper']['n']} joints"
+            lines.append(f"  {row['label']:<24} {text}")
+    return "\n".join([*lines, f"page: {flags.folder / 'report.html'}"])
+
+
 def _results_in(folder: Path) -> dict[str, Any]:
     path = folder / "results.json"
     try:
@@ -241,19 +310,26 @@ def _chosen(ids: Sequence[str], categories: Sequence[str], flags: BenchmarkFlags
                 )
         pairs = zip(ids, categories, strict=True)
         chosen = [i for i, category in pairs if i in flags.only or category in flags.only]
+    if flags.split != "all":
+        chosen = [i for i in chosen if half(i) == flags.split]
+    if not chosen:
+        raise ConfigError(f"--split {flags.split}: no object remains")
     if flags.first is not None and flags.first < len(chosen):
         step = len(chosen) / flags.first
         chosen = [chosen[int(k * step)] for k in range(flags.first)]
     return chosen
 
 
-def _with_progress(records: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
-    """Yield the records, with progress on stderr."""
+def _with_progress(
+    records: Iterator[dict[str, Any]], total: int, label: str = ""
+) -> Iterator[dict[str, Any]]:
+    """Yield the records, with progress on stderr; ``label`` names the row of an ablation."""
     for done, record in enumerate(records, 1):
         joints = [joint for case in record["cases"] for joint in case["joints"]]
         right = sum(joint["failures"]["strict"] == "success" for joint in joints)
         text = record["error"] or f"{right} of {len(joints)} joints right in strict"
-        console.show_progress(f"{done}/{total} {record['object']}: {text}")
+        run = f"{label}: " if label else ""
+        console.show_progress(f"{run}{done}/{total} {record['object']}: {text}")
         yield record
 
 
