@@ -11,6 +11,7 @@
     │   ├── RunError        a run folder that is absent, foreign or in the way
     │   ├── BundleError     a bundle that was changed or cannot be read
     │   ├── EngineError     a call that an environment does not support
+    │   ├── BudgetError     a request to a model that could exceed the budget
     │   └── MissingError    an optional package or a key that is missing
     ├── KilledError         a child process that was killed, exit 128 + signal
     ├── RobotStoppedError   a robot that was stopped after it had moved, exit 4
@@ -63,6 +64,10 @@ class BundleError(UsageError):
 
 class EngineError(UsageError):
     """A call that an environment does not support: a wrong action, a step before a reset."""
+
+
+class BudgetError(UsageError):
+    """A request to a model could exceed the budget."""
 
 
 class MissingError(UsageError):

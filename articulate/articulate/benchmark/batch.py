@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +21,7 @@ from articulate.errors import ArticulateError, ConfigError
 from articulate.files import read_json_object, write_json
 from articulate.jobs.process_pool import run_isolated
 from articulate.reconstruct.actors.semantic.embeddings import embeddings_installed
-from articulate.reconstruct.actors.vlm.gemini import MODEL_VARIABLE, URL_VARIABLE
+from articulate.reconstruct.actors.vlm.providers import default_model
 
 FOLDER = "objects"
 """Folder of the records, below that of the run."""
@@ -129,7 +128,7 @@ def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
             dataset = [str(path.resolve()), *_stamps(path)]
     except OSError as error:
         raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
-    model = [os.environ.get(name, "") for name in (MODEL_VARIABLE, URL_VARIABLE)]
+    model = default_model().source
     inputs = {"dataset": dataset, "model": model, "meanings": embeddings_installed()}
     content = inputs | dataclasses.asdict(config)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

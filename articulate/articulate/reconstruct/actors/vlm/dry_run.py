@@ -132,10 +132,11 @@ def _add_request(page: Page, dry: DryRunRequest) -> None:
     page.text("Messages:")
     for turn in request.turns:
         for item in turn.content:
-            if isinstance(item, CaptionedImage):
-                page.png(item.png, item.caption)
-            else:
+            if isinstance(item, str):
                 page.code(item)
+                continue
+            for image in [item] if isinstance(item, CaptionedImage) else item.frames:
+                page.png(image.png, image.caption)
     page.text("JSON schema of the answer:")
     page.code(json.dumps(request.schema, indent=1))
 

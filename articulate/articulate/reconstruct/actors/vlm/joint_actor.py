@@ -10,7 +10,6 @@ from typing import Literal
 from articulate.cache import cache_folder
 from articulate.reconstruct.actors.protocol import ActorAttempt, Evidence, Prediction
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
-from articulate.reconstruct.actors.vlm.gemini import Gemini
 from articulate.reconstruct.actors.vlm.hybrid import choose_joints
 from articulate.reconstruct.actors.vlm.link_actor import find_placements
 from articulate.reconstruct.actors.vlm.model import Model, Request, Turn
@@ -26,6 +25,7 @@ from articulate.reconstruct.actors.vlm.prompt_text import (
     with_placements,
 )
 from articulate.reconstruct.actors.vlm.prompts import prompt
+from articulate.reconstruct.actors.vlm.providers import default_model
 from articulate.reconstruct.actors.vlm.schema import AnswerError, schema_of
 from articulate.reconstruct.program.reference import reference
 
@@ -44,7 +44,7 @@ class JointActor:
     strategy: Strategy = "program"
     """``program``: the model writes a program; ``choice``: it names moving parts and chooses joint
     candidates, and geometry computes every number."""
-    model: Model = field(default_factory=Gemini)
+    model: Model = field(default_factory=default_model)
     cache: Path | None = field(default_factory=cache_folder)
     """Folder for answers; None: no cache."""
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from articulate.cache import cache_folder
 from articulate.reconstruct.actors.protocol import GOOD_ENOUGH, Evidence, Prediction, Verdict
 from articulate.reconstruct.actors.vlm.answers import CriticAnswer
-from articulate.reconstruct.actors.vlm.gemini import Gemini
 from articulate.reconstruct.actors.vlm.images import prediction_image
-from articulate.reconstruct.actors.vlm.model import Model, Request, Turn
+from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Request, Turn
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
 from articulate.reconstruct.actors.vlm.prompt_text import (
     describe_joints,
@@ -18,6 +17,7 @@ from articulate.reconstruct.actors.vlm.prompt_text import (
     with_placements,
 )
 from articulate.reconstruct.actors.vlm.prompts import prompt
+from articulate.reconstruct.actors.vlm.providers import default_model
 from articulate.reconstruct.actors.vlm.schema import AnswerError, schema_of
 
 CRITERION = {
@@ -33,7 +33,7 @@ UNKNOWN_RATING = 3.0
 class JointCritic:
     """Assesses joints by their appearance."""
 
-    model: Model = field(default_factory=Gemini)
+    model: Model = field(default_factory=default_model)
     cache: Path | None = field(default_factory=cache_folder)
     """Folder for answers; None: no cache."""
     name: str = "vlm"
@@ -51,7 +51,8 @@ class JointCritic:
         session = ModelSession(model=self.model, cache=self.cache)
         request = critic_request(evidence, prediction)
         rendering = request.turns[-1].content[-1]
-        images = {} if isinstance(rendering, str) else {rendering.caption: rendering.png}
+        assert isinstance(rendering, CaptionedImage)
+        images = {rendering.caption: rendering.png}
         try:
             answer = session.generate(request, CriticAnswer)
         except AnswerError as invalid:

@@ -8,12 +8,12 @@ from pathlib import Path
 from articulate.cache import cache_folder
 from articulate.reconstruct.actors.protocol import Evidence, Prediction
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
-from articulate.reconstruct.actors.vlm.gemini import Gemini
 from articulate.reconstruct.actors.vlm.model import Model, Request, Turn
 from articulate.reconstruct.actors.vlm.model_session import ModelSession
 from articulate.reconstruct.actors.vlm.programs import placements_in, runnable_program
 from articulate.reconstruct.actors.vlm.prompt_text import evidence_content, format_vector
 from articulate.reconstruct.actors.vlm.prompts import prompt
+from articulate.reconstruct.actors.vlm.providers import default_model
 from articulate.reconstruct.actors.vlm.schema import AnswerError, schema_of
 from articulate.reconstruct.program.reference import reference
 from articulate.reconstruct.program.result import ProgramObject
@@ -25,7 +25,7 @@ from articulate.transforms import Array, pose
 class LinkActor:
     """Predicts placements of parts, without joints."""
 
-    model: Model = field(default_factory=Gemini)
+    model: Model = field(default_factory=default_model)
     cache: Path | None = field(default_factory=cache_folder)
     """Folder for answers; None: no cache."""
     name: str = "vlm-link"

@@ -21,7 +21,19 @@ class CaptionedImage:
     png: bytes
 
 
-Content = str | CaptionedImage
+@dataclass(frozen=True)
+class CaptionedVideo:
+    """A video of a request; models that take no video receive its frames."""
+
+    caption: str
+    """Text before the video."""
+    mp4: bytes
+    fps: float
+    """Frames per second that the model samples."""
+    frames: tuple[CaptionedImage, ...]
+
+
+Content = str | CaptionedImage | CaptionedVideo
 
 
 @dataclass(frozen=True)
@@ -59,10 +71,7 @@ class Request:
 
     def key(self, source: str) -> str:
         """Hash everything that determines an answer: the model, texts, images and the schema."""
-        turns = [
-            [t.role, [p if isinstance(p, str) else [p.caption, _sha(p.png)] for p in t.content]]
-            for t in self.turns
-        ]
+        turns = [[t.role, [_identity(piece) for piece in t.content]] for t in self.turns]
         content = [KEY_VERSION, source, self.system, turns, self.schema]
         return _sha(json.dumps(content, sort_keys=True).encode())
 
@@ -77,12 +86,17 @@ class Reply:
     seconds: float = 0.0
     tokens_in: int = 0
     tokens_out: int = 0
+    """Generated tokens, thoughts included."""
+    is_cut: bool = False
+    """True if the answer ends at the token limit."""
+    block_reason: str = ""
+    """Reason of the model or server for sending no answer; empty otherwise."""
     cached: bool = False
     """True for a reply from the cache."""
 
 
 class Model(Protocol):
-    """A model that answers requests."""
+    """A model that answers requests; :func:`providers.create_model` makes those of a network."""
 
     @property
     def name(self) -> str:
@@ -94,13 +108,25 @@ class Model(Protocol):
         """Model and server; with the request they determine an answer."""
         ...
 
+    def estimate_tokens(self, request: Request) -> int:
+        """Estimate the input tokens of a request, rather too many than too few."""
+        ...
+
     def generate(self, request: Request) -> Reply:
         """Send a request and return the reply.
 
         Raises:
-            UsageError: The request cannot be sent, or there is no answer.
+            UsageError: The request cannot be sent, or the reply cannot be read.
         """
         ...
+
+
+def _identity(piece: Content) -> Any:
+    """Return what identifies a piece of content in a hash."""
+    if isinstance(piece, str):
+        return piece
+    content = piece.png if isinstance(piece, CaptionedImage) else piece.mp4
+    return [piece.caption, _sha(content)]
 
 
 def _sha(content: bytes) -> str:

@@ -1,29 +1,27 @@
 """Typed requests to a model, with a cache of answers and a trace of the conversation.
 
-Valid answers are cached by a hash of model, texts, images and schema. After an invalid answer the
-request is sent once more, with the error.
+Answers are cached by a hash of model, texts, images and schema. After an invalid answer, or one
+that is cut at the token limit, the request is sent once more, with the error.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from articulate.cache import touch
 from articulate.errors import shorten
-from articulate.files import write_json
 from articulate.reconstruct.actors.protocol import TraceStep
+from articulate.reconstruct.actors.vlm.answer_store import AnswerStore
 from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Reply, Request
 from articulate.reconstruct.actors.vlm.schema import MAX_ERROR, AnswerError, decode_answer
 
 T = TypeVar("T")
-ANSWERS = "answers"
-"""Folder of the cache."""
 MAX_ATTEMPTS = 2
 """Most requests until an answer is valid."""
+MAX_ECHO = 20_000
+"""Most characters of an invalid answer that are sent back, and that the trace holds."""
 
 
 @dataclass(kw_only=True)
@@ -52,21 +50,29 @@ class ModelSession:
             AnswerError: No answer is valid.
             UsageError: The request cannot be sent.
         """
+        store = AnswerStore(self.cache)
+        unstored: list[tuple[str, Reply]] = []
         for k in range(MAX_ATTEMPTS):
-            path = self._path(request)
-            reply = _read_reply(path) or self._send(request)
-            try:
-                answer = decode_answer(cls, reply.text)
-                error = "" if check is None else check(answer)
-            except AnswerError as invalid:
-                error = str(invalid)
+            key = request.key(self.model.source)
+            with store.lock(key):
+                reply = store.read(key) or self._send(request)
+                answer, error = _decode(cls, reply)
+                if answer is not None and check is not None:
+                    error = check(answer)
+                unstored.append((key, reply))
+                if not error or store.keeps_all:
+                    for stored_key, stored in unstored:
+                        store.write(stored_key, stored)
+                    unstored.clear()
             self.steps.append(_step(request, reply, error))
-            if not error:
-                if path is not None and not reply.cached:
-                    write_json(path, asdict(reply))
+            if answer is not None and not error:
                 return answer
+            if reply.block_reason:
+                raise AnswerError(f"{self.model.name}: sent no answer ({reply.block_reason})")
             if k + 1 < MAX_ATTEMPTS:
-                request = request.after(reply.text, f"{error}. Answer again, by the schema.")
+                request = request.after(
+                    reply.text[:MAX_ECHO], f"{error}. Answer again, by the schema."
+                )
         reason = shorten(error, MAX_ERROR)
         raise AnswerError(f"{self.model.name}: {MAX_ATTEMPTS} invalid answers in a row; {reason}")
 
@@ -74,29 +80,23 @@ class ModelSession:
         self.calls += 1
         return self.model.generate(request)
 
-    def _path(self, request: Request) -> Path | None:
-        if self.cache is None:
-            return None
-        return self.cache / ANSWERS / f"{request.key(self.model.source)}.json"
 
-
-def _read_reply(path: Path | None) -> Reply | None:
-    """Read a cached reply; None if the file is absent or invalid."""
-    if path is None:
-        return None
+def _decode(cls: type[T], reply: Reply) -> tuple[T | None, str]:
+    """Return the decoded answer and its error; empty if it is valid."""
+    if reply.block_reason:
+        return None, f"no answer ({reply.block_reason})"
+    if reply.is_cut:
+        return None, f"the answer was cut after {reply.tokens_out} tokens; write a shorter one"
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        reply = Reply(**{**content, "cached": True})
-    except (OSError, ValueError, TypeError, RecursionError):
-        return None
-    touch(path)
-    return reply
+        return decode_answer(cls, reply.text), ""
+    except AnswerError as invalid:
+        return None, str(invalid)
 
 
 def _step(request: Request, reply: Reply, error: str) -> TraceStep:
     """Record the last message of a request and its answer; the system prompt with the first."""
     last = request.turns[-1]
-    text = f"{last.text}\n\nThe answer:\n{reply.text}"
+    text = f"{last.text}\n\nThe answer:\n{reply.text[:MAX_ECHO]}"
     if len(request.turns) == 1:
         text = f"{request.system}\n\n{text}"
     if error:

@@ -3,18 +3,15 @@ from __future__ import annotations
 import importlib.util
 import os
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.articulate.reconstruct.actors.vlm.server import Server, in_turn
 
 from articulate.reconstruct.actors.protocol import Evidence, PredictedJoint
-from articulate.reconstruct.actors.vlm.gemini import (
-    KEY_VARIABLES,
-    MODEL_VARIABLE,
-    URL_VARIABLE,
-    Gemini,
-)
+from articulate.reconstruct.actors.vlm.http_model import MODEL_VARIABLE
+from articulate.reconstruct.actors.vlm.providers import FORMATS, create_model
 from articulate.render.camera import front_camera
 from articulate.render.joint_video import poses_of_parts, render_video, sweep_positions
 from articulate.render.parts import plain_part
@@ -29,34 +26,39 @@ FACES = np.array(
 )
 
 
+QUICK = {"attempts": 3, "first_wait_s": 0.01, "longest_wait_s": 1.0, "timeout_s": 20.0}
+
+
 @pytest.fixture
 def client():
-    """Skips where Google's client is not installed."""
-    if importlib.util.find_spec("google") is None or not importlib.util.find_spec("google.genai"):
-        pytest.skip("google-genai is not installed (extra vlm)")
+    """Skip where httpx is not installed."""
+    if importlib.util.find_spec("httpx") is None:
+        pytest.skip("httpx is not installed (extra vlm)")
 
 
 @pytest.fixture(autouse=True)
 def _surroundings(monkeypatch, tmp_path):
-    """Nothing of this machine's own settings, and a cache that is thrown away."""
+    """Remove this machine's settings, and use a temporary cache."""
     proxies = [name for name in os.environ if name.lower().endswith("_proxy")]
     certificates = ("SSL_CERT_FILE", "SSL_CERT_DIR")
-    own = (*KEY_VARIABLES, MODEL_VARIABLE, URL_VARIABLE, "GOOGLE_GENAI_USE_VERTEXAI")
-    for name in (*own, *proxies, *certificates):
+    formats = [v for f in FORMATS.values() for v in (*f.key_variables, f.url_variable)]
+    for name in (*formats, MODEL_VARIABLE, *proxies, *certificates):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 @pytest.fixture
 def serve(client, monkeypatch):
-    """``serve(*answers)`` or ``serve(function)``: a scripted server that Gemini is led to."""
+    """``serve(*answers)`` or ``serve(function)``: a scripted server for all providers."""
     with ExitStack() as stack:
 
         def start(*answers):
             answer = answers[0] if callable(answers[0]) else in_turn(*answers)
             server = stack.enter_context(Server(answer))
-            monkeypatch.setenv(URL_VARIABLE, server.url)
-            monkeypatch.setenv("GEMINI_API_KEY", KEY)
+            for provider, wire_format in FORMATS.items():
+                base = f"{server.url}/v1" if provider == "openai" else server.url
+                monkeypatch.setenv(wire_format.url_variable, base)
+                monkeypatch.setenv(wire_format.key_variables[-1], KEY)
             return server
 
         yield start
@@ -65,7 +67,13 @@ def serve(client, monkeypatch):
 @pytest.fixture
 def gemini():
     """A model that does not wait long."""
-    return Gemini(attempts=3, first_wait_s=0.01, longest_wait_s=0.02, timeout_s=20.0)
+    return replace(create_model("gemini:gemini-3.8-flash"), **QUICK)
+
+
+@pytest.fixture(params=["gemini", "openai", "anthropic"])
+def model(request):
+    """A model of each provider."""
+    return replace(create_model(f"{request.param}:scripted"), **QUICK)
 
 
 def box(name, low, high, rgb):

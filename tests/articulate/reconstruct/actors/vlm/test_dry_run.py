@@ -30,7 +30,7 @@ def test_nothing_is_sent_and_the_page_needs_no_other_file(serve, video, tmp_path
 
 
 def test_the_page_needs_neither_key_nor_package(video, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "google.genai", None)
+    monkeypatch.setitem(sys.modules, "httpx", None)
     assert write_dry_run(make_actor("hybrid"), video, tmp_path / "p.html", "it") == 2
 
 

@@ -10,9 +10,10 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 
 from articulate.cache import KINDS
 from articulate.errors import UsageError
+from articulate.reconstruct.actors.vlm.answer_store import ANSWERS
 from articulate.reconstruct.actors.vlm.answers import MovingParts
 from articulate.reconstruct.actors.vlm.model import Request, Turn
-from articulate.reconstruct.actors.vlm.model_session import ANSWERS, ModelSession
+from articulate.reconstruct.actors.vlm.model_session import ModelSession
 from articulate.reconstruct.actors.vlm.schema import AnswerError, schema_of
 
 REQUEST = Request(
@@ -72,7 +73,7 @@ def test_an_answer_that_does_not_fit_goes_back_once_with_what_is_wrong(
     assert again[1]["parts"][0]["text"] == bad
     assert complaint in again[2]["parts"][0]["text"]
     assert complaint in session.steps[0].text
-    assert len(kept(tmp_path)) == 1  # only the answer that fits
+    assert len(kept(tmp_path)) == 2  # both, so that the conversation can be repeated
 
 
 def test_a_second_answer_that_does_not_fit_ends_it(serve, session, tmp_path):

@@ -11,7 +11,7 @@ from tests.articulate.reconstruct.actors.vlm.test_gemini import REQUEST
 
 from articulate import commands
 from articulate.errors import MissingError, UsageError
-from articulate.reconstruct.actors.vlm.gemini import URL_VARIABLE
+from articulate.reconstruct.actors.vlm.gemini import GeminiFormat
 from articulate.reconstruct.actors.vlm.network import check_network_settings, proxy_of
 
 FAR = "http://models.example"
@@ -94,7 +94,7 @@ def test_certificates_that_cannot_be_read_are_reported_with_their_variable(
 
 def test_a_dead_proxy_is_reported_at_once(client, monkeypatch, gemini, closed_port):
     monkeypatch.setenv("GEMINI_API_KEY", KEY)
-    monkeypatch.setenv(URL_VARIABLE, FAR)
+    monkeypatch.setenv(GeminiFormat().url_variable, FAR)
     monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{closed_port}")
     with pytest.raises(UsageError, match=r"HTTP_PROXY is http://127.0.0.1:.* cannot be reached"):
         gemini.generate(REQUEST)
@@ -103,7 +103,7 @@ def test_a_dead_proxy_is_reported_at_once(client, monkeypatch, gemini, closed_po
 def test_a_request_goes_through_a_proxy_that_works(serve, monkeypatch, gemini):
     server = serve(saying({"n": 3}))
     monkeypatch.setenv("HTTP_PROXY", server.url)
-    monkeypatch.setenv(URL_VARIABLE, FAR)
+    monkeypatch.setenv(GeminiFormat().url_variable, FAR)
     assert gemini.generate(REQUEST).text == '{"n": 3}'
     assert server.heard[0].path.startswith(FAR)
 
@@ -111,7 +111,7 @@ def test_a_request_goes_through_a_proxy_that_works(serve, monkeypatch, gemini):
 def test_a_proxy_that_breaks_off_is_named(serve, monkeypatch, gemini):
     server = serve((200, b"<html>log in first</html>"))
     monkeypatch.setenv("HTTP_PROXY", server.url)
-    monkeypatch.setenv(URL_VARIABLE, FAR)
+    monkeypatch.setenv(GeminiFormat().url_variable, FAR)
     with pytest.raises(UsageError, match="check the proxy of HTTP_PROXY"):
         gemini.generate(REQUEST)
 
