@@ -17,8 +17,8 @@
     ├── RobotStoppedError   a robot that was stopped after it had moved, exit 4
     └── DivergedError       training produced values that are not finite
 
-Four more are defined where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
-``MissingMesh``, an AssetError, and ``NotConnectedError``.
+Five more are defined where they are raised: ``StartError`` and ``ClipError``, both UsageErrors,
+``MissingMesh`` and ``InvalidOutputError``, both AssetErrors, and ``NotConnectedError``.
 
 Every message is one line: the wrong value, its origin, the accepted values, the next step.
 """

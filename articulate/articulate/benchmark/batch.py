@@ -16,6 +16,7 @@ from typing import Any
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import LIBRARIES, Dataset
+from articulate.benchmark.imported_predictions import is_imported, split_source
 from articulate.benchmark.records import Record, crashed_object, is_final
 from articulate.errors import ArticulateError, ConfigError
 from articulate.files import read_json_object, write_json
@@ -126,6 +127,8 @@ def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
             dataset = [index, str((data or path.parent).resolve())]
         else:
             dataset = [str(path.resolve()), *_stamps(path)]
+        if is_imported(config.actor):
+            dataset += _stamps(split_source(config.actor)[1])
     except OSError as error:
         raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
     model = default_model().source

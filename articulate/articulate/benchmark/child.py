@@ -7,6 +7,7 @@ from typing import Any
 
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
+from articulate.benchmark.imported_predictions import ImportedActor, is_imported
 from articulate.benchmark.run import run_object
 from articulate.errors import ArticulateError, MissingError, UsageError
 from articulate.files import write_json
@@ -23,7 +24,8 @@ def run(request: dict[str, Any]) -> str:
     config = BenchmarkConfig(**request["config"])
     data = None if request["data"] is None else Path(request["data"])
     dataset = open_dataset(request["source"], data)
-    actor = make_actor(config.actor)
+    imported = is_imported(config.actor)
+    actor = ImportedActor(config.actor, request["object"]) if imported else make_actor(config.actor)
     try:
         record = run_object(dataset.load(request["object"]), actor, config)
     except MissingError:

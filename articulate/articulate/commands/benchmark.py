@@ -50,6 +50,9 @@ class BenchmarkFlags:
     """Name of the actor, or module:Class."""
     modality: Modality = "video"
     """Input of the actor."""
+    predictions: str = ""
+    """Score imported outputs instead of an actor: urdformer:FOLDER or real2code:FOLDER, with a file
+    for each object that is named by its id."""
     task: Task = "joints"
     """Task; in placement the parts are displaced."""
     condition: Annotated[Condition, ADVANCED] = "plain"
@@ -102,6 +105,8 @@ class BenchmarkFlags:
             raise ConfigError(f"--first is {self.first}; it must be 1 or more")
         if self.seed < 0:
             raise ConfigError(f"--seed is {self.seed}; it must be 0 or more")
+        if self.predictions and (self.ablation or self.actor != "prior" or self.task != "joints"):
+            raise ConfigError("--predictions has no --actor, --task and --ablation; leave them out")
         if self.ablation and (self.actor, self.modality, self.task) != ("prior", "video", "joints"):
             raise ConfigError(
                 "--ablation sets actor, modality and task of each row; leave out --actor, "
@@ -111,7 +116,7 @@ class BenchmarkFlags:
     @property
     def folder(self) -> Path:
         """Folder of the results."""
-        actor = self.actor.replace(":", ".").replace("/", ".")
+        actor = (self.predictions or self.actor).replace(":", ".").replace("/", ".")
         words = self.ablation or (self.modality, actor)
         name = f"benchmark-{'-'.join(words)}-{time.strftime('%Y%m%d-%H%M%S')}"
         return self.out or Path("runs") / name
@@ -119,8 +124,8 @@ class BenchmarkFlags:
     def config(self) -> BenchmarkConfig:
         """Return the settings that determine the results."""
         return BenchmarkConfig(
-            actor=self.actor,
-            modality=self.modality,
+            actor=self.predictions or self.actor,
+            modality="image" if self.predictions else self.modality,
             task=self.task,
             condition=self.condition,
             width_px=self.width_px,
@@ -199,6 +204,7 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     # These read meshes, which --help does without.
     from articulate.benchmark.batch import BenchmarkBatch
     from articulate.benchmark.dataset import open_dataset
+    from articulate.benchmark.imported_predictions import validity
     from articulate.benchmark.report import write_report
     from articulate.benchmark.summary import summary
     from articulate.reconstruct.actors.registry import make_actor
@@ -207,7 +213,10 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     others = {str(folder): _results_in(folder) for folder in flags.compare_with}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
-    make_actor(config.actor)  # an unknown actor is an error before any work
+    if flags.predictions:
+        imported = validity(flags.predictions, ids)
+    else:
+        make_actor(config.actor)  # an unknown actor is an error before any work
     batch = BenchmarkBatch(
         dataset=dataset,
         source=flags.dataset,
@@ -220,6 +229,8 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     jobs = min(flags.jobs or os.cpu_count() or 1, len(ids))
     records = list(_with_progress(batch.run(ids, jobs), len(ids)))
     results = summary(records, config, dataset.name)
+    if flags.predictions:
+        results["predictions"] = imported
     write_json(flags.folder / "results.json", results)
     page = flags.folder / "report.html"
     write_report(results, records, page, command, {"articulate": version()}, others)
@@ -347,6 +358,10 @@ def _text(results: dict[str, Any], flags: BenchmarkFlags) -> str:
             f"{protocol:<14} {row['joint_success']:6.1%} of {row['n']} "
             f"({low:.1%} to {high:.1%}); type, axis, origin {row['type_axis_origin']:.1%}"
         )
+    if "predictions" in results:
+        found = results["predictions"]
+        reasons = ", ".join(f"{name} {n}" for name, n in found["invalid"].items())
+        lines.append(f"{found['valid']} of {found['files']} files valid; invalid: {reasons}")
     if results["placement"] is not None:
         objects = results["placement"]["objects"]
         summary = ", ".join(f"{p} {objects[p]['share']:.1%}" for p in wanted)
