@@ -290,6 +290,22 @@ class CheckpointSelectionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EarlyStoppingConfig:
+    """Evaluations during training for ``target_success``, on held-out episodes."""
+
+    every: int = 50_000
+    """Control steps of a seed between evaluations."""
+    first_episodes: int = 50
+    """Episodes of an evaluation after which it ends if the policy is far from the target."""
+    episodes: int = 200
+    """Further episodes; both count."""
+
+    def __post_init__(self) -> None:
+        values = {n: getattr(self, n) for n in ("every", "first_episodes", "episodes")}
+        check_least(1, {f"early_stopping.{name}": value for name, value in values.items()})
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """Configuration of a training run."""
 
@@ -318,6 +334,9 @@ class TrainConfig:
     """Seeds; each is a separate training."""
     steps: int = 2_000_000
     """Control steps of experience for each seed."""
+    target_success: float = 0.0
+    """Success rate on held-out episodes at which the training of a seed ends, with --steps as the
+    upper bound; 0 trains for all steps."""
     ensemble_size: int = 2
     """Policies of a seed, trained independently with an equal share of its control steps; their
     mean action is used. Schedules of noise, reward weights and learning rate count the control
@@ -343,6 +362,8 @@ class TrainConfig:
         default_factory=CheckpointSelectionConfig
     )
     """Checkpoint selection."""
+    early_stopping: EarlyStoppingConfig = field(default_factory=EarlyStoppingConfig)
+    """End of the training at the target success."""
     randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
     """Domain randomization."""
     reward: RewardConfig = field(default_factory=RewardConfig)
@@ -369,6 +390,10 @@ class TrainConfig:
             values = " ".join(map(str, seeds))
             raise ConfigError(
                 f"seeds are {values}; they must be distinct, not negative and below {SEEDS}"
+            )
+        if not 0.0 <= self.target_success < 1.0:
+            raise ConfigError(
+                f"target_success is {self.target_success}; it must be at least 0 and below 1"
             )
         check_least(1, {"episodes": self.episodes, "checkpoint_updates": self.checkpoint_updates})
         check_least(1, {"ensemble_size": self.ensemble_size})

@@ -30,6 +30,7 @@ from articulate_train.feasibility_check import best_scene, describe_feasibility,
 from articulate_train.ppo import Learner
 from articulate_train.run import prepare_asset, run_bytes
 from articulate_train.seed_runner import processors
+from articulate_train.target_evaluation import target_episodes
 
 MEASURED_S = 3.0
 """Duration of the measurement of training speed, after a first update [s]."""
@@ -63,6 +64,10 @@ class DryRun:
     """Estimated time of checkpoint and ensemble selection in it [min]."""
     evaluation_minutes: float
     """Estimated time of the final evaluation in it [min]."""
+    target_success: float
+    """Success rate at which training ends earlier; 0 if it does not."""
+    target_minutes: float
+    """Longest time of the evaluations of the target success in it [min]."""
     disk_bytes: int
     """Upper bound of the run folder [bytes]."""
     image: Path | None
@@ -87,10 +92,20 @@ class DryRun:
             f"  time     about {self.minutes:.0f} min for {seeds} of {self.steps / 1e6:g}M steps "
             f"({self.steps_per_s:.0f} steps/s measured); {self.selection_minutes:.0f} min of it "
             f"for checkpoint selection, {self.evaluation_minutes:.0f} min for the evaluation",
+            *self._target_lines(),
             f"  disk     up to {self.disk_bytes / 1e6:.0f} MB",
             f"  image    {self.image or self.note}",
         ]
         return "\n".join(lines)
+
+    def _target_lines(self) -> list[str]:
+        if not self.target_success:
+            return []
+        return [
+            f"  stop     this is the longest time: training ends at {self.target_success:.1%} "
+            f"success on held-out episodes, whose evaluation takes {self.target_minutes:.0f} min "
+            "of it"
+        ]
 
 
 def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
@@ -124,6 +139,7 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
     evaluated = config.episodes + min(config.episodes, MAX_NOMINAL)
     evaluation_s = len(config.seeds) * evaluated / (episode_rate * processors() / threads)
     training_s = rounds * config.steps / rate
+    target_s = rounds * target_episodes(config) / episode_rate
     return DryRun(
         asset=asset.name,
         task=task.name,
@@ -135,9 +151,11 @@ def dry_run(config: TrainConfig, cache: Path, file: Path) -> DryRun:
         seeds=len(config.seeds),
         steps=config.steps,
         steps_per_s=round(rate, 1),
-        minutes=round((training_s + selection_s + evaluation_s) / 60.0, 2),
+        minutes=round((training_s + selection_s + evaluation_s + target_s) / 60.0, 2),
         selection_minutes=round(selection_s / 60.0, 2),
         evaluation_minutes=round(evaluation_s / 60.0, 2),
+        target_success=config.target_success,
+        target_minutes=round(target_s / 60.0, 2),
         disk_bytes=run_bytes(config, asset),
         image=image,
         note=note,

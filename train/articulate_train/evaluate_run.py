@@ -28,8 +28,9 @@ from articulate_train.evaluate import MAX_NOMINAL, Rollout, evaluate_seed, timel
 from articulate_train.policy import load_policy
 from articulate_train.report import Curve, Report, RunInfo, Timeline, make_report
 from articulate_train.report_html import write_report
-from articulate_train.run import DONE, Run, done_steps, versions
+from articulate_train.run import DONE, Run, is_seed_done, versions
 from articulate_train.seed_runner import processors, read_progress
+from articulate_train.target_evaluation import reached_target
 from articulate_train.training_time import training_s
 
 log = logging.getLogger(__name__)
@@ -193,6 +194,7 @@ def _info(run: Run, evaluated: Run, also: str = "") -> RunInfo:
         commit=commit(),
         limits=evaluated.task.limits,
         unfinished=_unfinished(run),
+        early_stopping=_early_stopping(run),
     )
 
 
@@ -201,11 +203,17 @@ def _unfinished(run: Run) -> str:
     rows_text = []
     for seed in run.config.seeds:
         folder, total = run.seed_folder(seed), run.config.steps
-        if done_steps(folder / DONE) < total:
+        if not is_seed_done(run.config, folder):
             rows = read_progress(folder)
             now = rows[-1]["steps"] if rows else 0
             rows_text.append(f"seed {seed} has {now / 1e6:.3g} of {total / 1e6:.3g}M control steps")
     return ", ".join(rows_text)
+
+
+def _early_stopping(run: Run) -> str:
+    """Describe the seeds whose training ended at the target success; empty if there are none."""
+    found = {seed: reached_target(run.seed_folder(seed) / DONE) for seed in run.config.seeds}
+    return ", ".join(f"seed {k}: {one.text()}" for k, one in found.items() if one is not None)
 
 
 def commit() -> str:

@@ -231,8 +231,9 @@ def write_checkpoint(folder: Path, content: dict[str, Any]) -> None:
 
 UPDATE_FIGURES = ("approx_kl", "clip_fraction", "explained_variance", "value_loss")
 """Logged statistics of an update: policy change and quality of the value function."""
-TRAINING, EVALUATION, SELECTION = 0, 1, 2
-"""Last entries of seed sequences: training, evaluation and selection never share a stream."""
+TRAINING, EVALUATION, SELECTION, TARGET = 0, 1, 2, 3
+"""Entries of seed sequences: training, evaluation, selection and target evaluations never share a
+stream."""
 
 
 def make_ppo(envs: Any, config: PpoConfig, seed: int) -> PPO:

@@ -141,6 +141,8 @@ class RunInfo:
     """Limits of a deployable episode."""
     unfinished: str = ""
     """Seeds with incomplete training and their progress; empty if there are none."""
+    early_stopping: str = ""
+    """Seeds whose training ended at the target success and its evaluation; empty if none did."""
 
 
 @dataclass(frozen=True, kw_only=True)

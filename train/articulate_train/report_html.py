@@ -192,6 +192,8 @@ def _headline(page: Page, report: Report) -> None:
     seeds = len(report.seeds)
     if report.info.unfinished:
         page.text(f"Training incomplete: {report.info.unfinished}.")
+    if report.info.early_stopping:
+        page.text(f"Training ended at the target success, {report.info.early_stopping}.")
     over = f"Interquartile mean over seeds: success {_interval(iqm)}, {word} {_interval(opened)}. "
     page.text(
         f"{iqm.n} episodes with {seeds} trained {'policy' if seeds == 1 else 'policies'}. "

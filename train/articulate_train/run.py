@@ -305,6 +305,14 @@ def done_steps(path: Path) -> int:
     return steps if isinstance(steps, int) else 0
 
 
+def is_seed_done(config: TrainConfig, folder: Path) -> bool:
+    """Return whether the seed in ``folder`` has all control steps or met the target success."""
+    steps = done_steps(folder / DONE)
+    return steps >= config.steps or (
+        steps > 0 and bool(read_json_object(folder / DONE).get("target_evaluation"))
+    )
+
+
 OPEN = ("steps", "jobs", "episodes")
 """Keys that may change when a run is resumed."""
 CONFIG, SCENE, SUMMARY, DONE = "config.yaml", "scene.json", "summary.json", "done.json"

@@ -16,8 +16,9 @@ from typing import Any
 from articulate.errors import ArticulateError, DivergedError, KilledError, RunError, shorten
 from articulate.files import read_json_object
 from articulate.untrusted import read_text
-from articulate_train.run import DONE, SUMMARY, Run, done_steps, write_summary
+from articulate_train.run import DONE, SUMMARY, Run, is_seed_done, write_summary
 from articulate_train.run_lock import lock_run
+from articulate_train.target_evaluation import reached_target
 from articulate_train.train_seed import (
     BAD_INPUT,
     DIVERGED,
@@ -106,6 +107,9 @@ def _train(
                     del running[seed]
                     if not _ended_well(run, seed, process):
                         return False
+                    reached = reached_target(run.seed_folder(seed) / DONE)
+                    if reached is not None:
+                        on_selection(seed, f"target success met, training ends: {reached.text()}")
     except KeyboardInterrupt:
         return False
     finally:
@@ -124,8 +128,8 @@ def _waiting(run: Run) -> list[int]:
 
 
 def _is_done(run: Run, seed: int) -> bool:
-    """Return whether a seed has all its control steps."""
-    return done_steps(run.seed_folder(seed) / DONE) >= run.config.steps
+    """Return whether a seed has all its control steps or met the target success."""
+    return is_seed_done(run.config, run.seed_folder(seed))
 
 
 def last_progress(run: Run, seed: int) -> dict[str, Any]:

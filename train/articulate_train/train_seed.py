@@ -30,6 +30,8 @@ from articulate.task.episode_monitor import REASONS
 from articulate_envs.rewards import TERMS
 from articulate_train.checkpoint_selection import (
     CANDIDATES,
+    CheckpointScore,
+    MemberScore,
     is_due,
     keep_candidate,
     score_rows,
@@ -47,6 +49,12 @@ from articulate_train.policy import (
     write_state,
 )
 from articulate_train.run import DONE, Run, open_run
+from articulate_train.target_evaluation import (
+    KEY,
+    TargetEvaluation,
+    evaluate_target,
+    is_evaluation_due,
+)
 from articulate_train.vecenv import Finished
 
 log = logging.getLogger(__name__)
@@ -75,7 +83,9 @@ class SeedProcess:
         self._every = run.config.checkpoint_updates
         self._stop = False
         self._parent = os.getppid() if parent is None else parent
-        self.ensemble = Ensemble(run.scene(), run.config, seed, threads=threads)
+        self._scene = run.scene()
+        self._target: TargetEvaluation | None = None
+        self.ensemble = Ensemble(self._scene, run.config, seed, threads=threads)
         self._before_s = 0.0
         if (self.folder / CHECKPOINT).exists():
             content = read_checkpoint(self.folder)
@@ -117,9 +127,12 @@ class SeedProcess:
         except DivergedError:
             self._write_diverged()
             raise
-        done = self.ensemble.is_done
+        reached = self._target is not None and self._target.is_reached
+        done = self.ensemble.is_done or reached
         if done and self._updates % REPORT_UPDATES:
             self._report()  # the last updates
+        if reached:  # a checkpoint of this step would train on if done.json were not written
+            return self._finish(self.ensemble.policy_state(), [], [])
         self.ensemble.save(self.folder)
         return done and self._select()
 
@@ -140,6 +153,15 @@ class SeedProcess:
         if members is None:
             return False
         state, member_scores = members
+        return self._finish(state, scores, member_scores)
+
+    def _finish(
+        self,
+        state: dict[str, Any],
+        scores: list[CheckpointScore],
+        member_scores: list[MemberScore],
+    ) -> bool:
+        """Write the policy and mark the seed as done; return True."""
         write_state(self.folder / POLICY, state)
         done = {
             "steps": self.ensemble.steps,
@@ -148,8 +170,10 @@ class SeedProcess:
             "ensemble": score_rows(member_scores),
             "active_member": state.get(ACTIVE_MEMBER),
         }
+        if self._target is not None and self._target.is_reached:
+            done[KEY] = self._target.as_dict()
         write_json(self.folder / DONE, done)
-        shutil.rmtree(self.folder / CANDIDATES)
+        shutil.rmtree(self.folder / CANDIDATES, ignore_errors=True)
         (self.folder / SELECTION_FILE).unlink(missing_ok=True)
         return True
 
@@ -169,6 +193,13 @@ class SeedProcess:
         steps, config = members.steps, members.config
         if is_due(config.checkpoint_selection, config.steps, steps - members.round_steps, steps):
             keep_candidate(self.folder, members.policy_state())
+        if is_evaluation_due(config, steps - members.round_steps, steps):
+            self._target = evaluate_target(
+                self._scene, config, self._seed, members.policy_state(), steps, self._threads
+            )
+            if self._target.is_reached:
+                return False
+            self._report_selection(f"target success not met yet: {self._target.text()}")
         if self._updates % self._every == 0:
             members.save(self.folder)
         return not self._is_stopped
