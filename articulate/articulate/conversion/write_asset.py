@@ -231,22 +231,26 @@ def _mjcf_shape(shape: Shape, body: str, b: int, k: int, pad: str) -> str:
     return f'{text} type="{shape.kind}" size="{numbers(size)}"{_frame(shape.T_ps)}/>'
 
 
+def inertial_element(inertial: Inertial) -> list[str]:
+    """Return the lines of the inertial element of a URDF link, whose frame is the part's."""
+    t = inertial.inertia_p
+    return [
+        "    <inertial>",
+        f'      <origin xyz="{numbers(inertial.com_p)}" rpy="0 0 0"/>',
+        f'      <mass value="{numbers(inertial.mass_kg)}"/>',
+        f'      <inertia ixx="{numbers(t[0, 0])}" ixy="{numbers(t[0, 1])}" '
+        f'ixz="{numbers(t[0, 2])}" iyy="{numbers(t[1, 1])}" iyz="{numbers(t[1, 2])}" '
+        f'izz="{numbers(t[2, 2])}"/>',
+        "    </inertial>",
+    ]
+
+
 def urdf(name: str, bodies: Sequence[Body], mimics: Sequence[Mimic] = ()) -> str:
     """Return the object as canonical URDF text: one frame for each body, meshes baked."""
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(name)}>"]
     for b, body in enumerate(bodies):
         lines.append(f"  <link name={quoteattr(body.name)}>")
-        i = body.inertial
-        t = i.inertia_p
-        lines += [
-            "    <inertial>",
-            f'      <origin xyz="{numbers(i.com_p)}" rpy="0 0 0"/>',
-            f'      <mass value="{numbers(i.mass_kg)}"/>',
-            f'      <inertia ixx="{numbers(t[0, 0])}" ixy="{numbers(t[0, 1])}" '
-            f'ixz="{numbers(t[0, 2])}" iyy="{numbers(t[1, 1])}" iyz="{numbers(t[1, 2])}" '
-            f'izz="{numbers(t[2, 2])}"/>',
-            "    </inertial>",
-        ]
+        lines += inertial_element(body.inertial)
         for k, piece in enumerate(body.visuals):
             lines += [
                 "    <visual>",

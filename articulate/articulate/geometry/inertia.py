@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from articulate.formats.repairs import Repairs
-from articulate.formats.source_object import SourceLink
+from articulate.formats.source_object import SourceInertial, SourceLink
 from articulate.geometry.presets import MASS_KG, Weight
 from articulate.geometry.shapes import Shape
 from articulate.transforms import Array
@@ -69,7 +70,7 @@ def inertial_of(
 
 def from_shapes(shapes: tuple[Shape, ...], weight: Weight) -> Inertial:
     """Sum mass properties over ``shapes``, each of uniform density; overlaps count twice."""
-    masses, centres, tensors = [], [], []
+    found = []
     for shape in shapes:
         mesh = shape.mesh
         volume = shape.volume
@@ -78,18 +79,43 @@ def from_shapes(shapes: tuple[Shape, ...], weight: Weight) -> Inertial:
         factor = volume / abs(mesh.volume) if mesh.volume else 1.0
         unit = factor * np.asarray(mesh.moment_inertia)
         density = max(weight.density_kg_m3, weight.sheet_kg_m2 / thickness(unit, volume))
-        masses.append(density * volume)
-        centres.append(np.asarray(mesh.center_mass))
-        tensors.append(density * unit)
-    if not masses:
+        found.append(
+            Inertial(
+                mass_kg=density * volume,
+                com_p=np.asarray(mesh.center_mass),
+                inertia_p=density * unit,
+            )
+        )
+    if not found:
         return Inertial(mass_kg=0.0, com_p=np.zeros(3), inertia_p=LEAST * np.eye(3))
-    mass = float(np.sum(masses))
-    com = np.average(centres, axis=0, weights=masses)
+    total = combined(found)
+    least = total.mass_kg * LEAST_GYRATION_M**2
+    return replace(total, inertia_p=_positive(total.inertia_p, least))
+
+
+def combined(bodies: Sequence[Inertial]) -> Inertial:
+    """Return the mass properties of rigidly connected bodies, given in one frame."""
+    mass = float(np.sum([body.mass_kg for body in bodies]))
+    com = np.average(
+        [body.com_p for body in bodies], axis=0, weights=[body.mass_kg for body in bodies]
+    )
     inertia = np.zeros((3, 3))
-    for m, centre, tensor in zip(masses, centres, tensors, strict=True):
-        inertia += tensor + m * steiner(centre - com)
-    least = mass * LEAST_GYRATION_M**2
-    return Inertial(mass_kg=mass, com_p=com, inertia_p=_positive(inertia, least))
+    for body in bodies:
+        inertia += body.inertia_p + body.mass_kg * steiner(body.com_p - com)
+    is_stated = all(body.from_source for body in bodies)
+    return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, from_source=is_stated)
+
+
+def stated(inertial: SourceInertial, T: Array) -> Inertial | None:
+    """Return mass properties of the source in the frame with the link at ``T`` (4, 4) [m].
+
+    None if no body has them.
+    """
+    T = T @ inertial.T_li
+    tensor = T[:3, :3] @ inertial.inertia @ T[:3, :3].T
+    if not is_physical(inertial.mass, tensor):
+        return None
+    return Inertial(mass_kg=inertial.mass, com_p=T[:3, 3], inertia_p=tensor, from_source=True)
 
 
 def thickness(inertia: Array, volume: float) -> float:
@@ -121,36 +147,29 @@ def _stated(
     members: tuple[tuple[SourceLink, Array], ...], shapes: tuple[Shape, ...]
 ) -> Inertial | None:
     """Mass properties in the source, if every link with geometry has physical ones."""
-    masses, centres, tensors = [], [], []
+    found = []
     for link, T_pl in members:
         if link.inertial is None:
             if link.visuals or link.collisions:
                 return None
             continue
-        T = T_pl @ link.inertial.T_li
-        tensor = T[:3, :3] @ link.inertial.inertia @ T[:3, :3].T
-        if not is_physical(link.inertial.mass, tensor):
+        body = stated(link.inertial, T_pl)
+        if body is None:
             return None
-        masses.append(link.inertial.mass)
-        centres.append(T[:3, 3])
-        tensors.append(tensor)
-    if not masses:
+        found.append(body)
+    if not found:
         return None
-    mass = float(np.sum(masses))
-    com = np.average(centres, axis=0, weights=masses)
-    inertia = sum(
-        (t + m * steiner(c - com) for m, c, t in zip(masses, centres, tensors, strict=True)),
-        np.zeros((3, 3)),
-    )
+    total = combined(found)
+    com = total.com_p
     if shapes:
         low = np.min([s.bounds[0] for s in shapes], axis=0)
         high = np.max([s.bounds[1] for s in shapes], axis=0)
         if np.any(com < low - 1e-3) or np.any(com > high + 1e-3):
             return None
         squares = np.maximum(np.maximum(high - com, com - low), 1e-3) ** 2
-        if np.any(np.diag(inertia) > mass * (squares.sum() - squares)):
+        if np.any(np.diag(total.inertia_p) > total.mass_kg * (squares.sum() - squares)):
             return None  # more than all mass in the corners of the box has
-    return Inertial(mass_kg=mass, com_p=com, inertia_p=inertia, from_source=True)
+    return total
 
 
 def _positive(inertia: Array, least: float = LEAST) -> Array:

@@ -16,7 +16,11 @@ from scipy.spatial import KDTree
 from articulate.checks.surface import sample
 from articulate.errors import UsageError, quote
 from articulate.formats.load_meshes import Piece
+from articulate.geometry.inertia import combined
 from articulate.reconstruct.actors.protocol import JointKind
+from articulate.studio.mass import divided
+from articulate.studio.mass import moved as moved_mass
+from articulate.studio.mass import scaled as scaled_mass
 from articulate.studio.model import (
     KINDS,
     StudioJoint,
@@ -330,6 +334,7 @@ def _set_closed(model: StudioModel, edit: SetClosed) -> StudioModel:
                 visuals=tuple(piece.moved(T) for piece in link.visuals),
                 collisions=tuple(piece.moved(T) for piece in link.collisions),
                 joint=joint_moved,
+                inertial=None if link.inertial is None else moved_mass(link.inertial, T),
             )
         )
     return replace(model, links=tuple(links))
@@ -388,6 +393,7 @@ def _set_size(model: StudioModel, edit: SetSize) -> StudioModel:
             visuals=tuple(piece.scaled(factor) for piece in link.visuals),
             collisions=tuple(piece.scaled(factor) for piece in link.collisions),
             joint=scaled(link.joint),
+            inertial=None if link.inertial is None else scaled_mass(link.inertial, factor),
         )
         for link in model.links
     )
@@ -402,7 +408,13 @@ def _merge(model: StudioModel, edit: MergeParts) -> StudioModel:
     # Without collision shapes a part collides as it is seen; with them, both parts need some.
     both = part.collisions and into.collisions
     collisions = (*into.collisions, *part.collisions) if both else ()
-    merged = replace(into, visuals=(*into.visible, *part.visible), collisions=collisions)
+    masses = [link.inertial for link in (into, part) if link.inertial is not None]
+    merged = replace(
+        into,
+        visuals=(*into.visible, *part.visible),
+        collisions=collisions,
+        inertial=combined(masses) if len(masses) == 2 else None,
+    )
     removed = model.joint(edit.part).name
     links = []
     for link in model.links:
@@ -445,8 +457,10 @@ def _split(model: StudioModel, edit: SplitPart) -> StudioModel:
         parent=edit.part,
         pivot_o=vec3(np.mean([p.mesh.bounds.mean(axis=0) for p in chosen], axis=0)),
     )
-    new = StudioLink(name=edit.name, visuals=chosen, collisions=own, joint=joint)
-    changed = model.with_link(replace(part, visuals=rest, collisions=kept))
+    shares = None if part.inertial is None else divided(part.inertial, (chosen, rest))
+    mass, mass_left = shares or (None, None)
+    new = StudioLink(name=edit.name, visuals=chosen, collisions=own, joint=joint, inertial=mass)
+    changed = model.with_link(replace(part, visuals=rest, collisions=kept, inertial=mass_left))
     return replace(changed, links=ordered((*changed.links, new)))
 
 

@@ -15,6 +15,7 @@ from articulate.formats.link_tree import Part, build_parts, unit_axis
 from articulate.formats.load_meshes import Loader, PartGeometry, Piece
 from articulate.formats.read_source import read_source
 from articulate.formats.source_object import SourceJoint
+from articulate.geometry.inertia import Inertial, stated
 from articulate.reconstruct.actors.protocol import JointKind
 from articulate.reconstruct.link_meshes import link_poses
 from articulate.transforms import Array, axis_angle_to_matrix, pose
@@ -64,6 +65,8 @@ class StudioLink:
     collisions: tuple[Piece, ...] = ()
     joint: StudioJoint | None = None
     """Joint to its parent; None for the root."""
+    inertial: Inertial | None = None
+    """Mass properties in the object frame; None: derived from the geometry."""
 
     @property
     def visible(self) -> tuple[Piece, ...]:
@@ -193,7 +196,13 @@ def read_model(path: Path) -> StudioModel:
         meshes = any(piece.primitive is None for piece in geometry.visuals)
         collisions = () if geometry.collides_as_seen and meshes else geometry.collisions
         links.append(
-            StudioLink(name=name, visuals=geometry.visuals, collisions=collisions, joint=joint)
+            StudioLink(
+                name=name,
+                visuals=geometry.visuals,
+                collisions=collisions,
+                joint=joint,
+                inertial=None if link.inertial is None else stated(link.inertial, poses[name]),
+            )
         )
     if not any(link.visible for link in links):
         raise AssetError(f"{path}: no part has geometry; give another file")

@@ -7,11 +7,12 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from articulate.conversion.write_asset import numbers, obj_bytes, origin_element
+from articulate.conversion.write_asset import inertial_element, numbers, obj_bytes, origin_element
 from articulate.files import write_bytes, write_text
 from articulate.formats.load_meshes import Piece
 from articulate.reconstruct.program.elements import common_name, elements_of, write_element
 from articulate.reconstruct.program.materials import EFFORT, VELOCITY
+from articulate.studio.mass import moved
 from articulate.studio.model import StudioJoint, StudioLink, StudioModel
 from articulate.transforms import Array, pose
 
@@ -22,7 +23,7 @@ def write_model(model: StudioModel, folder: Path) -> Path:
     """Write ``object.urdf`` and ``meshes/`` into ``folder``; return the path of the URDF.
 
     The frame of a link is parallel to the object frame, with its origin on the axis of its joint.
-    Masses are omitted; the checks derive them from the geometry.
+    Links without a known mass have none; the checks derive it from the geometry.
 
     Raises:
         UsageError: The folder cannot be written.
@@ -47,6 +48,8 @@ def _origin(link: StudioLink) -> Array:
 def _link(link: StudioLink, k: int, origin: Array, folder: Path) -> list[str]:
     lines = [f"  <link name={quoteattr(link.name)}>"]
     T = pose(-origin)
+    if link.inertial is not None:
+        lines += inertial_element(moved(link.inertial, T))
     for layer, pieces in (("visual", link.visuals), ("collision", link.collisions)):
         groups = elements_of([piece.moved(T) for piece in pieces])
         for i, element in enumerate(groups):

@@ -10,6 +10,8 @@ URDF = """<robot name="cupboard">
     <collision><origin xyz="0 0 0.4"/><geometry><box size="0.4 0.6 0.8"/></geometry></collision>
   </link>
   <link name="door">
+    <inertial><origin xyz="0 -0.3 0.4"/><mass value="5"/><inertia ixx="0.416833" ixy="0" ixz="0"
+      iyy="0.266833" iyz="0" izz="0.150167"/></inertial>
     <visual name="panel"><origin xyz="0 -0.3 0.4"/>
       <geometry><box size="0.02 0.6 0.8"/></geometry></visual>
     <visual name="knob"><origin xyz="-0.03 -0.55 0.4"/>

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from tests.articulate.studio.objects import write_cupboard
 
 from articulate.errors import UsageError
@@ -46,6 +47,7 @@ def test_a_written_model_is_read_again_unchanged(model, tmp_path):
     again = read_model(write_model(model, tmp_path))
     assert again.joint("door") == model.joint("door")
     assert bounds(again, "door") == pytest.approx(bounds(model, "door"))
+    assert_allclose(again.link("door").inertial.com_p, model.link("door").inertial.com_p)
     assert [len(link.collisions) for link in again.links] == [
         len(link.collisions) for link in model.links
     ]
@@ -84,6 +86,25 @@ def test_one_dimension_scales_everything_but_angles(model):
         model, SetJoint(part="door", kind="prismatic", axis_o=(-1.0, 0.0, 0.0), upper=0.2)
     )
     assert apply_edit(slide, SetSize(axis=2, size_m=1.6)).joint("door").upper == pytest.approx(0.4)
+
+
+def test_masses_follow_the_corrections(model):
+    """The door of 5 kg is a slab of 0.6 by 0.8 m; the knob has 0.16 % of its volume."""
+    door = model.link("door").inertial
+    assert_allclose(door.com_p, (-0.21, 0.0, 0.4), atol=1e-9)
+    larger = apply_edit(model, SetSize(axis=2, size_m=1.6)).link("door").inertial
+    assert larger.mass_kg == pytest.approx(8 * 5.0)
+    assert_allclose(larger.inertia_p, 32 * door.inertia_p)
+    open_door = apply_edit(model, SetClosed(part="door", q=np.pi / 2)).link("door").inertial
+    assert_allclose(np.diag(open_door.inertia_p), np.diag(door.inertia_p)[[1, 0, 2]], atol=1e-9)
+    _, knob = (len(piece.mesh.faces) for piece in model.link("door").visible)
+    split = SplitPart(part="door", name="knob", faces=((), tuple(range(knob))))
+    parts = apply_edit(model, split)
+    masses = [parts.link(name).inertial.mass_kg for name in ("door", "knob")]
+    assert masses == pytest.approx([5.0 * 600 / 601, 5.0 / 601])
+    merged = apply_edit(parts, MergeParts(part="knob", into="door")).link("door").inertial
+    assert merged.mass_kg == pytest.approx(5.0)
+    assert parts.link("body").inertial is None
 
 
 def test_split_and_merge_are_inverse(model):
