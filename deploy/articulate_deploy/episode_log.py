@@ -8,6 +8,7 @@ one write to the operating system, so a killed process loses at most the row tha
 from __future__ import annotations
 
 import json
+import math
 import os
 import struct
 import zlib
@@ -18,7 +19,7 @@ import numpy as np
 
 from articulate.errors import UsageError
 from articulate.transforms import Array
-from articulate.untrusted import read_bounded
+from articulate.untrusted import parse_json_object, read_bounded
 from articulate_deploy.episode import Recording
 
 SCHEMA = "articulate.episode-log"
@@ -27,6 +28,8 @@ MAX_BYTES = 256 << 20
 """Largest log [bytes]; an episode has about 0.3 MB."""
 MAX_COLUMNS = 100
 """Most columns."""
+MAX_VALUES = 10_000
+"""Most numbers of a control step."""
 _CRC = struct.Struct("<I")
 
 
@@ -77,16 +80,16 @@ def read_log(path: Path) -> dict[str, Array]:
     content = read_bounded(path, MAX_BYTES, error=UsageError)
     line, newline, rest = content.partition(b"\n")
     try:
-        head = json.loads(line)
+        head = parse_json_object(line.decode("utf-8", "replace"), str(path))
         columns = [(str(c["name"]), tuple(map(int, c["shape"]))) for c in head["columns"]]
         good = head["schema"] == SCHEMA and head["schema_version"] == VERSION and newline
         good = good and 0 < len(columns) <= MAX_COLUMNS
-        good = good and all(0 <= n <= 10_000 for _, shape in columns for n in shape)
-    except (ValueError, KeyError, TypeError):
+        good = good and all(n >= 0 for _, shape in columns for n in shape)
+    except (KeyError, TypeError, ValueError):
         good = False
-    if not good:
+    sizes = [math.prod(shape) for _, shape in columns] if good else []
+    if not good or sum(sizes) > MAX_VALUES or max(len(shape) for _, shape in columns) > 2:
         raise UsageError(f"{path}: not a log of an episode of this version")
-    sizes = [int(np.prod(shape)) for _, shape in columns]
     length = 8 * sum(sizes) + _CRC.size
     count = len(rest) // length
     rows = np.frombuffer(rest[: count * length], dtype=np.uint8).reshape(count, length)

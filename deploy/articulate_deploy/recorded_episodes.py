@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
-import json
 import re
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from articulate.errors import UsageError
+from articulate.npz_file import read_npz
+from articulate.task.observation import ACTION
 from articulate.transforms import Array
 from articulate.untrusted import parse_json_object, read_bounded
 from articulate_deploy.episode_log import read_log
@@ -20,8 +19,26 @@ from articulate_deploy.recording import EPISODES_FILE, REPORT_FILE
 
 MAX_BYTES = 64 << 20
 """Largest file of a recording [bytes]."""
-REQUIRED = ("time_s", "action", "target", "joint_pos", "joint_vel", "gripper_width_m")
-"""Arrays that every recording has."""
+REQUIRED: dict[str, tuple[int, ...]] = {
+    "time_s": (),
+    "action": (ACTION.size,),
+    "target": (7,),
+    "joint_pos": (7,),
+    "joint_vel": (7,),
+    "gripper_width_m": (),
+}
+"""Arrays that every recording has, with the shape of a row."""
+OPTIONAL: dict[str, tuple[int, ...]] = {
+    "measured_force_n": (3,),
+    "policy_s": (),
+    "part_open": (),
+    "estimate_open": (),
+}
+"""Arrays that some recordings have, with the shape of a row."""
+MAX_VALUE = 1e4
+"""Upper bound of the numbers in required arrays; NaN is rejected as well."""
+TEXTS = ("robot", "bundle", "bundle_sha256")
+"""Texts of ``report.json`` that are used."""
 _NAME = re.compile(r"episode_(\d{4,})\.(npz|log)")
 
 
@@ -74,6 +91,7 @@ def read_deployment(folder: Path) -> RecordedDeployment:
     if path.exists():
         text = read_bounded(path, MAX_BYTES, error=UsageError).decode("utf-8", "replace")
         report = parse_json_object(text, str(path), error=UsageError)
+        _check_report(report, path)
     results = _results(folder / EPISODES_FILE)
     episodes = tuple(
         RecordedEpisode(index, _arrays(path), results[index] if index < len(results) else {})
@@ -91,10 +109,17 @@ def _results(path: Path) -> list[dict[str, Any]]:
     if not path.exists():
         return []
     lines = read_bounded(path, MAX_BYTES, error=UsageError).decode("utf-8", "replace").splitlines()
-    try:
-        return [dict(json.loads(line)) for line in lines]
-    except (ValueError, TypeError):
-        raise UsageError(f"{path}: not the results of a deployment") from None
+    return [parse_json_object(line, f"{path}:{k}") for k, line in enumerate(lines, 1)]
+
+
+def _check_report(report: dict[str, Any], path: Path) -> None:
+    """Raise UsageError unless the values that are used have their types."""
+    sender = report.get("sender", {})
+    figures = sender.values() if isinstance(sender, dict) else [None]
+    if not all(isinstance(report.get(name, ""), str) for name in TEXTS) or not all(
+        isinstance(value, (int, float, str)) for value in figures
+    ):
+        raise UsageError(f"{path}: not the report of a deployment")
 
 
 def _arrays(path: Path) -> dict[str, Array]:
@@ -103,11 +128,21 @@ def _arrays(path: Path) -> dict[str, Array]:
     else:
         content = read_bounded(path, MAX_BYTES, error=UsageError)
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-                arrays = {name: np.asarray(stored[name], dtype=np.float64) for name in stored.files}
-        except (OSError, ValueError, KeyError, EOFError, ImportError, zipfile.BadZipFile):
+            arrays = {
+                name: np.asarray(values, dtype=np.float64)
+                for name, values in read_npz(content, MAX_BYTES).items()
+            }
+        except ValueError:
             raise UsageError(f"{path}: not an episode of a recording") from None
-    missing = [name for name in REQUIRED if name not in arrays]
-    if missing or len({len(values) for values in arrays.values()}) > 1:
+    shapes = {name: values.shape[1:] for name, values in arrays.items()}
+    expected = REQUIRED | {name: shape for name, shape in OPTIONAL.items() if name in shapes}
+    lengths = {values.shape[:1] for values in arrays.values()}
+    known = {name: shapes.get(name) for name in expected}
+    if (
+        known != expected
+        or len(lengths) != 1
+        or lengths <= {(), (0,)}
+        or not all((np.abs(arrays[name]) < MAX_VALUE).all() for name in REQUIRED)
+    ):
         raise UsageError(f"{path}: not an episode of a recording")
     return arrays

@@ -68,7 +68,12 @@ def replay_episode(
     if recorded and recorded != bundle_sha256(manifest):
         raise ConfigError(f"{bundle}: not the bundle of {deployment.folder}")
     params = episode.result.get("episode_params")
-    if params is None or set(params) != set(COLUMNS):
+    if (
+        not isinstance(params, dict)
+        or set(params) != set(COLUMNS)
+        or not all(isinstance(value, (int, float)) for value in params.values())
+        or "part_open" not in arrays
+    ):
         raise UsageError(
             f"{deployment.folder}: episode {index} did not end, or is of another version"
         )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
+from tests.hostile.arm_cases import arm_rows
 from tests.hostile.changes import (
     ASSET_JSON,
     ASSET_XML,
@@ -26,49 +27,12 @@ from tests.hostile.changes import (
     URDF_CHANGES,
     VIDEO_EDITS,
     VIDEOS,
-    XML_TEXTS,
     YAML_TEXTS,
     ZIPS,
     folder_of_pipes,
 )
-from tests.hostile.writers import KINDS, MESH_SUFFIXES, Change, HonestInputs, text, with_mesh
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reader:
-    """A command of the product, the honest files that it reads, and one of them."""
-
-    argv: tuple[str, ...]
-    """Arguments; the folder of the case is the current one."""
-    inputs: dict[str, str]
-    """Target of each honest input, by its name in ``HonestInputs``."""
-    file: str
-    """File that hostile content replaces."""
-
-    def at(self, file: str) -> Reader:
-        """Return the same reader with another hostile file."""
-        return Reader(argv=self.argv, inputs=self.inputs, file=file)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """A hostile input of a reader."""
-
-    name: str
-    reader: Reader
-    change: Change
-    is_default: bool = False
-    """True if the default tests include it, in their process."""
-
-    def write(self, folder: Path, honest: HonestInputs) -> None:
-        """Write the input into the folder of the case."""
-        (folder / "in").mkdir(exist_ok=True)
-        for name, target in self.reader.inputs.items():
-            honest.copy(name, folder / target)
-        self.change(folder / self.reader.file)
-
-    def __str__(self) -> str:
-        return self.name
+from tests.hostile.reader import Case, Reader, kinds, texts, xml
+from tests.hostile.writers import KINDS, MESH_SUFFIXES, Change, text, with_mesh
 
 
 def _check(file: str, inputs: str, *more: str) -> Reader:
@@ -147,65 +111,65 @@ def _rows() -> Iterator[tuple[str, Reader, dict[str, Change]]]:
     every = list(KINDS)
     # UTF-16 and NUL bytes in XML are repaired, with a note.
     left_out = {"290 MB with an honest head", "gzip", "brackets", "UTF-16", "NUL bytes"}
-    xml = [k for k in every if k not in left_out]
-    yield "urdf", URDF_READER, _kinds(*xml) | _xml("robot") | URDF_CHANGES
-    yield "mjcf", MJCF_READER, _kinds(*xml) | _xml("mujoco") | MJCF_CHANGES
-    yield "sdf", SDF_READER, _kinds("fifo", "junk", "truncated") | _xml("sdf") | SDF_CHANGES
-    names = {k: text(with_mesh(name)) for k, name in MESH_NAMES.items()}
-    yield "mesh name", URDF_READER, names
+    names = [k for k in every if k not in left_out]
+    yield "urdf", URDF_READER, kinds(*names) | xml("robot") | URDF_CHANGES
+    yield "mjcf", MJCF_READER, kinds(*names) | xml("mujoco") | MJCF_CHANGES
+    yield "sdf", SDF_READER, kinds("fifo", "junk", "truncated") | xml("sdf") | SDF_CHANGES
+    meshes = {k: text(with_mesh(name)) for k, name in MESH_NAMES.items()}
+    yield "mesh name", URDF_READER, meshes
     for suffix, reader in MESH_READERS.items():
-        yield f"mesh{suffix}", reader, _kinds(*MESH_KINDS) | MESH_CHANGES[suffix]
+        yield f"mesh{suffix}", reader, kinds(*MESH_KINDS) | MESH_CHANGES[suffix]
     few = ("fifo", "device", "link outside", "folder", "empty", "junk", "UTF-16", "truncated")
-    yield "asset.json", ASSET_READER, _kinds(*few, "290 MB") | _texts(JSON_TEXTS) | ASSET_JSON
-    yield "asset.json of train", TRAIN_READER, _kinds("fifo", "junk") | ASSET_JSON
+    yield "asset.json", ASSET_READER, kinds(*few, "290 MB") | texts(JSON_TEXTS) | ASSET_JSON
+    yield "asset.json of train", TRAIN_READER, kinds("fifo", "junk") | ASSET_JSON
     model = ASSET_READER.at("in/asset/object.xml")
-    yield "object.xml", model, _kinds(*few, "290 MB") | ASSET_XML
-    yield "object.urdf", model.at("in/asset/object.urdf"), _kinds(*few) | _xml("robot")
-    yield "config.yaml", EVALUATE.at("in/run/config.yaml"), _kinds(*few) | _texts(YAML_TEXTS)
+    yield "object.xml", model, kinds(*few, "290 MB") | ASSET_XML
+    yield "object.urdf", model.at("in/asset/object.urdf"), kinds(*few) | xml("robot")
+    yield "config.yaml", EVALUATE.at("in/run/config.yaml"), kinds(*few) | texts(YAML_TEXTS)
     yield (
         "scene.json",
         EVALUATE.at("in/run/scene.json"),
-        (_kinds(*few) | _texts(JSON_TEXTS) | SCENE_JSON),
+        (kinds(*few) | texts(JSON_TEXTS) | SCENE_JSON),
     )
     checkpoint = "in/run/seed_0/checkpoint.pt"
-    kinds = _kinds("fifo", "device", "link outside", "folder", "empty", "junk", "pickle", "5 GB")
-    yield "checkpoint of evaluate", EVALUATE.at(checkpoint), kinds | CHECKPOINTS
-    yield "checkpoint of export", EXPORT.at(checkpoint), kinds | CHECKPOINTS
-    yield "checkpoint of watch", WATCH.at(checkpoint), _kinds("fifo", "pickle")
+    some = kinds("fifo", "device", "link outside", "folder", "empty", "junk", "pickle", "5 GB")
+    yield "checkpoint of evaluate", EVALUATE.at(checkpoint), some | CHECKPOINTS
+    yield "checkpoint of export", EXPORT.at(checkpoint), some | CHECKPOINTS
+    yield "checkpoint of watch", WATCH.at(checkpoint), kinds("fifo", "pickle")
     yield (
         "asset of a run",
         EVALUATE.at("in/run/asset/object.xml"),
         (
-            _kinds("fifo", "junk")
+            kinds("fifo", "junk")
             | {k: ASSET_XML[k] for k in ("includes a file outside", "texture outside", "user data")}
         ),
     )
     # Exporting does not use the name of another joint.
     changes = {k: v for k, v in ASSET_JSON.items() if k != "path as a name"}
-    yield "asset.json of a run", EXPORT.at("in/run/asset/asset.json"), _kinds(*few) | changes
-    yield "manifest", DEPLOY, _kinds(*few, "290 MB") | _texts(JSON_TEXTS) | MANIFESTS
+    yield "asset.json of a run", EXPORT.at("in/run/asset/asset.json"), kinds(*few) | changes
+    yield "manifest", DEPLOY, kinds(*few, "290 MB") | texts(JSON_TEXTS) | MANIFESTS
     for file, changes in BUNDLE_FILES.items():
-        kinds = _kinds("fifo", "device", "folder", "290 MB")
-        yield f"bundle {file}", DEPLOY.at(f"in/bundle/{file}"), kinds | changes
-    yield "bundle.zip", ZIP, _kinds(*(k for k in every if k not in _NEED_CONTENT)) | ZIPS
-    yield "video", OBSERVE, _kinds(*every) | VIDEOS | VIDEO_EDITS
-    yield "video of make", MAKE_VIDEO, _kinds("fifo", "device", "junk", "empty", "290 MB")
-    yield "image", MAKE_IMAGE, _kinds(*every) | IMAGES
-    yield "camera", MAKE_CAMERA, _kinds(*few, "290 MB") | _texts(JSON_TEXTS) | CAMERAS
-    yield "parts", MAKE_PARTS, _kinds("empty", "junk", "290 MB") | MESH_CHANGES[".obj"]
-    yield "parts.glb", MAKE_GLB, _kinds(*few, "290 MB") | MESH_CHANGES[".glb"]
+        some = kinds("fifo", "device", "folder", "290 MB")
+        yield f"bundle {file}", DEPLOY.at(f"in/bundle/{file}"), some | changes
+    yield "bundle.zip", ZIP, kinds(*(k for k in every if k not in _NEED_CONTENT)) | ZIPS
+    yield "video", OBSERVE, kinds(*every) | VIDEOS | VIDEO_EDITS
+    yield "video of make", MAKE_VIDEO, kinds("fifo", "device", "junk", "empty", "290 MB")
+    yield "image", MAKE_IMAGE, kinds(*every) | IMAGES
+    yield "camera", MAKE_CAMERA, kinds(*few, "290 MB") | texts(JSON_TEXTS) | CAMERAS
+    yield "parts", MAKE_PARTS, kinds("empty", "junk", "290 MB") | MESH_CHANGES[".obj"]
+    yield "parts.glb", MAKE_GLB, kinds(*few, "290 MB") | MESH_CHANGES[".glb"]
     yield (
         "parts.urdf",
         MAKE_URDF,
-        _kinds(*(k for k in few if k != "UTF-16"))
+        kinds(*(k for k in few if k != "UTF-16"))
         | {k: URDF_CHANGES[k] for k in ("100,000 links", "long names", "cyclic joints")},
     )
-    kinds = _kinds("fifo", "device", "folder", "junk", "UTF-16", "290 MB", "one long line")
-    yield "settings", SETTINGS, kinds | _texts(YAML_TEXTS)
-    yield "index", INDEX, _kinds(*few, "290 MB") | _texts(JSON_TEXTS) | INDICES
-    yield "results", RESULTS, _kinds(*few, "5 GB") | _texts(JSON_TEXTS)
-    kinds = _kinds(*(k for k in few if k not in {"empty", "truncated"}), "290 MB")
-    yield "program", PROGRAM, kinds | _texts(PROGRAMS)
+    some = kinds("fifo", "device", "folder", "junk", "UTF-16", "290 MB", "one long line")
+    yield "settings", SETTINGS, some | texts(YAML_TEXTS)
+    yield "index", INDEX, kinds(*few, "290 MB") | texts(JSON_TEXTS) | INDICES
+    yield "results", RESULTS, kinds(*few, "5 GB") | texts(JSON_TEXTS)
+    some = kinds(*(k for k in few if k not in {"empty", "truncated"}), "290 MB")
+    yield "program", PROGRAM, some | texts(PROGRAMS)
     yield (
         "named pipes as folders",
         _check("in/object.urdf", "urdf").at("in/object.urdf"),
@@ -214,18 +178,6 @@ def _rows() -> Iterator[tuple[str, Reader, dict[str, Change]]]:
 
 
 _NEED_CONTENT = frozenset({"NUL bytes", "UTF-16", "truncated", "290 MB with an honest head"})
-
-
-def _kinds(*names: str) -> dict[str, Change]:
-    return {name: KINDS[name] for name in names}
-
-
-def _xml(root: str) -> dict[str, Change]:
-    return {k: text(v.replace("{root}", root)) for k, v in XML_TEXTS.items()}
-
-
-def _texts(table: dict[str, str]) -> dict[str, Change]:
-    return {k: text(v) for k, v in table.items()}
 
 
 DEFAULT = frozenset({
@@ -241,6 +193,6 @@ DEFAULT = frozenset({
 CASES = tuple(
     Case(name=f"{group}: {name}", reader=reader, change=change,
          is_default=f"{group}: {name}" in DEFAULT)
-    for group, reader, changes in _rows()
+    for group, reader, changes in chain(_rows(), arm_rows())
     for name, change in changes.items()
 )  # fmt: skip

@@ -12,7 +12,7 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.hostile.cases import Case
+from tests.hostile.reader import Case
 from tests.hostile.writers import SECRET, HonestInputs
 
 MAX_CPU_S = 60

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.hostile.cases import CASES, DEFAULT, Case
+from tests.hostile.cases import CASES, DEFAULT
 from tests.hostile.harness import (
     Outcome,
     arguments,
@@ -20,6 +20,7 @@ from tests.hostile.harness import (
     run_process,
     snapshot,
 )
+from tests.hostile.reader import Case
 from tests.hostile.writers import HonestInputs
 
 from articulate.commands import main

@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -389,6 +390,60 @@ class HonestInputs:
     @cached_property
     def program(self) -> Path:
         return self._text("program", "program.py", "x = 1\n")
+
+    @cached_property
+    def recording(self) -> Path:
+        """A folder of ``deploy --out`` with one episode."""
+        folder = self.folder / "recording"
+        from articulate.commands import main
+
+        code = main(
+            ["deploy", str(self.bundle), "--episodes", "1", "--out", str(folder), "--quiet"]
+        )
+        assert code == 0
+        return folder
+
+    @cached_property
+    def key(self) -> Path:
+        return self._text("key", "author.key", "11" * 32 + "\n")
+
+    @cached_property
+    def sensors(self) -> Path:
+        """Files of an estimator, of a placement and of a calibration."""
+        folder = self.folder / "sensors"
+        folder.mkdir()
+        eye = [[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]]
+        named: dict[str, tuple[str, dict[str, Any]]] = {
+            "calibration.json": ("articulate.camera-calibration",
+                {"camera": "webcam", "width_px": 640, "height_px": 480, "matrix": eye}),
+            "pose.json": ("articulate.camera-pose",
+                {"camera": "webcam", "pos_w": [0.2, 0.6, 0.7], "quat_w": [1.0, 0.0, 0.0, 0.0]}),
+            "placement.json": ("articulate.object-location",
+                {"object": "chest", "pose": {"x_m": 0.7, "y_m": 0, "yaw_deg": 180, "z_m": 0}}),
+        }  # fmt: skip
+        for name, (schema, content) in named.items():
+            complete = {"schema": schema, "schema_version": 1, **content}
+            (folder / name).write_text(json.dumps(complete))
+        marker = "{id: %d, link: %s, size_m: 0.04, center_m: [0.2, 0.1, 0.3], normal: [1, 0, 0]}"
+        rows = "".join(f"  - {marker % row}\n" for row in ((0, "body"), (1, "door")))
+        (folder / "layout.yaml").write_text(f"markers:\n{rows}")
+        (folder / "estimator.yaml").write_text(
+            "kind: markers\ndevice: rendered\nlayout: layout.yaml\n"
+            "calibration: calibration.json\ncamera_pose: pose.json\nplacement: placement.json\n"
+        )
+        Image.new("L", (640, 480), 200).save(folder / "view.png")
+        rows_of_poses = [{"image": "view.png", "q": [0.0] * 7}]
+        (folder / "poses.json").write_text(json.dumps({"poses": rows_of_poses}))
+        return folder
+
+    @cached_property
+    def scan(self) -> Path:
+        """A closed shell with its masks."""
+        folder = self.folder / "scan"
+        folder.mkdir()
+        trimesh.creation.box((1.0, 1.0, 1.0)).export(folder / "scan.glb")
+        np.savez(folder / "masks.npz", labels=np.array([0] * 10 + [1, 1]))
+        return folder
 
     def _text(self, folder: str, name: str, content: str) -> Path:
         path = self.folder / folder / name

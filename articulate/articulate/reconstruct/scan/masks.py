@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from articulate.errors import ConfigError, quote, shorten
 from articulate.formats.mesh_file import load_scene
+from articulate.npz_file import read_npz
 from articulate.reconstruct.scan.read_scan import Scan
 from articulate.transforms import Array, Ints
 from articulate.untrusted import load_json_object, read_bounded
@@ -93,13 +92,10 @@ def _labels(path: Path, count: int) -> tuple[Ints, list[str]]:
 def _from_npz(path: Path) -> tuple[Any, Any]:
     content = read_bounded(path, MAX_BYTES, error=ConfigError)
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            for info in arrays.zip.infolist():
-                if info.file_size > MAX_BYTES:
-                    raise ValueError("an array is too large")
-            names = arrays["names"].tolist() if "names" in arrays else []
-            return arrays["labels"], names
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+        arrays = read_npz(content, MAX_BYTES)
+        names = arrays["names"].tolist() if "names" in arrays else []
+        return arrays["labels"], names
+    except (ValueError, KeyError) as error:
         raise ConfigError(
             f"--masks {shorten(path)}: cannot be read ({shorten(error)}); it holds labels, one "
             "integer for each triangle"
