@@ -1,6 +1,7 @@
 """The generalist policy of the package."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -95,6 +96,22 @@ def test_a_training_begins_with_the_same_actions(scene, config):
     mean = distribution.mean
     expected = policy_of(state).networks[0](torch.from_numpy(SEEN))
     torch.testing.assert_close(torch.clamp(mean, -1.0, 1.0), expected, atol=1e-4, rtol=1e-3)
+
+
+def test_a_training_from_the_policy_has_the_configuration_of_fine_tuning(config):
+    assert config.effective() is config
+    start = replace(config, initial_policy="generalist", steps=300_000)
+    found, own = start.effective(), start.fine_tuning
+    assert found.imitation.until * 300_000 == pytest.approx(own.imitation_steps)
+    assert (found.imitation.expert_until, found.imitation.aggregate) == (0.0, True)
+    assert found.imitation.learning_rate == own.imitation_learning_rate
+    assert found.ppo.learning_rate == own.learning_rate >= found.ppo.learning_rate_final
+    assert found.ppo.log_std_init == own.log_std_init >= found.ppo.log_std_final
+    assert (found.initial_states.share_first, found.initial_states.share_last) == (
+        own.share_first, own.share_last,
+    )  # fmt: skip
+    short = replace(start, steps=20_000)
+    assert short.effective().imitation.until * short.ensemble_size < 1.0
 
 
 def test_closing_tasks_are_rejected(scene):

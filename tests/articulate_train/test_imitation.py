@@ -11,7 +11,7 @@ from articulate.errors import ConfigError
 from articulate.task.observation import ACTION
 from articulate_train.action_scaling import ELBOW, MOTIONS
 from articulate_train.config import ImitationConfig
-from articulate_train.imitation import MIN_SCALE, imitate, unscale_action
+from articulate_train.imitation import MIN_SCALE, ImitationData, imitate, unscale_action
 from articulate_train.policy import read_checkpoint
 from articulate_train.ppo import Learner, write_checkpoint
 
@@ -80,7 +80,7 @@ def test_imitation_brings_the_mean_action_to_what_was_imitated_and_the_value_to_
         return float(((action - wanted) ** 2).mean()), float(((value - returns) ** 2).mean())
 
     before = off()
-    imitate(one.model, values, ImitationConfig(epochs=40))
+    imitate(one.model, values, ImitationConfig(epochs=40), ImitationData())
     after = off()
     assert after[0] < 0.5 * before[0]
     assert after[1] < 0.9 * before[1]
@@ -95,19 +95,21 @@ def test_noise_is_not_learnt_from_what_is_imitated(tiny):
     one.close()
 
 
-@pytest.mark.parametrize("k", [1, 2, 3])
-def test_training_restored_while_it_is_imitated_goes_on_with_the_same_bits(tiny, tmp_path, k):
+@pytest.mark.parametrize(("k", "aggregate"), [(1, False), (2, False), (3, False), (2, True)])
+def test_training_restored_while_it_is_imitated_goes_on_with_the_same_bits(
+    tiny, tmp_path, k, aggregate
+):
     """Six updates, the first three with imitation; saved after k, three more are the same."""
 
     def train(learner, updates):
         left = iter(range(updates - 1, -1, -1))
         learner.run(lambda _: next(left) > 0)
 
-    complete = learner_of(tiny, until=0.5)
+    complete = learner_of(tiny, until=0.5, aggregate=aggregate)
     train(complete, k)
     write_checkpoint(tmp_path, complete.state_dict())
     train(complete, 3)
-    other = learner_of(tiny, until=0.5)
+    other = learner_of(tiny, until=0.5, aggregate=aggregate)
     other.restore(read_checkpoint(tmp_path))
     train(other, 3)
     for ours, theirs in zip(
@@ -117,3 +119,16 @@ def test_training_restored_while_it_is_imitated_goes_on_with_the_same_bits(tiny,
     assert complete.model.num_timesteps == other.model.num_timesteps == (k + 3) * STEPS
     complete.close()
     other.close()
+
+
+def test_samples_of_all_updates_are_kept_until_the_phase_ends(tiny):
+    one = learner_of(tiny, until=0.5, aggregate=True)
+    kept = []
+
+    def count(learner):
+        kept.append(sum(map(len, learner._imitation_data.actions)))
+        return True
+
+    one.run(count)
+    assert kept == [STEPS, 2 * STEPS, 3 * STEPS, 0, 0, 0]
+    one.close()

@@ -121,6 +121,8 @@ class ImitationConfig:
     """Passes over the samples of an update."""
     learning_rate: float = 1e-3
     """Learning rate of the imitation phase."""
+    aggregate: bool = False
+    """Fit the policy to the samples of all updates of the phase instead of those of the last."""
 
     def __post_init__(self) -> None:
         for name in ("until", "expert_until"):
@@ -290,6 +292,31 @@ class CheckpointSelectionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FineTuningConfig:
+    """Training that starts from the generalist policy.
+
+    The values replace those of ``imitation``, ``ppo`` and ``initial_states``. The policy explores
+    little, and imitation on its own states fits the value function before PPO begins.
+    """
+
+    imitation_steps: int = 90_000
+    """Control steps of each ensemble member with imitation; all of its samples are kept."""
+    imitation_learning_rate: float = 5e-4
+    """Learning rate of the imitation phase."""
+    learning_rate: float = 5e-5
+    """Initial learning rate of PPO."""
+    log_std_init: float = -1.6
+    """Initial logarithm of the standard deviation of actions."""
+    share_first: float = 0.3
+    """Share of starts along the task at the beginning of training, in [0, 1]."""
+    share_last: float = 0.1
+    """Share at the end of the curriculum, in [0, 1]."""
+
+    def __post_init__(self) -> None:
+        check_least(0, {"fine_tuning.imitation_steps": self.imitation_steps})
+
+
+@dataclass(frozen=True, kw_only=True)
 class EarlyStoppingConfig:
     """Evaluations during training for ``target_success``, on held-out episodes."""
 
@@ -362,6 +389,8 @@ class TrainConfig:
         default_factory=CheckpointSelectionConfig
     )
     """Checkpoint selection."""
+    fine_tuning: FineTuningConfig = field(default_factory=FineTuningConfig)
+    """Training that starts from the generalist policy."""
     early_stopping: EarlyStoppingConfig = field(default_factory=EarlyStoppingConfig)
     """End of the training at the target success."""
     randomization: RandomizationConfig = field(default_factory=RandomizationConfig)
@@ -379,6 +408,32 @@ class TrainConfig:
     def member_steps(self) -> int:
         """Control steps of each ensemble member, rounded up."""
         return -(-self.steps // self.ensemble_size)
+
+    def effective(self) -> TrainConfig:
+        """Return the configuration with the values of ``fine_tuning`` where these apply."""
+        if self.initial_policy == "random":
+            return self
+        own = self.fine_tuning
+        return replace(
+            self,
+            imitation=replace(
+                self.imitation,
+                until=min(own.imitation_steps / self.steps, 0.99 / self.ensemble_size),
+                expert_until=0.0,
+                learning_rate=own.imitation_learning_rate,
+                aggregate=True,
+            ),
+            ppo=replace(
+                self.ppo,
+                learning_rate=own.learning_rate,
+                learning_rate_final=min(own.learning_rate, self.ppo.learning_rate_final),
+                log_std_init=own.log_std_init,
+                log_std_final=min(own.log_std_init, self.ppo.log_std_final),
+            ),
+            initial_states=replace(
+                self.initial_states, share_first=own.share_first, share_last=own.share_last
+            ),
+        )
 
     def __post_init__(self) -> None:
         from articulate.task.task import TASK_RULES  # imports numpy, which --help does without

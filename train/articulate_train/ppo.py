@@ -28,7 +28,7 @@ from articulate_envs.scripted_expert import make_scripted_expert
 from articulate_envs.threaded_engine import ThreadEngine
 from articulate_train.config import PpoConfig, TrainConfig
 from articulate_train.generalist import generalist_state, load_initial, with_layers
-from articulate_train.imitation import imitate
+from articulate_train.imitation import ImitationData, imitate
 from articulate_train.policy import CHECKPOINT, write_state
 from articulate_train.vecenv import EpisodesVecEnv
 
@@ -40,7 +40,7 @@ class Learner:
         self, scene: Scene, config: TrainConfig, seed: int, *, threads: int, member: int = 0
     ) -> None:
         """Build everything from ``config``, ``seed`` and ``member`` without stepping."""
-        self.config = config
+        self.config = config = config.effective()
         stream = np.random.SeedSequence([seed, TRAINING, member])
         path_m = scene.asset.handle_travel(scene.task.joint)
         self.action_scaling = config.action_scaling.for_task(scene.task, path_m)
@@ -59,6 +59,7 @@ class Learner:
         )
         self.envs = EpisodesVecEnv(self.episodes, self.action_scaling)
         self._expert = make_scripted_expert(scene)
+        self._imitation_data = ImitationData()
         self.normalization = VecNormalize(self.envs, gamma=ppo.gamma)
         model_seed = seed if member == 0 else int(stream.generate_state(1)[0])
         self.model = make_ppo(self.normalization, ppo, model_seed)
@@ -129,9 +130,11 @@ class Learner:
     def _update(self) -> None:
         """Update on the rollout: by imitation in its phase, else by PPO."""
         if self.envs.expert is None:
+            self._imitation_data.clear()
             self.model.train()
         else:
-            imitate(self.model, np.stack(self.envs.expert_actions), self.config.imitation)
+            actions, config = np.stack(self.envs.expert_actions), self.config.imitation
+            imitate(self.model, actions, config, self._imitation_data)
 
     def is_finite(self) -> bool:
         """Return whether all weights and the normalization are finite."""
@@ -162,6 +165,7 @@ class Learner:
             "returns_rms": _running(norm.ret_rms),
             "returns": torch.from_numpy(norm.returns.copy()),
             "episodes": {k: torch.from_numpy(np.asarray(v).copy()) for k, v in snapshot.items()},
+            "imitation": self._imitation_data.state_dict(),
             "finished": {k: torch.from_numpy(v) for k, v in self.envs.pending().items()},
             "last_observation": torch.from_numpy(np.asarray(model._last_obs).copy()),
             "last_raw": torch.from_numpy(np.asarray(norm.old_obs).copy()),
@@ -199,6 +203,7 @@ class Learner:
         self.episodes.restore(snapshot | {"generator": metadata["generator"]})
         finished = content["finished"]
         self.envs.restore(content["last_raw"].numpy(), {k: v.numpy() for k, v in finished.items()})
+        self._imitation_data.restore(content.get("imitation", {}))
         model.policy.load_state_dict(content["policy"])
         model.policy.optimizer.load_state_dict(content["optimizer"])
         for rms, key in ((obs_rms, "normalization"), (norm.ret_rms, "returns_rms")):
