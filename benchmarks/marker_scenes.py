@@ -20,6 +20,8 @@ from articulate.markers.synthetic_images import (
     render_planes,
 )
 from articulate.render.camera import look_at
+from articulate.robot.arm import PANDA
+from articulate.robot.kinematics import tool_pose
 from articulate.transforms import Array, apply, axis_angle_to_matrix, inverse, pose
 
 HD = CameraCalibration(
@@ -88,7 +90,7 @@ def box_object(
         axis, pivot, far = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), travel
         handle_y = 0.0
     else:
-        axis, pivot, far = (0.0, 0.0, -1.0), (front, half, 0.0), 1.5
+        axis, pivot, far = (0.0, 0.0, 1.0), (front, half, 0.0), 1.5
         handle_y = -half + 0.06
     joint = Joint(
         name="part_joint",
@@ -151,9 +153,8 @@ def marked_object(
     _, high = asset.bounds_o
     front = high[0] - 0.02
     z = 0.6 * high[2] + 0.02 * jitter[0]
-    side = -1.0 if kind == "hinge" else 1.0
-    on_part = (front + 0.02, side * 0.5 * high[1] + 0.02 * jitter[1], z)
-    on_body = (front, side * 0.45 * high[1] + 0.02 * jitter[2], 0.88 * high[2])
+    on_part = (front + 0.02, 0.5 * high[1] + 0.02 * jitter[1], z)
+    on_body = (front, 0.45 * high[1] + 0.02 * jitter[2], 0.88 * high[2])
     if kind == "hinge":
         on_part = (front + 0.02, 0.35 * high[1] + 0.02 * jitter[1], z)
     layout = MarkerLayout(
@@ -168,7 +169,7 @@ def marked_object(
     )
     middle_o = 0.5 * (np.array(on_body) + np.array(on_part)) + np.array((0.08, 0.0, 0.0))
     middle_w = T_wo[:3, :3] @ middle_o + T_wo[:3, 3]
-    azimuth, elevation = side * (0.75 + 0.2 * jitter[6]), 0.55 + 0.2 * jitter[7]
+    azimuth, elevation = 0.75 + 0.2 * jitter[6], 0.55 + 0.2 * jitter[7]
     direction_o = np.array(
         [
             np.cos(elevation) * np.cos(azimuth),
@@ -245,3 +246,27 @@ def render_object(
             )
             occluders.append(Occluder(calibration.projected(corners)))
     return render_planes(calibration, planes, rng, noise=noise, occluders=occluders)
+
+
+def reach(q: Array, pos_w: Array) -> Array:
+    """Return joint angles (7,) [rad] with the tool at ``pos_w`` (3,) [m]; any orientation.
+
+    The search begins at ``q`` (7,), then at random angles.
+
+    Raises:
+        ValueError: The position is out of reach: the arm would not hold the handle.
+    """
+    low, high = PANDA.bounds()
+    steps = 1e-6 * np.concatenate([np.zeros((1, 7)), np.eye(7)])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        for _ in range(60):
+            reached = tool_pose(PANDA, q + steps)[:, :3, 3]
+            error = pos_w - reached[0]
+            if np.linalg.norm(error) < 1e-5:
+                return q
+            J = (reached[1:] - reached[0]).T / 1e-6
+            error *= min(1.0, 0.1 / float(np.linalg.norm(error)))
+            q = np.clip(q + J.T @ np.linalg.solve(J @ J.T + 1e-4 * np.eye(3), error), low, high)
+        q = rng.uniform(low, high)
+    raise ValueError(f"the handle is out of reach by {np.linalg.norm(error):.4f} m")

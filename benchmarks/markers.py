@@ -25,7 +25,7 @@ from articulate.markers.synthetic_images import marker_plane, render_planes
 from articulate.markers.tracker import ObjectTracker
 from articulate.render.camera import look_at
 from articulate.robot.arm import PANDA
-from articulate.robot.kinematics import solve_ik, tool_pose
+from articulate.robot.kinematics import tool_pose
 from articulate.task.object_placement import handle_path_of
 from articulate.transforms import Array, axis_angle_to_matrix, inverse, pose, rotation_angle
 from articulate_deploy.estimators.camera_tracking import SteppedTracking
@@ -35,7 +35,7 @@ from articulate_deploy.estimators.object_state import (
     EstimateLostError,
     ObjectStateEstimator,
 )
-from marker_scenes import HD, MarkedObject, marked_object, render_object
+from marker_scenes import HD, MarkedObject, marked_object, reach, render_object
 
 STEP_S, STEPS = 0.05, 80
 LAYOUT_M, LAYOUT_RAD = 0.001, np.radians(1.0)
@@ -109,8 +109,7 @@ class Sequence:
                 scale=np.ones(1),
                 opened=np.array([self.q / self.path.span]),
             )
-            T_wh[:, :3, 3] += 0.015 * T_wh[:, :3, 0]
-            self.arm_q = solve_ik(PANDA, T_wh, self.arm_q, iterations=30).q[0]
+            self.arm_q = reach(self.arm_q, T_wh[0, :3, 3] + 0.015 * T_wh[0, :3, 0])
 
 
 def run_sequence(

@@ -8,7 +8,6 @@ import pytest
 from articulate.markers.camera_device import CameraError, Frame
 from articulate.markers.tracker import ObjectTracker
 from articulate.robot.arm import PANDA
-from articulate.robot.kinematics import solve_ik
 from articulate.task.object_placement import handle_path_of
 from articulate.transforms import pose
 from articulate_deploy.estimators.camera_tracking import SteppedTracking, ThreadedTracking
@@ -22,7 +21,7 @@ from articulate_deploy.estimators.object_state import (
     ObjectStateEstimator,
     PlacementError,
 )
-from marker_scenes import HD, marked_object, projected_corners
+from marker_scenes import HD, marked_object, projected_corners, reach
 
 STEP_S = 0.05
 
@@ -82,8 +81,8 @@ class Lab:
         T_wo = self.thing.T_wo
         opened = np.array([self.q / self.path.span])
         T_wh = self.path.in_world(T_wo=T_wo[None], scale=np.ones(1), opened=opened)
-        T_wh[:, :3, 3] += T_wh[:, :3, 0] * 0.01  # held a centimetre beside its middle
-        self.arm_q = solve_ik(PANDA, T_wh, self.arm_q, iterations=15).q[0]
+        held_w = T_wh[0, :3, 3] + T_wh[0, :3, 0] * 0.01  # a centimetre beside its middle
+        self.arm_q = reach(self.arm_q, held_w)
 
     def step(self, dq=0.0):
         self.time_s += STEP_S

@@ -26,8 +26,9 @@ OFF_PATH_M = 0.025
 """Distance from the path of the grasp at which the handle has slipped [m]."""
 SLIP_STD_M = 0.001
 """Standard deviation of the position of the handle between the fingers [m]."""
-TRAVEL_STD = 0.02
-"""Standard deviation per travel since the grasp: an object that is 1 degree off."""
+SLIDE_STD, HINGE_STD = 0.005, 0.01
+"""Standard deviation per travel since the grasp. An object that is 1 degree off shortens the travel
+of a slide by its square only; an axis of a hinge that is 5 mm off turns it by about 1 %."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class _Grasp:
     """Begin of a hold."""
 
     joint: float
-    tool_o: Array
+    tool_w: Array
 
 
 class GripperHold:
@@ -99,37 +100,38 @@ class GripperHold:
         self._settled = self._settled + 1 if steady else 0
         self._last_width_m = width
         between = MIN_WIDTH_M < width < self._arm.gripper.max_width_m - OPEN_MARGIN_M
-        tool_o = apply(inverse(T_wo), tool_pose(self._arm, reading.q)[:3, 3])
+        tool_w = tool_pose(self._arm, reading.q)[:3, 3]
+        tool_o = apply(inverse(T_wo), tool_w)
         if not between:
             self.release()
             return None
         if self._grasp is None:
             if self._settled < SETTLED_STEPS or not self._is_near(tool_o, joint):
                 return None
-            self._grasp = _Grasp(joint, tool_o)
-        q, off_path_m, lever_m = self._projected(self._grasp, tool_o)
+            self._grasp = _Grasp(joint, tool_w)
+        begin_o = apply(inverse(T_wo), self._grasp.tool_w)
+        travel, off_path_m, lever_m = self._projected(begin_o, tool_o)
         if off_path_m > OFF_PATH_M:
             self.release()
             return None
-        travel = abs(q - self._grasp.joint)
-        local = SLIP_STD_M / lever_m
-        return q, float(np.hypot(local, TRAVEL_STD * travel))
+        share = HINGE_STD if self._path.hinge else SLIDE_STD
+        return self._grasp.joint + travel, float(np.hypot(SLIP_STD_M / lever_m, share * travel))
 
     def _is_near(self, tool_o: Array, joint: float) -> bool:
         opened = (joint - self._path.closed) / self._path.span
         handle_o = self._path.at(np.asarray(opened))[:3, 3]
         return float(np.linalg.norm(tool_o - handle_o)) < self._near_m
 
-    def _projected(self, grasp: _Grasp, tool_o: Array) -> tuple[float, float, float]:
-        """Return position [m or rad], distance from the path [m] and lever [m or 1]."""
+    def _projected(self, begin_o: Array, tool_o: Array) -> tuple[float, float, float]:
+        """Return travel [m or rad], distance from the path [m] and lever [m or 1]."""
         axis = self._path.axis_o
         if not self._path.hinge:
-            moved = tool_o - grasp.tool_o
+            moved = tool_o - begin_o
             along = float(axis @ moved)
-            return grasp.joint + along, float(np.linalg.norm(moved - along * axis)), 1.0
-        a, b = grasp.tool_o - self._path.pivot_o, tool_o - self._path.pivot_o
+            return along, float(np.linalg.norm(moved - along * axis)), 1.0
+        a, b = begin_o - self._path.pivot_o, tool_o - self._path.pivot_o
         flat_a, flat_b = a - (axis @ a) * axis, b - (axis @ b) * axis
         angle = float(np.arctan2(axis @ np.cross(flat_a, flat_b), flat_a @ flat_b))
         lever = float(np.linalg.norm(flat_a))
         off = np.hypot(float(np.linalg.norm(flat_b)) - lever, float(axis @ (b - a)))
-        return grasp.joint + angle, float(off), max(lever, 0.02)
+        return angle, float(off), max(lever, 0.02)

@@ -9,6 +9,7 @@ import numpy as np
 
 from articulate.assets.asset import Asset
 from articulate.errors import RobotStoppedError, UsageError
+from articulate.markers.tracker import ObjectMeasurement
 from articulate.robot.arm import Arm
 from articulate.task.manifest import Manifest
 from articulate.task.object_placement import handle_path_of
@@ -25,8 +26,17 @@ ACCELERATION = {"slide": 2.0, "hinge": 5.0}
 """Standard deviation of the acceleration of parts [m/s^2 or rad/s^2]."""
 MARKER_STD = {"slide": 0.0005, "hinge": 0.002}
 """Least standard deviation of a measurement by markers [m or rad]."""
+MARKER_SCALE = {"slide": 0.03, "hinge": 0.02}
+"""Standard deviation of a measurement by markers per travel: errors of the layout."""
+BIAS_STD = {"slide": 0.005, "hinge": 0.02}
+"""Standard deviation of the constant error of the markers, also from the layout [m or rad]."""
 START_STD = {"slide": 0.003, "hinge": 0.01}
-"""Standard deviation of the initial position without a camera [m or rad]."""
+"""Standard deviation of the position of a closed part at the beginning [m or rad]."""
+BIAS_GATE = 3.0
+"""Deviation of the first measurements from the beginning above which the part was left open, in
+standard deviations."""
+MAX_SLIPS = 3
+"""Successive contradictions between arm and markers after which the handle has slipped."""
 CONFIDENT_STD = {"slide": 0.005, "hinge": 0.026}
 """Standard deviation up to which the confidence depends on the age only [m or rad]."""
 FRESH_S = 0.2
@@ -74,7 +84,9 @@ class EstimatedObject:
     T_wo: Array
     """Placement in the base frame (4, 4) [m]."""
     start: float
-    """Position of the joint when an episode begins, if no camera measures it [m or rad]."""
+    """Position of the joint when an episode begins [m or rad]; with a camera, a first guess."""
+    start_std: float = 0.0
+    """Its spread over episodes [m or rad]."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +144,7 @@ class ObjectStateEstimator:
         self._hold = None if arm is None else GripperHold(arm[0], self._path, length)
         self._read_arm = None if arm is None else arm[1]
         self._filter = JointFilter(ACCELERATION[self._kind])
+        self._bias, self._slips = 0.0, 0
         self._T_wo = thing.T_wo
         self._sources: tuple[str, ...] = ()
         self._camera_error, self._marker_time_s = "", -np.inf
@@ -161,31 +174,44 @@ class ObjectStateEstimator:
         """
         self._filter.reset()
         self._camera_error, self._sources, self._marker_time_s = "", (), -np.inf
+        self._bias, self._slips = 0.0, 0
         if self._hold is not None:
             self._hold.reset()
         if self._camera is None:
             self._T_wo = self._thing.T_wo
-            start = JointMeasurement(self._clock(), self._thing.start, START_STD[self._kind], ARM)
-            self._filter.add(start)
+            thing = self._thing
+            self._filter.add(JointMeasurement(self._clock(), thing.start, self._start_std, ARM))
         else:
             self._measure_start(self._camera)
         self._check_placement()
 
     def _measure_start(self, camera: CameraTracking) -> None:
-        """Average the first images."""
+        """Average the first images, and estimate the constant error of the markers."""
         camera.reset()
-        found = 0
-        while found < INITIAL_IMAGES:
+        found: list[ObjectMeasurement] = []
+        while len(found) < INITIAL_IMAGES:
             measured = camera.next_measurement()
             if measured is not None and measured.q is not None:
-                found += 1
+                found.append(measured)
                 self._T_wo = self._in_base(measured.T_co)
-                self._add(measured.time_s, measured.q, measured.q_std)
             elif camera.frames >= MAX_INITIAL_IMAGES:
                 raise NoMarkerError(
                     f"camera {camera.name}: the object is not visible: {camera.describe()}; "
                     "check light, focus and view, or the layout"
                 )
+
+        offset = float(np.mean([m.q for m in found])) - self._thing.start
+        bias, start = BIAS_STD[self._kind], self._start_std
+        if abs(offset) <= BIAS_GATE * np.hypot(bias, start):
+            self._bias = offset * bias**2 / (bias**2 + start**2)
+        for m in found:
+            assert m.q is not None
+            self._add(m.time_s, m.q, m.q_std)
+
+    @property
+    def _start_std(self) -> float:
+        """Standard deviation of the position at the beginning [m or rad]."""
+        return float(np.hypot(START_STD[self._kind], self._thing.start_std))
 
     def _check_placement(self) -> None:
         """Raise PlacementError if the object is not where its placement is."""
@@ -272,14 +298,19 @@ class ObjectStateEstimator:
         if found is None:
             return False
         if self._filter.add(JointMeasurement(now, *found, ARM)):
+            self._slips = 0
             return True
-        if now - self._marker_time_s < FRESH_S:  # slipped: the next grasp begins at the filter's
+        self._slips += now - self._marker_time_s < FRESH_S
+        if self._slips >= MAX_SLIPS:  # the next grasp begins at the position of the filter
             self._hold.release()
+            self._slips = 0
         return False
 
     def _add(self, time_s: float, q: float, std: float) -> bool:
         self._marker_time_s = time_s
-        std = max(std, MARKER_STD[self._kind])
+        q -= self._bias
+        travel = abs(q - self._thing.start)
+        std = float(np.hypot(max(std, MARKER_STD[self._kind]), MARKER_SCALE[self._kind] * travel))
         return self._filter.add(JointMeasurement(time_s, q, std, MARKERS))
 
     def _in_base(self, T_co: Array) -> Array:
@@ -295,13 +326,14 @@ class ObjectStateEstimator:
 def estimated_object(manifest: Manifest) -> EstimatedObject:
     """Return the object of a bundle at its placement, closed or in the middle of its beginning."""
     joint = manifest.object.joint(manifest.task.joint)
-    begin = sum(manifest.task.begin) / 2.0
+    low, high = manifest.task.begin
     return EstimatedObject(
         asset=manifest.object,
         joint=manifest.task.joint,
         flip=manifest.placement.flip,
         T_wo=manifest.placement.T_wo(),
-        start=joint.closed + begin * joint.span,
+        start=joint.closed + 0.5 * (low + high) * joint.span,
+        start_std=abs(high - low) * abs(joint.span) / np.sqrt(12.0),
     )
 
 
