@@ -3,7 +3,9 @@
 ``python benchmarks/markers.py --seeds 1000 1001 1002``: seeds below 1000 are for development. The
 layout that the estimator gets has errors of measurement: 1 mm and 1 degree for each marker. The
 pose of the camera is off by 2 mm and 0.2 degrees. Images are 1280x720 px with noise of 4 of 255 and
-blur of 0.6 px; markers are 40 mm; both are covered for 0.5 s of each sequence of 4 s at 20 Hz.
+blur of 0.6 px; markers are 40 mm; both are covered for 0.5 s of each sequence of 4 s at 20 Hz. The
+part is closed at the beginning. ``--preset FILE`` writes the errors of the fused estimator as
+ranges of the randomization of training.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import argparse
 import json
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -42,6 +45,7 @@ LAYOUT_M, LAYOUT_RAD = 0.001, np.radians(1.0)
 BASE_M, BASE_RAD = 0.002, np.radians(0.2)
 COVERED = range(45, 55)
 GRASPED = 16
+HEADER = "# Errors of the fused marker estimator on rendered images, see docs/guides/locate.md.\n"
 
 
 def turned(rng: np.random.Generator, angle: float) -> Array:
@@ -131,7 +135,7 @@ def run_sequence(
         arm=(PANDA, scene.reading) if fused else None,
     )
     estimator.reset()
-    joint, handle, speed = [], [], []
+    joint, handle, speed, shift_w, yaw, true_speed = [], [], [], [], [], []
     scene.seconds, lost = 0.0, False
     last = scene.q
     for _ in range(STEPS):
@@ -144,15 +148,22 @@ def run_sequence(
             break
         scene.seconds += time.process_time()
         found = estimator.estimate()
-        joint.append(abs(float(found.opened[0]) * scene.path.span - scene.q))
+        joint.append(float(found.opened[0]) * scene.path.span - scene.q)
         true = scene.path.in_world(
             T_wo=thing.T_wo[None], scale=np.ones(1), opened=np.array([scene.q / scene.path.span])
         )
-        handle.append(float(np.linalg.norm(found.T_wh[0, :3, 3] - true[0, :3, 3])))
+        shift_w.append(found.T_wh[0, :3, 3] - true[0, :3, 3])
+        handle.append(float(np.linalg.norm(shift_w[-1])))
+        turn = found.T_wh[0, :3, :3] @ true[0, :3, :3].T
+        yaw.append(float(np.arctan2(turn[1, 0], turn[0, 0])))
         speed.append(abs(float(found.speed[0]) - (scene.q - last) / STEP_S))
+        true_speed.append((scene.q - last) / STEP_S)
         last = scene.q
     return {
         "joint": joint,
+        "shift_w": np.array(shift_w),
+        "yaw": yaw,
+        "true_speed": true_speed,
         "handle": handle,
         "speed": speed,
         "seconds": scene.seconds / STEPS,
@@ -160,16 +171,47 @@ def run_sequence(
     }
 
 
-def estimator_rows(seeds: list[int], distances: list[float]) -> list[dict[str, Any]]:
-    """Return a row for each kind of joint, estimator and distance."""
+def lag_steps(found: dict[str, Any]) -> float:
+    """Return the age of the estimate that explains most of its error in a sequence."""
+    error, speed = np.array(found["joint"]), np.array(found["true_speed"])
+    error = error - error.mean()
+    return float(-(error @ speed) / (speed @ speed) / STEP_S)
+
+
+def preset(errors: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
+    """Return ranges of the randomization from the sequences of the fused estimator by joint."""
+    every = [f for found in errors.values() for f in found]
+    means = np.array([f["shift_w"].mean(axis=0) for f in every])
+    spread = np.concatenate([f["shift_w"] - f["shift_w"].mean(axis=0) for f in every])
+    yaw = np.array([np.mean(f["yaw"]) for f in every])
+    rms = {
+        kind: float(np.sqrt(np.mean(np.concatenate([f["joint"] for f in found]) ** 2)))
+        for kind, found in errors.items()
+    }
+    return {
+        "estimate_bias_m": round(float(np.sqrt(np.mean(means**2))), 4),
+        "estimate_noise_m": round(float(np.sqrt(np.mean(spread**2))), 4),
+        "estimate_yaw_rad": round(float(np.sqrt(np.mean(yaw**2))), 4),
+        "part_noise": round(max(rms["slide"] / 0.3, rms["hinge"]), 4),
+        "estimate_delay_steps": [0, max(1, int(np.ceil(max(map(lag_steps, every)))))],
+    }
+
+
+def estimator_rows(
+    seeds: list[int], distances: list[float]
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return a row for each kind of joint, estimator and distance, and the preset."""
     rows = []
+    errors: dict[str, list[dict[str, Any]]] = {"slide": [], "hinge": []}
     kinds: tuple[Literal["slide", "hinge"], ...] = ("slide", "hinge")
     for kind in kinds:
         unit, scale = ("mm", 1000.0) if kind == "slide" else ("deg", 57.29578)
         for fused in (False, True):
             for distance_m in distances:
                 found = [run_sequence(kind, seed, distance_m, fused) for seed in seeds]
-                joint = scale * np.concatenate([f["joint"] for f in found])
+                joint = scale * np.abs(np.concatenate([f["joint"] for f in found]))
+                if fused:
+                    errors[kind] += found
                 handle = 1000.0 * np.concatenate([f["handle"] for f in found])
                 rows.append(
                     {
@@ -190,7 +232,7 @@ def estimator_rows(seeds: list[int], distances: list[float]) -> list[dict[str, A
                     }
                 )
                 print_row(rows[-1])
-    return rows
+    return rows, preset(errors)
 
 
 def detection_rows(seeds: list[int]) -> list[dict[str, Any]]:
@@ -290,14 +332,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
     parser.add_argument("--distances", type=float, nargs="+", default=[0.5, 0.75, 1.0])
+    parser.add_argument("--preset", type=Path, help="file of the randomization to write")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     QUIET = arguments.json
+    rows, ranges = estimator_rows(arguments.seeds, arguments.distances)
+    print_row(ranges)
+    if arguments.preset is not None:
+        seeds = " ".join(map(str, arguments.seeds))
+        command = f"python benchmarks/markers.py --seeds {seeds} --preset {arguments.preset}"
+        lines = "".join(f"  {name}: {value}\n" for name, value in ranges.items())
+        arguments.preset.write_text(f"{HEADER}# {command}\nrandomization:\n{lines}")
     result = {
         "seeds": arguments.seeds,
+        "estimators": rows,
+        "preset": ranges,
         "detection": detection_rows(arguments.seeds),
         "base": base_row(arguments.seeds),
-        "estimators": estimator_rows(arguments.seeds, arguments.distances),
     }
     if arguments.json:
         print(json.dumps(result, indent=1))
