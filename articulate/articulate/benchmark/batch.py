@@ -22,7 +22,7 @@ from articulate.errors import ArticulateError, ConfigError
 from articulate.files import read_json_object, write_json
 from articulate.jobs.process_pool import run_isolated
 from articulate.reconstruct.actors.semantic.embeddings import embeddings_installed
-from articulate.reconstruct.actors.vlm.providers import default_model
+from articulate.reconstruct.actors.vlm.options import ModelOptions
 
 FOLDER = "objects"
 """Folder of the records, below that of the run."""
@@ -46,12 +46,14 @@ class BenchmarkBatch:
     """Processor time after which an object is lost [s]."""
     fresh: bool = False
     """Ignore earlier records."""
+    models: ModelOptions = field(default_factory=ModelOptions)
+    """Settings of the actor's models."""
     fingerprint: str = field(init=False)
     """Hash of everything that a record depends on, except the object."""
 
     def __post_init__(self) -> None:
         """Compute the fingerprint once, as files may change during the run."""
-        self.fingerprint = fingerprint(self.source, self.data, self.config)
+        self.fingerprint = fingerprint(self.source, self.data, self.config, self.models)
 
     def run(self, ids: Sequence[str], jobs: int) -> Iterator[Record]:
         """Run all objects, ``jobs`` at a time, and yield their records as they are ready.
@@ -104,12 +106,15 @@ class BenchmarkBatch:
             "data": None if self.data is None else str(self.data),
             "object": object_id,
             "config": dataclasses.asdict(self.config),
+            "models": dataclasses.asdict(self.models),
             "path": str(self.path_of(object_id)),
             "stamp": self._stamp,
         }
 
 
-def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
+def fingerprint(
+    source: str, data: Path | None, config: BenchmarkConfig, models: ModelOptions | None = None
+) -> str:
     """Hash the data set, the settings, the model in use and the availability of embeddings.
 
     An index is hashed by its content and the folder of its paths; a folder by its path and the
@@ -131,7 +136,8 @@ def fingerprint(source: str, data: Path | None, config: BenchmarkConfig) -> str:
             dataset += _stamps(split_source(config.actor)[1])
     except OSError as error:
         raise ConfigError(f"{source}: cannot be read ({error.strerror})") from None
-    model = default_model().source
+    models = models or ModelOptions()
+    model = [models.source, models.examples]
     inputs = {"dataset": dataset, "model": model, "meanings": embeddings_installed()}
     content = inputs | dataclasses.asdict(config)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

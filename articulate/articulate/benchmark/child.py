@@ -9,16 +9,18 @@ from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import open_dataset
 from articulate.benchmark.imported_predictions import ImportedActor, is_imported
 from articulate.benchmark.run import run_object
-from articulate.errors import ArticulateError, MissingError, UsageError
+from articulate.errors import ArticulateError, BudgetError, MissingError, UsageError
 from articulate.files import write_json
 from articulate.reconstruct.actors.registry import make_actor
+from articulate.reconstruct.actors.vlm.options import ModelOptions
 
 
 def run(request: dict[str, Any]) -> str:
     """Write the record of ``object`` to ``path``.
 
     Raises:
-        UsageError: The settings are not accepted, or a package or key is missing.
+        UsageError: The settings are not accepted, a package or key is missing, or the budget is
+            used.
         ArticulateError: The object cannot be read.
     """
     config = BenchmarkConfig(**request["config"])
@@ -26,9 +28,10 @@ def run(request: dict[str, Any]) -> str:
     dataset = open_dataset(request["source"], data)
     imported = is_imported(config.actor)
     actor = ImportedActor(config.actor, request["object"]) if imported else make_actor(config.actor)
+    actor = ModelOptions(**request["models"]).apply(actor)
     try:
         record = run_object(dataset.load(request["object"]), actor, config)
-    except MissingError:
+    except (MissingError, BudgetError):
         raise
     except UsageError as error:
         raise ArticulateError(str(error)) from None

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import math
+import signal
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -27,15 +31,43 @@ from articulate.benchmark.protocols import (
 )
 from articulate.benchmark.records import Record, plain
 from articulate.benchmark.truth import TrueJoint, TrueObject, renamed
-from articulate.errors import MissingError, UsageError
+from articulate.errors import BudgetError, MissingError, UsageError
 from articulate.formats.part_names import plain_label
 from articulate.reconstruct.actors.protocol import Actor, Failure, PredictedJoint, Prediction
 from articulate.transforms import Array, matrix_to_quat
 
 
+class _LimitReached(BaseException):
+    """A query took more than its processor time."""
+
+
+@contextlib.contextmanager
+def processor_limit(seconds: float) -> Iterator[None]:
+    """Raise in the block after ``seconds`` of this process's processor time [s].
+
+    Without effect outside the main thread, where Python runs no signal handlers.
+    """
+    if not math.isfinite(seconds) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_signal: int, _frame: object) -> None:
+        raise _LimitReached
+
+    before = signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
 def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Record:
     """Run and score all cases of an object."""
-    cases = [run_case(subject, case, actor) for case in cases_of(subject, config)]
+    cases = [
+        run_case(subject, case, actor, config.query_limit_s) for case in cases_of(subject, config)
+    ]
     return {
         "object": subject.object_id,
         "category": subject.category,
@@ -45,14 +77,14 @@ def run_object(subject: TrueObject, actor: Actor, config: BenchmarkConfig) -> Re
     }
 
 
-def run_case(subject: TrueObject, case: Case, actor: Actor) -> Record:
-    """Run and score one case."""
+def run_case(subject: TrueObject, case: Case, actor: Actor, limit_s: float = math.inf) -> Record:
+    """Run and score one case, in ``limit_s`` of processor time [s]."""
     start = time.perf_counter()
     no_answer = False
     try:
         prediction = actor.predict(case.evidence)
         rejection = prediction.rejection
-    except MissingError:  # a package or key that this machine lacks
+    except (MissingError, BudgetError):  # also for all other objects
         raise
     except (UsageError, OSError) as error:  # a busy server or a file; it may succeed next time
         prediction, rejection, no_answer = Prediction(joints=()), str(error), True

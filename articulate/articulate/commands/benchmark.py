@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from articulate.benchmark.ablation_rows import Ablation
 from articulate.benchmark.config import BenchmarkConfig, Condition, Task
@@ -21,6 +21,9 @@ from articulate.files import write_json
 from articulate.reconstruct.actors.modality import Modality
 from articulate.untrusted import load_json_object
 
+if TYPE_CHECKING:
+    from articulate.reconstruct.actors.vlm.options import ModelOptions
+
 LOST_EXIT = 3
 MOST_LIMIT_S = 1e6
 """Largest time limit [s]."""
@@ -30,6 +33,7 @@ RESULTS_BYTES = 100_000_000
 PROMPTS_FOLDER = "prompts"
 PROTOCOLS = ("paper", "released_code", "strict")
 COMPARED = ("config", "protocols", "errors", "iterations", "cost")
+MODEL_ACTORS = ("vlm", "hybrid")
 SETTINGS = ("actor", "modality", "task", "condition")
 """Keys of other runs that the report reads, and those of their settings."""
 
@@ -48,6 +52,15 @@ class BenchmarkFlags:
     runs/benchmark-<modality>-<actor>-<time>. A run that exists there is continued."""
     actor: str = "prior"
     """Name of the actor, or module:Class."""
+    model: str = ""
+    """Model of the actors vlm and hybrid: [gemini:|openai:|anthropic:]NAME[@URL]; by default that
+    of ARTICULATE_MODEL."""
+    budget: tuple[str, ...] = ()
+    """Limits of the requests to the model: calls=N tokens=N usd=N; usd needs usd_in and usd_out,
+    the costs of a million tokens."""
+    record: Path | None = None
+    """Folder that stores all answers of the model. With such a folder the run is repeated without
+    key and network."""
     modality: Modality = "video"
     """Input of the actor."""
     predictions: str = ""
@@ -65,6 +78,8 @@ class BenchmarkFlags:
     """Number of objects in parallel; 0: one for each processor."""
     limit: float = 3600.0
     """Time after which an object is lost [s]."""
+    query_limit: Annotated[float, ADVANCED] = 600.0
+    """Processor time after which a query has no answer [s]."""
     only: tuple[str, ...] = ()
     """Ids or categories to run; all by default."""
     first: int | None = None
@@ -101,6 +116,8 @@ class BenchmarkFlags:
             raise ConfigError(
                 f"--limit is {self.limit:g} s; it must be at most {MOST_LIMIT_S:.0f} s"
             )
+        if not self.query_limit > 0.0:
+            raise ConfigError(f"--query-limit is {self.query_limit:g} s; it must be above 0")
         if self.first is not None and self.first < 1:
             raise ConfigError(f"--first is {self.first}; it must be 1 or more")
         if self.seed < 0:
@@ -131,6 +148,7 @@ class BenchmarkFlags:
             width_px=self.width_px,
             height_px=self.height_px,
             n_frames=self.n_frames,
+            query_limit_s=self.query_limit,
             seed=self.seed,
         )
 
@@ -147,8 +165,14 @@ def main(argv: Sequence[str]) -> int:
         _emit(flags, exported, "{queries} queries and their answers: {folder}")
         return 0
     if flags.dry_run:
-        written = {"pages": _dry_run(flags), "folder": str(flags.folder / PROMPTS_FOLDER)}
-        _emit(flags, written, "{pages} pages; dry run, no requests sent: {folder}")
+        written = _dry_run(flags)
+        _emit(
+            flags,
+            written,
+            "{pages} pages; dry run, no requests sent: {folder}\n"
+            "{cases} cases, {requests} to {requests_max} requests, about {tokens_in:,} to "
+            "{tokens_in_max:,} input tokens and {tokens_out:,} to {tokens_out_max:,} output tokens",
+        )
         return 0
     named = any(word.partition("=")[0] == "--out" for word in argv)
     again = argv if named else [*argv, "--out", flags.folder]
@@ -179,24 +203,44 @@ def _export(flags: BenchmarkFlags) -> int:
     return len(write_questions(map(dataset.load, ids), flags.config(), flags.folder))
 
 
-def _dry_run(flags: BenchmarkFlags) -> int:
-    """Write a page of prompts for each object and return the number of pages."""
+def _dry_run(flags: BenchmarkFlags) -> dict[str, Any]:
+    """Write a page of prompts for each object and return the number of requests and tokens.
+
+    The first case of an object is written and counts for all its cases.
+    """
     from articulate.benchmark.dataset import open_dataset
     from articulate.benchmark.evidence import cases_of
     from articulate.reconstruct.actors.registry import make_actor
-    from articulate.reconstruct.actors.vlm.dry_run import write_dry_run
+    from articulate.reconstruct.actors.vlm.dry_run import DryRunSize, write_dry_run
 
-    dataset, actor = open_dataset(flags.dataset, flags.data), make_actor(flags.actor)
+    dataset = open_dataset(flags.dataset, flags.data)
+    actor = _models(flags).apply(make_actor(flags.actor))
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
-    pages = 0
+    pages, cases, size = 0, 0, DryRunSize()
     for k, object_id in enumerate(ids):
-        case = next(iter(cases_of(dataset.load(object_id), flags.config())), None)
+        subject = dataset.load(object_id)
+        case = next(iter(cases_of(subject, flags.config())), None)
         if case is None:  # an object without joints has no video
             continue
         page = flags.folder / PROMPTS_FOLDER / f"prompts_{k:04d}.html"
-        write_dry_run(actor, case.evidence, page, f"{flags.modality}, {object_id}: {case.name}")
-        pages += 1
-    return pages
+        text = f"{flags.modality}, {object_id}: {case.name}"
+        n_cases = len(subject.joints) if flags.modality == "video" else 1
+        size = size.plus(write_dry_run(actor, case.evidence, page, text).times(n_cases))
+        pages, cases = pages + 1, cases + n_cases
+    folder = str(flags.folder / PROMPTS_FOLDER)
+    return {"pages": pages, "folder": folder, "cases": cases, **vars(size)}
+
+
+def _models(flags: BenchmarkFlags) -> ModelOptions:
+    """Return the settings of the actor's models; the use is counted over all processes."""
+    from articulate.reconstruct.actors.vlm.options import LEDGER, ModelOptions
+
+    models = ModelOptions(model=flags.model, budget=flags.budget)
+    if flags.record is not None:
+        return models if flags.dry_run else models.recorded(flags.record)
+    if models != ModelOptions() or flags.actor in MODEL_ACTORS:
+        return dataclasses.replace(models, ledger=str(flags.folder / LEDGER))
+    return models
 
 
 def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
@@ -209,14 +253,14 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
     from articulate.benchmark.summary import summary
     from articulate.reconstruct.actors.registry import make_actor
 
-    config = flags.config()
+    config, models = flags.config(), _models(flags)
     others = {str(folder): _results_in(folder) for folder in flags.compare_with}
     dataset = open_dataset(flags.dataset, flags.data)
     ids = _chosen(dataset.ids(), [dataset.category(i) for i in dataset.ids()], flags)
     if flags.predictions:
         imported = validity(flags.predictions, ids)
     else:
-        make_actor(config.actor)  # an unknown actor is an error before any work
+        models.apply(make_actor(config.actor))  # an unknown actor is an error before any work
     batch = BenchmarkBatch(
         dataset=dataset,
         source=flags.dataset,
@@ -225,12 +269,15 @@ def _run(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
         out=flags.folder,
         limit_s=flags.limit,
         fresh=flags.rerun,
+        models=models,
     )
     jobs = min(flags.jobs or os.cpu_count() or 1, len(ids))
     records = list(_with_progress(batch.run(ids, jobs), len(ids)))
     results = summary(records, config, dataset.name)
     if flags.predictions:
         results["predictions"] = imported
+    if models.ledger:
+        results["model"] = {"source": models.source, **vars(models.usage)}
     write_json(flags.folder / "results.json", results)
     page = flags.folder / "report.html"
     write_report(results, records, page, command, {"articulate": version()}, others)
@@ -357,6 +404,12 @@ def _text(results: dict[str, Any], flags: BenchmarkFlags) -> str:
         lines.append(
             f"{protocol:<14} {row['joint_success']:6.1%} of {row['n']} "
             f"({low:.1%} to {high:.1%}); type, axis, origin {row['type_axis_origin']:.1%}"
+        )
+    if "model" in results:
+        lines.append(
+            "{source}: {calls} calls, {tokens_in:,} input and {tokens_out:,} output tokens".format(
+                **results["model"]
+            )
         )
     if "predictions" in results:
         found = results["predictions"]

@@ -67,6 +67,12 @@ class MakeFlags:
     actor: str = "auto"
     """Actor that finds the joints: vlm, hybrid, another name, or module:Class; by default a
     geometric one, without a model."""
+    model: str = ""
+    """Model of the actors vlm and hybrid: [gemini:|openai:|anthropic:]NAME[@URL]; by default that
+    of ARTICULATE_MODEL."""
+    budget: tuple[str, ...] = ()
+    """Limits of the requests to the model: calls=N tokens=N usd=N; usd needs usd_in and usd_out,
+    the costs of a million tokens."""
     iterations: int | None = None
     """Maximum number of proposals for the critic; by default that of the actor."""
     dry_run: bool = False
@@ -172,6 +178,7 @@ def main(argv: Sequence[str]) -> int:
     if flags.parts is None and flags.library is None:
         return _print(flags, _generate(flags))
     # These read meshes and videos, which --help does without.
+    from articulate.reconstruct.actors.vlm.options import ModelOptions
     from articulate.reconstruct.make import dry_run, make
     from articulate.reconstruct.result import MakeRequest
 
@@ -184,6 +191,7 @@ def main(argv: Sequence[str]) -> int:
         out=out,
         cache=cache,
         actor=flags.actor,
+        models=ModelOptions(model=flags.model, budget=flags.budget),
         joint=flags.joint,
         iterations=flags.iterations,
         limit_s=flags.limit,
@@ -192,11 +200,14 @@ def main(argv: Sequence[str]) -> int:
     console.show_progress(f"{part_set.name}: {len(part_set.meshes)} parts, {query.description}")
     if flags.dry_run:
         page = _prompts_page(out)
-        n_requests = dry_run(query, part_set, camera, request, page)
+        size = dry_run(query, part_set, camera, request, page)
         if flags.json:
-            console.emit_json({"queries": n_requests, "page": str(page)})
+            console.emit_json({"page": str(page), **vars(size)})
         else:
-            console.emit(f"{n_requests} queries; dry run, no requests sent: {page}")
+            console.emit(
+                f"{size.requests} to {size.requests_max} requests, about {size.tokens_in:,} to "
+                f"{size.tokens_in_max:,} input tokens; dry run, no requests sent: {page}"
+            )
         return 0
     with cache_in_use(cache):
         result = make(query, part_set, camera, request)

@@ -32,7 +32,7 @@ from articulate.reconstruct.actors.protocol import (
     Prediction,
 )
 from articulate.reconstruct.actors.registry import make_actor
-from articulate.reconstruct.actors.vlm.dry_run import write_dry_run
+from articulate.reconstruct.actors.vlm.dry_run import DryRunSize, write_dry_run
 from articulate.reconstruct.hinge_adjustment import (
     PartJoints,
     adjust_hinge,
@@ -82,6 +82,8 @@ def make(query: Query, part_set: PartSet, camera: Camera, request: MakeRequest) 
     start = time.monotonic()
     _check_joint(request.joint, part_set)
     prediction, actor_name = _predict(query, part_set, camera, request)
+    if not part_set.placed:
+        part_set = part_set.with_placements(prediction.placements)
     source = PredictionSource(query=query, camera=camera, actor=actor_name, start=start)
     return make_predicted(prediction, part_set, request, source)
 
@@ -150,8 +152,8 @@ def make_predicted(
 
 def dry_run(
     query: Query, part_set: PartSet, camera: Camera, request: MakeRequest, path: Path
-) -> int:
-    """Write the requests to a model to the page ``path`` and return their number.
+) -> DryRunSize:
+    """Write the requests to a model to the page ``path`` and return their size.
 
     Raises:
         ConfigError: The actor uses no model.
@@ -221,7 +223,7 @@ def _is_complete(prediction: Prediction, part_joints: Mapping[str, PredictedJoin
 
 def _actor(request: MakeRequest, query: Query) -> Actor:
     """Create the actor with the requested number of proposals."""
-    actor = make_actor(_actor_name(request, query))
+    actor = request.models.apply(make_actor(_actor_name(request, query)))
     if request.iterations is not None and isinstance(actor, Loop):
         return replace(actor, max_iterations=request.iterations)
     return actor
@@ -236,6 +238,7 @@ def _evidence(query: Query, part_set: PartSet, camera: Camera, request: MakeRequ
         modality=query.modality,
         parts=part_set.meshes,
         labels=part_set.labels,
+        placed=part_set.placed,
         video=query.video,
         times_s=query.times_s,
         image=query.image,

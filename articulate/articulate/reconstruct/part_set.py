@@ -81,6 +81,17 @@ class PartSet:
     licence: str = "unknown"
     normalised: bool = False
     """True if lengths are those of a data set that scales all objects to one size."""
+    placed: bool = True
+    """False if each part has the centre of its box at the origin."""
+
+    def with_placements(self, placements: Mapping[str, Array]) -> PartSet:
+        """Return the parts moved by their poses (4, 4) in ``o``."""
+        poses = {mesh.name: placements.get(mesh.name, np.eye(4)) for mesh in self.meshes}
+        meshes = tuple(mesh.moved(poses[mesh.name]) for mesh in self.meshes)
+        pieces = {
+            n: tuple(p.moved(poses[n]) for p in part.pieces) for n, part in self.parts.items()
+        }
+        return replace(self, meshes=meshes, parts=_parts(pieces), placed=True)
 
     def write_origin(self, folder: Path) -> None:
         """Write the origin of the parts beside a URDF in ``folder``."""
@@ -172,6 +183,20 @@ def library_part_set(name: str) -> PartSet:
         category=library.category(object_id),
         source=source,
         licence=licence,
+    )
+
+
+def separate_part_set(name: str, pieces: Pieces, *, source: str, licence: str) -> PartSet:
+    """Create a part set whose parts are centred at the origin and are yet to be placed."""
+    meshes = tuple(merge_pieces(n, found) for n, found in pieces.items())
+    return PartSet(
+        name=name,
+        meshes=meshes,
+        parts=_parts(pieces),
+        labels={n: plain_label(n) for n in pieces},
+        source=source,
+        licence=licence,
+        placed=False,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from articulate.assets.check_report import CheckReport
 from articulate.reconstruct.actors.protocol import PredictedJoint, Prediction
+from articulate.reconstruct.actors.vlm.options import ModelOptions
 from articulate.reconstruct.part_set import PartSet
 from articulate.reconstruct.query import Query
 from articulate.render.camera import Camera
@@ -32,6 +33,8 @@ class MakeRequest:
     """Folder of the cache for checked assets."""
     actor: str = "auto"
     """Name of the actor; ``auto``: the default of the modality."""
+    models: ModelOptions = field(default_factory=ModelOptions)
+    """Settings of the actor's models."""
     joint: str = "auto"
     """``auto``: joints in the video, else all; ``all``; or the part whose joint is requested."""
     iterations: int | None = None

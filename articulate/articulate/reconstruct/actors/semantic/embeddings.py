@@ -164,3 +164,28 @@ def role_by_meaning(label: str, encoder: Encoder | None = None) -> Role:
     cosines = vectors[1:] @ vectors[0]
     best = int(np.argmax(cosines))
     return roles[best] if cosines[best] >= MIN_COSINE else "unknown"
+
+
+def text_similarity(
+    queries: Sequence[str], texts: Sequence[str], encoder: Encoder | None = None
+) -> Array:
+    """Return the similarity (Q, N) of queries to texts.
+
+    It is the cosine of sentence embeddings, or the share of common words without an encoder.
+
+    Args:
+        queries: Q texts.
+        texts: N texts.
+        encoder: Text encoder; by default that of the extra.
+    """
+    encoder = encoder or _installed()
+    if encoder is not None:
+        vectors = encoder([*queries, *texts])
+        return np.asarray(vectors[: len(queries)] @ vectors[len(queries) :].T)
+    sets = [set(words_of(text)) for text in (*queries, *texts)]
+    return np.array(
+        [
+            [len(a & b) / max(1.0, np.sqrt(len(a) * len(b))) for b in sets[len(queries) :]]
+            for a in sets[: len(queries)]
+        ]
+    )

@@ -13,12 +13,17 @@ from articulate.reconstruct.actors.vlm.joint_critic import JointCritic
 MAX_PROPOSALS = 5
 """One for each of the four failures that a critic may name, and one more."""
 
+N_EXAMPLES = 5
+"""In-context examples of each agent: one for each verdict of the critic."""
+
 
 def vlm_actor() -> Loop:
     """Create the actor in which a model writes programs and assesses them."""
     return Loop(
-        proposer=JointActor(strategy="program"),
-        critic=JointCritic(),
+        proposer=JointActor(
+            strategy="program", examples=N_EXAMPLES, assess_placements=True, targeted=True
+        ),
+        critic=JointCritic(examples=N_EXAMPLES),
         max_iterations=MAX_PROPOSALS,
     )
 
@@ -26,8 +31,8 @@ def vlm_actor() -> Loop:
 def hybrid_actor() -> Loop:
     """Create the actor in which a model chooses joint candidates and geometry computes numbers."""
     return Loop(
-        proposer=JointActor(strategy="choice"),
-        critic=HybridCritic(),
+        proposer=JointActor(strategy="choice", examples=N_EXAMPLES, assess_placements=True),
+        critic=HybridCritic(visual=JointCritic(examples=N_EXAMPLES)),
         max_iterations=MAX_PROPOSALS,
     )
 

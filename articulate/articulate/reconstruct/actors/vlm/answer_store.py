@@ -71,12 +71,13 @@ class AnswerStore:
         return self.folder / ANSWERS / f"{key}.json"
 
 
-def open_recording(folder: Path, model: str) -> str:
+def open_recording(folder: Path, model: str, default: str) -> str:
     """Create or open a recording and return its model, as ``PROVIDER:NAME[@URL]``.
 
     Args:
         folder: Folder of the recording.
         model: Requested model; empty: that of an existing recording.
+        default: Full name of the requested model, or of the one that is used without a request.
 
     Raises:
         ConfigError: The folder holds something else, or a recording of another model.
@@ -86,13 +87,13 @@ def open_recording(folder: Path, model: str) -> str:
         if folder.is_dir() and any(folder.iterdir()):
             raise ConfigError(f"--record {folder}: not empty and not a recording; give another one")
         content: dict[str, Any] = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION}
-        write_json(file, content | {"model": model})
-        return model
+        write_json(file, content | {"model": default})
+        return default
     if not has_schema(file, SCHEMA):
         raise ConfigError(f"--record {folder}: {RECORDING_FILE} is not of {SCHEMA}")
     found = str(load_json_object(file, error=ConfigError).get("model", ""))
-    if model and found != model:
+    if model and found != default:
         raise ConfigError(
-            f"--record {folder}: contains answers of {found}, not of {model}; give another folder"
+            f"--record {folder}: contains answers of {found}, not of {default}; give another folder"
         )
     return found

@@ -19,6 +19,7 @@ from articulate.reconstruct.actors.loop import Loop
 from articulate.reconstruct.actors.protocol import Actor, Critic, Evidence, Prediction
 from articulate.reconstruct.actors.semantic.part_relations import build_labelled_scene
 from articulate.reconstruct.actors.vlm.actor import HybridCritic
+from articulate.reconstruct.actors.vlm.affordance import affordance_request
 from articulate.reconstruct.actors.vlm.answers import MovingPart
 from articulate.reconstruct.actors.vlm.hybrid import choices_request, movers_request
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor, program_request
@@ -29,7 +30,11 @@ from articulate.reconstruct.actors.vlm.joint_candidates import (
 )
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic, critic_request
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor, link_request
+from articulate.reconstruct.actors.vlm.link_critic import link_critic_request
 from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Request
+
+ANSWER_TOKENS = 500
+"""Assumed tokens of an answer, thoughts included."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +46,30 @@ class DryRunRequest:
     """Description of the assumed answer to an earlier request; empty if there is none."""
 
 
-def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str) -> int:
-    """Write the page and return the number of requests on it.
+@dataclass(frozen=True, kw_only=True)
+class DryRunSize:
+    """Size of the requests: without repetition, and with all that the limits permit."""
+
+    requests: int = 0
+    requests_max: int = 0
+    tokens_in: int = 0
+    """Estimated input tokens."""
+    tokens_in_max: int = 0
+    tokens_out: int = 0
+    """Output tokens, :data:`ANSWER_TOKENS` for each request."""
+    tokens_out_max: int = 0
+
+    def plus(self, other: DryRunSize) -> DryRunSize:
+        """Return the sum."""
+        return DryRunSize(**{key: n + getattr(other, key) for key, n in vars(self).items()})
+
+    def times(self, n: int) -> DryRunSize:
+        """Return the size of ``n`` such runs."""
+        return DryRunSize(**{key: n * value for key, value in vars(self).items()})
+
+
+def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str) -> DryRunSize:
+    """Write the page and return the size of the requests.
 
     Args:
         actor: Actor that would send the requests.
@@ -54,6 +81,7 @@ def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str
         ConfigError: The actor uses no model.
     """
     model, found = dry_run_requests(actor, evidence)
+    size = _size(actor, model, found)
     images = [image for dry in found for image in _images(dry.request)]
     page = Page(
         f"Requests to {model.name}",
@@ -62,6 +90,7 @@ def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str
     )
     page.tiles(
         Tile(value=len(found), label="requests"),
+        Tile(value=size.tokens_in, label="input tokens, estimated"),
         Tile(value=len(images), label="images"),
         Tile(value=round(sum(len(i.png) for i in images) / 1e6, 2), label="MB of images"),
     )
@@ -69,7 +98,21 @@ def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str
         _add_request(page, dry)
     page.footer("--dry-run", {})
     page.save(path)
-    return len(found)
+    return size
+
+
+def _size(actor: Actor, model: Model, found: Sequence[DryRunRequest]) -> DryRunSize:
+    """Estimate tokens; at most every proposal is repeated, and each invalid answer once."""
+    tokens = sum(model.estimate_tokens(dry.request) for dry in found)
+    repeats = 2 * (actor.max_iterations if isinstance(actor, Loop) else 1)
+    return DryRunSize(
+        requests=len(found),
+        requests_max=repeats * len(found),
+        tokens_in=tokens,
+        tokens_in_max=repeats * (tokens + ANSWER_TOKENS * len(found)),
+        tokens_out=ANSWER_TOKENS * len(found),
+        tokens_out_max=repeats * ANSWER_TOKENS * len(found),
+    )
 
 
 def dry_run_requests(actor: Actor, evidence: Evidence) -> tuple[Model, list[DryRunRequest]]:
@@ -79,7 +122,7 @@ def dry_run_requests(actor: Actor, evidence: Evidence) -> tuple[Model, list[DryR
         ConfigError: The actor uses no model.
     """
     if isinstance(actor, LinkActor):
-        return actor.model, [DryRunRequest(request=link_request(evidence))]
+        return actor.model, _placement_requests(evidence, actor.examples, actor.assessed)
     if not (isinstance(actor, Loop) and isinstance(actor.proposer, JointActor)):
         raise ConfigError(
             f"--dry-run: {actor.name} uses no model and would send nothing; "
@@ -87,31 +130,49 @@ def dry_run_requests(actor: Actor, evidence: Evidence) -> tuple[Model, list[DryR
         )
     proposer = actor.proposer
     if not evidence.placed:
-        return proposer.model, [DryRunRequest(request=link_request(evidence))]
+        found = _placement_requests(evidence, proposer.examples, proposer.assess_placements)
+        return proposer.model, found
     mover = _assumed_mover(evidence)
     scene = with_carriers(build_labelled_scene(evidence), [mover])
     candidates = joint_candidates([mover], scene)
+    assumed = f"{mover.part}, {mover.kind}, as the answer to the first request"
     if proposer.strategy == "program":
-        found = [DryRunRequest(request=program_request(evidence, ()))]
+        targeted = proposer.targeted and evidence.video is not None
+        found = [DryRunRequest(request=affordance_request(evidence))] if targeted else []
+        request = program_request(
+            evidence, (), examples=proposer.examples, target=mover.part if targeted else ""
+        )
+        found.append(DryRunRequest(request=request, placeholder=assumed if targeted else ""))
     else:
-        assumed = f"{mover.part}, {mover.kind}, as the answer to the first request"
         found = [
             DryRunRequest(request=movers_request(evidence, ())),
             DryRunRequest(request=choices_request(evidence, candidates, ()), placeholder=assumed),
         ]
-    if _uses_model(actor.critic, evidence):
+    critic = _model_critic(actor.critic, evidence)
+    if critic is not None:
         joint = typical_joint(candidates[0], "positive", scene)
-        request = critic_request(evidence, Prediction(joints=(joint,)))
+        request = critic_request(evidence, Prediction(joints=(joint,)), critic.examples)
         assumed = f"a {joint.kind} joint of {joint.part}, as the prediction"
         found.append(DryRunRequest(request=request, placeholder=assumed))
     return proposer.model, found
 
 
-def _uses_model(critic: Critic | None, evidence: Evidence) -> bool:
-    """Return whether a critic uses a model for such evidence."""
+def _placement_requests(evidence: Evidence, examples: int, assessed: bool) -> list[DryRunRequest]:
+    """Return the requests for placements of parts; those for joints depend on the placements."""
+    found = [DryRunRequest(request=link_request(evidence, examples))]
+    if assessed and evidence.image is not None:
+        assumed = "that all parts are at the origin, as the placement"
+        same = {part.name: np.eye(4) for part in evidence.parts}
+        request = link_critic_request(evidence, same)
+        found.append(DryRunRequest(request=request, placeholder=assumed))
+    return found
+
+
+def _model_critic(critic: Critic | None, evidence: Evidence) -> JointCritic | None:
+    """Return the critic that uses a model for such evidence; None if there is none."""
     if isinstance(critic, HybridCritic):
-        return _uses_model(critic.critic_for(evidence), evidence)
-    return isinstance(critic, JointCritic)
+        return _model_critic(critic.critic_for(evidence), evidence)
+    return critic if isinstance(critic, JointCritic) else None
 
 
 def _assumed_mover(evidence: Evidence) -> MovingPart:

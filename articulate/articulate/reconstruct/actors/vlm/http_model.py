@@ -70,6 +70,14 @@ class HttpModel:
         return self.model
 
     @property
+    def spec(self) -> str:
+        """Name that creates the same model again: ``PROVIDER:NAME[@URL]``."""
+        name = f"{self.wire_format.provider}:{self.model}"
+        return (
+            name if self.url == self.wire_format.default_url else f"{name}@{public_url(self.url)}"
+        )
+
+    @property
     def url(self) -> str:
         """URL of the server."""
         named = self.base_url or os.environ.get(self.wire_format.url_variable, "").strip()

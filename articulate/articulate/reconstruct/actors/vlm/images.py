@@ -12,6 +12,11 @@ import numpy as np
 
 from articulate.reconstruct.actors.protocol import Evidence, Pixels, PredictedJoint
 from articulate.reconstruct.actors.vlm.model import CaptionedImage
+from articulate.reconstruct.actors.vlm.motion_traces import (
+    part_traces,
+    video_traces,
+    with_traces,
+)
 from articulate.render.camera import Camera, front_camera
 from articulate.render.image import png
 from articulate.render.parts import PartMesh, joint_bounds
@@ -29,8 +34,8 @@ STEPS = 13
 COLUMNS = 4
 MARGIN = 0.1
 """Margin around the object, as a share of its size."""
-SHARES = (0.0, 0.5, 1.0)
-"""Positions between the limits that are rendered without a video."""
+ENDS = (0, STEPS // 2, STEPS - 1)
+"""Positions that are rendered without a video."""
 ARROW = 0.25
 """Length of the arrows of the coordinate frame, as a share of the object's size."""
 FAR_TURN_RAD = float(np.pi / 2)
@@ -53,13 +58,16 @@ def frame_indices(n_frames: int) -> list[int]:
 
 
 def evidence_images(evidence: Evidence) -> list[CaptionedImage]:
-    """Return the frames of the video, or the image."""
+    """Return the frames of the video and the traces of moving points, or the image."""
     if evidence.video is not None:
         n = len(evidence.video)
-        return [
+        frames = [
             CaptionedImage(_caption(evidence, k, n), png(scale_down(evidence.video[k])))
             for k in frame_indices(n)
         ]
+        traced = with_traces(evidence.video[0], video_traces(evidence), n - 1)
+        caption = "traces of moving points over the entire video, on its first frame"
+        return [*frames, CaptionedImage(caption, png(scale_down(traced)))]
     if evidence.image is not None:
         return [CaptionedImage("the image of the object", png(scale_down(evidence.image)))]
     return []
@@ -72,6 +80,18 @@ def parts_image(evidence: Evidence) -> CaptionedImage:
     image = _with_axes(image, camera, evidence.parts)
     caption = "the parts at position 0, each in its colour, and the axes of the frame"
     return CaptionedImage(caption, png(image))
+
+
+def placement_image(evidence: Evidence) -> CaptionedImage:
+    """Render placed parts in their own colours, without axes."""
+    image = PartScene(evidence.parts).render_image(camera_of(evidence))
+    return CaptionedImage("the rendering of the assembled parts", png(image))
+
+
+def front_image(parts: Sequence[PartMesh]) -> bytes:
+    """Render parts from the front as a small PNG."""
+    evidence = Evidence(modality="text", parts=tuple(parts))
+    return png(scale_down(PartScene(parts).render_image(camera_of(evidence)), TILE_PX))
 
 
 def colours_of(parts: Sequence[PartMesh]) -> dict[str, str]:
@@ -105,19 +125,36 @@ def prediction_image(evidence: Evidence, joints: Sequence[PredictedJoint]) -> Ca
     camera = camera_of(evidence)
     scene = PartScene(evidence.parts)
     joint_of = {joint.part: joint for joint in joints}
-    shares = SHARES if evidence.video is None else np.linspace(0.0, 1.0, STEPS)
-    poses = [poses_at(evidence.parts, joint_of, float(share)) for share in shares]
+    sweep = [
+        poses_at(evidence.parts, joint_of, float(share)) for share in np.linspace(0.0, 1.0, STEPS)
+    ]
+    ends = range(STEPS) if evidence.video is not None else ENDS
+    poses = [sweep[k] for k in ends]
     crop = _around(scene, camera, poses)
-    renderings = [crop(scene.render_image(camera, T)) for T in poses]
+    traces = part_traces(evidence.parts, sweep, camera)
+    renderings = [
+        crop(with_traces(scene.render_image(camera, T), traces, k))
+        for k, T in zip(ends, poses, strict=True)
+    ]
     size = (camera.width_px, camera.height_px)
     if evidence.video is not None:
         chosen = frame_indices(len(evidence.video))
-        frames = [crop(_resized(evidence.video[k], size)) for k in chosen]
-        below = [_most_similar(frame, renderings) for frame in frames]
+        plain = [crop(scene.render_image(camera, T)) for T in poses]
+        scale = np.array(size) / evidence.video.shape[2:0:-1]
+        tracked = [trace * scale for trace in video_traces(evidence)]
+        resized = [_resized(evidence.video[k], size) for k in chosen]
+        similar = [_most_similar(crop(frame), plain) for frame in resized]
+        frames = [
+            crop(with_traces(frame, tracked, k)) for frame, k in zip(resized, chosen, strict=True)
+        ]
+        below = [renderings[k] for k in similar]
         rows = []
         for k in range(0, len(frames), COLUMNS):
             rows += [_row(frames[k : k + COLUMNS]), _row(below[k : k + COLUMNS])]
-        caption = "frames of the video, and the prediction below each row of frames"
+        caption = (
+            "frames of the video, and the prediction below each row of frames; lines are traces of "
+            "moving points"
+        )
         return CaptionedImage(caption, png(_column(rows)))
     if evidence.image is None:
         return CaptionedImage("the prediction: closed, half open, open", png(_row(renderings)))
@@ -189,10 +226,10 @@ def _column(rows: Sequence[Pixels]) -> Pixels:
     return np.concatenate(padded, axis=0)
 
 
-def _most_similar(frame: Pixels, images: Sequence[Pixels]) -> Pixels:
-    """Return the image that differs least from a frame."""
+def _most_similar(frame: Pixels, images: Sequence[Pixels]) -> int:
+    """Return the index of the image that differs least from a frame."""
     off = [np.abs(one.astype(np.float32) - frame.astype(np.float32)).mean() for one in images]
-    return images[int(np.argmin(off))]
+    return int(np.argmin(off))
 
 
 def _with_axes(image: Pixels, camera: Camera, parts: Sequence[PartMesh]) -> Pixels:

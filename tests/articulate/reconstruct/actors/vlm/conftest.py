@@ -45,6 +45,7 @@ def _surroundings(monkeypatch, tmp_path):
     for name in (*formats, MODEL_VARIABLE, *proxies, *certificates):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("articulate.reconstruct.actors.vlm.actor.N_EXAMPLES", 0)  # they take time
 
 
 @pytest.fixture

@@ -20,10 +20,10 @@ from articulate.reconstruct.actors.vlm.link_actor import LinkActor
 def test_nothing_is_sent_and_the_page_needs_no_other_file(serve, video, tmp_path):
     server = serve(saying("never"))
     path = tmp_path / "prompts.html"
-    assert write_dry_run(make_actor("vlm"), video, path, "a cupboard") == 2
+    assert write_dry_run(make_actor("vlm"), video, path, "a cupboard").requests == 3
     assert server.heard == []
     page = path.read_text()
-    assert page.count("data:image/png;base64,") == 8 + 1 + 1
+    assert page.count("data:image/png;base64,") == 2 * (8 + 1 + 1) + 1
     assert not re.search(r'(src|href|url)=?[("\']+(?!data:)\w', page)
     assert KEY not in page
     assert "Nothing was sent" in page
@@ -31,12 +31,13 @@ def test_nothing_is_sent_and_the_page_needs_no_other_file(serve, video, tmp_path
 
 def test_the_page_needs_neither_key_nor_package(video, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "httpx", None)
-    assert write_dry_run(make_actor("hybrid"), video, tmp_path / "p.html", "it") == 2
+    assert write_dry_run(make_actor("hybrid"), video, tmp_path / "p.html", "it").requests == 2
 
 
 def test_the_prompt_on_the_page_is_the_one_that_is_sent(serve, video, tmp_path):
     server = serve(saying({"observation": "", "program": DOOR_PROGRAM}))
     actor = vlm_actor()
+    actor = replace(actor, proposer=replace(actor.proposer, targeted=False))
     path = tmp_path / "prompts.html"
     write_dry_run(actor, video, path, "a cupboard")
     actor.proposer.propose(video, ())
@@ -44,13 +45,13 @@ def test_the_prompt_on_the_page_is_the_one_that_is_sent(serve, video, tmp_path):
     [heard] = server.heard
     assert heard.system in page
     texts = [p["text"] for t in heard.body["contents"] for p in t["parts"] if "text" in p]
-    assert len(texts) == 8 + 1 + 2
+    assert len(texts) == 8 + 2 + 2
     assert all(text.removesuffix(":") in page for text in texts)
 
 
 @pytest.mark.parametrize(
     ("name", "modality", "n"),
-    [("vlm", "video", 2), ("vlm", "text", 2), ("hybrid", "video", 2), ("hybrid", "image", 3)],
+    [("vlm", "video", 3), ("vlm", "text", 2), ("hybrid", "video", 2), ("hybrid", "image", 3)],
 )
 def test_what_hangs_on_an_answer_has_a_stand_in(request, name, modality, n):
     model, found = dry_run_requests(make_actor(name), request.getfixturevalue(modality))
@@ -62,7 +63,7 @@ def test_what_hangs_on_an_answer_has_a_stand_in(request, name, modality, n):
 
 def test_of_parts_taken_apart_the_first_question_is_where_they_belong(image):
     for actor in (LinkActor(), make_actor("vlm")):
-        _, [dry] = dry_run_requests(actor, replace(image, placed=False))
+        _, [dry, *_] = dry_run_requests(actor, replace(image, placed=False))
         assert dry.request.title == "placements of the parts"
 
 

@@ -105,7 +105,7 @@ def test_a_model_is_shown_frames_parts_and_their_colours(serve, gemini, video):
     server = serve(program(DOOR_PROGRAM))
     JointActor(model=gemini, cache=None).propose(video, ())
     [heard] = server.heard
-    assert len(heard.pictures) == 8 + 1
+    assert len(heard.pictures) == 8 + 1 + 1
     assert all(picture.startswith(b"\x89PNG") for picture in heard.pictures)
     assert "frame 1 of 14, at 0.00 s:" in heard.text
     assert "frame 14 of 14, at 0.54 s:" in heard.text

@@ -23,6 +23,14 @@ GAPS = {
     "movers": {"which"},
     "choices": {"candidates"},
     "critic": {"criterion", "joints"},
+    "link_critic": set(),
+    "affordance": set(),
+    "object_detector": set(),
+    "category_selector": {"categories"},
+    "object_selector": {"description"},
+    "task_specifier": set(),
+    "layout_planner": set(),
+    "part_annotator": {"parts"},
 }
 
 

@@ -7,7 +7,22 @@ from dataclasses import dataclass
 from importlib import resources
 from string import Template
 
-NAMES = ("frame", "joint_program", "link_program", "movers", "choices", "critic")
+NAMES = (
+    "frame",
+    "joint_program",
+    "link_program",
+    "link_critic",
+    "affordance",
+    "movers",
+    "choices",
+    "critic",
+    "object_detector",
+    "category_selector",
+    "object_selector",
+    "task_specifier",
+    "layout_planner",
+    "part_annotator",
+)
 HEAD = re.compile(r"# (?P<name>[a-z_]+), version (?P<version>\d+)\n")
 
 
