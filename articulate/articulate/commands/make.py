@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +17,13 @@ from articulate.errors import ConfigError
 from articulate.files import require_space
 
 if TYPE_CHECKING:
+    from articulate.reconstruct.actors.vlm.options import ModelOptions
     from articulate.reconstruct.part_set import PartSet
     from articulate.reconstruct.query import Query
     from articulate.reconstruct.result import MakeResult
     from articulate.render.camera import Camera
 
+MODEL_ACTORS = ("vlm", "hybrid")
 RESULT_BYTES = 20_000_000
 """Approximate size of a result [bytes]."""
 MOST_LIMIT_S = 1e6
@@ -59,7 +62,8 @@ class MakeFlags:
     or .json."""
     library: str | None = None
     """Use the parts of a procedural category, e.g. cabinet:3, or of the folder of a
-    PartNet-Mobility object."""
+    PartNet-Mobility object. With --actor vlm or hybrid also procedural or a folder of many such
+    folders, from which a model chooses."""
     out: Path | None = None
     """Folder that is made; by default made/<object>. An earlier result there is replaced."""
     joint: str = "auto"
@@ -120,6 +124,13 @@ class MakeFlags:
             raise ConfigError("--parts and --library are given; give one of them")
         self._check_values()
 
+    @property
+    def chooses(self) -> bool:
+        """True if a model chooses the parts from a library of many objects."""
+        from articulate.reconstruct.library_choice import is_many
+
+        return self.library is not None and self.actor in MODEL_ACTORS and is_many(self.library)
+
     def _check_values(self) -> None:
         """Check numbers, and that the page is not combined with results for programs."""
         if self.studio and (self.json or self.dry_run):
@@ -145,6 +156,8 @@ class MakeFlags:
             ("--parts", self.parts is not None),
             ("--library", self.library is not None),
             ("--actor", self.actor != "auto"),
+            ("--model", bool(self.model)),
+            ("--budget", bool(self.budget)),
             ("--iterations", self.iterations is not None),
             ("--dry-run", self.dry_run),
             ("--camera-file", self.camera_file is not None),
@@ -157,6 +170,8 @@ class MakeFlags:
         for flag, is_set in (
             ("--actor", self.actor != "auto"),
             ("--joint", self.joint not in {"auto", "all"}),
+            ("--model", bool(self.model)),
+            ("--budget", bool(self.budget)),
             ("--iterations", self.iterations is not None),
             ("--dry-run", self.dry_run),
             ("--camera-file", self.camera_file is not None),
@@ -178,11 +193,29 @@ def main(argv: Sequence[str]) -> int:
     if flags.parts is None and flags.library is None:
         return _print(flags, _generate(flags))
     # These read meshes and videos, which --help does without.
-    from articulate.reconstruct.actors.vlm.options import ModelOptions
+    from articulate.reconstruct.actors.vlm.options import LEDGER, ModelOptions
+
+    query = _query(flags)
+    if flags.dry_run and flags.chooses:
+        raise ConfigError(
+            f"--dry-run --library {flags.library}: later requests depend on the chosen object; "
+            "give one object, e.g. cabinet:3"
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        models = ModelOptions(
+            model=flags.model, budget=flags.budget, ledger=str(Path(folder) / LEDGER)
+        )
+        if flags.model == "" and not flags.budget and not flags.chooses:
+            models = ModelOptions()
+        part_set = _part_set(flags, query, models)
+        return _make(flags, query, part_set, models)
+
+
+def _make(flags: MakeFlags, query: Query, part_set: PartSet, models: ModelOptions) -> int:
+    """Find the joints of known parts, write and print."""
     from articulate.reconstruct.make import dry_run, make
     from articulate.reconstruct.result import MakeRequest
 
-    query, part_set = _query(flags), _part_set(flags)
     camera = _camera(flags, query)
     out = flags.out or Path("made") / part_set.name
     require_space(out, RESULT_BYTES, f"making {part_set.name}")
@@ -191,7 +224,7 @@ def main(argv: Sequence[str]) -> int:
         out=out,
         cache=cache,
         actor=flags.actor,
-        models=ModelOptions(model=flags.model, budget=flags.budget),
+        models=models,
         joint=flags.joint,
         iterations=flags.iterations,
         limit_s=flags.limit,
@@ -289,9 +322,12 @@ def _query(flags: MakeFlags) -> Query:
     return text_query(text)
 
 
-def _part_set(flags: MakeFlags) -> PartSet:
+def _part_set(flags: MakeFlags, query: Query, models: ModelOptions) -> PartSet:
+    from articulate.reconstruct.library_choice import choose_parts
     from articulate.reconstruct.part_set import library_part_set, read_part_set
 
+    if flags.library is not None and flags.chooses:
+        return choose_parts(query, flags.library, models)
     if flags.library is not None:
         return library_part_set(flags.library)
     assert flags.parts is not None

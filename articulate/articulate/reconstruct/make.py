@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from articulate.assets.check_report import CheckReport
-from articulate.errors import ConfigError, UsageError, nearest, quote
+from articulate.errors import ConfigError, UsageError, nearest, quote, shorten
 from articulate.files import copy_writable, write_json
 from articulate.preparation.batch import Batch, Item
 from articulate.preparation.store import check_out, export
@@ -82,6 +82,7 @@ def make(query: Query, part_set: PartSet, camera: Camera, request: MakeRequest) 
     start = time.monotonic()
     _check_joint(request.joint, part_set)
     prediction, actor_name = _predict(query, part_set, camera, request)
+    prediction = replace(prediction, trace=(*part_set.trace, *prediction.trace))
     if not part_set.placed:
         part_set = part_set.with_placements(prediction.placements)
     source = PredictionSource(query=query, camera=camera, actor=actor_name, start=start)
@@ -242,7 +243,7 @@ def _evidence(query: Query, part_set: PartSet, camera: Camera, request: MakeRequ
         video=query.video,
         times_s=query.times_s,
         image=query.image,
-        camera=None if query.modality == "text" else camera,
+        camera=None if query.modality == "text" or not part_set.aligned else camera,
         text=f"{query.text} {part_set.kind}".strip(),
         seed=request.seed,
     )
@@ -341,9 +342,11 @@ def _doubts(record: MakeRecord) -> list[str]:
     if unsure:
         names = ", ".join(f"{j.part} ({j.confidence:.2f})" for j in unsure)
         doubts.append(f"the actor has little confidence in {names}")
+    if not record.part_set.aligned:
+        doubts.append(f"the parts are those of a similar object: {shorten(record.part_set.source)}")
     if query.text:
         doubts += count_mismatch(query.text, record.part_set.labels.values())
-    if query.image is not None:
+    if query.image is not None and record.part_set.aligned:
         share = overlap(query, record.part_set, record.camera)
         if share < MIN_OVERLAP:
             doubts.append(

@@ -28,6 +28,7 @@ from articulate.formats.part_names import plain_label, semantic_names
 from articulate.formats.read_urdf import read_urdf
 from articulate.library import PartNetLibrary, ProceduralLibrary
 from articulate.library.partnet import URDF_NAME
+from articulate.reconstruct.actors.protocol import TraceStep
 from articulate.reconstruct.link_meshes import (
     HALF_TURN,
     link_pieces,
@@ -83,6 +84,11 @@ class PartSet:
     """True if lengths are those of a data set that scales all objects to one size."""
     placed: bool = True
     """False if each part has the centre of its box at the origin."""
+    aligned: bool = True
+    """False if the parts are those of a similar object, which the camera of the query does not
+    show."""
+    trace: tuple[TraceStep, ...] = ()
+    """Stages of the choice of the parts."""
 
     def with_placements(self, placements: Mapping[str, Array]) -> PartSet:
         """Return the parts moved by their poses (4, 4) in ``o``."""
@@ -204,7 +210,8 @@ def _partnet(folder: Path) -> PartSet:
     if not (folder / URDF_NAME).is_file():
         PartNetLibrary(folder)  # rejects a folder without objects
         raise AssetError(
-            f"--library {folder}: contains several objects; give the folder of one of them"
+            f"--library {folder}: contains several objects; give the folder of one of them, "
+            "or let a model choose with --actor vlm"
         )
     library = PartNetLibrary(folder.resolve().parent)
     object_id = folder.resolve().name

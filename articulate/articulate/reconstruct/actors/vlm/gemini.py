@@ -49,6 +49,8 @@ class GeminiFormat:
     def read(self, body: Mapping[str, Any]) -> Answer:
         """Read the first candidate, without thoughts."""
         usage = body.get("usageMetadata") or {}
+        if "candidates" not in body and "promptFeedback" not in body:
+            raise KeyError("candidates")
         candidates = body.get("candidates") or []
         first = candidates[0] if candidates else {}
         finish = text_of(first.get("finishReason"))

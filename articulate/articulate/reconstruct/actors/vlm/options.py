@@ -16,6 +16,7 @@ from articulate.reconstruct.actors.vlm.budget import Budget, BudgetLimits, Usage
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
 from articulate.reconstruct.actors.vlm.joint_critic import JointCritic
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor
+from articulate.reconstruct.actors.vlm.model_session import ModelSession
 from articulate.reconstruct.actors.vlm.providers import create_model
 
 LEDGER = "model_usage.json"
@@ -67,6 +68,13 @@ class ModelOptions:
         spec = open_recording(folder, self.model, create_model(self.model).spec)
         return replace(self, model=spec, record=str(folder), ledger=str(folder / LEDGER))
 
+    def session(self) -> ModelSession:
+        """Open a session with the model, its budget and stored answers."""
+        limits = BudgetLimits.from_words(self.budget)
+        budget = Budget(limits=limits, ledger=Path(self.ledger) if self.ledger else None)
+        cache = Path(self.record) if self.record else cache_folder()
+        return ModelSession(model=create_model(self.model, budget), cache=cache)
+
     def apply(self, actor: Actor) -> Actor:
         """Return an actor that uses these settings.
 
@@ -75,12 +83,8 @@ class ModelOptions:
         """
         if self == ModelOptions():
             return actor
-        limits = BudgetLimits.from_words(self.budget)
-        ledger = Path(self.ledger) if self.ledger else None
-        shared: dict[str, Any] = {
-            "model": create_model(self.model, Budget(limits=limits, ledger=ledger)),
-            "cache": Path(self.record) if self.record else cache_folder(),
-        }
+        session = self.session()
+        shared: dict[str, Any] = {"model": session.model, "cache": session.cache}
         changed = _with(actor, shared, self.examples)
         if changed is actor:
             raise ConfigError(
