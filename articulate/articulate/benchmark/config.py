@@ -35,6 +35,8 @@ class BenchmarkConfig:
     """Frames of a video."""
     fps: float = 24.0
     """Frames per second."""
+    query_limit_s: float = 600.0
+    """Processor time after which a query has no answer and its joints are wrong [s]."""
     seed: int = 0
     """Seed of the order and names of parts, of noise, and of the actor."""
 

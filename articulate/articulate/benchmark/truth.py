@@ -178,6 +178,11 @@ def _true_joint(
     apart = {j.child for j in source.joints if j.kind != "fixed" and not _can_be_scored(j)}
     stop = (movable | apart) - {known.link}
     rigid = [name for name in _below(source.joints, known.link, stop) if name in seen]
+    helpers = _helpers(source.joints, movable, seen)
+    status: Status = known.status
+    if helpers & {known.link, *_above(source.joints, known.link)}:
+        status = "compound"
+    rigid = rigid or (moves if known.link in helpers else [])
     if not rigid:
         raise AssetError(f"{source.path}: the moving link {known.link} has no visible geometry")
     parents = {joint.child: joint.parent for joint in source.joints}
@@ -197,9 +202,24 @@ def _true_joint(
         upper=None if known.upper is None else unit * known.upper,
     )
     # Some URDFs have swapped limits; predictions are ordered as well.
-    return TrueJoint(
-        joint=ordered(joint), status=known.status, moves=tuple(moves), rigid=tuple(rigid)
-    )
+    return TrueJoint(joint=ordered(joint), status=status, moves=tuple(moves), rigid=tuple(rigid))
+
+
+def _helpers(joints: Sequence[SourceJoint], movable: set[str], seen: set[str]) -> set[str]:
+    """Return moving links without geometry that another joint follows: a slide and a turn in a row.
+
+    The part that both move has no single joint.
+    """
+    return {
+        joint.parent
+        for joint in joints
+        if joint.child in movable and joint.parent in movable - seen
+    }
+
+
+def _above(joints: Sequence[SourceJoint], link: str) -> list[str]:
+    """Return the parent of ``link`` as a list, empty for the root."""
+    return [joint.parent for joint in joints if joint.child == link]
 
 
 def _below(joints: Sequence[SourceJoint], link: str, stop: set[str]) -> list[str]:

@@ -219,3 +219,14 @@ def test_what_is_predicted_for_a_part_fixed_to_the_moving_one_counts(subject):
             return replace(said, joints=on_knob)
 
     assert outcomes(run_object(fixed_along, Knob(fixed_along), settings()))["link_2"] == "success"
+
+
+def test_a_query_that_takes_too_long_has_no_answer(subject):
+    class Endless(Oracle):
+        def predict(self, evidence):
+            while True:
+                pass
+
+    record = run_object(subject, Endless(subject), settings(query_limit_s=0.2))
+    assert record["cases"][0]["rejection"] == "more than 0.2 s of processor time"
+    assert set(outcomes(record).values()) == {"joint_type"}

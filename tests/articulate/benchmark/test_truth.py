@@ -146,6 +146,20 @@ def test_a_moving_link_without_geometry_is_refused(tmp_path, error_line):
     )
 
 
+def test_a_slide_and_a_turn_in_a_row_are_compound_and_both_move_the_visible_part(tmp_path):
+    joints = [("a", "helper", "prismatic", '<limit lower="0" upper="1"/>')]
+    joints += [("helper", "cap", "continuous", "")]
+    path = write_urdf(tmp_path, ("a", "helper", "cap"), joints)
+    text = path.read_text()
+    start = text.index('<link name="helper">')
+    end = text.index("</link>", start)
+    path.write_text(text[:start] + '<link name="helper">' + text[end:])
+    slide, turn = FolderDataset(tmp_path).load("cubes").joints
+    assert (slide.joint.kind, turn.joint.kind) == ("prismatic", "continuous")
+    assert slide.rigid == turn.rigid == ("cap",)
+    assert slide.status == turn.status == "compound"
+
+
 def test_a_cycle_of_joints_is_refused(tmp_path):
     path = tmp_path / "cycle.urdf"
     path.write_text(
