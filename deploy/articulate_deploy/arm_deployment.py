@@ -22,6 +22,9 @@ from articulate.errors import (
     UsageError,
     shorten,
 )
+from articulate.robot.arm import Arm
+from articulate.task.floor_pose import FloorPose
+from articulate.transforms import Array
 from articulate_deploy.arms.client import ClientSpec
 from articulate_deploy.arms.connection import LOCKSTEP_S, START_S
 from articulate_deploy.bundle import Bundle, load_bundle
@@ -36,6 +39,7 @@ from articulate_deploy.report import DeployReport, make_report
 from articulate_deploy.robots.arm import ArmOptions, ArmRobot
 from articulate_deploy.safety import ToolLimits
 from articulate_deploy.time_scale import check_speed_scale, scaled_manifest
+from articulate_deploy.wire.limits import FR3_LIMITS
 
 if TYPE_CHECKING:
     from articulate_deploy.estimators.object_state import ObjectStateEstimator
@@ -54,6 +58,8 @@ CLIENTS_OF = {
     "bridge": ("bridge",),
 }
 """Clients of each robot."""
+FR3_MARGIN_RAD = 0.1
+"""Distance from the joint limits of the FR3 [rad]."""
 NOTICE = (
     "This program is no safety function. Keep the user stop within reach and people out of reach. "
     "Enter stops the arm."
@@ -72,6 +78,9 @@ class ArmRequest:
     """Client; by default that of the robot."""
     estimator: Path | None = None
     """Estimator file (:mod:`articulate_deploy.estimators.setup`); a simulated robot needs none."""
+    placement: FloorPose | None = None
+    """Placement of the object instead of that in the estimator file. Without such a file, the arm's
+    kinematics are the estimator."""
     speed_scale: float = 1.0
     """Speed of the policy's clock."""
     tool_limits: ToolLimits = field(default_factory=ToolLimits)
@@ -94,6 +103,11 @@ class ArmRequest:
             raise ConfigError(
                 f"--client {shorten(self.client)}: not for --robot {self.robot}; known: {known}"
             )
+
+    @property
+    def has_sensors(self) -> bool:
+        """True if the state of the object is measured, also on a simulated robot."""
+        return self.estimator is not None or self.placement is not None
 
 
 def deploy_on_arm(
@@ -158,21 +172,22 @@ class _Session:
         show: Callable[[str], None],
     ) -> None:
         self._policy, self._request, self._plan, self._show = policy, request, plan, show
-        self._manifest = scaled_manifest(bundle.manifest, request.speed_scale)
+        scaled = scaled_manifest(bundle.manifest, request.speed_scale)
+        self._manifest = replace(scaled, robot=common_limits(scaled.robot, request.robot))
         self._simulated = simulated
         client = request.client or DEFAULT_CLIENTS[request.robot]
         lockstep = simulated is not None and client != "franka-rs"
         if not request.yes and not sys.stdin.isatty():
             raise UsageError("motions of an arm are confirmed at a terminal; use one, or --yes")
-        if simulated is None and request.estimator is None:
+        if simulated is None and not request.has_sensors:
             raise ConfigError(
                 f"--robot {request.robot} at {request.address} needs --estimator FILE: the state "
                 "of the object is not known there"
             )
-        if request.estimator is not None:
-            from articulate_deploy.estimators.setup import load_sensors  # late: OpenCV
+        if request.has_sensors:
+            from articulate_deploy.estimators.setup import check_sensors  # late: OpenCV
 
-            load_sensors(request.estimator)  # before anything is connected
+            check_sensors(request.estimator, self._manifest, request.placement)
         self._sensors: ObjectStateEstimator | None = None
         self.robot = ArmRobot(
             self._manifest,
@@ -198,8 +213,8 @@ class _Session:
             raise UsageError("not confirmed; nothing was moved")
 
     def _estimator(self, k: int) -> Estimator:
-        if self._request.estimator is not None:
-            return self._sensor_estimator(self._request.estimator)
+        if self._request.has_sensors:
+            return self._sensor_estimator()
         assert self._simulated is not None
         return TruthEstimator(
             self._simulated,
@@ -209,20 +224,25 @@ class _Session:
             self._plan.noise(k),
         )
 
-    def _sensor_estimator(self, file: Path) -> Estimator:
-        """Return the estimator of a file; its camera is opened once."""
+    def _sensor_estimator(self) -> Estimator:
+        """Return the estimator of the request; its camera is opened once."""
         from articulate_deploy.estimators import setup  # late: OpenCV
 
+        request = self._request
         if self._sensors is not None:
             return self._sensors
         if self._simulated is None:
-            self._sensors = setup.sensor_estimator(file, self._manifest, self.robot)
+            self._sensors = setup.sensor_estimator(
+                request.estimator, self._manifest, self.robot, request.placement
+            )
         else:
             view: Any = SimpleNamespace(
                 object_state=self._simulated.object_state,
                 get_observation=self.robot.get_observation,
             )
-            self._sensors = setup.rendered_estimator(file, self._manifest, view)
+            self._sensors = setup.rendered_estimator(
+                request.estimator, self._manifest, view, request.placement
+            )
         return self._sensors
 
     def close(self) -> None:
@@ -237,6 +257,8 @@ class _Session:
         if self._simulated is not None:
             self._simulated.set_episode_params(params)
             self._simulated.reset_to(start, manifest.start.gripper_width_m)
+        if self._request.has_sensors and not self.robot.has_moved:
+            self._sensor_estimator().reset()  # the object is visible and at its placement
         self.robot.reset_to(start, manifest.start.gripper_width_m)
         recording = None if out is None else EpisodeLog(out, k)
         try:
@@ -273,6 +295,29 @@ class _Session:
         if self._simulated is not None:
             out["limit_faults"] = float(sum(self._simulated.violations.values()))
         return out
+
+
+def common_limits(arm: Arm, robot: str) -> Arm:
+    """Return the arm of a bundle with limits that hold on ``robot`` too.
+
+    The FR3 has the kinematics of the Panda, but other limits; its speed limits fall to 0 near the
+    ends of the joints, from which :data:`FR3_MARGIN_RAD` keeps away.
+    """
+    envelope = FR3_LIMITS.envelope
+    if robot != "fr3" or envelope is None:
+        return arm
+
+    def seven(values: Array) -> Any:
+        return tuple(float(v) for v in values)
+
+    return replace(
+        arm,
+        q_min=seven(np.maximum(arm.q_min, envelope.q_low + FR3_MARGIN_RAD)),
+        q_max=seven(np.minimum(arm.q_max, envelope.q_high - FR3_MARGIN_RAD)),
+        dq_max=seven(np.minimum(arm.dq_max, FR3_LIMITS.dq_max)),
+        ddq_max=seven(np.minimum(arm.ddq_max, FR3_LIMITS.ddq_max)),
+        dddq_max=seven(np.minimum(arm.dddq_max, FR3_LIMITS.dddq_max)),
+    )
 
 
 def _simulated(path: Path, request: ArmRequest, stack: ExitStack) -> SimulatedArm | None:

@@ -10,11 +10,14 @@ from articulate.markers.camera_calibration import CameraPose, save_calibration, 
 from articulate.markers.layout import Marker, MarkerLayout, save_layout
 from articulate.render.camera import look_at
 from articulate.robot.arm import PANDA
+from articulate.task.floor_pose import FloorPose
 from articulate.task.object_placement import handle_poses
 from articulate.task.randomization import nominal_params
 from articulate.transforms import inverse, matrix_to_quat
+from articulate_deploy.arm_deployment import common_limits
 from articulate_deploy.estimators.rendered_camera import arm_occluders
 from articulate_deploy.estimators.setup import (
+    check_sensors,
     load_sensors,
     rendered_estimator,
     sensor_estimator,
@@ -98,3 +101,22 @@ def test_files_that_do_not_fit_are_errors(bundle, tmp_path, error_line):
     assert load_sensors(file).layout is None
     with pytest.raises(ConfigError):
         load_sensors(tmp_path / "absent.yaml")
+
+
+def test_an_object_that_is_not_where_the_policy_was_trained_is_an_error(bundle, error_line):
+    manifest = bundle.manifest
+    placed = manifest.placement
+    x, y, z = placed.pos_w
+
+    def at(shift_m):
+        yaw = float(np.degrees(placed.yaw_rad))
+        return FloorPose(x_m=x + shift_m, y_m=y, yaw_deg=yaw, z_m=z)
+
+    check_sensors(None, manifest, at(0.05))
+    error_line("check_sensors(placement)", lambda: check_sensors(None, manifest, at(0.10)))
+    limits = common_limits(manifest.robot, "fr3")
+    low, high = limits.bounds()
+    assert np.all(low >= manifest.robot.bounds()[0])
+    assert np.all(high <= manifest.robot.bounds()[1])
+    assert limits.q_min[5] > 0.6  # the FR3 bends joint 6 less than the Panda
+    assert common_limits(manifest.robot, "panda") is manifest.robot

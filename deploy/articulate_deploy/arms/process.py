@@ -104,7 +104,8 @@ def check_mode(state: ArmState, address: str) -> None:
     if state.mode == USER_STOP:
         raise arm_error("User stopped", address)
     raise CommandRejectedError(
-        f"{address}: the arm is in the mode {state.mode}; end guiding and other programs first"
+        f"{address}: the arm is in the mode {state.mode}; open its brakes, and end guiding and "
+        "other programs first"
     )
 
 

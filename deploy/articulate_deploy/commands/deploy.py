@@ -46,6 +46,10 @@ class DeployFlags:
     estimator: Path | None = None
     """Estimator file of a real arm: camera, markers, or the arm's kinematics. A simulated arm needs
     none."""
+    placement: tuple[float | Path, ...] | None = None
+    """Pose of the object before a real arm: x y [m], yaw [degrees] and optionally the height z of
+    its floor [m]; or a file from `articulate locate`. By default that of the estimator file or of
+    training."""
     speed_scale: float = 1.0
     """Speed of the policy's clock, in [0.05, 1]: 0.5 doubles the time of each control step."""
     tool_speed: float = 0.25
@@ -89,7 +93,7 @@ class DeployFlags:
         if not 0.0 < self.tool_speed <= 1.7:
             raise ConfigError(f"--tool-speed is {self.tool_speed}; it must be in (0, 1.7] m/s")
         arm = next((name for name in self.robot if name in ARMS), None)
-        for name in ("address", "estimator"):
+        for name in ("address", "estimator", "placement"):
             if arm is None and getattr(self, name):
                 raise ConfigError(f"--{name}: only for a real arm; name one: {', '.join(ARMS)}")
         if arm is not None and len(self.robot) > 1:
@@ -155,6 +159,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _run_on_arm(flags: DeployFlags, progress: Callable[[str, int, EpisodeResult], None]) -> int:
     """Run on a real arm; return 3 if the success rate is below the required one."""
+    from articulate.task.floor_pose import parse_floor_pose  # late: NumPy
     from articulate_deploy.arm_deployment import ArmRequest, deploy_on_arm
     from articulate_deploy.plan import EpisodeRequest
     from articulate_deploy.safety import ToolLimits
@@ -165,6 +170,7 @@ def _run_on_arm(flags: DeployFlags, progress: Callable[[str, int, EpisodeResult]
         address=flags.address,
         client=flags.client,
         estimator=flags.estimator,
+        placement=None if flags.placement is None else parse_floor_pose(flags.placement),
         speed_scale=flags.speed_scale,
         tool_limits=ToolLimits(speed_m_s=flags.tool_speed, low_w=(x0, y0, z0), high_w=(x1, y1, z1)),
         yes=flags.yes,

@@ -215,21 +215,13 @@ class ObjectStateEstimator:
 
     def _check_placement(self) -> None:
         """Raise PlacementError if the object is not where its placement is."""
-        handle_o = self._path.at(np.zeros(()))[:3, 3]
-        expected = self._thing.T_wo
-        shift = apply(self._T_wo, handle_o) - apply(expected, handle_o)
-        distance = float(np.linalg.norm(shift))
-        turn = float(angle_between(self._T_wo[:3, 0], expected[:3, 0]))
-        bounds = self._config
-        if distance > bounds.placement_m or turn > bounds.placement_rad:
-            x, y, z = shift
-            raise PlacementError(
-                f"{self._thing.asset.name}: its handle is {100 * distance:.1f} cm and the object "
-                f"{np.degrees(turn):.0f} degrees from the placement, more than "
-                f"{100 * bounds.placement_m:.0f} cm or {np.degrees(bounds.placement_rad):.0f} "
-                f"degrees; move the object by {-100 * x:.1f} {-100 * y:.1f} {-100 * z:.1f} cm, or "
-                "measure it with articulate locate"
-            )
+        check_placement(
+            self._thing,
+            self._T_wo,
+            self._config,
+            "the placement",
+            "measure it with articulate locate",
+        )
 
     def update(self) -> None:
         """Take in the measurements of a control step.
@@ -321,6 +313,37 @@ class ObjectStateEstimator:
         if self._camera is None:
             return "the gripper does not hold the handle"
         return f"camera {self._camera.name}: {self._camera.describe()}"
+
+
+def check_placement(
+    thing: EstimatedObject, T_wo: Array, bounds: EstimatorConfig, place: str, advice: str
+) -> None:
+    """Check that an object at ``T_wo`` (4, 4) [m] is near its placement.
+
+    Args:
+        thing: Object at its placement.
+        T_wo: Measured or given pose in the base frame.
+        bounds: Largest distance and rotation.
+        place: Name of the placement, for the message.
+        advice: Alternative to moving the object, for the message.
+
+    Raises:
+        PlacementError: It is not.
+    """
+    path = handle_path_of(thing.asset, thing.joint, flip=thing.flip)
+    handle_o = path.at(np.zeros(()))[:3, 3]
+    shift = apply(T_wo, handle_o) - apply(thing.T_wo, handle_o)
+    distance = float(np.linalg.norm(shift))
+    turn = float(angle_between(T_wo[:3, 0], thing.T_wo[:3, 0]))
+    if distance <= bounds.placement_m and turn <= bounds.placement_rad:
+        return
+    x, y, z = shift
+    raise PlacementError(
+        f"{thing.asset.name}: its handle is {100 * distance:.1f} cm and the object "
+        f"{np.degrees(turn):.0f} degrees from {place}, more than {100 * bounds.placement_m:.0f} cm "
+        f"or {np.degrees(bounds.placement_rad):.0f} degrees; move the object by {-100 * x:.1f} "
+        f"{-100 * y:.1f} {-100 * z:.1f} cm, or {advice}"
+    )
 
 
 def estimated_object(manifest: Manifest) -> EstimatedObject:

@@ -43,6 +43,7 @@ from articulate_deploy.estimators.object_state import (
     EstimatedObject,
     EstimatorConfig,
     ObjectStateEstimator,
+    check_placement,
     estimated_object,
     placed_at,
 )
@@ -130,19 +131,27 @@ class SteppedEstimator(ObjectStateEstimator):
         super().update()
 
 
-def load_sensors(path: Path) -> _Sensors:
+def load_sensors(path: Path | None, placement: FloorPose | None = None) -> _Sensors:
     """Read an estimator file and the files that it names.
+
+    Args:
+        path: Estimator file; None for the arm's kinematics only.
+        placement: Placement of the object instead of that in the file.
 
     Raises:
         ConfigError: A file cannot be used, or the calibration is of another camera.
     """
+    if path is None:
+        return _Sensors(EstimatorFile(kind="arm"), None, None, None, placement)
     config = from_mapping(EstimatorFile, read_yaml(path), str(path))
 
     def at(file: Path | None) -> Path:
         assert file is not None
         return path.parent / file
 
-    location = None if config.placement is None else load_location(at(config.placement)).pose
+    location = placement
+    if location is None and config.placement is not None:
+        location = load_location(at(config.placement)).pose
     if config.kind == "arm":
         return _Sensors(config, None, None, None, location)
     calibration = load_calibration(at(config.calibration))
@@ -152,19 +161,32 @@ def load_sensors(path: Path) -> _Sensors:
     return _Sensors(config, layout, calibration, camera_pose.T_wc, location)
 
 
-def sensor_estimator(path: Path, manifest: Manifest, robot: Readable) -> ObjectStateEstimator:
+def check_sensors(path: Path | None, manifest: Manifest, placement: FloorPose | None) -> None:
+    """Read all files of an estimator and check the placement, before anything is connected.
+
+    Raises:
+        ConfigError: A file cannot be used.
+        PlacementError: The object is not where the policy was trained.
+    """
+    _object(manifest, load_sensors(path, placement))
+
+
+def sensor_estimator(
+    path: Path | None, manifest: Manifest, robot: Readable, placement: FloorPose | None = None
+) -> ObjectStateEstimator:
     """Return the estimator of a real arm that a file describes, with its camera open.
 
     Args:
-        path: Estimator file.
+        path: Estimator file; None for the arm's kinematics only.
         manifest: Object, arm and placement.
         robot: Connected robot.
+        placement: Placement of the object instead of that in the file.
 
     Raises:
         ConfigError: A file cannot be used.
         CameraError: The camera cannot be opened.
     """
-    sensors = load_sensors(path)
+    sensors = load_sensors(path, placement)
     camera: CameraTracking | None = None
     if sensors.layout is not None and sensors.calibration is not None:
         if sensors.config.device == RENDERED:
@@ -185,22 +207,28 @@ def sensor_estimator(path: Path, manifest: Manifest, robot: Readable) -> ObjectS
 
 
 def rendered_estimator(
-    path: Path, manifest: Manifest, robot: SimulatedRobot, *, seed: int = 0
+    path: Path | None,
+    manifest: Manifest,
+    robot: SimulatedRobot,
+    placement: FloorPose | None = None,
+    *,
+    seed: int = 0,
 ) -> ObjectStateEstimator:
     """Return the estimator of a simulated robot that a file describes, with rendered images.
 
     The success criteria use the true state.
 
     Args:
-        path: Estimator file.
+        path: Estimator file; None for the arm's kinematics only.
         manifest: Object, arm and placement.
         robot: Simulated robot.
+        placement: Placement of the object instead of that in the file.
         seed: Seed of the images.
 
     Raises:
         ConfigError: A file cannot be used.
     """
-    sensors = load_sensors(path)
+    sensors = load_sensors(path, placement)
     clock = StepClock(manifest.control.step_s)
     camera: CameraTracking | None = None
     if sensors.layout is not None and sensors.calibration is not None:
@@ -235,7 +263,11 @@ def _tracker(
 
 def _object(manifest: Manifest, sensors: _Sensors) -> EstimatedObject:
     thing = estimated_object(manifest)
-    return thing if sensors.at is None else placed_at(thing, sensors.at.T_wo())
+    if sensors.at is None:
+        return thing
+    T_wo, advice = sensors.at.T_wo(), "train a policy there with train --placement"
+    check_placement(thing, T_wo, _bounds(sensors), "the placement of training", advice)
+    return placed_at(thing, T_wo)
 
 
 def _arm(
