@@ -216,13 +216,12 @@ class _Connection:
 
     def __init__(self, model: HttpModel, key: str) -> None:
         self._httpx = _package()
-        check_network_settings()
         self._model, self._key = model, key
+        names = sorted(name for name in os.environ if ENVIRONMENT.fullmatch(name))
+        self._client = _client(tuple((name, os.environ[name]) for name in names))
         self._proxy = proxy_of(model.url)
         if self._proxy is not None:
             check_connection(self._proxy)
-        names = sorted(name for name in os.environ if ENVIRONMENT.fullmatch(name))
-        self._client = _client(tuple((name, os.environ[name]) for name in names))
 
     def post(self, body: Mapping[str, Any]) -> tuple[int, Mapping[str, str], bytes]:
         """Send JSON and return status, headers and content of the reply.
@@ -339,6 +338,7 @@ def _error_message(content: bytes) -> str:
 @functools.lru_cache(maxsize=4)
 def _client(environment: tuple[tuple[str, str], ...]) -> Any:
     """Return a client that keeps connections open; one for each state of the environment."""
+    check_network_settings()
     return _package().Client()
 
 

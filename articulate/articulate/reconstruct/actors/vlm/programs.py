@@ -13,7 +13,7 @@ from articulate.formats.load_meshes import GREY, Piece
 from articulate.reconstruct.actors.protocol import PredictedJoint
 from articulate.reconstruct.actors.vlm.answers import ProgramAnswer
 from articulate.reconstruct.actors.vlm.model import Request
-from articulate.reconstruct.actors.vlm.model_session import ModelSession
+from articulate.reconstruct.actors.vlm.model_session import MAX_ECHO, ModelSession
 from articulate.reconstruct.actors.vlm.schema import MAX_ERROR, AnswerError
 from articulate.reconstruct.program.program_parts import Parts, ProgramPart
 from articulate.reconstruct.program.result import ObjectJoint, ProgramError, ProgramObject
@@ -62,7 +62,8 @@ def runnable_program(
         if isinstance(found, ProgramObject) and not error:
             return source, found
         request = request.after(
-            source, f"The program is invalid: {error}\nCorrect it and write the complete program."
+            source[:MAX_ECHO],
+            f"The program is invalid: {error}\nCorrect it and write the complete program.",
         )
     reason = shorten(error, MAX_ERROR)
     raise AnswerError(f"{session.model.name}: {MAX_PROGRAMS} invalid programs in a row; {reason}")

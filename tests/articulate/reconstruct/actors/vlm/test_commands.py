@@ -12,6 +12,7 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 from articulate import commands
 from articulate.commands import benchmark, make
 from articulate.commands.console import NORMAL, set_level
+from articulate.render.image import png
 
 TEXT = ["--text", "a cabinet with one drawer", "--library", "cabinet:3"]
 
@@ -81,3 +82,104 @@ def test_a_benchmark_without_a_key_ends_at_once_instead_of_scoring_nothing(tmp_p
     assert commands.main(["benchmark", *said]) == 2
     assert "no API key" in capsys.readouterr().err
     assert not (tmp_path / "out" / "results.json").exists()
+
+
+def joints_answer(heard):
+    """Reply to the requests for joints, whatever the parts are."""
+    names = [line.split()[1] for line in heard.text.splitlines() if line.startswith("- ")]
+    if "failure" in heard.fields:
+        texts = {"observed": "a door", "predicted": "it turns", "reason": "no difference"}
+        return saying({**texts, "failure": "success", "rating": 9})
+    if "correction" in heard.fields:
+        return saying({"differences": "none", "correction": "", "rating": 9})
+    *_, first, second = names
+    if "taken apart" in heard.system:
+        places = [f'place("{n}", vec({0.3 * k}, 0, 0.5))' for k, n in enumerate(names[-2:])]
+        return saying({"observation": "", "program": "\n".join(places)})
+    source = f'revolute("{second}", "{first}", axis=vec(0, 0, 1), pivot=box("{second}").low, '
+    return saying({"observation": "", "program": source + "lower=0.0, upper=1.0)"})
+
+
+@pytest.mark.slow
+def test_a_benchmark_is_recorded_once_and_replayed_without_key(
+    serve, tmp_path, monkeypatch, capsys
+):
+    index = write_index(tmp_path, ("a",))
+    server = serve(joints_answer)
+    argv = [str(index), "--modality", "text", "--actor", "vlm", "--record", "record", "-q"]
+    assert benchmark.main([*argv, "--out", "first"]) == 0
+    n_calls = len(server.heard)
+    assert n_calls >= 2
+    assert f"{n_calls} calls" in capsys.readouterr().out
+    first = json.loads((tmp_path / "first" / "results.json").read_text())
+    monkeypatch.delenv("GEMINI_API_KEY")
+    assert benchmark.main([*argv, "--out", "second"]) == 0
+    second = json.loads((tmp_path / "second" / "results.json").read_text())
+    assert len(server.heard) == n_calls
+    assert second["protocols"] == first["protocols"]
+    assert second["model"] == first["model"]
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert [path for path in files if KEY.encode() in path.read_bytes()] == []
+    capsys.readouterr()
+    used = ["--budget", "calls=0", "--rerun"]
+    monkeypatch.setenv("GEMINI_API_KEY", KEY)
+    new = [*argv[:-3], "--record", "other", *used, "--out", "third"]
+    assert commands.main(["benchmark", *new]) == 2
+    assert "--budget calls=0" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_an_object_for_a_text_is_assembled_from_a_library(serve, tmp_path, monkeypatch):
+    def answer(heard):
+        if "captions" in heard.fields:
+            names = [line.split()[1] for line in heard.system.splitlines() if line[:2] == "- "]
+            return saying({"captions": [{"part": n, "caption": f"a {n}"} for n in names]})
+        if "parts" in heard.fields:
+            body = {"name": "body", "description": "a body", "size": [0.3, 0.6, 0.9]}
+            door = {"name": "door", "description": "a door", "size": [0.02, 0.6, 0.9]}
+            return saying({"parts": [body, door]})
+        if "categories" in heard.fields:
+            return saying({"reason": "", "categories": ["Safe"]})
+        if "description" in heard.fields:
+            return saying({"reason": "", "description": "a safe with a door"})
+        return joints_answer(heard)
+
+    monkeypatch.setattr("articulate.reconstruct.library_choice.SEEDS", 1)
+    server = serve(answer)
+    argv = ["--text", "a safe", "--library", "procedural", "--actor", "vlm", "--out", "asset", "-q"]
+    assert make.main(argv) == 3  # doubtful: parts of other objects
+    made = json.loads((tmp_path / "asset" / "made.json").read_text())
+    assert [joint["part"] for joint in made["joints"]] == ["door"]
+    assert any("similar object" in reason for reason in made["reasons"])
+    assert "layout of 2 parts" in (tmp_path / "asset" / "trace.html").read_text()
+    assert len(server.heard) == 7
+
+
+@pytest.mark.slow
+def test_an_object_for_an_image_is_retrieved_from_a_library(serve, tmp_path, monkeypatch, image):
+    def answer(heard):
+        if "affordance" in heard.fields:
+            return saying({"description": "a safe", "kind": "safe", "affordance": "its door"})
+        if "categories" in heard.fields:
+            return saying({"reason": "", "categories": ["Safe"]})
+        if "candidate" in heard.fields:
+            return saying({"reason": "", "candidate": 2})
+        return joints_answer(heard)
+
+    monkeypatch.setattr("articulate.reconstruct.library_choice.SEEDS", 2)
+    serve(answer)
+    (tmp_path / "photo.png").write_bytes(png(image.image))
+    argv = ["--image", "photo.png", "--library", "procedural", "--actor", "vlm", "--out", "asset"]
+    assert make.main([*argv, "-q"]) == 3
+    made = json.loads((tmp_path / "asset" / "made.json").read_text())
+    assert any("safe-0001" in reason for reason in made["reasons"])
+
+
+def test_a_library_of_many_objects_needs_a_model_and_has_no_dry_run(error_line):
+    argv = ["--text", "a safe", "--library", "procedural", "--actor", "vlm", "--dry-run"]
+    error_line("make --library procedural --dry-run", lambda: make.main(argv))
+
+
+def test_a_model_for_an_actor_without_one_is_one_line(error_line):
+    argv = [*TEXT, "--actor", "geometric-text", "--model", "openai:m"]
+    error_line("make --actor geometric-text --model openai:m", lambda: make.main(argv))
