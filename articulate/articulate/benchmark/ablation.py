@@ -19,6 +19,9 @@ from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import Dataset
 from articulate.benchmark.records import Record
 from articulate.benchmark.summary import ScoredJoint, scored_joints, summary
+from articulate.errors import UsageError
+from articulate.reconstruct.actors.vlm.answer_store import RECORDING_FILE
+from articulate.reconstruct.actors.vlm.options import ModelOptions
 
 SCHEMA = "articulate.benchmark.ablation"
 SCHEMA_VERSION = 1
@@ -36,6 +39,9 @@ KEPT = (
 )
 """Values of ``results.json`` that a row of the table repeats."""
 NO_RECORDING = "no recording"
+INCOMPLETE = "recording lacks answers"
+REPLAY_ONLY = ("calls=0",)
+"""Budget of rows with a model: only recorded answers are used."""
 DISTRIBUTIONS = {
     "axis_rad": ("prismatic", "revolute", "continuous"),
     "origin_foot": ("revolute", "continuous"),
@@ -62,6 +68,8 @@ class AblationRun:
     jobs: int
     limit_s: float
     fresh: bool = False
+    recordings: Path | None = None
+    """Folder with a recording for each row with a model, named as the folder of the row."""
 
     def table(self, name: Ablation, progress: Progress) -> Record:
         """Run the rows of ``name`` that can be run and return its table.
@@ -77,7 +85,8 @@ class AblationRun:
     def _row(self, row: AblationRow, progress: Progress) -> Record:
         """Return one row; without numbers if it needs a recording that does not exist."""
         out: Record = {**dataclasses.asdict(row), "status": "measured", "results": None}
-        if row.model:
+        models = self._models(row)
+        if models is None:
             return {**out, "status": NO_RECORDING}
         config = dataclasses.replace(
             self.base, actor=row.actor, modality=row.modality, task=row.task
@@ -90,12 +99,27 @@ class AblationRun:
             out=self.out / row.folder,
             limit_s=self.limit_s,
             fresh=self.fresh,
+            models=models,
         )
         found = progress(batch.run(self.ids, self.jobs), len(self.ids), row.label)
-        records = list(found)
+        try:
+            records = list(found)
+        except UsageError:
+            if not row.model:
+                raise
+            return {**out, "status": INCOMPLETE}  # a new answer needs a key
         results = summary(records, config, self.dataset.name)
         kept = {name: results[name] for name in KEPT}
         return {**out, "results": kept | {"distributions": distributions(scored_joints(records))}}
+
+    def _models(self, row: AblationRow) -> ModelOptions | None:
+        """Return the settings that replay the recording of a row; None without one."""
+        if not row.model:
+            return ModelOptions()
+        folder = None if self.recordings is None else self.recordings / row.folder
+        if folder is None or not (folder / RECORDING_FILE).is_file():
+            return None
+        return ModelOptions(examples=row.examples, budget=REPLAY_ONLY).recorded(folder)
 
 
 def distributions(items: Sequence[ScoredJoint]) -> Record:

@@ -58,6 +58,8 @@ class BenchmarkFlags:
     budget: tuple[str, ...] = ()
     """Limits of the requests to the model: calls=N tokens=N usd=N; usd needs usd_in and usd_out,
     the costs of a million tokens."""
+    examples: Annotated[int | None, ADVANCED] = None
+    """Number of in-context examples of the actors vlm and hybrid, 0 to 20; by default 5."""
     record: Path | None = None
     """Folder that stores all answers of the model. With such a folder the run is repeated without
     key and network."""
@@ -235,7 +237,7 @@ def _models(flags: BenchmarkFlags) -> ModelOptions:
     """Return the settings of the actor's models; the use is counted over all processes."""
     from articulate.reconstruct.actors.vlm.options import LEDGER, ModelOptions
 
-    models = ModelOptions(model=flags.model, budget=flags.budget)
+    models = ModelOptions(model=flags.model, budget=flags.budget, examples=flags.examples)
     if flags.record is not None:
         return models if flags.dry_run else models.recorded(flags.record)
     if models != ModelOptions() or flags.actor in MODEL_ACTORS:
@@ -302,6 +304,7 @@ def _run_ablations(flags: BenchmarkFlags, command: str) -> dict[str, Any]:
         jobs=min(flags.jobs or os.cpu_count() or 1, len(ids)),
         limit_s=flags.limit,
         fresh=flags.rerun,
+        recordings=flags.record,
     )
     results = {
         "schema": SCHEMA,

@@ -8,6 +8,8 @@ from tests.articulate.benchmark.objects import write_index
 from articulate.benchmark import ablation
 from articulate.benchmark.ablation_rows import ROWS, AblationRow
 from articulate.commands.benchmark import main
+from articulate.reconstruct.actors.vlm.answer_store import open_recording
+from articulate.reconstruct.actors.vlm.gemini import KEY_VARIABLES
 
 TEXT = (
     AblationRow(label="joints, text", actor="geometric-text", modality="text"),
@@ -68,3 +70,17 @@ def test_ablations_that_cannot_be_run_are_rejected(tmp_path, argv, error_line):
         f"articulate benchmark assets.json {' '.join(argv)}",
         lambda: main([str(index), "--out", str(tmp_path / "out"), *argv]),
     )
+
+
+def test_a_row_with_a_model_replays_the_recording_in_its_folder(
+    tmp_path, capsys, text_rows, monkeypatch
+):
+    for variable in KEY_VARIABLES:
+        monkeypatch.delenv(variable, raising=False)
+    index = write_index(tmp_path, ("a",))
+    recording = tmp_path / "recordings" / TEXT[2].folder
+    open_recording(recording, "gemini:some-model", "gemini:some-model")
+    argv = [str(index), "--ablation", "modality", "--out", str(tmp_path / "out"), "--json"]
+    main([*argv, "--record", str(recording.parent)])
+    row = json.loads(capsys.readouterr().out)["ablations"][0]["rows"][2]
+    assert row["status"] == ablation.INCOMPLETE  # nothing was recorded, and there is no key
