@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from articulate.cache import entry_lock, touch
+from articulate.cache import cache_folder, entry_lock, touch
 from articulate.errors import ConfigError
 from articulate.files import has_schema, write_json
 from articulate.reconstruct.actors.vlm.model import Reply
@@ -63,7 +63,7 @@ class AnswerStore:
         if self.folder is None:
             yield
             return
-        with entry_lock(self.folder, f"{ANSWERS}-{key}"):
+        with entry_lock(cache_folder(), f"{ANSWERS}-{key}"):
             yield
 
     def _path(self, key: str) -> Path:

@@ -43,11 +43,10 @@ class ModelOptions:
         """Check the values."""
         object.__setattr__(self, "budget", tuple(self.budget))
         BudgetLimits.from_words(self.budget)
-        create_model(self.model)
+        if self.model:
+            create_model(self.model)
         if self.examples is not None and not 0 <= self.examples <= MAX_EXAMPLES:
-            raise ConfigError(
-                f"number of examples is {self.examples}; it must be in [0, {MAX_EXAMPLES}]"
-            )
+            raise ConfigError(f"--examples is {self.examples}; it must be in [0, {MAX_EXAMPLES}]")
 
     @property
     def source(self) -> str:
@@ -88,8 +87,8 @@ class ModelOptions:
         changed = _with(actor, shared, self.examples)
         if changed is actor:
             raise ConfigError(
-                f"--actor {actor.name} uses no model; omit --model, --budget and --record, or give "
-                "--actor vlm or --actor hybrid"
+                f"--actor {actor.name} uses no model; omit --model, --budget, --examples "
+                "and --record, or give --actor vlm or --actor hybrid"
             )
         return changed  # type: ignore[no-any-return]  # of the same class
 

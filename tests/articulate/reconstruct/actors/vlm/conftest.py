@@ -4,6 +4,7 @@ import importlib.util
 import os
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,12 @@ FACES = np.array(
 )
 
 
-QUICK = {"attempts": 3, "first_wait_s": 0.01, "longest_wait_s": 1.0, "timeout_s": 20.0}
+QUICK: dict[str, Any] = {
+    "attempts": 3,
+    "first_wait_s": 0.01,
+    "longest_wait_s": 1.0,
+    "timeout_s": 20.0,
+}
 
 
 @pytest.fixture

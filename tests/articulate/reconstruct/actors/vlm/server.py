@@ -27,7 +27,7 @@ class Heard:
         return "openai" if self.path.endswith("/chat/completions") else "anthropic"
 
     @property
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Any:
         """JSON schema of the requested answer."""
         if self.provider == "gemini":
             return self.body["generationConfig"]["responseJsonSchema"]
@@ -59,7 +59,7 @@ class Heard:
         return "\n".join(p["text"] for _, parts in self.turns for p in parts if "text" in p)
 
     @property
-    def system(self) -> str:
+    def system(self) -> Any:
         if self.provider == "gemini":
             return "\n".join(p["text"] for p in self.body["systemInstruction"]["parts"])
         if self.provider == "anthropic":

@@ -12,7 +12,7 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 from tests.articulate.reconstruct.actors.vlm.test_joint_actor import PLACES, apart, program
 
 from articulate.errors import AssetError
-from articulate.reconstruct.actors.protocol import ActorAttempt, Verdict
+from articulate.reconstruct.actors.protocol import FAILURES, ActorAttempt, Verdict
 from articulate.reconstruct.actors.vlm import examples, joint_actor, joint_critic, link_actor
 from articulate.reconstruct.actors.vlm.affordance import moved_part
 from articulate.reconstruct.actors.vlm.answers import DetectedObject
@@ -191,7 +191,7 @@ def check_example(k):
         content, answer = agent._example(k)
         assert sum(isinstance(piece, CaptionedImage) for piece in content) >= 1
         json.dumps(vars(answer))
-    assert joint_critic._example(k)[1].failure == joint_critic.FAILURES[k % 5]
+    assert joint_critic._example(k)[1].failure == FAILURES[k % 5]
 
 
 def test_an_example_is_correct_and_is_cached(tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from tests.articulate.reconstruct.actors.vlm.server import saying
 from articulate.reconstruct.actors.registry import make_actor
 from articulate.reconstruct.actors.vlm.actor import vlm_actor
 from articulate.reconstruct.actors.vlm.dry_run import dry_run_requests, write_dry_run
+from articulate.reconstruct.actors.vlm.joint_actor import JointActor
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor
 
 
@@ -37,7 +38,7 @@ def test_the_page_needs_neither_key_nor_package(video, tmp_path, monkeypatch):
 def test_the_prompt_on_the_page_is_the_one_that_is_sent(serve, video, tmp_path):
     server = serve(saying({"observation": "", "program": DOOR_PROGRAM}))
     actor = vlm_actor()
-    actor = replace(actor, proposer=replace(actor.proposer, targeted=False))
+    actor = replace(actor, proposer=JointActor(assess_placements=True))
     path = tmp_path / "prompts.html"
     write_dry_run(actor, video, path, "a cupboard")
     actor.proposer.propose(video, ())
