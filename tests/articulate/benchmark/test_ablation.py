@@ -9,7 +9,6 @@ from articulate.benchmark import ablation
 from articulate.benchmark.ablation_rows import ROWS, AblationRow
 from articulate.commands.benchmark import main
 from articulate.reconstruct.actors.vlm.answer_store import open_recording
-from articulate.reconstruct.actors.vlm.gemini import KEY_VARIABLES
 
 TEXT = (
     AblationRow(label="joints, text", actor="geometric-text", modality="text"),
@@ -75,7 +74,7 @@ def test_ablations_that_cannot_be_run_are_rejected(tmp_path, argv, error_line):
 def test_a_row_with_a_model_replays_the_recording_in_its_folder(
     tmp_path, capsys, text_rows, monkeypatch
 ):
-    for variable in KEY_VARIABLES:
+    for variable in ("GOOGLE_API_KEY", "GEMINI_API_KEY"):
         monkeypatch.delenv(variable, raising=False)
     index = write_index(tmp_path, ("a",))
     recording = tmp_path / "recordings" / TEXT[2].folder
