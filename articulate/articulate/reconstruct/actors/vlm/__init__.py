@@ -6,10 +6,10 @@
                                  ▲                                   │
                                  └── errors of the answer or of its program ◄──┘
 
-Models are Google's Gemini, used through ``google-genai`` directly and not through pydantic-ai.
-That layer prepends text to the prompt, so that a dry run would not show the exact prompt and cached
-answers would depend on the layer's version; it has its own retries; and its import takes a second.
-Another provider is a class with the protocol :class:`model.Model`. Answers are frozen dataclasses:
-their JSON schema is part of the request, and answers are decoded like configuration
-(:mod:`articulate.config`). A dry run therefore needs no package.
+Requests are written in the provider's documented JSON and sent with httpx. Client libraries of the
+providers are not used: their retries, added prompts and imports differ, while one implementation
+gives the same retries, budget and hash of a request for all. A provider is a class with the
+protocol :class:`wire_format.WireFormat`; any other model is one with :class:`model.Model`. Answers
+are frozen dataclasses: their JSON schema is part of the request, and answers are decoded like
+configuration (:mod:`articulate.config`). A dry run therefore needs no package.
 """

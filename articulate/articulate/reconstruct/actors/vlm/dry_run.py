@@ -138,7 +138,11 @@ def dry_run_requests(actor: Actor, evidence: Evidence) -> tuple[Model, list[DryR
     assumed = f"{mover.part}, {mover.kind}, as the answer to the first request"
     if proposer.strategy == "program":
         targeted = proposer.targeted and evidence.video is not None
-        found = [DryRunRequest(request=affordance_request(evidence))] if targeted else []
+        found = (
+            [DryRunRequest(request=affordance_request(evidence, proposer.examples))]
+            if targeted
+            else []
+        )
         request = program_request(
             evidence, (), examples=proposer.examples, target=mover.part if targeted else ""
         )
@@ -163,7 +167,7 @@ def _placement_requests(evidence: Evidence, examples: int, assessed: bool) -> li
     if assessed and evidence.image is not None:
         assumed = "that all parts are at the origin, as the placement"
         same = {part.name: np.eye(4) for part in evidence.parts}
-        request = link_critic_request(evidence, same)
+        request = link_critic_request(evidence, same, examples)
         found.append(DryRunRequest(request=request, placeholder=assumed))
     return found
 

@@ -89,7 +89,7 @@ class JointActor:
         else:
             target = ""
             if self.targeted and evidence.video is not None and not _wrong_part(attempts):
-                target = moved_part(session, evidence)
+                target = moved_part(session, evidence, self.examples)
             request = program_request(placed, attempts, examples=self.examples, target=target)
             source, built = runnable_program(session, request, placed.parts, joints_error)
             # A program for placed parts does not apply to parts that were given unplaced.

@@ -89,7 +89,7 @@ def find_placements(
         placements = placements_in(built)
         if not assessed or evidence.image is None:
             return placements
-        verdict = assess_placements(session, evidence, placements)
+        verdict = assess_placements(session, evidence, placements, examples)
         if verdict.rating > best_rating:
             best, best_rating = placements, verdict.rating
         if verdict.rating > GOOD_ENOUGH:

@@ -13,7 +13,14 @@ from tests.articulate.reconstruct.actors.vlm.test_joint_actor import PLACES, apa
 
 from articulate.errors import AssetError
 from articulate.reconstruct.actors.protocol import FAILURES, ActorAttempt, Verdict
-from articulate.reconstruct.actors.vlm import examples, joint_actor, joint_critic, link_actor
+from articulate.reconstruct.actors.vlm import (
+    affordance,
+    examples,
+    joint_actor,
+    joint_critic,
+    link_actor,
+    link_critic,
+)
 from articulate.reconstruct.actors.vlm.affordance import moved_part
 from articulate.reconstruct.actors.vlm.answers import DetectedObject
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor
@@ -187,7 +194,7 @@ def check_example(k):
     for name, T in placements_in(built).items():
         centre = known.evidence.part(name).centre
         np.testing.assert_allclose(T[:3, 3], centre, atol=1e-3)
-    for agent in (joint_actor, link_actor, joint_critic):
+    for agent in (joint_actor, link_actor, joint_critic, link_critic, affordance):
         content, answer = agent._example(k)
         assert sum(isinstance(piece, CaptionedImage) for piece in content) >= 1
         json.dumps(vars(answer))
