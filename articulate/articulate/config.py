@@ -18,7 +18,7 @@ from typing import Any, Literal, TypeVar, Union
 
 import yaml
 
-from articulate.errors import ConfigError, nearest
+from articulate.errors import ConfigError, nearest, shorten
 from articulate.untrusted import load_yaml
 
 T = TypeVar("T")
@@ -286,7 +286,7 @@ class _Decoder:
         elsewhere = [known for known in known_keys(self.root) if known.rsplit(".", 1)[-1] == last]
         if "did you mean" not in hint and elsewhere:
             hint = f"; did you mean {elsewhere[0]}?"
-        return ConfigError(f"{self.where}: unknown key {key}{hint}")
+        return ConfigError(f"{self.where}: unknown key {shorten(key)}{hint}")
 
 
 def number_of(hint: type[Any], value: float | str) -> float | int | None:

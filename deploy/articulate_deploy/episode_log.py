@@ -30,6 +30,8 @@ MAX_COLUMNS = 100
 """Most columns."""
 MAX_VALUES = 10_000
 """Most numbers of a control step."""
+MAX_NAME = 60
+"""Longest name of a column [characters]."""
 _CRC = struct.Struct("<I")
 
 
@@ -84,7 +86,9 @@ def read_log(path: Path) -> dict[str, Array]:
         columns = [(str(c["name"]), tuple(map(int, c["shape"]))) for c in head["columns"]]
         good = head["schema"] == SCHEMA and head["schema_version"] == VERSION and newline
         good = good and 0 < len(columns) <= MAX_COLUMNS
-        good = good and all(n >= 0 for _, shape in columns for n in shape)
+        good = good and all(
+            len(name) <= MAX_NAME and min(shape, default=0) >= 0 for name, shape in columns
+        )
     except (KeyError, TypeError, ValueError):
         good = False
     sizes = [math.prod(shape) for _, shape in columns] if good else []

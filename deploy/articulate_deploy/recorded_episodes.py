@@ -37,6 +37,8 @@ OPTIONAL: dict[str, tuple[int, ...]] = {
 """Arrays that some recordings have, with the shape of a row."""
 MAX_VALUE = 1e4
 """Upper bound of the numbers in required arrays; NaN is rejected as well."""
+MAX_TEXT = 200
+"""Longest text of ``report.json`` [characters]."""
 TEXTS = ("robot", "bundle", "bundle_sha256")
 """Texts of ``report.json`` that are used."""
 _NAME = re.compile(r"episode_(\d{4,})\.(npz|log)")
@@ -115,10 +117,12 @@ def _results(path: Path) -> list[dict[str, Any]]:
 def _check_report(report: dict[str, Any], path: Path) -> None:
     """Raise UsageError unless the values that are used have their types."""
     sender = report.get("sender", {})
-    figures = sender.values() if isinstance(sender, dict) else [None]
-    if not all(isinstance(report.get(name, ""), str) for name in TEXTS) or not all(
-        isinstance(value, (int, float, str)) for value in figures
+    if not isinstance(sender, dict) or not all(
+        isinstance(value, (int, float, str)) for value in sender.values()
     ):
+        raise UsageError(f"{path}: not the report of a deployment")
+    texts = [report.get(name, "") for name in TEXTS] + [str(v) for v in sender.values()]
+    if not all(isinstance(text, str) and len(text) <= MAX_TEXT for text in [*texts, *sender]):
         raise UsageError(f"{path}: not the report of a deployment")
 
 

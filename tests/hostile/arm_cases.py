@@ -15,7 +15,7 @@ RECORDING = {"recording": "in/recording", "bundle": "in/bundle"}
 REPORT = Reader(
     argv=("deploy", "report", "in/recording"),
     inputs=RECORDING,
-    file="in/recording/episode_0000.log",
+    file="in/recording/episode_0000.npz",
 )
 REPLAY = Reader(
     argv=("deploy", "replay", "in/recording", "in/bundle"), inputs=RECORDING, file=REPORT.file
@@ -144,8 +144,8 @@ def arm_rows() -> Iterator[tuple[str, Reader, dict[str, Change]]]:
         REPORT,
         kinds("fifo", "device", "folder", "empty", "junk", "290 MB") | LOGS,
     )
-    yield "log of replay", REPLAY, kinds("fifo", "junk") | LOGS
-    yield "log of convert", CONVERT, kinds("fifo", "junk") | LOGS
+    yield "recording of replay", REPLAY, kinds("fifo", "junk") | LOGS
+    yield "recording of convert", CONVERT, kinds("fifo", "junk") | LOGS
     yield "arrays of report", REPORT, ARRAYS
     yield "arrays of convert", CONVERT, ARRAYS
     results = REPLAY.at("in/recording/episodes.jsonl")

@@ -20,7 +20,17 @@ def log(columns: object, row: bytes = b"") -> Change:
     """Return a log with these columns, and one row with a right sum."""
     head = json.dumps({**HEAD, "columns": columns}).encode() + b"\n"
     end = zlib.crc32(row).to_bytes(4, "little") if row else b""
-    return data(head + row + end)
+    return as_log(head + row + end)
+
+
+def as_log(content: bytes) -> Change:
+    """Return the recording with a log in place of its npz file."""
+
+    def change(path: Path) -> None:
+        path.unlink()
+        path.with_suffix(".log").write_bytes(content)
+
+    return change
 
 
 def _columns(**changes: object) -> list[dict[str, object]]:
@@ -35,15 +45,15 @@ def _numbers(**values: float) -> bytes:
 
 LOGS: dict[str, Change] = {
     "no rows": log(_columns()),
-    "one wrong sum": data(json.dumps({**HEAD, "columns": _columns()}).encode() + b"\n" + bytes(500)),
+    "one wrong sum": as_log(json.dumps({**HEAD, "columns": _columns()}).encode() + b"\n" + bytes(500)),
     "columns of 1e12": log(_columns(action=[1_000_000, 1_000_000])),
     "shapes whose product overflows": log(_columns(action=[10_000] * 100)),
     "negative shape": log(_columns(action=[-1])),
-    "infinite shape": data(b'{"schema": "articulate.episode-log", "schema_version": 1, "columns": [{"name": "a", "shape": [1e999]}]}\n'),
+    "infinite shape": as_log(b'{"schema": "articulate.episode-log", "schema_version": 1, "columns": [{"name": "a", "shape": [1e999]}]}\n'),
     "shape of text": log(_columns(action="eight")),
     "columns are a number": log(3),
     "100,000 columns": log([{"name": str(k), "shape": []} for k in range(100_000)]),
-    "deep header": data(b"[" * 100_000 + b"\n"),
+    "deep header": as_log(b"[" * 100_000 + b"\n"),
     "action of three": log(_columns(action=[3]), bytes(8 * 20)),
     "NaN targets": log(_columns(), _numbers(target=float("nan"))),
     "targets of 1e300": log(_columns(), _numbers(target=1e300)),
@@ -51,22 +61,12 @@ LOGS: dict[str, Change] = {
 }  # fmt: skip
 
 
-def as_npz(content: bytes) -> Change:
-    """Return the recording with an npz file in place of its log."""
-
-    def change(path: Path) -> None:
-        path.unlink()
-        path.with_suffix(".npz").write_bytes(content)
-
-    return change
-
-
 ARRAYS: dict[str, Change] = {
-    "array of 1e12": as_npz(npz_of("(1000000, 1000000)")),
-    "bomb": as_npz(npz_of("(40000000,)", bytes(320_000_000))),
-    "objects": as_npz(npz_of("(1,)", pickle.dumps([1]), "|O")),
-    "deep shape": as_npz(npz_of("(" * 5000)),
-    "numbers without rows": as_npz(npz_of("()", bytes(8))),
+    "array of 1e12": data(npz_of("(1000000, 1000000)")),
+    "bomb": data(npz_of("(40000000,)", bytes(320_000_000))),
+    "objects": data(npz_of("(1,)", pickle.dumps([1]), "|O")),
+    "deep shape": data(npz_of("(" * 5000)),
+    "numbers without rows": data(npz_of("()", bytes(8))),
 }
 RESULTS: dict[str, Change] = {
     "deep line": text("[" * 100_000),

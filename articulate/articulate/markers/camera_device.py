@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from articulate.errors import ConfigError, UsageError, quote
-from articulate.untrusted import read_bounded
+from articulate.image_file import read_image
 
 Pixels = NDArray[np.uint8]
-MAX_IMAGE_BYTES = 64 << 20
-"""Largest image file [bytes]."""
 MAX_IMAGE_PIXELS = 64_000_000
 """Largest image."""
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
@@ -131,13 +129,4 @@ def read_gray(path: Path) -> Pixels:
     Raises:
         ConfigError: It cannot be read, is too large, or is no image.
     """
-    content = np.frombuffer(read_bounded(path, MAX_IMAGE_BYTES, error=ConfigError), dtype=np.uint8)
-    try:
-        image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE) if content.size else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise ConfigError(f"{path}: not an image that can be read")
-    if image.size > MAX_IMAGE_PIXELS:
-        raise ConfigError(f"{path}: larger than {MAX_IMAGE_PIXELS} pixels")
-    return np.asarray(image, dtype=np.uint8)
+    return read_image(path, max_pixels=MAX_IMAGE_PIXELS, is_gray=True, error=ConfigError)

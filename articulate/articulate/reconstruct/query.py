@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +9,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
 from articulate.errors import ConfigError, UsageError, shorten
+from articulate.image_file import read_image
 from articulate.reconstruct.actors.modality import Modality
 from articulate.reconstruct.actors.protocol import Pixels
 from articulate.render.camera import (
@@ -24,9 +22,8 @@ from articulate.render.camera import (
     look_at,
     pinhole,
 )
-from articulate.suppress_output import suppress_output
 from articulate.transforms import Array
-from articulate.untrusted import load_json_object, read_bounded
+from articulate.untrusted import load_json_object
 from articulate.video.read_video import VideoReadOptions, check_motion, read_video
 
 LONGEST_SIDE_PX = 1280
@@ -35,8 +32,6 @@ MAX_FRAMES = 100
 """Most frames of a video that are used, evenly spread."""
 MAX_PIXELS = 100_000_000
 """Most pixels of an image that is read."""
-MAX_IMAGE_BYTES = 300_000_000
-"""Largest image file that is read."""
 MIN_SIDE_PX = 16
 """Smallest side of an image, after it is scaled down."""
 MAX_SIDE_PX = 10_000
@@ -101,7 +96,7 @@ def image_query(path: Path, text: str = "") -> Query:
         raise UsageError(f"{path}: no such file; give an image, e.g. a .png")
     if path.stat().st_size == 0:
         raise UsageError(f"{path}: is empty; give an image of the object")
-    pixels = _decode_image(path)
+    pixels = read_image(path, max_pixels=MAX_PIXELS)
     factor = LONGEST_SIDE_PX / max(pixels.shape[:2])
     if min(1.0, factor) * min(pixels.shape[:2]) < MIN_SIDE_PX:
         raise UsageError(
@@ -109,7 +104,8 @@ def image_query(path: Path, text: str = "") -> Query:
             "image of the entire object"
         )
     if factor < 1.0:
-        pixels = cv2.resize(pixels, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(pixels, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+        pixels = np.asarray(small, dtype=np.uint8)
     image = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)
     share = float(foreground(image).mean())
     if share < MIN_SHARE:
@@ -118,34 +114,6 @@ def image_query(path: Path, text: str = "") -> Query:
             "of the object"
         )
     return Query(modality="image", description=f"the image {path.name}", image=image, text=text)
-
-
-def _decode_image(path: Path) -> np.ndarray:
-    """Decode an image to BGR (H, W, 3); its size is checked before."""
-    content = read_bounded(path, MAX_IMAGE_BYTES)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(content)) as opened:
-                width, height = opened.size
-    except Image.DecompressionBombError:
-        raise UsageError(f"{path}: {_TOO_LARGE}") from None
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
-        raise UsageError(f"{path}: {_NO_IMAGE}") from None
-    if width * height > MAX_PIXELS:
-        raise UsageError(f"{path}: {_TOO_LARGE}")
-    try:
-        with suppress_output():  # libpng prints warnings
-            pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:
-        pixels = None
-    if pixels is None:
-        raise UsageError(f"{path}: {_NO_IMAGE}")
-    return np.asarray(pixels)
-
-
-_NO_IMAGE = "cannot be read as an image; .png and .jpg are supported"
-_TOO_LARGE = f"has more than {MAX_PIXELS // 1_000_000} million pixels; give a smaller image"
 
 
 def _is_file(path: Path) -> bool:

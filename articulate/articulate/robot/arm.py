@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from articulate.errors import ConfigError, nearest
+from articulate.errors import ConfigError, nearest, quote
 from articulate.transforms import Array
 
 Seven = tuple[float, float, float, float, float, float, float]
@@ -136,5 +136,5 @@ ARMS = {"panda": PANDA}
 def arm_named(name: str) -> Arm:
     """Return the arm called ``name``; ConfigError lists the known ones."""
     if name not in ARMS:
-        raise ConfigError(f"unknown arm {name!r}{nearest(name, ARMS)}")
+        raise ConfigError(f"unknown arm {quote(name)}{nearest(name, ARMS)}")
     return ARMS[name]
