@@ -20,7 +20,7 @@ from articulate.reconstruct.actors.protocol import Actor, Critic, Evidence, Pred
 from articulate.reconstruct.actors.semantic.part_relations import build_labelled_scene
 from articulate.reconstruct.actors.vlm.actor import HybridCritic
 from articulate.reconstruct.actors.vlm.affordance import affordance_request
-from articulate.reconstruct.actors.vlm.answers import MovingPart
+from articulate.reconstruct.actors.vlm.answers import MovingPart, ProgramAnswer
 from articulate.reconstruct.actors.vlm.hybrid import choices_request, movers_request
 from articulate.reconstruct.actors.vlm.joint_actor import JointActor, program_request
 from articulate.reconstruct.actors.vlm.joint_candidates import (
@@ -32,6 +32,9 @@ from articulate.reconstruct.actors.vlm.joint_critic import JointCritic, critic_r
 from articulate.reconstruct.actors.vlm.link_actor import LinkActor, link_request
 from articulate.reconstruct.actors.vlm.link_critic import link_critic_request
 from articulate.reconstruct.actors.vlm.model import CaptionedImage, Model, Request
+from articulate.reconstruct.actors.vlm.model_session import MAX_ATTEMPTS
+from articulate.reconstruct.actors.vlm.programs import MAX_PROGRAMS
+from articulate.reconstruct.actors.vlm.schema import schema_of
 
 ANSWER_TOKENS = 500
 """Assumed tokens of an answer, thoughts included."""
@@ -102,16 +105,23 @@ def write_dry_run(actor: Actor, evidence: Evidence, path: Path, description: str
 
 
 def _size(actor: Actor, model: Model, found: Sequence[DryRunRequest]) -> DryRunSize:
-    """Estimate tokens; at most every proposal is repeated, and each invalid answer once."""
-    tokens = sum(model.estimate_tokens(dry.request) for dry in found)
-    repeats = 2 * (actor.max_iterations if isinstance(actor, Loop) else 1)
+    """Estimate tokens; the upper bound repeats every proposal, program and invalid answer."""
+    iterations = actor.max_iterations if isinstance(actor, Loop) else 1
+    requests_max = tokens = tokens_max = 0
+    for dry in found:
+        is_program = dry.request.schema == schema_of(ProgramAnswer)
+        n = iterations * MAX_ATTEMPTS * (MAX_PROGRAMS if is_program else 1)
+        one = model.estimate_tokens(dry.request)
+        requests_max += n
+        tokens += one
+        tokens_max += n * (one + MAX_ATTEMPTS * MAX_PROGRAMS * ANSWER_TOKENS)
     return DryRunSize(
         requests=len(found),
-        requests_max=repeats * len(found),
+        requests_max=requests_max,
         tokens_in=tokens,
-        tokens_in_max=repeats * (tokens + ANSWER_TOKENS * len(found)),
+        tokens_in_max=tokens_max,
         tokens_out=ANSWER_TOKENS * len(found),
-        tokens_out_max=repeats * ANSWER_TOKENS * len(found),
+        tokens_out_max=ANSWER_TOKENS * requests_max,
     )
 
 
