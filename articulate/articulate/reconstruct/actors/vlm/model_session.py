@@ -70,9 +70,8 @@ class ModelSession:
             if reply.block_reason:
                 raise AnswerError(f"{self.model.name}: sent no answer ({reply.block_reason})")
             if k + 1 < MAX_ATTEMPTS:
-                request = request.after(
-                    reply.text[:MAX_ECHO], f"{error}. Answer again, by the schema."
-                )
+                echo = reply.text[:MAX_ECHO] or "(no text)"  # servers reject empty messages
+                request = request.after(echo, f"{error}. Answer again, by the schema.")
         reason = shorten(error, MAX_ERROR)
         raise AnswerError(f"{self.model.name}: {MAX_ATTEMPTS} invalid answers in a row; {reason}")
 

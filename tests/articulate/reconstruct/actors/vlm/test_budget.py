@@ -111,8 +111,11 @@ def test_a_recording_replays_every_answer_without_key_and_network(serve, tmp_pat
         ModelOptions().recorded(tmp_path)
 
 
-def test_an_answer_that_is_cut_goes_back(serve, gemini):
-    server = serve(saying('{"observation": "a', finish="length"), saying(GOOD))
-    session = ModelSession(model=gemini, cache=None)
+@pytest.mark.parametrize("text", ['{"observation": "a', ""])
+def test_an_answer_that_is_cut_goes_back(serve, model, text):
+    server = serve(saying(text, finish="length"), saying(GOOD))
+    session = ModelSession(model=model, cache=None)
     session.generate(MOVERS, MovingParts)
+    [_, (_, echo), _] = server.heard[1].turns
+    assert echo[0]["text"] == (text or "(no text)")
     assert "the answer was cut after 60 tokens; write a shorter one" in server.heard[1].text
