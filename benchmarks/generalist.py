@@ -51,6 +51,8 @@ from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network
 from articulate_train.run import versions
 from generalist_scenes import (
+    CLOSING_TASKS,
+    TASKS,
     SceneRecord,
     prepare,
     procedural_ids,
@@ -241,6 +243,7 @@ def main(argv: Sequence[str]) -> int:
     one = commands.add_parser("prepare", help="make, place and check objects")
     one.add_argument("--seeds", type=int, nargs=2, default=(0, 12), help="first seed, and end")
     one.add_argument("--objects", type=Path, default=Path("objects"), help="folder of the objects")
+    one.add_argument("--closing", action="store_true", help="tasks that close instead of open")
     one.add_argument("--out", type=Path, required=True, help="list of scenes")
     two = commands.add_parser("train", help="train on the accepted scenes")
     two.add_argument("--scenes", type=Path, required=True, help="list of scenes")
@@ -254,7 +257,7 @@ def main(argv: Sequence[str]) -> int:
         return train(args)
     ids = procedural_ids(range(*args.seeds))
     items = [(i, write_procedural(i, args.objects), i.rpartition("-")[0]) for i in ids]
-    prepare(items, args.out)
+    prepare(items, args.out, CLOSING_TASKS if args.closing else TASKS)
     return 0
 
 

@@ -29,6 +29,7 @@ from articulate_envs.scene import Scene, build_scene
 from articulate_train.config import TrainConfig
 
 TASKS = ("open_drawer", "open_door", "open_lid")
+CLOSING_TASKS = ("close_drawer", "close_door", "close_lid")
 CATEGORIES = (
     "cabinet", "chest_of_drawers", "table_with_drawers", "box_with_lid", "microwave", "oven",
     "washing_machine", "safe", "fridge", "dishwasher", "toilet", "suitcase", "laptop", "trash_can",
@@ -74,15 +75,17 @@ def write_procedural(object_id: str, folder: Path) -> Path:
     return found[0] if found else ProceduralLibrary(10**6).write(object_id, folder / object_id)
 
 
-def records_of(object_id: str, source: Path, category: str) -> Iterator[SceneRecord]:
-    """Yield the scenes of an object, rejected ones with their reason."""
+def records_of(
+    object_id: str, source: Path, category: str, tasks: Sequence[str] = TASKS
+) -> Iterator[SceneRecord]:
+    """Yield the scenes of an object for ``tasks``, rejected ones with their reason."""
     common: dict[str, Any] = {"object": object_id, "source": str(source), "category": category}
     try:
         asset = load_checked_asset(source, cache_folder())
     except ArticulateError as error:
         yield SceneRecord(**common, task="", joint="", reason=shorten(str(error), 160))
         return
-    for task in TASKS:
+    for task in tasks:
         for joint in matching_joints(task, asset)[:MAX_JOINTS]:
             yield _record(asset, {**common, "task": task, "joint": joint.name})
 
@@ -142,13 +145,15 @@ def read_records(path: Path) -> list[SceneRecord]:
     return [SceneRecord(**json.loads(line)) for line in lines]
 
 
-def prepare(items: Sequence[tuple[str, Path, str]], path: Path) -> None:
+def prepare(
+    items: Sequence[tuple[str, Path, str]], path: Path, tasks: Sequence[str] = TASKS
+) -> None:
     """Append the records of ``items`` (id, file, category) that the list at ``path`` lacks."""
     done = {record.object for record in read_records(path)}
     for object_id, source, category in items:
         if object_id in done:
             continue
-        lines = [json.dumps(vars(r)) + "\n" for r in records_of(object_id, source, category)]
+        lines = [json.dumps(vars(r)) + "\n" for r in records_of(object_id, source, category, tasks)]
         with path.open("a", encoding="utf-8") as stream:  # one write: an object is complete
             stream.write("".join(lines))
         print(f"{object_id}: {len(lines)} joints", flush=True)

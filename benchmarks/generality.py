@@ -5,7 +5,9 @@
 
 Objects are placed as by ``train`` and evaluated with its randomization and limits. The table is
 resumable: what ``scenes.jsonl`` and ``results.jsonl`` of ``--out`` hold is not repeated, and
-``summary.json`` has the means by split and task. The split is ``validation`` for procedural seeds
+``summary.json`` has the means by split and task, and the rank correlation of the success of the
+scripted expert with that of the policy. ``--runs`` adds the correlation with the success of trained
+runs that have a report. The split is ``validation`` for procedural seeds
 from 1000 to 1999, ``test`` from 2000 on (below 1000: ``training``); other objects belong to the
 half of :func:`articulate.benchmark.split.half`.
 """
@@ -29,6 +31,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from scipy.stats import spearmanr
 
 from articulate.benchmark.split import half
 from articulate.files import write_json
@@ -36,8 +39,10 @@ from articulate.task.episode_monitor import REASONS
 from articulate.task.randomization_config import RandomizationConfig
 from articulate_train.config import TrainConfig
 from articulate_train.evaluate import run_episodes
+from articulate_train.feasibility_check import feasibility_of
 from articulate_train.generalist import generalist_metadata, generalist_state
 from articulate_train.policy import policy_of
+from articulate_train.run import open_run
 from generalist_scenes import (
     CATEGORIES,
     SceneRecord,
@@ -94,8 +99,32 @@ def evaluate(record: SceneRecord, episodes: int) -> dict[str, Any]:
     }
 
 
-def summary(rows: Sequence[dict[str, Any]], records: Sequence[SceneRecord]) -> dict[str, Any]:
-    """Return means by split and task, and the share of joints that were accepted."""
+def trained_row(folder: Path) -> dict[str, Any]:
+    """Return success of the expert and of the policies of the evaluated run in ``folder``."""
+    run = open_run(folder)
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    expert = feasibility_of(run.scene(), run.config).success
+    return {"run": folder.name, "expert": expert, "success": report["success_rate"]}
+
+
+def rank_correlation(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return Spearman's correlation of the success of expert and policy over ``rows``.
+
+    It is None for fewer than three rows, and where all have the same success.
+    """
+    both = [[row[name] for row in rows] for name in ("expert", "success")]
+    out: dict[str, Any] = {"spearman": None, "n": len(rows)}
+    if len(rows) >= 3 and all(len(set(values)) > 1 for values in both):
+        out["spearman"] = round(float(spearmanr(*both).statistic), 3)
+    return out
+
+
+def summary(
+    rows: Sequence[dict[str, Any]],
+    records: Sequence[SceneRecord],
+    trained: Sequence[dict[str, Any]] = (),
+) -> dict[str, Any]:
+    """Return means by split and task, rank correlations and the share of accepted joints."""
     groups: dict[str, list[float]] = defaultdict(list)
     for row in rows:
         groups[f"{row['split']} {row['task']}"].append(row["success"])
@@ -110,6 +139,8 @@ def summary(rows: Sequence[dict[str, Any]], records: Sequence[SceneRecord]) -> d
             }
             for name, values in sorted(groups.items())
         },
+        "expert_and_generalist": rank_correlation(rows),
+        "expert_and_training": {**rank_correlation(trained), "runs": list(trained)},
         "policy": generalist_metadata(),
     }
 
@@ -133,6 +164,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--half", choices=("development", "published"), default="development")
     parser.add_argument("--limit", type=int, help="most objects of --data")
     parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--runs", type=Path, nargs="+", default=(), help="evaluated run folders")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args(argv)
     if (args.procedural is None) == (args.data is None):
@@ -154,7 +186,8 @@ def main(argv: Sequence[str]) -> int:
         with results.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(row) + "\n")
         print(f"{row['split']} {row['object']} {row['task']} {row['success']:.0%}", flush=True)
-    write_json(args.out / "summary.json", summary(rows, read_records(scenes)))
+    trained = [trained_row(folder) for folder in args.runs]
+    write_json(args.out / "summary.json", summary(rows, read_records(scenes), trained))
     return 0
 
 
