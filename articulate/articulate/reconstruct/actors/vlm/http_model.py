@@ -6,11 +6,11 @@ where a server sends it back, it is replaced.
 
 from __future__ import annotations
 
-import functools
 import importlib
 import json
 import os
 import re
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -40,6 +40,9 @@ MAX_REPLY_BYTES = 8_000_000
 """Longest reply that is read."""
 MALFORMED = (TypeError, AttributeError, KeyError, IndexError, ValueError, RecursionError)
 """Exceptions where the JSON of a reply does not have the expected structure."""
+MAX_CLIENTS = 4
+_CLIENTS: dict[tuple[tuple[str, str], ...], Any] = {}
+_CLIENTS_LOCK = threading.Lock()
 ENVIRONMENT = re.compile(r"(?i)(https?|all|no)_proxy|SSL_CERT_(FILE|DIR)")
 """Variables that a connection depends on."""
 
@@ -335,11 +338,15 @@ def _error_message(content: bytes) -> str:
         return ""
 
 
-@functools.lru_cache(maxsize=4)
 def _client(environment: tuple[tuple[str, str], ...]) -> Any:
     """Return a client that keeps connections open; one for each state of the environment."""
-    check_network_settings()
-    return _package().Client()
+    with _CLIENTS_LOCK:
+        if environment not in _CLIENTS:
+            check_network_settings()
+            if len(_CLIENTS) >= MAX_CLIENTS:
+                _CLIENTS.pop(next(iter(_CLIENTS))).close()
+            _CLIENTS[environment] = _package().Client()
+        return _CLIENTS[environment]
 
 
 def _package() -> Any:
