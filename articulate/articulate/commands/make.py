@@ -255,7 +255,7 @@ def _generate(flags: MakeFlags) -> MakeResult:
 
     start = time.monotonic()
     query = _query(flags)
-    proposal = propose_object(query, height_m=flags.size, seed=flags.seed)
+    proposal = propose_object(query, height_m=flags.size)
     out = flags.out or Path("made") / proposal.name
     require_space(out, RESULT_BYTES, f"making {proposal.name}")
     cache = cache_folder()

@@ -26,7 +26,7 @@ NAMED = 1.0
 """Weight of the category that a text names."""
 
 
-def propose_object(query: Query, *, height_m: float | None = None, seed: int = 0) -> ObjectProposal:
+def propose_object(query: Query, *, height_m: float | None = None) -> ObjectProposal:
     """Return the object of a query without known parts.
 
     A text names the category, and the parts if it describes them; image and video then give
@@ -35,7 +35,6 @@ def propose_object(query: Query, *, height_m: float | None = None, seed: int = 0
     Args:
         query: Input of the user.
         height_m: Height of the object [m], if known.
-        seed: Seed of all random numbers.
 
     Raises:
         UsageError: No object is found in the input.
@@ -51,7 +50,7 @@ def propose_object(query: Query, *, height_m: float | None = None, seed: int = 0
     else:
         assert query.image is not None
         image, motion = query.image, None
-    found = propose_from_image(image, hints=hints, motion=motion, height_m=height_m, seed=seed)
+    found = propose_from_image(image, hints=hints, motion=motion, height_m=height_m)
     if text is None:
         return found
     return _with_text(found, text)

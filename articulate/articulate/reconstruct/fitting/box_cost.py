@@ -15,6 +15,8 @@ MIN_DEPTH = 0.05
 """Least distance of a corner from the camera, in heights of the box."""
 STEP_PX = 2.0
 """Distance of the points at which an edge is compared [px]."""
+MAX_SPREADS = 6.0
+"""Distance of a corner to the predicted one at which it costs no more, in spreads."""
 OUT = 10.0
 """Cost of boxes that are not in the image."""
 SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
@@ -140,8 +142,29 @@ def edge_cost(p: Array, uv: Array, distance_px: Array, inner_weight: float) -> f
 
 
 @numba.njit(cache=True, nogil=True)
+def corner_cost(uv: Array, corners: Array) -> float:
+    """Return the mean distance of corners (8, 2) to predicted ones, in their spreads.
+
+    Args:
+        uv: Corners in the image [px].
+        corners: Predicted corners and their spread (8, 3) [px].
+    """
+    total = 0.0
+    for k in range(8):
+        du, dv = uv[k, 0] - corners[k, 0], uv[k, 1] - corners[k, 1]
+        total += min(np.sqrt(du * du + dv * dv) / corners[k, 2], MAX_SPREADS)
+    return total / 8.0
+
+
+@numba.njit(cache=True, nogil=True)
 def box_cost(
-    p: Array, sums: Ints, distance_px: Array, prior: Array, weights: Array, uv: Array
+    p: Array,
+    sums: Ints,
+    distance_px: Array,
+    corners: Array,
+    prior: Array,
+    weights: Array,
+    uv: Array,
 ) -> float:
     """Return the cost of parameters (9,).
 
@@ -149,14 +172,16 @@ def box_cost(
         p: Parameters.
         sums: Cumulative sums of the mask along its rows (H, W + 1).
         distance_px: Distance to edges (H, W), as a share of the largest that counts.
+        corners: Predicted corners and their spread (8, 3) [px].
         prior: Expected value and spread of each parameter (9, 2); an infinite spread ignores it.
-        weights: Weight of the edges, of inner edges, and of the prior (3,).
+        weights: Weight of the edges, of inner edges, of the prior, and of the corners (4,).
         uv: Buffer of the corners (8, 2).
     """
     side = float(max(sums.shape[0], sums.shape[1] - 1))
     if not project(p, side, uv) or np.abs(uv).max() > 4.0 * side:
         return OUT
     cost = 1.0 - overlap(uv, sums) + weights[0] * edge_cost(p, uv, distance_px, weights[1])
+    cost += weights[3] * corner_cost(uv, corners)
     for k in range(len(p)):
         cost += weights[2] * ((p[k] - prior[k, 0]) / prior[k, 1]) ** 2
     return float(cost)

@@ -1,4 +1,4 @@
-"""Fit a box and an unknown camera to the mask and the edges of an object in an image.
+"""Fit a box and an unknown camera to predicted corners, mask and edges of an object in an image.
 
 The box has its front at +x, its bottom on z = 0 and height 1. Parameters: logarithms of width
 and depth, azimuth, elevation and roll of the camera, logarithms of distance and focal length, and
@@ -13,40 +13,35 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.stats import qmc
+from scipy.optimize import least_squares, minimize
 
 from articulate.reconstruct.fitting.box_cost import (
     N_PARAMETERS,
+    OUT,
     SIGNS,
     box_cost,
     overlap,
     project,
     rotation,
 )
+from articulate.reconstruct.fitting.box_network import BoxPrediction, predict_box
 from articulate.render.camera import Camera
 from articulate.render.raster import Pixels
 from articulate.transforms import Array, pose
 
 WORK_PX = 160
 """Longest side of the images that are compared [px]."""
-N_SAMPLES = 2048
-N_REFINED = 10
-N_REPEATED = 4
-"""Optima that are refined again from a new simplex."""
-AZIMUTH_BIN_RAD, ELEVATION_BIN_RAD = 0.6, 0.35
-"""Starts in the same range of azimuth and elevation count once."""
 EDGE_WEIGHT = 1.5
 """Weight of the distance of edges beside the overlap of the masks."""
 MAX_EDGE_PX = 10.0
 """Distance at which a missing edge costs no more [px]."""
 INNER_WEIGHT = 2.0
 """Weight of edges inside the silhouette, which give the depth."""
-FOCAL = 1.2
-"""Expected focal length in units of the longer side of the image."""
-FOCAL_SPREAD, ROLL_SPREAD, AZIMUTH_SPREAD = 0.3, 0.04, 1.2
-ELEVATION, ELEVATION_SPREAD = 0.4, 0.5
+ROLL_SPREAD = 0.04
+"""Spread of the roll of the camera [rad]."""
 PRIOR_WEIGHT = 0.02
+CORNER_WEIGHT = 0.1
+"""Weight of the mean distance to the predicted corners, in their spreads."""
 NAMES = ("width", "depth", "azimuth", "elevation", "roll", "distance", "focal", "u", "v")
 
 
@@ -70,6 +65,7 @@ class BoxFit:
     overlap: float
     """Intersection over union of the masks."""
     cost: float
+    """Cost of outline, edges and expected proportions."""
     parameters: Mapping[str, float]
 
     def corners(self) -> Array:
@@ -89,41 +85,31 @@ def box_corners(width: float, depth: float) -> Array:
     return 0.5 * SIGNS * [depth, width, 1.0] + [0.0, 0.0, 0.5]
 
 
-def fit_box(
-    image: Pixels, mask: NDArray[np.bool_], prior: SizePrior | None = None, seed: int = 0
-) -> list[BoxFit]:
-    """Fit a box to the object and return the local optima, the one of least cost first.
+def fit_box(image: Pixels, mask: NDArray[np.bool_], prior: SizePrior | None = None) -> BoxFit:
+    """Fit a box to the object.
 
     Args:
         image: Colours (H, W, 3).
         mask: Pixels of the object (H, W).
         prior: Expected proportions.
-        seed: Seed of the starting points.
+
+    Raises:
+        UsageError: The package with the weights of the ImageNet network is not installed.
     """
-    target = _Target(image, mask, prior or SizePrior())
-    starts = target.starts(seed)
-    costs = np.array([target.cost(start) for start in starts])
-    found = [target.refine(starts[k]) for k in diverse(starts, costs)]
-    found.sort(key=lambda one: one[1])
-    again = [target.refine(parameters) for parameters, _ in found[:N_REPEATED]]
-    fits = [target.result(*one) for one in (*again, *found[N_REPEATED:])]
-    return sorted(fits, key=lambda fit: fit.cost)
-
-
-def diverse(starts: Array, costs: Array) -> list[int]:
-    """Return the starts of least cost, at most one of each range of azimuth and elevation."""
-    azimuth = np.floor(starts[:, 2] / AZIMUTH_BIN_RAD).astype(int)
-    elevation = np.floor(starts[:, 3] / ELEVATION_BIN_RAD).astype(int)
-    found: dict[tuple[int, int], int] = {}
-    for k in np.argsort(costs):
-        found.setdefault((int(azimuth[k]), int(elevation[k])), int(k))
-    return list(found.values())[:N_REFINED]
+    target = _Target(image, mask, predict_box(image, mask), prior or SizePrior())
+    return target.result(target.refine(target.start()))
 
 
 class _Target:
     """Mask and edges at the working resolution, and the cost of parameters."""
 
-    def __init__(self, image: Pixels, mask: NDArray[np.bool_], prior: SizePrior) -> None:
+    def __init__(
+        self,
+        image: Pixels,
+        mask: NDArray[np.bool_],
+        prediction: BoxPrediction,
+        prior: SizePrior,
+    ) -> None:
         self.size_px = (image.shape[1], image.shape[0])
         factor = WORK_PX / max(image.shape[:2])
         width, height = (max(8, round(factor * side)) for side in self.size_px)
@@ -134,35 +120,39 @@ class _Target:
         self.sums[:, 1:] = np.cumsum(inside, axis=1)
         self.side_px = float(max(height, width))
         self.distance = edge_distance(np.asarray(resized, dtype=np.uint8)) / MAX_EDGE_PX
-        self.size_prior = prior
+        scale = self.side_px / max(image.shape[:2])
+        self.corners = np.empty((8, 3))
+        self.corners[:, :2] = scale * prediction.corners
+        self.corners[:, 2] = scale * prediction.corner_spread
         self.prior = np.full((N_PARAMETERS, 2), [0.0, np.inf])
-        self.prior[0] = prior.log_width, prior.spread
-        self.prior[1] = prior.log_depth, prior.spread
-        self.prior[2] = 0.0, AZIMUTH_SPREAD
-        self.prior[3] = ELEVATION, ELEVATION_SPREAD
+        sizes = np.array([prior.log_width, prior.log_depth])
+        seen, usual = prediction.spread[:2] ** -2.0, prior.spread**-2.0
+        self.prior[:2, 0] = (seen * prediction.values[:2] + usual * sizes) / (seen + usual)
+        self.prior[:2, 1] = (seen + usual) ** -0.5
+        self.prior[2:4] = np.stack([prediction.values, prediction.spread], axis=1)[2:4]
         self.prior[4] = 0.0, ROLL_SPREAD
-        self.prior[6] = np.log(FOCAL), FOCAL_SPREAD
-        self.weights = np.array([EDGE_WEIGHT, INNER_WEIGHT, PRIOR_WEIGHT])
+        focal = prediction.values[4] - np.log(max(image.shape[:2]))
+        self.prior[6] = focal, prediction.spread[4]
+        self.weights = np.array([EDGE_WEIGHT, INNER_WEIGHT, PRIOR_WEIGHT, CORNER_WEIGHT])
         self.uv = np.empty((8, 2))
-        rows, columns = np.nonzero(inside)
-        self.box = np.array(
-            [columns.min(), rows.min(), columns.max(), rows.max()], dtype=np.float64
-        )
 
-    def starts(self, seed: int) -> Array:
-        """Return starting parameters (N, 9): the box spans the extent of the mask."""
-        unit = qmc.Sobol(5, seed=seed).random(N_SAMPLES)
-        prior = self.size_prior
-        out = np.zeros((N_SAMPLES, N_PARAMETERS))
-        out[:, 0] = prior.log_width + 2.0 * prior.spread * (unit[:, 0] - 0.5)
-        out[:, 1] = prior.log_depth + 2.0 * prior.spread * (unit[:, 1] - 0.5)
-        out[:, 2] = np.radians(65.0) * (2.0 * unit[:, 2] - 1.0)
-        out[:, 3] = np.radians(-5.0 + 65.0 * unit[:, 3])
-        out[:, 6] = np.log(FOCAL) + FOCAL_SPREAD * 2.0 * (unit[:, 4] - 0.5)
-        out[:, 7:] = 0.5 * (self.box[:2] + self.box[2:]) / self.side_px
-        for row in out:
-            row[5] = self._distance(row)
-        return out
+    def start(self) -> Array:
+        """Return the parameters (9,) that fit the predicted corners and values best."""
+        first = np.zeros(N_PARAMETERS)
+        known = np.isfinite(self.prior[:, 1])
+        first[known] = self.prior[known, 0]
+        first[7:] = self.corners[:, :2].mean(axis=0) / self.side_px
+        first[5] = self._distance(first)
+
+        def residuals(p: Array) -> Array:
+            if not project(p, self.side_px, self.uv):
+                return np.full(16 + int(known.sum()), OUT)
+            off = (self.uv - self.corners[:, :2]) / self.corners[:, 2:]
+            return np.concatenate(
+                [off.ravel(), (p - self.prior[:, 0])[known] / self.prior[known, 1]]
+            )
+
+        return np.asarray(least_squares(residuals, first, loss="soft_l1", max_nfev=100).x)
 
     def simplex(self, start: Array) -> Array:
         """Return the initial simplex of the refinement (10, 9)."""
@@ -170,9 +160,9 @@ class _Target:
         return np.concatenate([start[None], start + np.diag(steps)])
 
     def _distance(self, parameters: Array) -> float:
-        """Return the logarithm of the distance at which the box is as large as the mask."""
+        """Return the logarithm of the distance at which the box is as large as predicted."""
         log_distance = 1.5
-        wanted = float(np.linalg.norm(self.box[2:] - self.box[:2]))
+        wanted = float(np.linalg.norm(np.ptp(self.corners[:, :2], axis=0)))
         for _ in range(3):
             parameters[5] = log_distance
             if not project(parameters, self.side_px, self.uv):
@@ -182,14 +172,22 @@ class _Target:
             log_distance += float(np.log(max(float(np.linalg.norm(extent)), 1.0) / wanted))
         return log_distance
 
-    def cost(self, parameters: Array) -> float:
-        """Return the cost of parameters (9,)."""
+    def cost(self, parameters: Array, weights: Array | None = None) -> float:
+        """Return the cost of parameters (9,), with other weights (4,) if given."""
         return float(
-            box_cost(parameters, self.sums, self.distance, self.prior, self.weights, self.uv)
+            box_cost(
+                parameters,
+                self.sums,
+                self.distance,
+                self.corners,
+                self.prior,
+                self.weights if weights is None else weights,
+                self.uv,
+            )
         )
 
-    def refine(self, start: Array) -> tuple[Array, float]:
-        """Return the parameters (9,) and the cost of a local optimum near a start."""
+    def refine(self, start: Array) -> Array:
+        """Return the parameters (9,) of a local optimum near a start."""
         options = {
             "maxfev": 500,
             "xatol": 1e-3,
@@ -197,9 +195,9 @@ class _Target:
             "initial_simplex": self.simplex(start),
         }
         best = minimize(self.cost, start, method="Nelder-Mead", options=options)
-        return best.x, float(best.fun)
+        return np.asarray(best.x)
 
-    def result(self, parameters: Array, cost: float) -> BoxFit:
+    def result(self, parameters: Array) -> BoxFit:
         """Return the fit at the resolution of the image."""
         width, depth = float(np.exp(parameters[0])), float(np.exp(parameters[1]))
         project(parameters, self.side_px, self.uv)
@@ -208,26 +206,9 @@ class _Target:
             depth=depth,
             camera=camera_of(parameters, self.size_px),
             overlap=float(overlap(self.uv, self.sums)),
-            cost=cost,
+            cost=self.cost(parameters, self.weights * [1.0, 1.0, 1.0, 0.0]),
             parameters=dict(zip(NAMES, map(float, parameters), strict=True)),
         )
-
-
-def turned(fit: BoxFit) -> BoxFit:
-    """Return the same box with its front at the other visible side."""
-    p = dict(fit.parameters)
-    p["width"], p["depth"] = p["depth"], p["width"]
-    p["azimuth"] -= np.sign(p["azimuth"]) * np.pi / 2.0
-    vector = np.array([p[name] for name in NAMES])
-    size_px = (fit.camera.width_px, fit.camera.height_px)
-    return BoxFit(
-        width=fit.depth,
-        depth=fit.width,
-        camera=camera_of(vector, size_px),
-        overlap=fit.overlap,
-        cost=fit.cost,
-        parameters=p,
-    )
 
 
 def edge_distance(image: Pixels) -> Array:

@@ -64,7 +64,6 @@ def propose(
     hints: Mapping[str, float] | None = None,
     motion: MotionHint | None = None,
     height_m: float | None = None,
-    seed: int = 0,
 ) -> ObjectProposal:
     """Propose an object with the category, proportions, parts and joints of an image.
 
@@ -73,7 +72,6 @@ def propose(
         hints: Weights of categories from a text.
         motion: Motion in a video of the object.
         height_m: Height of the object [m], if known.
-        seed: Seed of the fit.
 
     Raises:
         UsageError: No object is found, or its category is not in the library.
@@ -82,7 +80,7 @@ def propose(
     probabilities = _probabilities(image, mask, hints, motion)
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
     category = next(name for name in ranked if name in USUAL)
-    front = find_front(image, mask, USUAL[category].prior, seed)
+    front = find_front(image, mask, USUAL[category].prior)
     generated = generate(category, front, height_m)
     evidence: dict[str, Source] = {
         part.name: "image" if generated.layout else "category"

@@ -32,6 +32,8 @@ STAGES = (
 )
 OUTPUTS = (16, 24, 40, 80, 112, 192, 320)
 """Channels after each stage."""
+MAPS = {"stride_16": 4, "stride_32": 6}
+"""Stage after which inner features are returned, of 112 and 320 channels, by name."""
 PAD_COLOUR = 127
 FEATURES = 1280
 
@@ -44,11 +46,26 @@ def classify(images: list[Pixels]) -> tuple[Array, Array]:
     Raises:
         UsageError: The package with the weights is not installed.
     """
-    batch = np.stack([_square(image) for image in images]).astype(np.float32)
-    pixels = ((batch - MEAN) / SCALE).transpose(0, 3, 1, 2)
-    logits, features = _session().run(None, {"image": np.ascontiguousarray(pixels)})
+    batch = _batch([_square(image) for image in images])
+    logits, features = _session().run(["logits", "features"], {"image": batch})
     shifted = np.exp(logits - logits.max(axis=1, keepdims=True))
     return shifted / shifted.sum(axis=1, keepdims=True), features
+
+
+def feature_maps(images: list[Pixels]) -> dict[str, Array]:
+    """Return inner features of images (224, 224, 3) by the names ``MAPS``: (N, C, side, side).
+
+    Raises:
+        UsageError: The package with the weights is not installed.
+    """
+    found = _session().run(list(MAPS), {"image": _batch(images)})
+    return dict(zip(MAPS, found, strict=True))
+
+
+def _batch(images: list[Pixels]) -> Array:
+    """Return normalized images (N, 3, 224, 224)."""
+    batch = np.stack(images).astype(np.float32)
+    return np.ascontiguousarray(((batch - MEAN) / SCALE).transpose(0, 3, 1, 2))
 
 
 def _square(image: Pixels) -> Pixels:
@@ -90,11 +107,15 @@ class _Graph:
         value = self._convolution("image", "_conv_stem", "_bn0", stride=2, relu=True)
         block = 0
         channels = 32
-        for (repeats, _, stride, expansion), outputs in zip(STAGES, OUTPUTS, strict=True):
+        maps = {stage: name for name, stage in MAPS.items()}
+        for stage, (repeats, _, stride, expansion) in enumerate(STAGES):
+            outputs = OUTPUTS[stage]
             for k in range(repeats):
                 same = k > 0 or (stride == 1 and channels == outputs)
                 value = self._block(value, block, stride if k == 0 else 1, expansion, same)
                 block, channels = block + 1, outputs
+            if stage in maps:
+                value = self._node("Identity", [value], output=maps[stage])
         value = self._convolution(value, "_conv_head", "_bn1", relu=True)
         value = self._node("GlobalAveragePool", [value])
         features = self._node("Flatten", [value], output="features")
@@ -112,6 +133,10 @@ class _Graph:
             [
                 helper.make_tensor_value_info("logits", float_type, ["n", 1000]),
                 helper.make_tensor_value_info("features", float_type, ["n", FEATURES]),
+                *(
+                    helper.make_tensor_value_info(name, float_type, ["n", OUTPUTS[stage], "h", "h"])
+                    for name, stage in MAPS.items()
+                ),
             ],
             self.tensors,
         )

