@@ -147,7 +147,7 @@ def train(network: BoxNetwork, arrays: dict[str, Array], objects: Ints, epochs: 
         for k in range(len(index) // BATCH):
             loss, _ = box_loss(network, tensors(arrays, order[k * BATCH : (k + 1) * BATCH]))
             optimizer.zero_grad()
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             schedule.step()
             losses.append(float(loss.detach()))
