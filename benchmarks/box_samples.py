@@ -255,7 +255,7 @@ def render(one: TrainingObject, rng: Generator) -> dict[str, Array] | None:
         image *= factor
     behind = background(camera, rng)
     image = np.asarray(np.where(mask[..., None], image, behind), dtype=np.float64)
-    image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 0.8))
+    image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 0.8)).astype(np.float64)
     image += rng.normal(size=image.shape) * rng.uniform(0.5, 4.0)
     photo = np.clip(image, 0, 255).astype(np.uint8)
     if rng.uniform() < 0.25:
