@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from articulate.benchmark.ablation_rows import ROWS, Ablation, AblationRow
+from articulate.benchmark.ablation_rows import Ablation, AblationRow, rows_of
 from articulate.benchmark.batch import BenchmarkBatch
 from articulate.benchmark.config import BenchmarkConfig
 from articulate.benchmark.dataset import Dataset
@@ -79,8 +79,14 @@ class AblationRun:
         """
         return {
             "ablation": name,
-            "rows": [self._row(row, progress) for row in ROWS[name]],
+            "rows": [self._row(row, progress) for row in rows_of(name, self._recorded())],
         }
+
+    def _recorded(self) -> list[str]:
+        """Return the names of the recordings."""
+        if self.recordings is None or not self.recordings.is_dir():
+            return []
+        return [path.name for path in self.recordings.iterdir() if path.is_dir()]
 
     def _row(self, row: AblationRow, progress: Progress) -> Record:
         """Return one row; without numbers if it needs a recording that does not exist."""

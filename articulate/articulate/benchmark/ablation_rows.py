@@ -15,8 +15,6 @@ from articulate.reconstruct.actors.modality import Modality
 Ablation = Literal["modality", "examples", "iterations", "base_model", "critic"]
 """Quantity that is varied."""
 DEFAULT_MODEL = "gemini-3.8-flash"
-BASE_MODELS = (DEFAULT_MODEL, "gemini-3.5-flash-lite", "gpt-5.2", "claude-sonnet-5")
-"""Models of the ablation of base models, one per provider and a small one."""
 N_EXAMPLES = (0, 1, 2, 5, 10, 20)
 """Numbers of in-context examples; the publication uses at most 20."""
 
@@ -71,8 +69,28 @@ ROWS: Mapping[Ablation, Sequence[AblationRow]] = {
     "iterations": (_VIDEO, _model_row("hybrid", "video", "hybrid"), _model_row("vlm", "video")),
     "base_model": (
         AblationRow(label="no model", actor="geometric-video", modality="video"),
-        *(_model_row(name, "video", model=name) for name in BASE_MODELS),
+        _model_row(DEFAULT_MODEL, "video"),
     ),
     "critic": (_VIDEO, _model_row("hybrid", "video", "hybrid"), _model_row("vlm", "video")),
 }
-"""Rows of each ablation, in the order of the table."""
+"""Rows of each ablation, in the order of the table; see :func:`rows_of` for further models."""
+
+
+def rows_of(name: Ablation, recorded: Sequence[str]) -> list[AblationRow]:
+    """Return the rows of an ablation; that of base models has a row for each recorded model.
+
+    Args:
+        name: Ablation.
+        recorded: Names of the recordings, such as ``joints-video-vlm-MODEL``.
+    """
+    rows = list(ROWS[name])
+    if name == "base_model":
+        folder = rows[-1].folder.removesuffix(DEFAULT_MODEL)
+        models = [text.removeprefix(folder) for text in recorded if text.startswith(folder)]
+        known = {row.model for row in rows}
+        rows += [
+            _model_row(model, "video", model=model)
+            for model in sorted(models)
+            if model and model not in known and "-examples-" not in model
+        ]
+    return rows

@@ -5,8 +5,8 @@ import json
 import pytest
 from tests.articulate.benchmark.objects import write_index
 
-from articulate.benchmark import ablation
-from articulate.benchmark.ablation_rows import ROWS, AblationRow
+from articulate.benchmark import ablation, ablation_rows
+from articulate.benchmark.ablation_rows import ROWS, AblationRow, rows_of
 from articulate.commands.benchmark import main
 from articulate.reconstruct.actors.vlm.answer_store import open_recording
 
@@ -20,7 +20,7 @@ TEXT = (
 @pytest.fixture
 def text_rows(monkeypatch):
     """Tables whose rows need no image."""
-    monkeypatch.setattr(ablation, "ROWS", dict.fromkeys(ROWS, TEXT))
+    monkeypatch.setattr(ablation_rows, "ROWS", dict.fromkeys(ROWS, TEXT))
 
 
 def test_an_ablation_fills_offline_rows_and_names_missing_recordings(tmp_path, capsys, text_rows):
@@ -83,3 +83,10 @@ def test_a_row_with_a_model_replays_the_recording_in_its_folder(
     main([*argv, "--record", str(recording.parent)])
     row = json.loads(capsys.readouterr().out)["ablations"][0]["rows"][2]
     assert row["status"] == ablation.INCOMPLETE  # nothing was recorded, and there is no key
+
+
+def test_each_recorded_model_is_a_base_model():
+    recorded = ["joints-video-vlm-some-model", "joints-video-vlm-a-examples-5", "joints-text-vlm-b"]
+    labels = [row.label for row in rows_of("base_model", recorded)]
+    assert labels == ["no model", ablation_rows.DEFAULT_MODEL, "some-model"]
+    assert rows_of("modality", recorded) == list(ROWS["modality"])
