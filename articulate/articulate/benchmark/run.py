@@ -82,8 +82,12 @@ def run_case(subject: TrueObject, case: Case, actor: Actor, limit_s: float = mat
     start = time.perf_counter()
     no_answer = False
     try:
-        prediction = actor.predict(case.evidence)
+        with processor_limit(limit_s):
+            prediction = actor.predict(case.evidence)
         rejection = prediction.rejection
+    except _LimitReached:
+        rejection = f"more than {limit_s:g} s of processor time"
+        prediction = Prediction(joints=())
     except (MissingError, BudgetError):  # also for all other objects
         raise
     except (UsageError, OSError) as error:  # a busy server or a file; it may succeed next time
