@@ -99,6 +99,7 @@ def test_a_raw_output_becomes_the_boxes_and_joints_of_the_released_code(tmp_path
     assert (drawer.kind, drawer.lower, drawer.upper) == ("prismatic", 0.0, 0.4)
     assert np.allclose(drawer.corners.min(axis=0)[1:], [0.0, 8 / 12])
     assert (door.kind, door.lower, door.upper) == ("revolute", 0.0, 1.57)
+    assert door.pivot is not None
     assert np.allclose(door.pivot, [0.0, 1.0, 0.0])
 
 

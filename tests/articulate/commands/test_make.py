@@ -14,10 +14,11 @@ from articulate import commands
 from articulate.assets.asset import load_asset
 from articulate.commands import console
 from articulate.commands import make as module
-from articulate.commands.make import MakeFlags, main
+from articulate.commands.make import main
 from articulate.reconstruct import query
 from articulate.reconstruct.images import view_camera
 from articulate.reconstruct.make import overlap
+from articulate.reconstruct.part_set import library_part_set
 from articulate.reconstruct.program.program_parts import parts_of
 from articulate.reconstruct.program.result import ProgramObject
 from articulate.reconstruct.program.run import run_program
@@ -145,7 +146,7 @@ def test_what_cannot_be_checked_is_written_and_marked(tmp_path, capsys):
 
 
 def test_a_image_is_compared_with_the_parts(capsys):
-    part_set = module._part_set(MakeFlags(text="x", library="cabinet:3"))
+    part_set = library_part_set("cabinet:3")
     camera = view_camera(part_set.meshes, {})
     cv2.imwrite("seen.png", PartScene(part_set.meshes).render_image(camera)[..., ::-1])
     seen = query.image_query(Path("seen.png"))
