@@ -61,7 +61,7 @@ def test_seeds_that_are_none_are_rejected(seeds):
 
 def test_the_preset_of_the_marker_estimator_loads_and_widens():
     config = parse(TrainConfig, ["--asset", "x", "--config", "markers"])
-    assert config.randomization.estimate_delay_steps == (1, 3)
+    assert config.randomization.estimate_delay_steps == (0, 1)
     assert config.randomization.part_noise < RandomizationConfig().part_noise
     assert config.randomization.widened(1.5).estimate_delay_steps[1] <= 5
     assert config.steps == TrainConfig(asset="x").steps
