@@ -41,6 +41,7 @@ def test_an_ablation_fills_offline_rows_and_names_missing_recordings(tmp_path, c
     assert "no recording" in page
 
 
+@pytest.mark.slow
 def test_a_second_call_continues_and_prints_the_same(tmp_path, capsys, text_rows):
     index = write_index(tmp_path, ("a",))
     argv = [str(index), "--ablation", "modality", "--out", str(tmp_path / "out"), "--json"]
@@ -71,6 +72,7 @@ def test_ablations_that_cannot_be_run_are_rejected(tmp_path, argv, error_line):
     )
 
 
+@pytest.mark.slow
 def test_a_row_with_a_model_replays_the_recording_in_its_folder(
     tmp_path, capsys, text_rows, monkeypatch
 ):
