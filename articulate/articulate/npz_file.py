@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import struct
 import zipfile
 import zlib
 from typing import Any
@@ -18,6 +19,20 @@ from numpy.typing import NDArray
 
 MAX_ARRAYS = 1000
 """Most arrays of a file."""
+DAMAGED = (
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    KeyError,
+    MemoryError,
+    OSError,
+    OverflowError,
+    RuntimeError,  # encrypted members and unknown compression
+    TypeError,  # a number type that NumPy does not have
+)
+"""Errors of :mod:`zipfile` and NumPy for damaged files."""
 _COMPRESSION = frozenset({zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED})
 _ENTRY = b"PK\x01\x02"  # an entry in the directory of a zip file
 _MAGIC = b"\x93NUMPY\x01\x00"
@@ -50,10 +65,8 @@ def read_npz(content: bytes, limit_bytes: int) -> dict[str, NDArray[Any]]:
                     raise ValueError("a compression that is not supported")
                 arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member))
             return arrays
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:
+    except DAMAGED as error:
         raise ValueError(str(error) or "damaged") from None
-    except (MemoryError, OverflowError, KeyError):
-        raise ValueError("damaged") from None
 
 
 def _array(content: bytes) -> NDArray[Any]:

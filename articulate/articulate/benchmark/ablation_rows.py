@@ -11,10 +11,10 @@ from typing import Literal
 
 from articulate.benchmark.config import Task
 from articulate.reconstruct.actors.modality import Modality
+from articulate.reconstruct.actors.vlm.gemini import DEFAULT_MODEL
 
 Ablation = Literal["modality", "examples", "iterations", "base_model", "critic"]
 """Quantity that is varied."""
-DEFAULT_MODEL = "gemini-3.8-flash"
 N_EXAMPLES = (0, 1, 2, 5, 10, 20)
 """Numbers of in-context examples; the publication uses at most 20."""
 

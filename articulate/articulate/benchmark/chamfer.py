@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
 from articulate.render.parts import PartMesh, joint_bounds
@@ -33,20 +34,14 @@ def surface_points(parts: Sequence[PartMesh], rng: np.random.Generator, n: int =
     """
     low, high = joint_bounds(parts)
     centre = 0.5 * (low + high)
-    triangles = np.concatenate([p.vertices[p.faces] for p in parts]) - centre
-    radius = float(np.linalg.norm(triangles, axis=-1).max())
-    edges = triangles[:, 1:] - triangles[:, :1]
-    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=-1)
-    total = float(area.sum())
-    if not total > 0.0:
+    mesh = trimesh.util.concatenate([
+        trimesh.Trimesh(part.vertices - centre, part.faces, process=False) for part in parts
+    ])  # fmt: skip
+    if not mesh.area > 0.0:
         raise ValueError("the surface has no area")
-    chosen = rng.choice(len(area), size=n, p=area / total)
-    u, v = rng.random((2, n))
-    folded = u + v > 1.0
-    u, v = np.where(folded, 1.0 - u, u), np.where(folded, 1.0 - v, v)
-    weights = np.stack([u, v], axis=-1)[..., None]
-    points = triangles[chosen, 0] + (weights * edges[chosen]).sum(axis=1)
-    return np.asarray(points / radius)
+    points, _ = trimesh.sample.sample_surface(mesh, n, seed=rng)
+    radius = np.linalg.norm(mesh.vertices[np.unique(mesh.faces)], axis=-1).max()
+    return np.asarray(points / radius, dtype=np.float64)
 
 
 def chamfer(one: Array, two: Array) -> float:

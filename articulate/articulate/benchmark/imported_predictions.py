@@ -229,14 +229,14 @@ def _match(
     overlap = box_overlap(boxes[:, None], true[None], front=front)
     if evidence.camera is not None and all(parts[k].box_px is not None for k in moving):
         overlap = mask_overlap([parts[k] for k in moving], evidence)
-    for i, j in zip(*linear_sum_assignment(-overlap), strict=True):
+    rows, columns = linear_sum_assignment(-overlap)
+    for i, j in zip(rows, columns, strict=True):
         if overlap[i, j] >= LEAST_OVERLAP:
             links[moving[i]] = evidence.parts[j].name
-    matched = [overlap[i, j] for i, j in zip(*linear_sum_assignment(-overlap), strict=True)]
     depth = np.abs(boxes[:, None].mean(axis=2) - true[None].mean(axis=2))[..., 0]
-    near = [depth[i, j] for i, j in zip(*linear_sum_assignment(-overlap), strict=True)]
     diagonal = float(np.linalg.norm(np.ptp(true.reshape(-1, 3), axis=0)))
-    return float(np.sum(matched) / len(moving) - np.mean(near) / diagonal), links
+    score = overlap[rows, columns].sum() / len(moving) - depth[rows, columns].mean() / diagonal
+    return float(score), links
 
 
 def _bounds(points: Array) -> Array:

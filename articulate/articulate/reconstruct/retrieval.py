@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 
 from articulate.errors import UsageError
 from articulate.files import atomic_write
+from articulate.npz_file import read_npz
 from articulate.reconstruct.recognition.classifier import classify
 from articulate.render.camera import Camera, look_at, pinhole
 from articulate.render.parts import PartMesh, joint_bounds
 from articulate.render.raster import Pixels
 from articulate.render.scene import NO_PART, PartScene
 from articulate.transforms import Array
+from articulate.untrusted import read_bounded
 
 Mask = NDArray[np.bool_]
 AZIMUTHS_DEG, ELEVATIONS_DEG = (-50.0, -25.0, 0.0, 25.0, 50.0), (10.0, 35.0)
@@ -35,6 +37,8 @@ MARGIN = 0.08
 SILHOUETTE_WEIGHT = 1.0
 """Weight of the overlap of silhouettes beside the cosine of features."""
 WHITE = 255
+MAX_ENTRY_BYTES = 1_000_000
+"""Largest entry of an index; it has about 30 kB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,10 +181,10 @@ def read_index(entries: dict[str, Path]) -> RetrievalIndex:
     features, silhouettes = [], []
     for path in entries.values():
         try:
-            with np.load(path, allow_pickle=False) as file:
-                features.append(file["features"].astype(np.float64).reshape(views, -1))
-                bits = np.unpackbits(file["silhouettes"], count=int(np.prod(shape)))
-        except (OSError, ValueError, KeyError) as error:
+            file = read_npz(read_bounded(path, MAX_ENTRY_BYTES), MAX_ENTRY_BYTES)
+            features.append(file["features"].astype(np.float64).reshape(views, -1))
+            bits = np.unpackbits(file["silhouettes"], count=int(np.prod(shape)))
+        except (UsageError, TypeError, ValueError, KeyError) as error:
             raise UsageError(
                 f"{path.name}: no entry of an index ({type(error).__name__})"
             ) from None

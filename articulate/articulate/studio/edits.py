@@ -18,9 +18,7 @@ from articulate.errors import UsageError, quote
 from articulate.formats.load_meshes import Piece
 from articulate.geometry.inertia import combined
 from articulate.reconstruct.actors.protocol import JointKind
-from articulate.studio.mass import divided
-from articulate.studio.mass import moved as moved_mass
-from articulate.studio.mass import scaled as scaled_mass
+from articulate.studio.mass import divided_mass, moved_mass, scaled_mass
 from articulate.studio.model import (
     KINDS,
     StudioJoint,
@@ -457,7 +455,7 @@ def _split(model: StudioModel, edit: SplitPart) -> StudioModel:
         parent=edit.part,
         pivot_o=vec3(np.mean([p.mesh.bounds.mean(axis=0) for p in chosen], axis=0)),
     )
-    shares = None if part.inertial is None else divided(part.inertial, (chosen, rest))
+    shares = None if part.inertial is None else divided_mass(part.inertial, (chosen, rest))
     mass, mass_left = shares or (None, None)
     new = StudioLink(name=edit.name, visuals=chosen, collisions=own, joint=joint, inertial=mass)
     changed = model.with_link(replace(part, visuals=rest, collisions=kept, inertial=mass_left))

@@ -14,13 +14,13 @@ from articulate.geometry.inertia import Inertial, combined
 from articulate.transforms import Array, apply
 
 
-def moved(inertial: Inertial, T: Array) -> Inertial:
+def moved_mass(inertial: Inertial, T: Array) -> Inertial:
     """Return mass properties after the rigid motion ``T`` (4, 4) [m]."""
     R = T[:3, :3]
     return replace(inertial, com_p=apply(T, inertial.com_p), inertia_p=R @ inertial.inertia_p @ R.T)
 
 
-def scaled(inertial: Inertial, factor: float) -> Inertial:
+def scaled_mass(inertial: Inertial, factor: float) -> Inertial:
     """Return mass properties of a body of the same density, ``factor`` times as large."""
     return replace(
         inertial,
@@ -30,7 +30,7 @@ def scaled(inertial: Inertial, factor: float) -> Inertial:
     )
 
 
-def divided(inertial: Inertial, groups: Sequence[Sequence[Piece]]) -> list[Inertial] | None:
+def divided_mass(inertial: Inertial, groups: Sequence[Sequence[Piece]]) -> list[Inertial] | None:
     """Return the share of each group of pieces in a part's mass, by the volume of their hulls.
 
     None if a group has no volume.

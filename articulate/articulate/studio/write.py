@@ -12,7 +12,7 @@ from articulate.files import write_bytes, write_text
 from articulate.formats.load_meshes import Piece
 from articulate.reconstruct.program.elements import common_name, elements_of, write_element
 from articulate.reconstruct.program.materials import EFFORT, VELOCITY
-from articulate.studio.mass import moved
+from articulate.studio.mass import moved_mass
 from articulate.studio.model import StudioJoint, StudioLink, StudioModel
 from articulate.transforms import Array, pose
 
@@ -49,7 +49,7 @@ def _link(link: StudioLink, k: int, origin: Array, folder: Path) -> list[str]:
     lines = [f"  <link name={quoteattr(link.name)}>"]
     T = pose(-origin)
     if link.inertial is not None:
-        lines += inertial_element(moved(link.inertial, T))
+        lines += inertial_element(moved_mass(link.inertial, T))
     for layer, pieces in (("visual", link.visuals), ("collision", link.collisions)):
         groups = elements_of([piece.moved(T) for piece in pieces])
         for i, element in enumerate(groups):

@@ -39,7 +39,7 @@ class ClientProcess:
             ArmError: The controller does not answer or rejects the client.
         """
         self.address = spec.address
-        self._request_s = max(REQUEST_S, start_s)
+        self._request_s = start_s if start_s > START_S else REQUEST_S
         ours, theirs = socket.socketpair()
         self._lock = threading.Lock()
         self._child = subprocess.Popen(

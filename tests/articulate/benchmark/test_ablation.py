@@ -9,6 +9,7 @@ from articulate.benchmark import ablation, ablation_rows
 from articulate.benchmark.ablation_rows import ROWS, AblationRow, rows_of
 from articulate.commands.benchmark import main
 from articulate.reconstruct.actors.vlm.answer_store import open_recording
+from articulate.reconstruct.actors.vlm.gemini import DEFAULT_MODEL
 
 TEXT = (
     AblationRow(label="joints, text", actor="geometric-text", modality="text"),
@@ -90,5 +91,5 @@ def test_a_row_with_a_model_replays_the_recording_in_its_folder(
 def test_each_recorded_model_is_a_base_model():
     recorded = ["joints-video-vlm-some-model", "joints-video-vlm-a-examples-5", "joints-text-vlm-b"]
     labels = [row.label for row in rows_of("base_model", recorded)]
-    assert labels == ["no model", ablation_rows.DEFAULT_MODEL, "some-model"]
+    assert labels == ["no model", DEFAULT_MODEL, "some-model"]
     assert rows_of("modality", recorded) == list(ROWS["modality"])

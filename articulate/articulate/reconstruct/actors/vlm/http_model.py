@@ -329,11 +329,9 @@ def _error_message(content: bytes) -> str:
     """Return the message of a rejection; all three formats have ``error.message``."""
     try:
         error = json.loads(content)["error"]
-        return (
-            str(error["message"] or error.get("status") or "")
-            if isinstance(error, dict)
-            else (str(error))
-        )
+        if not isinstance(error, dict):
+            return str(error)
+        return str(error["message"] or error.get("status") or "")
     except MALFORMED:
         return ""
 
