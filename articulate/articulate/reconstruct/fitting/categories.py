@@ -152,7 +152,8 @@ def scaled(
 
 def _storage(kinds: list[CellKind], front: ObjectFront, sizes: Mapping[str, float]) -> FrontLayout:
     """Return furniture whose cells are drawers and doors."""
-    base = round(front.base_share * sizes["height_m"], 3)
+    most = sizes["height_m"] - WORKTOP_M - 1.05 * MIN_FRONT_M
+    base = round(max(0.0, min(front.base_share * sizes["height_m"], most)), 3)
     width = round(max(0.15, sizes["width_m"]), 3)
     front_m = sizes["height_m"] - base - WORKTOP_M
     return FrontLayout(
