@@ -1,10 +1,10 @@
 """Train the generalist policy: one network for drawers, doors and lids that it has never seen.
 
-    python benchmarks/generalist.py prepare --seeds 0 12 --out scenes.jsonl
+    python benchmarks/generalist.py prepare --seeds 0 2 --panels 1 20 --out scenes.jsonl
     python benchmarks/generalist.py train --scenes scenes.jsonl --rounds 40
 
-``prepare`` makes objects of the procedural library, places them and runs the scripted expert on
-each joint (resumable). ``train`` imitates the expert on all accepted scenes in one batch (DAgger;
+``prepare`` makes objects of the procedural library and of :mod:`generalist_panels`, places them and
+runs the scripted expert on each joint (resumable). ``train`` imitates the expert on all accepted scenes in one batch (DAgger;
 Ross, Gordon and Bagnell, 2011): in each round all environments run an episode's length of control
 steps, the expert's actions at the visited states are added to the data, and the network is fitted
 to all data so far. It writes ``generalist.npz`` and ``generalist.json`` of the package
@@ -50,6 +50,7 @@ from articulate_train.generalist import METADATA, WEIGHTS, write_weights
 from articulate_train.imitation import unscale_action
 from articulate_train.policy import Network
 from articulate_train.run import versions
+from generalist_panels import KINDS, write_panel
 from generalist_scenes import (
     CLOSING_TASKS,
     TASKS,
@@ -72,6 +73,9 @@ STARTS = InitialStatesConfig(share_first=0.5, share_last=0.25, n_precomputed=48)
 BATCH_SIZE = 512
 LEARNING_RATES = 1e-3, 1e-4
 """Learning rate at the beginning and at the end, exponential decay between."""
+MIN_STD = 0.1
+"""Floor of the standard deviation of observations, whose units make them about 1: what varies
+little in training may vary more on other objects."""
 EXPERT_ROUNDS = 5
 """Rounds over which the share of environments in which the expert acts falls from 1 to 0."""
 
@@ -170,7 +174,7 @@ class Trainer:
         network = self.network
         if k <= EXPERT_ROUNDS:
             network.mean.copy_(observations.mean(dim=0))
-            network.scale.copy_(torch.rsqrt(observations.var(dim=0) + 1e-4))
+            network.scale.copy_(torch.rsqrt(observations.var(dim=0) + MIN_STD**2))
         first, last = LEARNING_RATES
         losses = []
         for i in range(batches):
@@ -242,6 +246,7 @@ def main(argv: Sequence[str]) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     one = commands.add_parser("prepare", help="make, place and check objects")
     one.add_argument("--seeds", type=int, nargs=2, default=(0, 12), help="first seed, and end")
+    one.add_argument("--panels", type=int, nargs=2, default=(0, 0), help="the same for panels")
     one.add_argument("--objects", type=Path, default=Path("objects"), help="folder of the objects")
     one.add_argument("--closing", action="store_true", help="tasks that close instead of open")
     one.add_argument("--out", type=Path, required=True, help="list of scenes")
@@ -257,6 +262,8 @@ def main(argv: Sequence[str]) -> int:
         return train(args)
     ids = procedural_ids(range(*args.seeds))
     items = [(i, write_procedural(i, args.objects), i.rpartition("-")[0]) for i in ids]
+    for i in (f"{kind}-{seed:04d}" for seed in range(*args.panels) for kind in KINDS):
+        items.append((i, write_panel(i, args.objects), i.rpartition("-")[0]))
     prepare(items, args.out, CLOSING_TASKS if args.closing else TASKS)
     return 0
 

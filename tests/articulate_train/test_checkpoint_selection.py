@@ -124,6 +124,18 @@ def test_the_best_of_the_states_is_the_policy_and_the_others_are_deleted(cabinet
     assert {e for e in calls if e[0] == 160} == {(160, 2, (run.config.evaluation_seed, 0, 2, 0))}
 
 
+def test_the_initial_policy_is_kept_if_training_makes_it_worse(cabinet, tmp_path, scored):
+    scored({0: 1.0, 96: 0.5, 160: 0.5, 192: 0.5})
+    run = tiny_run(
+        tmp_path / "run", cabinet, checkpoint_selection=THREE, initial_policy="generalist"
+    )
+    process = SeedProcess(run, 0, threads=1)
+    assert process.train()
+    process.close()
+    done = json.loads((run.seed_folder(0) / DONE).read_text())
+    assert done["selected_step"] == 0
+
+
 def test_states_that_tie_with_the_last_finalist_are_evaluated_once_more(
     cabinet, tmp_path, scored, monkeypatch
 ):

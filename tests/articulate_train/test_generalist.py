@@ -86,10 +86,12 @@ def test_a_training_begins_with_the_same_actions(scene, config):
         net_arch=list(ppo.net_arch),
         activation_fn=torch.nn.ELU,
     )
-    rms = RunningMeanStd(shape=(OBSERVATION.size + 3,))
-    parts: list[Any] = [SimpleNamespace(policy=policy), SimpleNamespace(obs_rms=rms)]
+    before = RunningMeanStd(shape=(OBSERVATION.size + 3,))
+    parts: list[Any] = [SimpleNamespace(policy=policy), SimpleNamespace(obs_rms=before)]
     load_initial(parts[0], parts[1], state)
-    size = OBSERVATION.size
+    rms, size = parts[1].obs_rms, OBSERVATION.size
+    rms.update(5.0 + np.concatenate([SEEN, np.ones((5, 3))], axis=1))
+    np.testing.assert_allclose(rms.mean[size:], 6.0, rtol=1e-3)
     normalized = np.clip((SEEN - rms.mean[:size]) / np.sqrt(rms.var[:size] + 1e-8), -10.0, 10.0)
     both = np.concatenate([normalized, np.zeros((5, 3))], axis=1).astype(np.float32)
     distribution: Any = policy.get_distribution(torch.from_numpy(both)).distribution

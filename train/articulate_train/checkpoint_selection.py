@@ -105,7 +105,8 @@ def select_checkpoint(
     """
     config, folder = run.config.checkpoint_selection, run.seed_folder(seed) / CANDIDATES
     first_step = config.start_fraction * run.config.steps
-    scores = [CheckpointScore(steps) for steps in _kept(folder) if steps >= first_step]
+    kept = _kept(folder)  # that of 0 steps is the policy from which the training started
+    scores = [CheckpointScore(steps) for steps in kept if steps == 0 or steps >= first_step]
     if len(scores) == 1:
         return read_checkpoint(folder, f"{scores[0].steps}.pt"), scores
     scene = run.scene()

@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from articulate.errors import ConfigError, MissingError
 from articulate.files import write_bytes, write_json
 from articulate.task.observation import OBSERVATION
+from articulate.transforms import Array
 from articulate.untrusted import read_bounded
 from articulate_envs.scene import Scene
 from articulate_train.config import PpoConfig, TrainConfig
@@ -33,8 +35,6 @@ WEIGHTS, METADATA = "generalist.npz", "generalist.json"
 """Files beside this module."""
 MAX_BYTES = 2_000_000
 """Largest file of weights."""
-COUNT = 200_000.0
-"""Observations that the normalization counts as seen when a training starts from the weights."""
 TASKS = ("open_drawer", "open_door", "open_lid")
 """Tasks that the policy was trained for."""
 
@@ -82,7 +82,7 @@ def generalist_state(config: TrainConfig, scene: Scene) -> dict[str, Any]:
         "normalization": {
             "mean": weights["mean"].double(),
             "var": weights["scale"].double() ** -2,
-            "count": COUNT,
+            "count": 1.0,
         },
         "metadata": json.dumps({"num_timesteps": generalist_metadata()["control_steps"]}),
     }
@@ -106,8 +106,33 @@ def with_layers(config: PpoConfig, state: dict[str, Any]) -> PpoConfig:
     return replace(config, net_arch=tuple(state["net_arch"]))
 
 
+class PartlyFixedMeanStd(RunningMeanStd):
+    """Running mean and variance whose first entries do not change.
+
+    With other statistics the same weights are another policy: one object has a fraction of the
+    variation of many.
+    """
+
+    def __init__(self, mean: Array, var: Array, size: int) -> None:
+        """Fix the entries of ``mean`` and ``var`` (n,), the first of ``size``."""
+        super().__init__(shape=(size,))
+        self._fixed = mean.copy(), var.copy()
+        self._restore()
+
+    def _restore(self) -> None:
+        mean, var = self._fixed
+        self.mean[: len(mean)], self.var[: len(var)] = mean, var
+
+    def update_from_moments(self, batch_mean: Array, batch_var: Array, batch_count: float) -> None:
+        """Update the other entries."""
+        super().update_from_moments(batch_mean, batch_var, batch_count)
+        self._restore()
+
+
 def load_initial(model: PPO, normalization: VecNormalize, state: dict[str, Any]) -> None:
     """Begin a training with the policy in ``state``; the value function stays random.
+
+    The normalization of the policy's observations stays that of ``state``.
 
     Args:
         model: PPO whose policy has the layers of ``state``.
@@ -115,11 +140,9 @@ def load_initial(model: PPO, normalization: VecNormalize, state: dict[str, Any])
         state: Content of :func:`generalist_state`.
     """
     model.policy.load_state_dict(state["policy"], strict=False)
-    rms: Any = normalization.obs_rms  # the space is a Box, not a Dict
-    size = OBSERVATION.size
-    rms.mean[:size] = state["normalization"]["mean"].numpy()
-    rms.var[:size] = state["normalization"]["var"].numpy()
-    rms.count = state["normalization"]["count"]
+    own: Any = normalization  # the space is a Box, not a Dict
+    mean, var = (state["normalization"][name].numpy() for name in ("mean", "var"))
+    own.obs_rms = PartlyFixedMeanStd(mean, var, len(own.obs_rms.mean))
 
 
 def generalist_run(config: TrainConfig, folder: Path, cache: Path, **options: Any) -> Run:

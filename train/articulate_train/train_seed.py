@@ -87,12 +87,15 @@ class SeedProcess:
         self._target: TargetEvaluation | None = None
         self.ensemble = Ensemble(self._scene, run.config, seed, threads=threads)
         self._before_s = 0.0
+        selects = run.config.checkpoint_selection.n_checkpoints > 1
         if (self.folder / CHECKPOINT).exists():
             content = read_checkpoint(self.folder)
             with reject_other_versions(self.folder / CHECKPOINT):
                 self.ensemble.restore(content)
+        elif selects and run.config.initial_policy == "generalist":
+            keep_candidate(self.folder, self.ensemble.policy_state())
         self._updates = self.ensemble.updates
-        if (self.folder / POLICY).exists() and run.config.checkpoint_selection.n_checkpoints > 1:
+        if selects and (self.folder / POLICY).exists():
             # The policy of a shorter training stays until a better one is found.
             keep_candidate(self.folder, read_checkpoint(self.folder, POLICY))
         self._cut_progress()
