@@ -4,11 +4,11 @@
     python benchmarks/generalist.py train --scenes scenes.jsonl --rounds 40
 
 ``prepare`` makes objects of the procedural library and of :mod:`generalist_panels`, places them and
-runs the scripted expert on each joint (resumable). ``train`` imitates the expert on all accepted scenes in one batch (DAgger;
-Ross, Gordon and Bagnell, 2011): in each round all environments run an episode's length of control
-steps, the expert's actions at the visited states are added to the data, and the network is fitted
-to all data so far. It writes ``generalist.npz`` and ``generalist.json`` of the package
-``articulate_train``. Seeds below 1000 are for training, 1000 to 1999 for validation.
+runs the scripted expert on each joint (resumable). ``train`` imitates the expert on all accepted
+scenes in one batch (DAgger; Ross, Gordon and Bagnell, 2011): in each round all environments run an
+episode's length of control steps, the expert's actions at the visited states are added to the data,
+and the network is fitted to all data so far. It writes ``generalist.npz`` and ``generalist.json``
+of the package ``articulate_train``. Seeds below 1000 are for training, 1000 to 1999 for validation.
 """
 
 # ruff: noqa: E402 - the environment comes before numpy and torch
