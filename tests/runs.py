@@ -26,7 +26,7 @@ from articulate_train.config import (
     TrainConfig,
 )
 from articulate_train.policy import CHECKPOINT
-from articulate_train.run import Run, open_run, write_scene
+from articulate_train.run import CONFIG_END, Run, open_run, write_scene
 
 JOINT = "drawer_2_slide"
 
@@ -86,7 +86,7 @@ def _write_run(folder: Path, asset: Asset, config: TrainConfig, *, episode_s: fl
     placement = find_placement(asset, task, PANDA, config.randomization)
     folder.mkdir(parents=True)
     shutil.copytree(asset.folder, folder / "asset")
-    write_text(folder / "config.yaml", to_yaml(config))
+    write_text(folder / "config.yaml", to_yaml(config) + CONFIG_END)
     write_scene(folder, task, placement, PANDA)
 
 

@@ -315,6 +315,13 @@ def test_files_of_a_run_must_be_regular_and_bounded(tiny, name, kind, monkeypatc
         load_policy(open_run(tiny.folder).seed_folder(0))
 
 
+def test_a_configuration_without_its_end_is_rejected(tiny, error_line):
+    path = tiny.folder / "config.yaml"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:-20]))  # still valid YAML, with defaults for what is lost
+    error_line("open_run(config.yaml without its end)", lambda: open_run(tiny.folder))
+
+
 @pytest.mark.parametrize("name", [".lock", "videos", "seed_0", "config.yaml"])
 def test_a_link_in_a_run_is_rejected_and_its_target_stays(tiny, tmp_path, name):
     target = tmp_path / "target"

@@ -216,7 +216,7 @@ def _write_run(
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         temporary.chmod(0o755)
         copy_writable(asset.folder, temporary / "asset")
-        write_text(temporary / CONFIG, to_yaml(config))
+        write_text(temporary / CONFIG, to_yaml(config) + CONFIG_END)
         write_scene(temporary, task, placement, PANDA)
         write_json(temporary / "versions.json", versions())
         temporary.replace(folder)
@@ -298,7 +298,7 @@ def resume_run(folder: Path, config: TrainConfig) -> Run:
             "or omit it"
         )
     with lock_run(folder):  # seeds of another call read it too
-        write_text(folder / CONFIG, to_yaml(config))
+        write_text(folder / CONFIG, to_yaml(config) + CONFIG_END)
     return dataclasses.replace(run, config=config)
 
 
@@ -319,8 +319,18 @@ def is_seed_done(config: TrainConfig, folder: Path) -> bool:
 OPEN = ("steps", "jobs", "episodes")
 """Keys that may change when a run is resumed."""
 CONFIG, SCENE, SUMMARY, DONE = "config.yaml", "scene.json", "summary.json", "done.json"
+CONFIG_END = "...\n"
+"""Last line of ``config.yaml``: without it the file may lack keys at its end."""
 SCHEMA, SCHEMA_VERSION = "articulate.run", 2
 """Schema of ``scene.json``, for the complete run folder."""
+
+
+def _read_config(path: Path) -> TrainConfig:
+    """Read the complete configuration of a run."""
+    content = read_yaml(path)
+    if not path.read_text(encoding="utf-8").rstrip().endswith(CONFIG_END.rstrip()):
+        raise RunError(f"{path}: the end is missing; train again")
+    return from_mapping(TrainConfig, content, str(path))
 
 
 def _by_key(prefix: str, config: Any) -> dict[str, Any]:
@@ -367,7 +377,7 @@ def open_run(folder: Path) -> Run:
         raise RunError(f"{error}; train again") from None
     return Run(
         folder=folder,
-        config=from_mapping(TrainConfig, read_yaml(folder / CONFIG), str(folder / CONFIG)),
+        config=_read_config(folder / CONFIG),
         asset=load_asset(folder / "asset"),
         task=task,
         placement=placement,
