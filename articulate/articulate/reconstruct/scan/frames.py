@@ -96,6 +96,8 @@ def _frame(parts: Segmentation, pane: Panel, others: Sequence[Panel]) -> list[Pa
     found = [left, right, bottom, top]
     if any(abs(board.front - pane.front) > FRAME_STEP * parts.mesh.diagonal for board in found):
         return None
+    if sum(len(board.handles) > 0 for board in found) > 1:
+        return None  # doors and drawers around another one
     rects = np.stack([panel.rect for panel in [pane, *found]])
     union = np.concatenate([rects[:, :2].min(axis=0), rects[:, 2:].max(axis=0)])
     stiles = all(_spans(board.rect, union, 1, near) for board in (left, right))

@@ -89,7 +89,7 @@ def _by_rules(parts: Segmentation) -> FoundParts:
     if ajar:
         return FoundParts(parts=tuple(with_details(parts, ajar)))
     fronts, sure = find_fronts(parts)
-    porthole = [] if any(len(front.tray) for front in fronts) else round_door(parts)
+    porthole = [] if sum(len(front.tray) > 0 for front in fronts) > 1 else round_door(parts)
     if porthole:
         return FoundParts(parts=tuple(with_details(parts, porthole)))
     if not sure:

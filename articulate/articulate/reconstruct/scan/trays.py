@@ -20,8 +20,10 @@ BOTTOM = 0.3
 """Least area of the bottom, as a share of the tray's depth and width."""
 OWN_FRONT = 0.02
 """A tray that begins farther behind the panel is not attached to it, as a share of the diagonal."""
-WIDEST = 0.97
-"""A tray as wide and deep as this share of the object is its body."""
+CLEAR = 0.001
+"""Least gap between a tray and what is above it, as a share of the diagonal."""
+MOST_LEVELS = 8
+"""Most margins and heights at which a tray is searched among dividers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,15 +46,53 @@ def trays_behind(parts: Segmentation, panel: Panel) -> list[Tray]:
     own = np.isin(inside, np.unique(parts.shells.label[panel.own]))
     length = np.ptp(parts.shells.boxes[inside][..., 0], axis=1)
     inside = inside[length > np.where(own, TRAY_DEPTH, 0.05) * mesh.size[0]]
-    found = []
-    for group in touching(parts, inside):
-        tray = _tray(parts, group)
-        if tray is not None:
-            found.append(tray)
+    found = [tray for group in touching(parts, inside) if (tray := _tray(parts, group)) is not None]
     if not found and len(inside):
-        tray = _tray(parts, inside)
+        tray = _tray(parts, inside) or _nested(parts, panel, inside)
         found = [] if tray is None else [tray]
     return found
+
+
+def _nested(parts: Segmentation, panel: Panel, inside: Ints) -> Tray | None:
+    """Return the largest tray among the shells behind a panel, without dividers and liners.
+
+    Its walls are as far from both sides of the panel, and end below what covers them.
+    """
+    spans = parts.shells.boxes[inside]
+    margins = np.minimum(spans[:, 0, 1] - panel.rect[0], panel.rect[2] - spans[:, 1, 1])
+    near, gap = parts.near, CLEAR * parts.mesh.diagonal
+    best: Tray | None = None
+    for margin in _distinct(margins, near):
+        within = (spans[:, 0, 1] > panel.rect[0] + margin - near) & (
+            spans[:, 1, 1] < panel.rect[2] - margin + near
+        )
+        for top in _distinct(spans[within, 1, 2], gap):
+            low = within & (spans[:, 1, 2] < top + gap)
+            for group in touching(parts, inside[low]):
+                tray = _tray(parts, group)
+                if tray is None or not _is_clear(spans[~np.isin(inside, group)], tray.box, gap):
+                    continue
+                if best is None or np.prod(np.ptp(tray.box, axis=0)) > np.prod(
+                    np.ptp(best.box, axis=0)
+                ):
+                    best = tray
+    return best
+
+
+def _distinct(values: Array, step: float) -> list[float]:
+    """Return the different values in ascending order, those nearer than ``step`` once."""
+    found: list[float] = []
+    for value in np.sort(values):
+        if not found or value > found[-1] + step:
+            found.append(float(value))
+    return found[:MOST_LEVELS]
+
+
+def _is_clear(others: Array, box: Array, gap: float) -> bool:
+    """Return whether no other shell begins at the top of a box and covers it."""
+    sides = np.minimum(others[:, 1, :2], box[1, :2]) - np.maximum(others[:, 0, :2], box[0, :2])
+    covers = np.clip(sides, 0.0, None).prod(axis=1) > 0.5 * np.prod(np.ptp(box[:, :2], axis=0))
+    return not bool((covers & (np.abs(others[:, 0, 2] - box[1, 2]) < gap)).any())
 
 
 def is_attached(parts: Segmentation, panel: Panel, tray: Tray) -> bool:
