@@ -34,6 +34,10 @@ def semantic_names(folder: Path) -> dict[str, str]:
 
 
 def plain_label(name: str) -> str:
-    """Return a semantic name without numbers and joint words; ``part`` if nothing is left."""
-    words = [w for w in re.split(r"[^A-Za-z]+", name.lower()) if w]
+    """Return the words of a name without numbers and joint words; ``part`` if none is left.
+
+    ``doorLeft`` and ``door_left`` have the same words.
+    """
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    words = [w for w in re.split(r"[^a-z]+", spaced.lower()) if w]
     return " ".join(w for w in words if w not in JOINT_WORDS) or "part"

@@ -160,6 +160,7 @@ def test_an_actor_that_reads_the_order_scores_chance(subject, place):
         ("fixed_part", "part"),
         ("furniture_body", "furniture body"),
         ("Cabinet Door", "cabinet door"),
+        ("doorLeft_2", "door left"),
         ("drawer_1", "drawer"),
         ("link_12", "part"),
     ],
